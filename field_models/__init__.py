@@ -1,0 +1,18 @@
+"""RoboCup pitches as data: built-in leagues, and the same strict file format for your own."""
+
+from field_models.catalog import field_names, load_field
+from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
+from field_models.field import COLOR_NAMES, Beacon, Field, Goal
+
+__all__ = [
+    "COLOR_NAMES",
+    "ArgumentError",
+    "Beacon",
+    "Field",
+    "FileError",
+    "FrameError",
+    "Goal",
+    "RobocupVisionError",
+    "field_names",
+    "load_field",
+]

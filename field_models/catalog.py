@@ -1,0 +1,228 @@
+"""Field files: a few strict TOML numbers become a `Field` with all its lines, arcs, goals and walls."""
+
+from __future__ import annotations
+
+import math
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from field_models.errors import ArgumentError, FileError
+from field_models.field import COLOR_NAMES, Beacon, BoundaryKind, Field, Goal, GoalKind, _frozen
+from field_models.toml_file import StrictStruct, load_toml
+
+Length = Annotated[float, msgspec.Meta(gt=0)]
+Distance = Annotated[float, msgspec.Meta(ge=0)]
+
+
+class _Boundary(StrictStruct):
+    kind: BoundaryKind
+    margin_m: Distance = 0.0
+    height_m: Distance = 0.0
+    color: str = "white"
+
+
+class _Goal(StrictStruct):
+    kind: GoalKind
+    width_m: Length
+    height_m: Length
+    depth_m: Distance = 0.0
+    post_radius_m: Distance = 0.0
+    color_positive_x: str = "white"
+    color_negative_x: str = "white"
+
+
+class _Area(StrictStruct):
+    depth_m: Length
+    width_m: Length
+
+
+class _PenaltyArc(StrictStruct):
+    center_x_m: Length
+    radius_m: Length
+
+
+class _Beacon(StrictStruct):
+    x_m: float
+    y_m: float
+    radius_m: Length
+    height_m: Length
+    colors: tuple[str, ...]
+
+
+class _FieldFile(StrictStruct):
+    format: Literal[1]
+    name: str
+    source: str
+    length_m: Length
+    width_m: Length
+    line_width_m: Length
+    boundary: _Boundary
+    goal: _Goal | None = None
+    center_line: bool = True
+    outer_lines: bool = True
+    center_circle_radius_m: Length | None = None
+    goal_area: _Area | None = None
+    penalty_area: _Area | None = None
+    penalty_arc: _PenaltyArc | None = None
+    corner_arc_radius_m: Length | None = None
+    beacons: tuple[_Beacon, ...] = ()
+    ball_radius_m: Length = 0.0215
+    ball_color: str = "orange"
+    robot_radius_m: Length = 0.09
+
+
+def field_names() -> tuple[str, ...]:
+    """Names of the built-in fields, sorted."""
+    folder = files("field_models") / "fields"
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
+
+
+def load_field(name_or_path: str | Path) -> Field:
+    """Load a built-in field by its name, or a field file by its path.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        One of `field_names`, or a path that ends in ``.toml``.
+
+    Raises
+    ------
+    ArgumentError
+        If it is neither.
+    FileError
+        If the file is missing, has missing, unknown or wrong keys, or its numbers contradict each other.
+
+    Examples
+    --------
+    >>> load_field("ssl_2001").length_m
+    2.74
+    """
+    if str(name_or_path).endswith(".toml"):
+        path = Path(name_or_path)
+    elif str(name_or_path) in field_names():
+        path = Path(str(files("field_models") / "fields" / f"{name_or_path}.toml"))
+    else:
+        names = ", ".join(field_names())
+        raise ArgumentError(f"field '{name_or_path}' is neither a .toml file nor one of: {names}")
+    description = load_toml(path, _FieldFile)
+    _check(path, description)
+    return _derive(description)
+
+
+def _check(path: Path, f: _FieldFile) -> None:
+    for key, area in (("goal_area", f.goal_area), ("penalty_area", f.penalty_area)):
+        if area is None:
+            continue
+        if area.width_m > f.width_m:
+            raise FileError(path, f"is wider than the field ({f.width_m} m)", key=f"{key}.width_m", value=area.width_m)
+        if 2 * area.depth_m > f.length_m:
+            raise FileError(path, "reaches over the centre line", key=f"{key}.depth_m", value=area.depth_m)
+    if f.boundary.kind != "carpet" and f.boundary.height_m <= 0:
+        raise FileError(
+            path, f"must be positive for kind '{f.boundary.kind}'", key="boundary.height_m", value=f.boundary.height_m
+        )
+    if f.goal is not None:
+        if f.goal.width_m >= f.width_m:
+            raise FileError(path, f"is wider than the field ({f.width_m} m)", key="goal.width_m", value=f.goal.width_m)
+        if f.goal.kind == "recess" and (f.boundary.kind != "walls" or f.boundary.margin_m > 0 or f.goal.depth_m <= 0):
+            raise FileError(path, "needs boundary walls without a margin and a depth", key="goal.kind", value="recess")
+        if f.goal.kind == "posts" and f.goal.post_radius_m <= 0:
+            raise FileError(path, "must be positive for posts", key="goal.post_radius_m", value=f.goal.post_radius_m)
+    colors = [("boundary.color", f.boundary.color), ("ball_color", f.ball_color)]
+    if f.goal is not None:
+        colors += [
+            ("goal.color_positive_x", f.goal.color_positive_x),
+            ("goal.color_negative_x", f.goal.color_negative_x),
+        ]
+    colors += [(f"beacons[{i}].colors", color) for i, beacon in enumerate(f.beacons) for color in beacon.colors]
+    for key, color in colors:
+        if color not in COLOR_NAMES:
+            raise FileError(path, f"is not one of {', '.join(COLOR_NAMES)}", key=key, value=color)
+
+
+def _derive(f: _FieldFile) -> Field:
+    goals = () if f.goal is None else (_goal(f, f.goal, +1), _goal(f, f.goal, -1))
+    return Field(
+        name=f.name,
+        source=f.source,
+        length_m=f.length_m,
+        width_m=f.width_m,
+        line_width_m=f.line_width_m,
+        lines=_frozen(_lines(f), 4),
+        arcs=_frozen(_arcs(f), 5),
+        goals=goals,
+        beacons=tuple(Beacon(b.x_m, b.y_m, b.radius_m, b.height_m, b.colors) for b in f.beacons),
+        boundary=f.boundary.kind,
+        floor_polygon=_frozen(_floor_polygon(f), 2),
+        wall_height_m=f.boundary.height_m,
+        wall_color=f.boundary.color,
+        ball_color=f.ball_color,
+        robot_radius_m=f.robot_radius_m,
+        ball_radius_m=f.ball_radius_m,
+    )
+
+
+def _goal(f: _FieldFile, g: _Goal, side: int) -> Goal:
+    return Goal(
+        side=side,
+        kind=g.kind,
+        color=g.color_positive_x if side > 0 else g.color_negative_x,
+        line_x_m=side * f.length_m / 2,
+        width_m=g.width_m,
+        depth_m=g.depth_m,
+        height_m=g.height_m,
+        post_radius_m=g.post_radius_m,
+    )
+
+
+def _lines(f: _FieldFile) -> list[list[float]]:
+    x, y = f.length_m / 2, f.width_m / 2
+    rows = []
+    if f.outer_lines:
+        rows += [[-x, -y, x, -y], [x, -y, x, y], [x, y, -x, y], [-x, y, -x, -y]]
+    elif f.goal is not None:  # walls stand where the outer lines would be; only the goal's mouth is left to paint
+        rows += [[side * x, -f.goal.width_m / 2, side * x, f.goal.width_m / 2] for side in (1, -1)]
+    if f.center_line:
+        rows.append([0.0, -y, 0.0, y])
+    for area in (f.goal_area, f.penalty_area):
+        if area is not None:
+            for side in (1, -1):
+                front, half = side * (x - area.depth_m), area.width_m / 2
+                rows += [
+                    [side * x, -half, front, -half],
+                    [front, -half, front, half],
+                    [front, half, side * x, half],
+                ]
+    return rows
+
+
+def _arcs(f: _FieldFile) -> list[list[float]]:
+    rows = []
+    if f.center_circle_radius_m is not None:
+        rows.append([0.0, 0.0, f.center_circle_radius_m, 0.0, math.tau])
+    if f.penalty_arc is not None:
+        center, radius = f.penalty_arc.center_x_m, f.penalty_arc.radius_m
+        front = f.length_m / 2 - (f.penalty_area.depth_m if f.penalty_area is not None else 0.0)
+        # only the part outside the penalty area is painted
+        half_sweep = math.acos(max(-1.0, min(1.0, (center - front) / radius)))
+        rows += [
+            [center, 0.0, radius, math.pi - half_sweep, 2 * half_sweep],
+            [-center, 0.0, radius, -half_sweep, 2 * half_sweep],
+        ]
+    if f.corner_arc_radius_m is not None:
+        for sx, sy, start in ((1, 1, math.pi), (-1, 1, -math.pi / 2), (-1, -1, 0.0), (1, -1, math.pi / 2)):
+            rows.append([sx * f.length_m / 2, sy * f.width_m / 2, f.corner_arc_radius_m, start, math.pi / 2])
+    return rows
+
+
+def _floor_polygon(f: _FieldFile) -> list[list[float]]:
+    x, y = f.length_m / 2 + f.boundary.margin_m, f.width_m / 2 + f.boundary.margin_m
+    if f.goal is None or f.goal.kind != "recess":
+        return [[x, -y], [x, y], [-x, y], [-x, -y]]
+    back, half = x + f.goal.depth_m, f.goal.width_m / 2
+    positive_side = np.array([[x, -y], [x, -half], [back, -half], [back, half], [x, half], [x, y]])
+    return [*positive_side.tolist(), *(-positive_side).tolist()]

@@ -1,0 +1,195 @@
+"""The pitch as every part of the project sees it: lines, arcs, goals, beacons and what bounds the floor.
+
+Field frame: origin at the centre, x towards the opponent's goal, y left, metres. Lengths are between line centres.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+BoundaryKind = Literal["walls", "boards", "carpet"]
+GoalKind = Literal["recess", "panels", "posts"]
+
+# Paint and plastic as named in rule books -> BGR of a frame under white light: a renderer's start, no classifier's truth.
+COLOR_NAMES: dict[str, tuple[int, int, int]] = {
+    "white": (230, 230, 230),
+    "black": (35, 35, 35),
+    "green": (50, 130, 45),
+    "yellow": (35, 205, 225),
+    "blue": (190, 80, 35),
+    "cyan": (215, 185, 35),
+    "orange": (30, 110, 235),
+    "pink": (170, 90, 225),
+}
+
+
+def _frozen(rows: list[list[float]], columns: int) -> FloatArray:
+    array = np.array(rows, dtype=np.float64).reshape(-1, columns)
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """One goal.
+
+    Parameters
+    ----------
+    side : int
+        +1 for the goal at +x, -1 for the one at -x.
+    kind : {"recess", "panels", "posts"}
+        A recess in the walls around the field, a box of upright panels on the carpet, or posts with a bar.
+    color : str
+        Its colour's name.
+    line_x_m : float
+        x of the goal line's centre (recess, panels: the mouth; posts: the posts' axes).
+    width_m : float
+        Between the inner walls (recess, panels) or between the posts' axes (posts).
+    depth_m : float
+        From the mouth to the back wall.
+    height_m : float
+        Of the panels, or of the bar's axis.
+    post_radius_m : float
+        Of posts and bar; 0 where there are none.
+    """
+
+    side: int
+    kind: GoalKind
+    color: str
+    line_x_m: float
+    width_m: float
+    depth_m: float
+    height_m: float
+    post_radius_m: float
+
+    @property
+    def back_x_m(self) -> float:
+        """Field x of the back wall."""
+        return self.line_x_m + self.side * self.depth_m
+
+    @property
+    def panels(self) -> FloatArray:
+        """(3, 4) float64: feet of side, back and other side wall as x0, y0, x1, y1, in the field frame, metres."""
+        half = self.width_m / 2
+        return _frozen(
+            [
+                [self.line_x_m, -half, self.back_x_m, -half],
+                [self.back_x_m, -half, self.back_x_m, half],
+                [self.back_x_m, half, self.line_x_m, half],
+            ],
+            4,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Beacon:
+    """An upright landmark cylinder beside the field; `colors` from its foot upwards, in equal bands."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    height_m: float
+    colors: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A pitch, derived from the few numbers of its file (`field_models.load_field`).
+
+    Parameters
+    ----------
+    name, source : str
+        What it is called, and where its numbers come from.
+    length_m, width_m : float
+        Between the centres of the end lines and of the touch lines.
+    line_width_m : float
+        Width of the painted lines.
+    lines : (N, 4) float64
+        Straight lines' centre lines as x0, y0, x1, y1, metres.
+    arcs : (M, 5) float64
+        Curved lines as centre x, y, radius (metres), start and signed sweep (radians).
+    goals : tuple of Goal
+        The goal at +x first.
+    beacons : tuple of Beacon
+        Upright landmarks, possibly none.
+    boundary : {"walls", "boards", "carpet"}
+        What bounds the floor; "carpet" goes on beyond the lines by an unknown amount.
+    floor_polygon : (K, 2) float64
+        Corners of the floor counter-clockwise, metres; for "carpet" only as far as it is sure to reach.
+    wall_height_m : float
+        Height of walls or boards, 0 for "carpet".
+    wall_color, ball_color : str
+        Names of colours.
+    robot_radius_m, ball_radius_m : float
+        Of the league's robots and ball.
+    """
+
+    name: str
+    source: str
+    length_m: float
+    width_m: float
+    line_width_m: float
+    lines: FloatArray
+    arcs: FloatArray
+    goals: tuple[Goal, ...]
+    beacons: tuple[Beacon, ...]
+    boundary: BoundaryKind
+    floor_polygon: FloatArray
+    wall_height_m: float
+    wall_color: str
+    ball_color: str
+    robot_radius_m: float
+    ball_radius_m: float
+    line_color: str = field(default="white")
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether walls or boards end the floor, so that its outline tells the pose."""
+        return self.boundary != "carpet"
+
+    @property
+    def halves_differ(self) -> bool:
+        """Whether anything upright tells the field from itself turned by pi: goals or beacons of different colours."""
+        if len({goal.color for goal in self.goals}) > 1:
+            return True
+        turned = {(-b.x_m, -b.y_m, b.colors) for b in self.beacons}
+        return turned != {(b.x_m, b.y_m, b.colors) for b in self.beacons}
+
+    @cached_property
+    def walls(self) -> FloatArray:
+        """(W, 4) float64: feet of everything upright that bounds the floor, x0, y0, x1, y1, metres.
+
+        The floor polygon's edges, counter-clockwise, and the panels of goals that stand inside it.
+        """
+        edges = np.hstack([self.floor_polygon, np.roll(self.floor_polygon, -1, axis=0)])
+        panels = [goal.panels for goal in self.goals if goal.kind == "panels"]
+        return _frozen(np.vstack([edges, *panels]).tolist(), 4)
+
+    def line_points(self, spacing_m: float) -> FloatArray:
+        """Points (N, 2) float64, metres, along the centres of all lines and arcs, about `spacing_m` apart."""
+        pieces = []
+        for x0, y0, x1, y1 in self.lines:
+            count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / spacing_m) + 1)
+            along = np.linspace(0.0, 1.0, count)[:, None]
+            pieces.append(np.array([x0, y0]) * (1 - along) + np.array([x1, y1]) * along)
+        for x, y, radius, start, sweep in self.arcs:
+            angles = start + np.linspace(0.0, sweep, max(2, math.ceil(abs(sweep) * radius / spacing_m) + 1))
+            pieces.append(np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles)], axis=1))
+        return np.vstack(pieces) if pieces else np.empty((0, 2))
+
+    def contains(self, points_m: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Tell which points (..., 2), metres, lie on the floor (inside `floor_polygon`), by the even-odd rule."""
+        points = np.asarray(points_m, dtype=np.float64)
+        x, y = points[..., 0], points[..., 1]
+        inside = np.zeros(x.shape, dtype=bool)
+        for (x0, y0), (x1, y1) in zip(self.floor_polygon, np.roll(self.floor_polygon, -1, axis=0), strict=True):
+            if y0 != y1:
+                inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) / (y1 - y0) * (x1 - x0))
+        return inside

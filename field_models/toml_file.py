@@ -1,0 +1,93 @@
+"""Strict TOML: a file becomes a typed struct, or an error that names file, key and value."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from field_models.errors import FileError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:  # ROS 2 Humble ships Python 3.10
+    import tomli as tomllib
+
+T = TypeVar("T")
+
+
+class StrictStruct(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """Base of every file format: unknown keys are refused."""
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Parse a TOML file into plain values, refusing NaN and infinity anywhere in it.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is not TOML, or holds a non-finite number.
+    """
+    try:
+        raw = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(path, f"cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError:
+        raise FileError(path, "is not UTF-8 text") from None
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(path, f"is not valid TOML ({error})") from None
+    _refuse_non_finite(path, raw, "")
+    return raw
+
+
+def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
+    """Check plain values against a struct type, naming the first offending key and its value.
+
+    Raises
+    ------
+    FileError
+        If a key is missing, unknown or of the wrong type.
+    """
+    try:
+        return msgspec.convert(raw, struct)
+    except msgspec.ValidationError as error:
+        problem, _, where = str(error).partition(" - at `")
+        key = where.rstrip("`").removeprefix("$").lstrip(".")
+        named = re.search(r"(?:required field|unknown field) `([^`]+)`", problem)
+        if named is not None:
+            inside = f"{key}." if key else ""
+            missing = "required" in problem
+            unknown_value = ... if missing else _look_up(raw, f"{inside}{named[1]}")
+            raise FileError(
+                path, "is missing" if missing else "is unknown", key=f"{inside}{named[1]}", value=unknown_value
+            ) from None
+        raise FileError(path, problem[0].lower() + problem[1:], key=key or None, value=_look_up(raw, key)) from None
+
+
+def load_toml(path: str | Path, struct: type[T]) -> T:
+    """Read a TOML file straight into a struct type."""
+    return convert(path, read_toml(path), struct)
+
+
+def _look_up(raw: Any, key: str) -> Any:
+    try:
+        for part in re.findall(r"[^.\[\]]+", key):
+            raw = raw[int(part)] if isinstance(raw, list) else raw[part]
+    except (KeyError, IndexError, TypeError, ValueError):
+        return ...
+    return raw
+
+
+def _refuse_non_finite(path: str | Path, value: Any, key: str) -> None:
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            _refuse_non_finite(path, inner, f"{key}.{name}" if key else name)
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            _refuse_non_finite(path, inner, f"{key}[{index}]")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise FileError(path, "must be a finite number", key=key, value=value)

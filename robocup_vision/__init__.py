@@ -1,0 +1,1 @@
+"""From one camera frame to a pose, free floor, the ball and a motion command."""

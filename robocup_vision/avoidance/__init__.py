@@ -1,0 +1,1 @@
+"""From free floor, velocity and goal direction to a safe motion command."""

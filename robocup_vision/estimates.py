@@ -1,0 +1,74 @@
+"""What a localiser says: a pose with its covariance and rivals, or, falsy, why it does not know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, read_only
+
+
+@dataclass(frozen=True, slots=True)
+class PoseEstimate:
+    """A pose on the field as one frame shows it.
+
+    Parameters
+    ----------
+    pose : Pose2
+        The first candidate: the robot in the field frame (method "goal": the camera).
+    covariance : (3, 3) float64
+        Of (x_m, y_m, theta_rad), in m, m and rad.
+    inlier_share : float
+        Share of the measurements that agree with the pose, 0 to 1.
+    residual_px : float
+        Root mean square of the inliers' residuals, pixels.
+    candidates : tuple of Pose2
+        All poses the frame allows, `pose` first; two on a point-symmetric field where nothing tells its halves apart.
+    """
+
+    pose: Pose2
+    covariance: FloatArray
+    inlier_share: float
+    residual_px: float
+    candidates: tuple[Pose2, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        covariance = read_only(self.covariance)
+        if covariance.shape != (3, 3):
+            raise ValueError(f"covariance must be (3, 3), got {covariance.shape}")
+        object.__setattr__(self, "covariance", covariance)
+        if not self.candidates:
+            object.__setattr__(self, "candidates", (self.pose,))
+
+    @property
+    def std(self) -> FloatArray:
+        """(3,) float64: standard deviations of x (m), y (m) and theta (rad)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def half_turn(self) -> PoseEstimate:
+        """Return the estimate turned by pi about the field's centre, with its candidates in the same order."""
+        return PoseEstimate(
+            self.pose.half_turn(),
+            half_turn_covariance(self.covariance),
+            self.inlier_share,
+            self.residual_px,
+            tuple(candidate.half_turn() for candidate in self.candidates),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class NotLocated:
+    """No pose could be told from this frame. Falsy, so `if view.pose:` reads as it should.
+
+    Parameters
+    ----------
+    reason : str
+        Why, in words a user understands.
+    """
+
+    reason: str
+
+    def __bool__(self) -> Literal[False]:
+        return False

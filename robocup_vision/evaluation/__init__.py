@@ -1,0 +1,1 @@
+"""A folder of images in, figures, plots and an HTML report out."""

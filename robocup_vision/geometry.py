@@ -1,0 +1,115 @@
+"""Poses and angles in the plane, and how covariances travel with them (ROS REP-103: x forward, y left, angles CCW)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """Return the same direction in (-pi, pi]."""
+    wrapped = math.remainder(angle_rad, math.tau)
+    return math.pi if wrapped <= -math.pi else wrapped
+
+
+def read_only(array: npt.ArrayLike) -> FloatArray:
+    """Return a float64 copy that nobody can write to, as every value type here holds."""
+    copy = np.array(array, dtype=np.float64)
+    copy.flags.writeable = False
+    return copy
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2:
+    """A rigid pose in the plane, or the transform from the moving frame into the reference frame.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Position of the moving frame's origin in the reference frame, metres.
+    theta_rad : float
+        Direction of the moving frame's x axis in the reference frame, radians, wrapped into (-pi, pi].
+    """
+
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "theta_rad", wrap_angle(self.theta_rad))
+
+    @property
+    def array(self) -> FloatArray:
+        """(3,) float64: x_m, y_m, theta_rad."""
+        return np.array([self.x_m, self.y_m, self.theta_rad])
+
+    def compose(self, other: Pose2) -> Pose2:
+        """Return `self * other`: `other`, given in this pose's frame, seen from the reference frame."""
+        c, s = math.cos(self.theta_rad), math.sin(self.theta_rad)
+        return Pose2(
+            self.x_m + c * other.x_m - s * other.y_m,
+            self.y_m + s * other.x_m + c * other.y_m,
+            self.theta_rad + other.theta_rad,
+        )
+
+    def inverse(self) -> Pose2:
+        """Return the transform back: the reference frame's pose seen from the moving frame."""
+        c, s = math.cos(self.theta_rad), math.sin(self.theta_rad)
+        return Pose2(-c * self.x_m - s * self.y_m, s * self.x_m - c * self.y_m, -self.theta_rad)
+
+    def transform(self, points_m: npt.ArrayLike) -> FloatArray:
+        """Map points (..., 2), metres, from the moving frame into the reference frame."""
+        points = np.asarray(points_m, dtype=np.float64)
+        c, s = math.cos(self.theta_rad), math.sin(self.theta_rad)
+        return np.asarray(points @ np.array([[c, s], [-s, c]]) + (self.x_m, self.y_m))
+
+    def half_turn(self) -> Pose2:
+        """Return the pose turned by pi about the field's centre: what a point-symmetric field cannot tell apart."""
+        return Pose2(-self.x_m, -self.y_m, self.theta_rad + math.pi)
+
+    def error_to(self, truth: Pose2, *, symmetric: bool = False) -> tuple[float, float]:
+        """Return (position error in metres, absolute heading error in radians).
+
+        Parameters
+        ----------
+        truth : Pose2
+            The pose to compare with.
+        symmetric : bool
+            Count modulo a half turn about the field's centre: the better of the two, metres and radians added up,
+            because near the centre both halves are equally far away and only the heading parts them.
+        """
+        if symmetric:
+            return min(self.error_to(truth), self.half_turn().error_to(truth), key=lambda e: e[0] + e[1])
+        return (
+            math.hypot(self.x_m - truth.x_m, self.y_m - truth.y_m),
+            abs(wrap_angle(self.theta_rad - truth.theta_rad)),
+        )
+
+
+def compose_covariance(first: Pose2, first_cov: FloatArray, second: Pose2, second_cov: FloatArray) -> FloatArray:
+    """Covariance (3, 3) of `first.compose(second)` for independent poses, to first order.
+
+    Parameters
+    ----------
+    first, second : Pose2
+        The poses that are composed.
+    first_cov, second_cov : (3, 3) float64
+        Their covariances in (x_m, y_m, theta_rad); `second_cov` in `first`'s frame.
+    """
+    c, s = math.cos(first.theta_rad), math.sin(first.theta_rad)
+    by_first = np.array(
+        [[1.0, 0.0, -s * second.x_m - c * second.y_m], [0.0, 1.0, c * second.x_m - s * second.y_m], [0.0, 0.0, 1.0]]
+    )
+    by_second = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return by_first @ first_cov @ by_first.T + by_second @ second_cov @ by_second.T
+
+
+def half_turn_covariance(covariance: FloatArray) -> FloatArray:
+    """Covariance (3, 3) of `pose.half_turn()`: x and y change sign, so their products with theta do."""
+    flip = np.diag([-1.0, -1.0, 1.0])
+    return np.asarray(flip @ covariance @ flip)

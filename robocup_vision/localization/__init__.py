@@ -1,0 +1,1 @@
+"""From what a frame shows to a pose on the field."""

@@ -1,0 +1,1 @@
+"""What one frame shows: colours, free floor, ball."""

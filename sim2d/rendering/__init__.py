@@ -1,0 +1,1 @@
+"""Camera images by casting rays: scene, mirror camera, sensor."""
