@@ -1,7 +1,19 @@
 """Camera models: pixels <-> rays <-> floor, and their files."""
 
-from robocup_vision.camera.files import load_camera, save_camera
+from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 
-__all__ = ["FloorRange", "Hyperboloid", "OmniCamera", "Table", "Tangent", "load_camera", "save_camera"]
+__all__ = [
+    "Camera",
+    "FloorRange",
+    "Hyperboloid",
+    "OmniCamera",
+    "PinholeCamera",
+    "Table",
+    "Tangent",
+    "camera_rotation",
+    "load_camera",
+    "save_camera",
+]

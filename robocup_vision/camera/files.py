@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Union
+from typing import Annotated, Literal, TypeAlias, Union
 
 import msgspec
 import numpy as np
@@ -12,8 +12,11 @@ from field_models.errors import FileError
 from field_models.toml_file import StrictStruct, convert, read_toml
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import DISTORTION_LENGTHS, PinholeCamera
 
+Camera: TypeAlias = Union[OmniCamera, PinholeCamera]  # noqa: UP007  (evaluated, on 3.10 too)
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Pixels = Annotated[int, msgspec.Meta(gt=0)]
 
 
@@ -47,7 +50,24 @@ class _OmniFile(StrictStruct):
     viewpoint_height_m: Positive | None = None
 
 
-def load_camera(path: str | Path) -> OmniCamera:
+class _PinholeFile(StrictStruct):
+    format: Literal[1]
+    model: Literal["pinhole"]
+    size_px: tuple[Pixels, Pixels]
+    focal_px: tuple[Positive, Positive]
+    center_px: tuple[float, float]
+    height_m: Positive
+    distortion: tuple[float, ...] = ()
+    offset_m: tuple[float, float] = (0.0, 0.0)
+    pan_rad: float | None = None
+    tilt_rad: float | None = None
+    roll_rad: float | None = None
+    height_std_m: NotNegative = 0.01
+    focal_std_px: NotNegative = 0.0
+    roll_std_rad: NotNegative | None = None
+
+
+def load_camera(path: str | Path) -> Camera:
     """Load and check a camera file.
 
     Parameters
@@ -58,22 +78,26 @@ def load_camera(path: str | Path) -> OmniCamera:
     Raises
     ------
     FileError
-        If the file is missing, a key is missing, unknown or of the wrong type, the floor range is not strictly
-        increasing over the usable radii, or pixel -> floor -> pixel does not come back over the image.
+        If the file is missing, a key is missing, unknown or of the wrong type, a mirror's floor range is not strictly
+        increasing over the usable radii, or pixel -> floor -> pixel (pinhole: pixel -> ray -> pixel) does not come
+        back over the image.
     """
     raw = read_toml(path)
     model = raw.get("model", ...)
     if model is ...:
         raise FileError(path, "is missing", key="model")
+    if model == "pinhole":
+        pinhole = _build_pinhole(path, convert(path, raw, _PinholeFile))
+        _check_pinhole(path, pinhole)
+        return pinhole
     if model != "omni":
-        raise FileError(path, "must be 'omni'", key="model", value=model)
-    description = convert(path, raw, _OmniFile)
-    camera = _build(path, description)
-    _check(path, camera)
-    return camera
+        raise FileError(path, "must be 'omni' or 'pinhole'", key="model", value=model)
+    omni = _build_omni(path, convert(path, raw, _OmniFile))
+    _check_omni(path, omni)
+    return omni
 
 
-def _build(path: str | Path, f: _OmniFile) -> OmniCamera:
+def _build_omni(path: str | Path, f: _OmniFile) -> OmniCamera:
     curve: FloorRange
     if isinstance(f.floor_range, _HyperboloidFile):
         curve = Hyperboloid(f.floor_range.A_px_per_m, f.floor_range.B_per_m, f.floor_range.C_px2)
@@ -114,13 +138,11 @@ def _build(path: str | Path, f: _OmniFile) -> OmniCamera:
     )
 
 
-def _check(path: str | Path, camera: OmniCamera) -> None:
+def _check_omni(path: str | Path, camera: OmniCamera) -> None:
     inner, outer = camera.usable_radius_px
     if inner >= outer:
         raise FileError(path, "must be inner < outer", key="usable_radius_px", value=[inner, outer])
-    width, height = camera.size_px
-    if not (0 <= camera.center_px[0] < width and 0 <= camera.center_px[1] < height):
-        raise FileError(path, f"lies outside the {width}x{height} image", key="center_px", value=list(camera.center_px))
+    _check_center(path, camera)
     radii = np.linspace(inner, outer, 256)
     q = camera.floor_range.inverse_range_per_m(radii)
     if not (q[0] > 0 and np.isfinite(q[0])):
@@ -144,8 +166,63 @@ def _check(path: str | Path, camera: OmniCamera) -> None:
         )
 
 
-def save_camera(camera: OmniCamera, path: str | Path) -> None:
+def _check_center(path: str | Path, camera: Camera) -> None:
+    width, height = camera.size_px
+    if not (0 <= camera.center_px[0] < width and 0 <= camera.center_px[1] < height):
+        raise FileError(path, f"lies outside the {width}x{height} image", key="center_px", value=list(camera.center_px))
+
+
+def _build_pinhole(path: str | Path, f: _PinholeFile) -> PinholeCamera:
+    if len(f.distortion) not in DISTORTION_LENGTHS:
+        raise FileError(path, "must have 0, 4, 5 or 8 coefficients", key="distortion", value=list(f.distortion))
+    if f.tilt_rad is not None and not abs(f.tilt_rad) <= np.pi / 2:
+        raise FileError(path, "must lie between -pi/2 and pi/2", key="tilt_rad", value=f.tilt_rad)
+    return PinholeCamera(**{key: getattr(f, key) for key in f.__struct_fields__ if key not in ("format", "model")})
+
+
+def _check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
+    _check_center(path, camera)
+    width, height = camera.size_px
+    u, v = np.meshgrid(np.linspace(0, width - 1, 41), np.linspace(0, height - 1, 31))
+    pixels = np.stack([u.ravel(), v.ravel()], axis=-1)
+    error = np.linalg.norm(camera.camera_ray_to_pixel(camera.pixel_to_camera_ray(pixels)) - pixels, axis=1)
+    worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
+    if not error[worst] < 1e-3:
+        u_worst, v_worst = pixels[worst]
+        back = (
+            f"and back {error[worst]:.3g} px away" if np.isfinite(error[worst]) else "but this lens shows nothing there"
+        )
+        raise FileError(
+            path,
+            f"pixel ({u_worst:.1f}, {v_worst:.1f}) maps to a ray {back}",
+            key="distortion",
+            value=list(camera.distortion),
+        )
+
+
+def save_camera(camera: Camera, path: str | Path) -> None:
     """Write a camera file that `load_camera` reads back to the same camera."""
+    lines = _pinhole_lines(camera) if isinstance(camera, PinholeCamera) else _omni_lines(camera)
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _pinhole_lines(camera: PinholeCamera) -> list[str]:
+    lines = [
+        "format = 1",
+        'model = "pinhole"',
+        f"size_px = {list(camera.size_px)}",
+        f"focal_px = {[float(v) for v in camera.focal_px]}",
+        f"center_px = {[float(v) for v in camera.center_px]}",
+        f"height_m = {float(camera.height_m)}",
+        f"distortion = {[float(v) for v in camera.distortion]}",
+        f"offset_m = {[float(v) for v in camera.offset_m]}",
+    ]
+    scalars = ("pan_rad", "tilt_rad", "roll_rad", "height_std_m", "focal_std_px", "roll_std_rad")
+    known = ((key, getattr(camera, key)) for key in scalars)
+    return lines + [f"{key} = {float(value)}" for key, value in known if value is not None]
+
+
+def _omni_lines(camera: OmniCamera) -> list[str]:
     lines = ["format = 1", 'model = "omni"']
     lines += [
         f"size_px = {list(camera.size_px)}",
@@ -168,4 +245,4 @@ def save_camera(camera: OmniCamera, path: str | Path) -> None:
     elif isinstance(curve, Table):
         lines += ['kind = "table"', f"radius_px = {curve.table_radius_px.tolist()}"]
         lines.append(f"range_m = {curve.table_range_m.tolist()}")
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return lines

@@ -1,0 +1,218 @@
+"""The pinhole camera: pixels <-> rays <-> floor, by focal length, OpenCV's lens distortion and a mounting.
+
+What the neck does between frames may be unknown: `pan_rad`, `tilt_rad` and `roll_rad` may be None, and everything in
+the camera's own frame still works. Only the mappings to and from the robot frame need the tilt.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, read_only
+
+DISTORTION_LENGTHS = (0, 4, 5, 8)
+_WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
+_DISTORTED_STEP = 1e-12
+
+
+def camera_rotation(pan_rad: float, tilt_rad: float, roll_rad: float) -> FloatArray:
+    """Rotation (3, 3) of directions from the camera frame into the robot frame, Rz(pan) Ry(-tilt) Rx(roll).
+
+    Both frames are x forward, y left, z up; a positive tilt looks up.
+    """
+    cp, sp = math.cos(pan_rad), math.sin(pan_rad)
+    ct, st = math.cos(tilt_rad), math.sin(tilt_rad)
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    pan = np.array([[cp, -sp, 0.0], [sp, cp, 0.0], [0.0, 0.0, 1.0]])
+    tilt = np.array([[ct, 0.0, -st], [0.0, 1.0, 0.0], [st, 0.0, ct]])
+    roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    return np.asarray(pan @ tilt @ roll)
+
+
+@dataclass(frozen=True, eq=False)
+class PinholeCamera:
+    """A forward-looking camera with one centre of projection.
+
+    Robot frame: x forward, y left, z up, origin on the floor. Camera frame: the same axes moved to the centre of
+    projection and turned by pan, tilt and roll; the optical axis is its +x, image u grows towards its -y, v towards
+    its -z. Image: u right, v down, pixel centres at integers.
+
+    Parameters
+    ----------
+    size_px : (int, int)
+        Width and height.
+    focal_px : (float, float)
+        Focal length in pixels along u and along v.
+    center_px : (float, float)
+        Image of the optical axis, u and v.
+    height_m : float
+        Of the centre of projection over the floor.
+    distortion : tuple of float
+        OpenCV's coefficients k1, k2, p1, p2[, k3[, k4, k5, k6]]; empty: none.
+    offset_m : (float, float)
+        Centre of projection, forward and left of the robot's centre.
+    pan_rad, tilt_rad, roll_rad : float or None
+        Orientation in the robot frame, see `camera_rotation`; None: unknown.
+    height_std_m, focal_std_px : float
+        How well `height_m` and `focal_px` are known (one standard deviation).
+    roll_std_rad : float or None
+        How upright the camera is held, about `roll_rad` (0 where that is None); None: nothing is known of it.
+    """
+
+    size_px: tuple[int, int]
+    focal_px: tuple[float, float]
+    center_px: tuple[float, float]
+    height_m: float
+    distortion: tuple[float, ...] = ()
+    offset_m: tuple[float, float] = (0.0, 0.0)
+    pan_rad: float | None = None
+    tilt_rad: float | None = None
+    roll_rad: float | None = None
+    height_std_m: float = 0.01
+    focal_std_px: float = 0.0
+    roll_std_rad: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, values in (
+            ("size_px", self.size_px),
+            ("focal_px", self.focal_px),
+            ("height_m", (self.height_m,)),
+        ):
+            if not all(value > 0 for value in values):
+                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
+        if len(self.distortion) not in DISTORTION_LENGTHS:
+            raise ArgumentError(f"distortion must have 0, 4, 5 or 8 coefficients, got {len(self.distortion)}")
+
+    @property
+    def known_orientation(self) -> bool:
+        """Whether pixels can be mapped to the robot's floor: the tilt is known (an unknown pan or roll counts as 0)."""
+        return self.tilt_rad is not None
+
+    def with_orientation(self, pan_rad: float | None, tilt_rad: float | None, roll_rad: float | None) -> PinholeCamera:
+        """Return this camera as the neck holds it now; None: unknown."""
+        return replace(self, pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
+
+    @cached_property
+    def camera_to_robot(self) -> FloatArray:
+        """(3, 3) float64: rotation of directions from the camera frame into the robot frame.
+
+        An unknown pan or roll counts as 0.
+
+        Raises
+        ------
+        ArgumentError
+            If the tilt is unknown.
+        """
+        if self.tilt_rad is None:
+            raise ArgumentError("the camera's tilt_rad is unknown, so its pixels have no place on the robot's floor")
+        return read_only(camera_rotation(self.pan_rad or 0.0, self.tilt_rad, self.roll_rad or 0.0))
+
+    @cached_property
+    def viewpoint_m(self) -> FloatArray:
+        """(3,) float64: centre of projection in the robot frame, metres."""
+        return read_only([*self.offset_m, self.height_m])
+
+    def pixel_to_camera_ray(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Return unit directions (..., 3) in the camera frame of pixels (..., 2); NaN where the lens shows nothing."""
+        slopes = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
+        if any(self.distortion):
+            slopes = self._undistort(slopes)
+        ray = np.concatenate([np.ones((*slopes.shape[:-1], 1)), -slopes], axis=-1)
+        return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
+
+    def camera_ray_to_pixel(self, rays: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN behind the camera or beyond its lens."""
+        ray = np.asarray(rays, dtype=np.float64)
+        ahead = ray[..., :1] > 0
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            slopes = np.where(ahead, -ray[..., 1:] / np.where(ahead, ray[..., :1], 1.0), np.nan)
+            if any(self.distortion):
+                slopes = self._distort(slopes)
+        return np.asarray(slopes * self.focal_px + self.center_px)
+
+    def pixel_to_ray(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Return unit directions (..., 3) in the robot frame of pixels (..., 2); NaN where the lens shows nothing."""
+        return self.pixel_to_camera_ray(pixels) @ self.camera_to_robot.T
+
+    def ray_to_pixel(self, directions: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of directions (..., 3) in the robot frame; NaN behind the camera or beyond its lens."""
+        return self.camera_ray_to_pixel(np.asarray(directions, dtype=np.float64) @ self.camera_to_robot)
+
+    def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Floor points (..., 2), robot frame, metres, seen at pixels (..., 2); NaN from the horizon on."""
+        ray = self.pixel_to_ray(pixels)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(ray[..., 2] < -1e-9, -self.height_m / ray[..., 2], np.nan)
+        return np.asarray(self.offset_m + ray[..., :2] * scale[..., None])
+
+    def point_to_pixel(self, points_m: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of points (..., 3) in the robot frame, metres."""
+        return self.ray_to_pixel(np.asarray(points_m, dtype=np.float64) - self.viewpoint_m)
+
+    def floor_to_pixel(self, points_m: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of floor points (..., 2) in the robot frame, metres."""
+        points = np.asarray(points_m, dtype=np.float64)
+        return self.point_to_pixel(np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1))
+
+    @cached_property
+    def _coefficients(self) -> tuple[float, ...]:
+        return (*self.distortion, *(0.0,) * (8 - len(self.distortion)))
+
+    def _radial(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Radial factor and its derivative by the squared slope."""
+        k1, k2, _, _, k3, k4, k5, k6 = self._coefficients
+        top = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        bottom = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        top_slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
+        bottom_slope = k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6)
+        return top / bottom, (top_slope - top / bottom * bottom_slope) / bottom
+
+    @cached_property
+    def _radial_table(self) -> tuple[FloatArray, FloatArray]:
+        """Undistorted and distorted slopes, up to where the lens model first folds back on itself."""
+        slope = np.linspace(0.0, _WIDEST_SLOPE, 4097)
+        factor, derivative = self._radial(slope**2)
+        grows = (factor + 2.0 * slope**2 * derivative > 0) & (factor > 0)
+        end = len(slope) if grows.all() else max(int(np.argmin(grows)), 2)
+        return slope[:end], (slope * factor)[:end]
+
+    def _distort(self, slopes: FloatArray) -> FloatArray:
+        _, _, p1, p2, *_ = self._coefficients
+        x, y = slopes[..., 0], slopes[..., 1]
+        r2 = x * x + y * y
+        # beyond the fold the polynomial would bring rays back into the image that the lens never shows
+        factor = np.where(r2 <= self._radial_table[0][-1] ** 2, self._radial(r2)[0], np.nan)
+        cross = 2.0 * x * y
+        return np.stack(
+            [x * factor + p1 * cross + p2 * (r2 + 2 * x * x), y * factor + p1 * (r2 + 2 * y * y) + p2 * cross], axis=-1
+        )
+
+    def _undistort(self, distorted: FloatArray) -> FloatArray:
+        """Invert `_distort` by Newton's method, started from the radial part's tabulated inverse."""
+        _, _, p1, p2, *_ = self._coefficients
+        undistorted_table, distorted_table = self._radial_table
+        length = np.hypot(distorted[..., 0], distorted[..., 1])
+        inverse = np.interp(length, distorted_table, undistorted_table)
+        slopes = distorted * np.where(length > 0, inverse / np.where(length > 0, length, 1.0), 1.0)[..., None]
+        for _ in range(8):
+            missing = distorted - self._distort(slopes)
+            x, y = slopes[..., 0], slopes[..., 1]
+            factor, derivative = self._radial(x * x + y * y)
+            a = factor + 2 * x * x * derivative + 2 * p1 * y + 6 * p2 * x
+            b = 2 * x * y * derivative + 2 * p1 * x + 2 * p2 * y
+            d = factor + 2 * y * y * derivative + 6 * p1 * y + 2 * p2 * x
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.stack(
+                    [d * missing[..., 0] - b * missing[..., 1], a * missing[..., 1] - b * missing[..., 0]], axis=-1
+                )
+                slopes = slopes + step / (a * d - b * b)[..., None]
+            if not np.nanmax(np.abs(missing), initial=0.0) > _DISTORTED_STEP:
+                break
+        reached = np.abs(distorted - self._distort(slopes)).max(axis=-1) < 1e-7
+        return np.where(reached[..., None], slopes, np.nan)
