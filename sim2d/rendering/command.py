@@ -45,7 +45,7 @@ def add_render_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--spin", type=float, metavar="DEG", help="turn during the exposure, degrees")
     add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="compress with halved chroma at quality 1 to 100")
     add("--ball", dest="ball_share", type=float, metavar="SHARE", help="share of images with a ball, 0 to 1")
-    add("--symmetry", choices=("none", "point"), help="how errors count (default: point on a point-symmetric field)")
+    add("--symmetry", choices=("none", "point"), help="how errors count (default: point)")
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
     return parser
 

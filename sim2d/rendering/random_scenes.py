@@ -173,7 +173,7 @@ def random_scene(field: Field, condition: Condition, rng: np.random.Generator) -
         boxes=tuple(boxes),
         ball=ball,
         light=_light(field, condition, rng),
-        room=Room(seed=int(rng.integers(2**31)), distance_m=float(rng.uniform(0.4, 2.0))),
+        room=Room(int(rng.integers(2**31)), float(rng.uniform(0.8, 2.0)), bystanders=int(rng.integers(4, 17))),
         carpet_margin_m=0.0 if field.is_bounded else margin,
     )
     return scene, pose

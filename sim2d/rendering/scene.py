@@ -140,11 +140,14 @@ class Room:
         From the floor's farthest corner to the clutter.
     floor_bgr : (float, float, float)
         Colour of the ground around the field.
+    bystanders : int
+        People and furniture that stand between the floor's end and the room's wall.
     """
 
     seed: int = 0
     distance_m: float = 0.6
     floor_bgr: Bgr = (95, 105, 112)
+    bystanders: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +241,23 @@ class Scene:
             bands = tuple(COLOR_NAMES[color] for color in beacon.colors)
             yield Post(beacon.x_m, beacon.y_m, beacon.radius_m, beacon.height_m, bands)
 
+    def bystanders(self) -> Iterator[Box | Post]:
+        """Yield the people and furniture around the floor, which `free_range_m` leaves out: they stand beyond it."""
+        rng = np.random.default_rng([self.room.seed, 0xB0D1])
+        half = np.abs(self.carpet_polygon).max(axis=0)
+        for _ in range(self.room.bystanders):
+            width_m = float(rng.uniform(0.15, 0.6))
+            away = half + width_m * 0.75 + rng.uniform(0.03, 0.6)
+            part, side = rng.uniform(-1, 1), rng.choice([-1, 1])
+            x, y = away * ((part, side) if rng.random() < half[0] / half.sum() else (side, part))
+            if rng.random() < 0.5:
+                trousers, shirt, skin = rng.uniform(20, 90, 3), rng.uniform(20, 220, 3), (120.0, 150.0, 200.0)
+                bands = (*(_bgr(trousers),) * 3, *(_bgr(shirt),) * 2, skin)
+                yield Post(float(x), float(y), float(rng.uniform(0.08, 0.2)), float(rng.uniform(1.4, 1.9)), bands)
+            else:
+                height_m, color = float(rng.uniform(0.2, 1.5)), rng.uniform(30, 200) * rng.uniform(0.7, 1.3, 3)
+                yield Box(float(x), float(y), float(rng.uniform(0, 0.3)), width_m, width_m, height_m, _bgr(color))
+
     def footprint_segments(self) -> FloatArray:
         """(S, 4) float64: feet of all walls, panels and box faces as x0, y0, x1, y1, metres."""
         rows = [[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in self.walls()]
@@ -299,6 +319,11 @@ class Scene:
         for x, y, radius in self.footprint_circles():
             nearest = min(nearest, math.hypot(x_m - x, y_m - y) - radius)
         return nearest
+
+
+def _bgr(color: npt.NDArray[np.float64]) -> Bgr:
+    blue, green, red = color.tolist()
+    return (blue, green, red)
 
 
 def _is_recess_wall(goal: Goal, x0: float, y0: float, x1: float, y1: float) -> bool:

@@ -64,6 +64,11 @@ class FirstHits:
                 self.add_bar((x, -half), (x, half), goal.height_m, goal.post_radius_m, COLOR_NAMES[goal.color])
         for box in scene.boxes:
             self.add_box(box)
+        for bystander in scene.bystanders():
+            if isinstance(bystander, Box):
+                self.add_box(bystander)
+            else:
+                self.add_post(bystander)
         for robot in scene.robots:
             self.add_robot(robot)
         if scene.ball is not None:
