@@ -1,0 +1,47 @@
+"""Mirror cameras known by name, so that pictures can be made before any camera has been calibrated."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from field_models.errors import ArgumentError
+from robocup_vision.camera import Hyperboloid, OmniCamera, load_camera
+
+
+def sekimori_camera(width: int = 256, height: int = 220) -> OmniCamera:
+    """Return the mirror camera of Sekimori et al. 2001 (eq. 26), scaled to an image size by its height.
+
+    Parameters
+    ----------
+    width, height : int
+        Image size in pixels; the paper's is 256 x 220.
+    """
+    scale = height / 220
+    return OmniCamera(
+        size_px=(width, height),
+        center_px=((width - 1) / 2, (height - 1) / 2),
+        usable_radius_px=(26.0 * scale, 112.0 * scale),
+        floor_range=Hyperboloid(A_px_per_m=10.12e3 * scale, B_per_m=20.54, C_px2=2.298e5 * scale**2),
+    )
+
+
+def camera_by_name(name_or_path: str | Path) -> OmniCamera:
+    """Return ``sekimori``, ``sekimori:WIDTHxHEIGHT`` or the camera of a ``camera.toml``.
+
+    Raises
+    ------
+    ArgumentError
+        If a name that starts with ``sekimori`` is not followed by a size.
+    FileError
+        If the camera file is missing or wrong.
+    """
+    name = str(name_or_path)
+    if name == "sekimori":
+        return sekimori_camera()
+    if name.startswith("sekimori:"):
+        size = re.fullmatch(r"sekimori:([1-9]\d{1,3})x([1-9]\d{1,3})", name)
+        if size is None:
+            raise ArgumentError(f"camera '{name}' is not of the form sekimori:WIDTHxHEIGHT, e.g. sekimori:640x480")
+        return sekimori_camera(int(size[1]), int(size[2]))
+    return load_camera(name_or_path)

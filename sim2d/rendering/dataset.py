@@ -1,0 +1,90 @@
+"""Rendered pictures as a dataset folder with truth, in the formats that `robocup-vision evaluate` reads."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+import cv2
+
+from field_models.errors import ArgumentError
+from robocup_vision.camera import OmniCamera, save_camera
+from sim2d.rendering.random_scenes import Sample
+
+TRUTH_COLUMNS = ("image", "x_m", "y_m", "theta_rad", "ball_x_m", "ball_y_m")
+
+
+def write_dataset(
+    folder: str | Path,
+    field_name_or_path: str | Path,
+    camera: OmniCamera,
+    samples: Iterable[Sample],
+    *,
+    symmetry: Literal["none", "point"] = "none",
+    command: str | None = None,
+) -> int:
+    """Write dataset.toml, camera.toml, truth.csv and images/NNNN.png.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made if absent; must be empty.
+    field_name_or_path : str or Path
+        As dataset.toml shall name the field; a path is written as an absolute one.
+    camera : OmniCamera
+        The camera handed to the localiser.
+    samples : iterable of Sample
+        The pictures, drawn one at a time.
+    symmetry : {"none", "point"}
+        How errors count.
+    command : str, optional
+        The command that makes this dataset, noted in it.
+
+    Returns
+    -------
+    int
+        Number of pictures.
+
+    Raises
+    ------
+    ArgumentError
+        If the folder is not empty, is a file or cannot be written.
+    """
+    root = Path(folder)
+    _make_empty(root)
+    field = str(field_name_or_path)
+    if field.endswith(".toml"):
+        field = Path(field).resolve().as_posix()
+    lines = [] if command is None else [f"# made by: {' '.join(command.split())}"]
+    lines += ["format = 1", f"field = {_toml_string(field)}", 'camera = "camera.toml"', 'images = "images"']
+    lines += ['truth = "truth.csv"', f'symmetry = "{symmetry}"']
+    (root / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    save_camera(camera, root / "camera.toml")
+    count = 0
+    with (root / "truth.csv").open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(TRUTH_COLUMNS)
+        for drawn in samples:
+            name = f"{drawn.index:04d}.png"
+            if not cv2.imwrite(str(root / "images" / name), drawn.frame):
+                raise ArgumentError(f"{root / 'images' / name} cannot be written")
+            pose, ball = drawn.pose, drawn.scene.ball
+            place = ("", "") if ball is None else (f"{ball.x_m:.6f}", f"{ball.y_m:.6f}")
+            rows.writerow((name, f"{pose.x_m:.6f}", f"{pose.y_m:.6f}", f"{pose.theta_rad:.6f}", *place))
+            count += 1
+    return count
+
+
+def _make_empty(root: Path) -> None:
+    try:
+        if root.exists() and (not root.is_dir() or any(root.iterdir())):
+            raise ArgumentError(f"{root} is not an empty folder; nothing was written")
+        (root / "images").mkdir(parents=True)
+    except OSError as error:
+        raise ArgumentError(f"{root} cannot be written ({error.strerror or error})") from None
+
+
+def _toml_string(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -1,0 +1,269 @@
+"""Random poses, scenes and frames under named conditions: the pictures that figures are reported on."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models import COLOR_NAMES, Field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.mirror import MirrorRenderer
+from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Highlight, Light, Room, Scene, Shadow
+from sim2d.rendering.sensor import Sensor
+
+BALL_RANGE_M = 1.5  # a ball lies at most this far from the robot
+CLEARANCE_M = 0.01  # between any two things that stand on the field
+TRIES = 2000
+RING_BOXES = (7, 8)
+RING_RANGE_M = (0.17, 0.42)
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """How pictures are disturbed, and what stands on the field.
+
+    Parameters
+    ----------
+    noise_sigma, blur_px, vignette, cast_bgr, gain, jpeg_quality
+        Of the `Sensor`.
+    light_gradient : float
+        Relative gain of light from the field's centre over half its length; the direction is random.
+    texture : float
+        Relative standard deviation of the carpet's brightness.
+    shadow : bool
+        A hard, bluish shadow over a random part of the floor.
+    highlights : int
+        Number of lamp reflections.
+    spin_rad : float
+        Turn during the exposure.
+    obstacles : (int, int)
+        Least and greatest number of boxes.
+    ring : bool
+        The boxes stand around the robot: the nearest point of each is 0.17 to 0.42 m from the robot's centre.
+        Where too few fit, because walls are near, the rest stand anywhere.
+    ball_share : float
+        Share of frames with a ball.
+    center_offset_px : (float, float)
+        True image centre minus the given camera's.
+    tilt_rad : (float, float)
+        True tilt minus the given camera's.
+    """
+
+    noise_sigma: float = 8.0
+    blur_px: float = 0.7
+    vignette: float = 0.25
+    light_gradient: float = 0.2
+    cast_bgr: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    gain: float = 1.0
+    texture: float = 0.0
+    shadow: bool = False
+    highlights: int = 0
+    spin_rad: float = 0.0
+    jpeg_quality: int | None = None
+    obstacles: tuple[int, int] = (0, 8)
+    ring: bool = False
+    ball_share: float = 0.5
+    center_offset_px: tuple[float, float] = (0.0, 0.0)
+    tilt_rad: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.obstacles[0] <= self.obstacles[1]:
+            raise ArgumentError(f"obstacles must be 0 <= low <= high, got {list(self.obstacles)}")
+        if not 0 <= self.ball_share <= 1:
+            raise ArgumentError(f"ball_share must be within 0 to 1, got {self.ball_share}")
+        for name in ("texture", "light_gradient", "highlights"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
+        _ = self.sensor
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor these pictures are taken with."""
+        return Sensor(self.noise_sigma, self.blur_px, self.vignette, self.cast_bgr, self.gain, self.jpeg_quality)
+
+    def true_camera(self, camera: OmniCamera) -> OmniCamera:
+        """Return the camera that takes the pictures when `camera` is the one handed out."""
+        (u, v), (du, dv) = camera.center_px, self.center_offset_px
+        (tx, ty), (dtx, dty) = camera.tilt_rad, self.tilt_rad
+        return dataclasses.replace(camera, center_px=(u + du, v + dv), tilt_rad=(tx + dtx, ty + dty))
+
+
+CONDITIONS: dict[str, Condition] = {
+    "nominal": Condition(),
+    "noisy": Condition(noise_sigma=18.0, blur_px=0.9),
+    "warm": Condition(cast_bgr=(0.80, 0.95, 1.25)),
+    "cold": Condition(cast_bgr=(1.25, 0.95, 0.80)),
+    "dark": Condition(gain=0.4),
+    "crowd": Condition(obstacles=RING_BOXES, ring=True),
+    "bad_day": Condition(
+        noise_sigma=6.0, texture=0.10, shadow=True, highlights=3, spin_rad=math.radians(1.0), jpeg_quality=85
+    ),
+    "miscalibrated": Condition(center_offset_px=(0.6, -0.5), tilt_rad=(math.radians(0.3), math.radians(-0.2))),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One picture with its truth: the frame (H, W, 3) uint8, the scene, the robot's pose, and its number."""
+
+    frame: npt.NDArray[np.uint8]
+    scene: Scene
+    pose: Pose2
+    index: int
+
+
+def sample(
+    field: Field,
+    camera: OmniCamera,
+    condition: Condition,
+    seed: int,
+    count: int,
+    *,
+    indices: Iterable[int] | None = None,
+    supersample: int = 3,
+) -> Iterator[Sample]:
+    """Yield random pictures; sample i depends on `seed` and i alone.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera
+        The camera handed to the localiser; pictures are taken with `condition.true_camera(camera)`.
+    condition : Condition
+        Disturbances and obstacles.
+    seed : int
+        Not negative.
+    count : int
+        Samples 0 to count - 1 are made.
+    indices : iterable of int, optional
+        Make these samples instead.
+    supersample : int
+        Rays a pixel along each image axis.
+    """
+    renderer = MirrorRenderer(condition.true_camera(camera), supersample)
+    for index in range(count) if indices is None else indices:
+        rng = np.random.default_rng([seed, index])
+        scene, pose = random_scene(field, condition, rng)
+        light = renderer.render(scene, pose, spin_rad=condition.spin_rad)
+        yield Sample(condition.sensor.expose(light, rng), scene, pose, index)
+
+
+def random_scene(field: Field, condition: Condition, rng: np.random.Generator) -> tuple[Scene, Pose2]:
+    """Draw a robot's pose anywhere on the floor, at any heading, and what stands around it."""
+    bare = Scene(field)
+    x, y = _place(bare, field.robot_radius_m, rng)
+    pose = Pose2(x, y, rng.uniform(-math.pi, math.pi))
+    count = int(rng.integers(condition.obstacles[0], condition.obstacles[1] + 1))
+    boxes: list[Box] = []
+    if condition.ring:
+        _add_ring(bare, pose, count, boxes, rng)
+    _add_anywhere(bare, pose, count, boxes, rng)
+    ball = _ball(bare, pose, boxes, rng) if rng.random() < condition.ball_share else None
+    margin = float(rng.uniform(0.0, 1.0))
+    scene = Scene(
+        field=field,
+        boxes=tuple(boxes),
+        ball=ball,
+        light=_light(field, condition, rng),
+        room=Room(int(rng.integers(2**31)), float(rng.uniform(0.8, 2.0)), bystanders=int(rng.integers(4, 17))),
+        carpet_margin_m=0.0 if field.is_bounded else margin,
+    )
+    return scene, pose
+
+
+def _light(field: Field, condition: Condition, rng: np.random.Generator) -> Light:
+    low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
+    shadow, highlights = None, []
+    direction, offset = rng.uniform(-math.pi, math.pi), rng.uniform(-0.25, 0.25) * float(np.min(high - low))
+    if condition.shadow:
+        shadow = Shadow(float(direction), float(offset), float(offset + rng.uniform(0.3, 1.0) * (high - low).max()))
+    for _ in range(condition.highlights):
+        x, y = rng.uniform(low, high)
+        sigma_m = rng.uniform(0.04, 0.10) * float(np.min(high - low))
+        highlights.append(Highlight(float(x), float(y), float(sigma_m), float(rng.uniform(40, 110))))
+    return Light(
+        gradient=condition.light_gradient,
+        gradient_direction_rad=float(rng.uniform(-math.pi, math.pi)),
+        texture=condition.texture,
+        texture_seed=int(rng.integers(2**31)),
+        shadow=shadow,
+        highlights=tuple(highlights),
+    )
+
+
+def _place(scene: Scene, radius_m: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Draw the centre of a disc that is clear of everything upright on the floor."""
+    low, high = scene.field.floor_polygon.min(axis=0), scene.field.floor_polygon.max(axis=0)
+    for _ in range(TRIES):
+        x, y = rng.uniform(low, high)
+        if scene.field.contains([x, y]) and scene.clearance_m(x, y) >= radius_m + CLEARANCE_M:
+            return float(x), float(y)
+    raise ArgumentError(f"field '{scene.field.name}' has no room for a robot of radius {radius_m} m")
+
+
+def _fits(scene: Scene, pose: Pose2, box: Box, boxes: list[Box]) -> bool:
+    reach = math.hypot(box.width_m, box.depth_m) / 2 + CLEARANCE_M
+    return (
+        bool(scene.field.contains([box.x_m, box.y_m]))
+        and scene.clearance_m(box.x_m, box.y_m) >= reach
+        and box.distance_m(pose.x_m, pose.y_m) >= scene.field.robot_radius_m + CLEARANCE_M
+        and all(other.distance_m(box.x_m, box.y_m) >= reach for other in boxes)
+    )
+
+
+def _color(rng: np.random.Generator) -> tuple[float, float, float]:
+    return list(BOX_COLORS.values())[int(rng.integers(len(BOX_COLORS)))]
+
+
+def _add_anywhere(scene: Scene, pose: Pose2, count: int, boxes: list[Box], rng: np.random.Generator) -> None:
+    low, high = scene.field.floor_polygon.min(axis=0), scene.field.floor_polygon.max(axis=0)
+    for _ in range(TRIES):
+        if len(boxes) >= count:
+            return
+        x, y = rng.uniform(low, high)
+        box = Box(float(x), float(y), float(rng.uniform(0, math.pi / 2)), color_bgr=_color(rng))
+        if _fits(scene, pose, box, boxes):
+            boxes.append(box)
+
+
+def _add_ring(scene: Scene, pose: Pose2, count: int, boxes: list[Box], rng: np.random.Generator) -> None:
+    for _ in range(TRIES):
+        if len(boxes) >= count:
+            return
+        wanted_m, bearing = rng.uniform(*RING_RANGE_M), rng.uniform(-math.pi, math.pi)
+        box = Box(0.0, 0.0, float(rng.uniform(0, math.pi / 2)), color_bgr=_color(rng))
+        # move it out along the bearing until its nearest point is as far away as wanted
+        near, far = wanted_m, wanted_m + box.width_m
+        for _ in range(20):
+            middle = (near + far) / 2
+            x, y = pose.x_m + middle * math.cos(bearing), pose.y_m + middle * math.sin(bearing)
+            box = dataclasses.replace(box, x_m=x, y_m=y)
+            near, far = (middle, far) if box.distance_m(pose.x_m, pose.y_m) < wanted_m else (near, middle)
+        if _fits(scene, pose, box, boxes):
+            boxes.append(box)
+
+
+def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator) -> Ball | None:
+    """Place a ball in the open: on the floor, in the robot's sight, clear of everything; None if nothing was found."""
+    field = scene.field
+    radius = field.ball_radius_m
+    with_boxes = Scene(field, boxes=tuple(boxes))
+    for _ in range(TRIES):
+        bearing = rng.uniform(-math.pi, math.pi)
+        range_m = rng.uniform(field.robot_radius_m + 2 * radius + 0.05, max(BALL_RANGE_M, 4 * field.robot_radius_m))
+        x, y = pose.compose(Pose2(range_m * math.cos(bearing), range_m * math.sin(bearing), 0.0)).array[:2]
+        if not field.contains([x, y]) or with_boxes.clearance_m(x, y) < radius + CLEARANCE_M:
+            continue
+        spread = math.atan2(1.5 * radius, range_m)
+        ahead = with_boxes.free_range_m(pose, bearing + np.linspace(-spread, spread, 5))
+        if ahead.min() > range_m + radius:
+            return Ball(float(x), float(y), radius, COLOR_NAMES[field.ball_color])
+    return None

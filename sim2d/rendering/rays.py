@@ -1,0 +1,131 @@
+"""All rays of a camera's image, computed once and sorted by bearing: an object meets only the rays that can hit it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.camera import OmniCamera
+
+Floats = npt.NDArray[np.float32]
+
+# how far the mirror's edge lies outside the usable radius, in pixels of a 256 x 220 image
+RIM_MARGIN = 4.0 / 112.0
+
+
+class RaySet:
+    """Rays of a mirror camera in the frame of its robot, `samples` a pixel, pixels sorted by bearing.
+
+    A ray is a horizontal direction (cos, sin), a slope (rise over run) and a start at the viewpoint; every upright
+    surface is then met at a horizontal distance that depends on the horizontal direction alone. There are
+    N = P * samples rays; the samples of one pixel follow one another.
+
+    Parameters
+    ----------
+    camera : OmniCamera
+        With a known viewpoint height.
+    supersample : int
+        Rays a pixel along each image axis.
+
+    Attributes
+    ----------
+    pixel_index : (P,) intp
+        Flat image index of each traced pixel.
+    traced_share, body_share : (H, W) float32
+        Parts of each pixel that see the scene and the robot's own body; the rest is black.
+    cos, sin, slope : (N,) float32
+        Directions.
+    floor_m : (N,) float32
+        Horizontal distance at which a ray meets the floor, metres; inf from the horizon on.
+    radial_m, tangential_m : (N,) float32
+        Size on the floor of the patch a ray stands for, along and across it, metres.
+    """
+
+    def __init__(self, camera: OmniCamera, supersample: int) -> None:
+        if supersample < 1:
+            raise ArgumentError(f"supersample must be at least 1, got {supersample}")
+        if camera.height_m is None:
+            raise ArgumentError("the camera needs viewpoint_height_m: without it no upright thing can be rendered")
+        self.samples = supersample**2
+        self.height_m = camera.height_m
+        width, height = camera.size_px
+        inner, outer = camera.usable_radius_px
+        rim = outer * (1 + RIM_MARGIN)
+        offsets = _sample_offsets(supersample)
+        rows, columns = np.mgrid[:height, :width]
+        centers = np.stack([columns.ravel(), rows.ravel()], axis=-1).astype(np.float64)
+        radius_of_pixel = np.hypot(*(centers - camera.center_px).T)
+        candidates = np.flatnonzero((radius_of_pixel < rim + 1) & (radius_of_pixel > inner - 1))
+        points = centers[candidates, None, :] + offsets
+        radius = np.hypot(points[..., 0] - camera.center_px[0], points[..., 1] - camera.center_px[1])
+        with np.errstate(invalid="ignore"):
+            ray = camera.pixel_to_ray(points)
+        seen = (radius >= inner) & (radius <= rim) & np.isfinite(ray).all(axis=-1)
+
+        self.traced_share = np.zeros((height, width), dtype=np.float32)
+        self.traced_share.ravel()[candidates] = seen.mean(axis=1)
+        self.body_share = (radius_of_pixel <= inner).astype(np.float32).reshape(height, width)
+        self.body_share.ravel()[candidates] = (radius < inner).mean(axis=1)
+
+        # unseen rays of a partly seen pixel stand in for a seen one of the same pixel
+        stand_in = np.where(seen, np.arange(self.samples), np.argmax(seen, axis=1)[:, None])
+        ray = np.take_along_axis(ray, stand_in[..., None], axis=1)
+        radius = np.take_along_axis(radius, stand_in, axis=1)
+        traced = seen.any(axis=1)
+        candidates, ray, radius = candidates[traced], ray[traced], radius[traced]
+
+        bearing = np.arctan2(ray[..., 1], ray[..., 0])
+        first = bearing[:, 0]
+        spread = np.remainder(bearing - first[:, None] + math.pi, math.tau) - math.pi
+        middle = first + (spread.max(axis=1) + spread.min(axis=1)) / 2
+        middle = np.remainder(middle + math.pi, math.tau) - math.pi
+        order = np.argsort(middle, kind="stable")
+        self.pixel_index = candidates[order]
+        self._bearing = middle[order]
+        self._margin = float(np.ptp(spread, axis=1).max()) / 2 + 1e-6
+
+        ray, radius = ray[order].reshape(-1, 3), radius[order].reshape(-1)
+        run = np.maximum(np.hypot(ray[:, 0], ray[:, 1]), 1e-9)
+        slope = ray[:, 2] / run
+        with np.errstate(divide="ignore", invalid="ignore"):
+            floor = np.where(slope < -1e-7, self.height_m / -slope, np.inf)
+            curve = camera.floor_range.inverse_range_per_m
+            per_px = np.abs(curve(radius + 0.05) - curve(radius - 0.05)) * 10
+            radial = np.minimum(np.nan_to_num(per_px, nan=0.0) * np.minimum(floor, 1e3) ** 2, 1e3) / supersample
+        self.cos = (ray[:, 0] / run).astype(np.float32)
+        self.sin = (ray[:, 1] / run).astype(np.float32)
+        self.slope = slope.astype(np.float32)
+        self.floor_m = floor.astype(np.float32)
+        self.radial_m = radial.astype(np.float32)
+        self.tangential_m = (np.minimum(floor, 1e3) / radius / supersample).astype(np.float32)
+
+    def window(self, low_rad: float, high_rad: float) -> list[slice]:
+        """Slices of the rays that can have bearings from `low_rad` counter-clockwise to `high_rad`."""
+        low, high = low_rad - self._margin, high_rad + self._margin
+        if high - low >= math.tau:
+            return [slice(0, len(self.cos))]
+        turns = math.floor((low + math.pi) / math.tau) * math.tau
+        low, high = low - turns, high - turns
+        spans = [(low, high)] if high <= math.pi else [(low, math.pi), (-math.pi, high - math.tau)]
+        slices = []
+        for start, stop in spans:
+            i = int(np.searchsorted(self._bearing, start, side="left"))
+            j = int(np.searchsorted(self._bearing, stop, side="right"))
+            if j > i:
+                slices.append(slice(i * self.samples, j * self.samples))
+        return slices
+
+
+def _sample_offsets(supersample: int) -> npt.NDArray[np.float64]:
+    """(n^2, 2): a grid sheared both ways, so that each sample has its own u and its own v.
+
+    An edge along a pixel row or column then moves the mean in n^2 steps, not in n; a half turn maps it onto itself.
+    """
+    n = supersample
+    a, b = (index.ravel() for index in np.mgrid[:n, :n])
+    u = (a + (b + 0.5) / n) / n
+    v = (b + (n - 1 - a + 0.5) / n) / n
+    return np.stack([u, v], axis=-1) - 0.5

@@ -1,0 +1,332 @@
+"""What stands on a field and how it is lit: plain values that a renderer turns into pictures.
+
+Positions are in the field frame, metres. Colours are BGR of a frame under white light of level 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models import COLOR_NAMES, Field, Goal
+from robocup_vision.geometry import FloatArray, Pose2
+
+Bgr = tuple[float, float, float]
+
+# what obstacles are painted in: the field's own colours and a few of everyday things
+BOX_COLORS: dict[str, Bgr] = {
+    "red": (40, 40, 200),
+    "orange": COLOR_NAMES["orange"],
+    "blue": COLOR_NAMES["blue"],
+    "yellow": COLOR_NAMES["yellow"],
+    "black": COLOR_NAMES["black"],
+    "white": COLOR_NAMES["white"],
+    "grey": (125, 125, 125),
+    "wood": (105, 155, 190),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """An upright box: its centre, the direction of its width, its size and colour."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float = 0.0
+    width_m: float = 0.13
+    depth_m: float = 0.13
+    height_m: float = 0.13
+    color_bgr: Bgr = BOX_COLORS["grey"]
+
+    @property
+    def corners(self) -> FloatArray:
+        """(4, 2) float64: corners of its footprint, counter-clockwise, field frame, metres."""
+        half = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) * (self.width_m / 2, self.depth_m / 2)
+        return Pose2(self.x_m, self.y_m, self.yaw_rad).transform(half)
+
+    def distance_m(self, x_m: float, y_m: float) -> float:
+        """Distance of a point from the footprint, 0 inside it."""
+        local = np.abs(Pose2(self.x_m, self.y_m, self.yaw_rad).inverse().transform([x_m, y_m]))
+        return float(np.hypot(*np.maximum(local - (self.width_m / 2, self.depth_m / 2), 0.0)))
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """Another robot: a dark upright cylinder with a coloured marker on top."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    height_m: float = 0.14
+    color_bgr: Bgr = (45, 42, 40)
+    marker_bgr: Bgr = COLOR_NAMES["yellow"]
+
+
+@dataclass(frozen=True, slots=True)
+class Ball:
+    """A ball that lies on the floor."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    color_bgr: Bgr = COLOR_NAMES["orange"]
+
+
+@dataclass(frozen=True, slots=True)
+class Shadow:
+    """A hard shadow: the strip low <= x cos(direction) + y sin(direction) <= high, and the share of light left there.
+
+    The light left is bluer than the lamp's: it comes from the sky, or from walls.
+    """
+
+    direction_rad: float
+    low_m: float = 0.0
+    high_m: float = math.inf
+    factor_bgr: Bgr = (0.56, 0.50, 0.46)
+
+
+@dataclass(frozen=True, slots=True)
+class Highlight:
+    """A blurred reflection of a lamp: white light added around a place, `amplitude` grey levels at its middle."""
+
+    x_m: float
+    y_m: float
+    sigma_m: float
+    amplitude: float
+
+
+@dataclass(frozen=True, slots=True)
+class Light:
+    """How the scene is lit.
+
+    Parameters
+    ----------
+    level : float
+        Overall brightness, 1 = colours as named.
+    gradient, gradient_direction_rad : float
+        Relative gain of light from the field's centre over half its length, in this direction.
+    texture : float
+        Standard deviation of the carpet's brightness, relative.
+    texture_seed : int
+        Which carpet.
+    shadow : Shadow or None
+        A hard shadow.
+    highlights : tuple of Highlight
+        Reflections of lamps.
+    """
+
+    level: float = 1.0
+    gradient: float = 0.0
+    gradient_direction_rad: float = 0.0
+    texture: float = 0.0
+    texture_seed: int = 0
+    shadow: Shadow | None = None
+    highlights: tuple[Highlight, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """What is seen beyond the floor: a round room full of clutter, drawn from a seed.
+
+    Parameters
+    ----------
+    seed : int
+        Which room.
+    distance_m : float
+        From the floor's farthest corner to the clutter.
+    floor_bgr : (float, float, float)
+        Colour of the ground around the field.
+    bystanders : int
+        People and furniture that stand between the floor's end and the room's wall.
+    """
+
+    seed: int = 0
+    distance_m: float = 0.6
+    floor_bgr: Bgr = (95, 105, 112)
+    bystanders: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """An upright sheet over a segment: height, and colours seen from its left and from its right."""
+
+    x0_m: float
+    y0_m: float
+    x1_m: float
+    y1_m: float
+    height_m: float
+    left_bgr: Bgr
+    right_bgr: Bgr
+
+
+@dataclass(frozen=True, slots=True)
+class Post:
+    """An upright cylinder of the field's own: a goal post or a beacon; `bands_bgr` from the foot up."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    height_m: float
+    bands_bgr: tuple[Bgr, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A field, what stands on it, its light and its surroundings.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    boxes, robots, ball
+        What stands or lies on it.
+    light : Light
+        How it is lit.
+    room : Room
+        What is seen beyond.
+    carpet_margin_m : float
+        How far the carpet goes on beyond the floor polygon where nothing bounds it.
+    """
+
+    field: Field
+    boxes: tuple[Box, ...] = ()
+    robots: tuple[Robot, ...] = ()
+    ball: Ball | None = None
+    light: Light = Light()
+    room: Room = Room()
+    carpet_margin_m: float = 0.0
+
+    @property
+    def carpet_polygon(self) -> FloatArray:
+        """(K, 2) float64: corners of the carpet, counter-clockwise, metres."""
+        polygon = self.field.floor_polygon
+        if self.field.is_bounded or not self.carpet_margin_m:
+            return polygon
+        return np.asarray(polygon + np.sign(polygon) * self.carpet_margin_m)
+
+    def walls(self) -> Iterator[Wall]:
+        """Yield every wall, board and goal panel."""
+        field = self.field
+        wall_color = COLOR_NAMES[field.wall_color]
+        if field.is_bounded:
+            corners = field.floor_polygon
+            for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+                goal = next((g for g in field.goals if _is_recess_wall(g, x0, y0, x1, y1)), None)
+                inside = wall_color if goal is None else COLOR_NAMES[goal.color]
+                height_m = field.wall_height_m if goal is None else goal.height_m
+                yield Wall(float(x0), float(y0), float(x1), float(y1), height_m, inside, wall_color)
+        for goal in field.goals:
+            if goal.kind == "panels":
+                color = COLOR_NAMES[goal.color]
+                for x0, y0, x1, y1 in goal.panels:
+                    yield Wall(float(x0), float(y0), float(x1), float(y1), goal.height_m, color, color)
+
+    def posts(self) -> Iterator[Post]:
+        """Yield every goal post and beacon."""
+        for goal in self.field.goals:
+            if goal.kind == "posts":
+                for side in (-1, 1):
+                    yield Post(
+                        goal.line_x_m,
+                        side * goal.width_m / 2,
+                        goal.post_radius_m,
+                        goal.height_m + goal.post_radius_m,
+                        (COLOR_NAMES[goal.color],),
+                    )
+        for beacon in self.field.beacons:
+            bands = tuple(COLOR_NAMES[color] for color in beacon.colors)
+            yield Post(beacon.x_m, beacon.y_m, beacon.radius_m, beacon.height_m, bands)
+
+    def bystanders(self) -> Iterator[Box | Post]:
+        """Yield the people and furniture around the floor, which `free_range_m` leaves out: they stand beyond it."""
+        rng = np.random.default_rng([self.room.seed, 0xB0D1])
+        half = np.abs(self.carpet_polygon).max(axis=0)
+        for _ in range(self.room.bystanders):
+            width_m = float(rng.uniform(0.15, 0.6))
+            away = half + width_m * 0.75 + rng.uniform(0.03, 0.6)
+            part, side = rng.uniform(-1, 1), rng.choice([-1, 1])
+            x, y = away * ((part, side) if rng.random() < half[0] / half.sum() else (side, part))
+            if rng.random() < 0.5:
+                trousers, shirt, skin = rng.uniform(20, 90, 3), rng.uniform(20, 220, 3), (120.0, 150.0, 200.0)
+                bands = (*(_bgr(trousers),) * 3, *(_bgr(shirt),) * 2, skin)
+                yield Post(float(x), float(y), float(rng.uniform(0.08, 0.2)), float(rng.uniform(1.4, 1.9)), bands)
+            else:
+                height_m, color = float(rng.uniform(0.2, 1.5)), rng.uniform(30, 200) * rng.uniform(0.7, 1.3, 3)
+                yield Box(float(x), float(y), float(rng.uniform(0, 0.3)), width_m, width_m, height_m, _bgr(color))
+
+    def footprint_segments(self) -> FloatArray:
+        """(S, 4) float64: feet of all walls, panels and box faces as x0, y0, x1, y1, metres."""
+        rows = [[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in self.walls()]
+        for box in self.boxes:
+            corners = box.corners
+            rows += np.hstack([corners, np.roll(corners, -1, axis=0)]).tolist()
+        return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+    def footprint_circles(self) -> FloatArray:
+        """(C, 3) float64: feet of all posts, beacons and robots as x, y, radius, metres."""
+        round_things: list[Post | Robot] = [*self.posts(), *self.robots]
+        return np.array([[r.x_m, r.y_m, r.radius_m] for r in round_things], dtype=np.float64).reshape(-1, 3)
+
+    def free_range_m(self, pose: Pose2, bearing_rad: npt.ArrayLike) -> FloatArray:
+        """Exact free range from the robot's centre: the benchmarks' truth.
+
+        Parameters
+        ----------
+        pose : Pose2
+            The robot in the field frame.
+        bearing_rad : (N,) array_like
+            Bearings in the robot frame.
+
+        Returns
+        -------
+        (N,) float64
+            Distance to the first wall, goal, beacon, box or robot, metres; inf where there is none. A ball does not
+            count, nor does the end of a carpet.
+        """
+        direction = pose.theta_rad + np.asarray(bearing_rad, dtype=np.float64)
+        dx, dy = np.cos(direction)[:, None], np.sin(direction)[:, None]
+        nearest = np.full(len(dx), np.inf)
+        segments = self.footprint_segments() - (pose.x_m, pose.y_m) * 2
+        if len(segments):
+            ax, ay, bx, by = segments.T
+            cross_a, cross_b = ax * dy - ay * dx, bx * dy - by * dx
+            with np.errstate(divide="ignore", invalid="ignore"):
+                range_m = (ax * by - ay * bx) / (cross_a - cross_b)
+                hit = (cross_a * cross_b <= 0) & (range_m > 0)
+            nearest = np.minimum(nearest, np.where(hit, range_m, np.inf).min(axis=1))
+        circles = self.footprint_circles()
+        if len(circles):
+            cx, cy, radius = (circles - (pose.x_m, pose.y_m, 0.0)).T
+            along, aside = cx * dx + cy * dy, cx * dy - cy * dx
+            half_chord = np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
+            hit = (np.abs(aside) <= radius) & (along > half_chord)
+            nearest = np.minimum(nearest, np.where(hit, along - half_chord, np.inf).min(axis=1))
+        return nearest
+
+    def clearance_m(self, x_m: float, y_m: float) -> float:
+        """Distance of a floor point from the nearest foot of anything upright, metres; inf if there is nothing."""
+        nearest = math.inf
+        segments = self.footprint_segments()
+        if len(segments):
+            start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
+            offset = np.array([x_m, y_m]) - start
+            part = np.clip((offset * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+            nearest = float(np.linalg.norm(offset - part[:, None] * along, axis=1).min())
+        for x, y, radius in self.footprint_circles():
+            nearest = min(nearest, math.hypot(x_m - x, y_m - y) - radius)
+        return nearest
+
+
+def _bgr(color: npt.NDArray[np.float64]) -> Bgr:
+    blue, green, red = color.tolist()
+    return (blue, green, red)
+
+
+def _is_recess_wall(goal: Goal, x0: float, y0: float, x1: float, y1: float) -> bool:
+    line, nearer, farther = abs(goal.line_x_m), *sorted((goal.side * x0, goal.side * x1))
+    in_mouth = max(abs(y0), abs(y1)) <= goal.width_m / 2 + 1e-9
+    return goal.kind == "recess" and in_mouth and nearer >= line - 1e-9 and farther > line + 1e-9

@@ -1,0 +1,94 @@
+"""From linear light to the bytes a camera delivers: vignette, blur, white balance, noise, clipping, compression."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+
+Bgr = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A camera's lens and sensor.
+
+    Parameters
+    ----------
+    noise_sigma : float
+        Standard deviation of the noise of each channel, grey levels.
+    blur_px : float
+        Standard deviation of the Gaussian blur, pixels.
+    vignette : float
+        Share of light lost in the image's corners; it grows with the squared distance from the image's middle.
+    cast_bgr : (float, float, float)
+        White balance gains.
+    gain : float
+        Overall gain.
+    jpeg_quality : int or None
+        Compress and expand with chroma at half resolution, at this quality.
+    """
+
+    noise_sigma: float = 0.0
+    blur_px: float = 0.0
+    vignette: float = 0.0
+    cast_bgr: Bgr = (1.0, 1.0, 1.0)
+    gain: float = 1.0
+    jpeg_quality: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("noise_sigma", "blur_px", "gain"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
+        if not 0 <= self.vignette <= 1:
+            raise ArgumentError(f"vignette must be within 0 to 1, got {self.vignette}")
+        if not all(0 <= value < np.inf for value in self.cast_bgr):
+            raise ArgumentError(f"cast_bgr must not be negative, got {self.cast_bgr}")
+        if self.jpeg_quality is not None and not 1 <= self.jpeg_quality <= 100:
+            raise ArgumentError(f"jpeg_quality must be within 1 to 100, got {self.jpeg_quality}")
+
+    def expose(self, radiance: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+        """Turn linear light into a frame.
+
+        Parameters
+        ----------
+        radiance : (H, W, 3) float32
+            Linear light, BGR, 255 is white.
+        rng : numpy.random.Generator
+            Source of the noise.
+
+        Returns
+        -------
+        (H, W, 3) uint8
+            BGR frame.
+        """
+        light = radiance.astype(np.float32)
+        if self.vignette:
+            light *= _vignette(light.shape[0], light.shape[1], self.vignette)[..., None]
+        if self.blur_px:
+            light = np.asarray(cv2.GaussianBlur(light, (0, 0), self.blur_px, borderType=cv2.BORDER_REPLICATE))
+        light *= np.array(self.cast_bgr, dtype=np.float32) * np.float32(self.gain)
+        if self.noise_sigma:
+            light += rng.standard_normal(light.shape, dtype=np.float32) * np.float32(self.noise_sigma)
+        frame = np.clip(np.rint(light), 0, 255).astype(np.uint8)
+        return frame if self.jpeg_quality is None else _jpeg_round_trip(frame, self.jpeg_quality)
+
+
+@lru_cache(maxsize=16)
+def _vignette(height: int, width: int, strength: float) -> npt.NDArray[np.float32]:
+    v, u = np.mgrid[:height, :width].astype(np.float32)
+    squared = (u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2
+    return np.asarray(1 - strength * squared / max(float(squared.max()), 1.0), dtype=np.float32)
+
+
+def _jpeg_round_trip(frame: npt.NDArray[np.uint8], quality: int) -> npt.NDArray[np.uint8]:
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality]
+    if hasattr(cv2, "IMWRITE_JPEG_SAMPLING_FACTOR"):
+        options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420]
+    _, packed = cv2.imencode(".jpg", frame, options)
+    return np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), dtype=np.uint8)
