@@ -32,7 +32,7 @@ def camera_by_name(name_or_path: str | Path) -> OmniCamera:
     Raises
     ------
     ArgumentError
-        If a name that starts with ``sekimori`` is not followed by a size.
+        If a name that starts with ``sekimori`` is not followed by a size, or the file describes another camera.
     FileError
         If the camera file is missing or wrong.
     """
@@ -44,4 +44,7 @@ def camera_by_name(name_or_path: str | Path) -> OmniCamera:
         if size is None:
             raise ArgumentError(f"camera '{name}' is not of the form sekimori:WIDTHxHEIGHT, e.g. sekimori:640x480")
         return sekimori_camera(int(size[1]), int(size[2]))
-    return load_camera(name_or_path)
+    camera = load_camera(name_or_path)
+    if not isinstance(camera, OmniCamera):
+        raise ArgumentError(f"camera '{name}' is no mirror camera")
+    return camera

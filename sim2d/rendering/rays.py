@@ -17,90 +17,66 @@ RIM_MARGIN = 4.0 / 112.0
 
 
 class RaySet:
-    """Rays of a mirror camera in the frame of its robot, `samples` a pixel, pixels sorted by bearing.
+    """Rays of a camera in the frame of its robot, `samples` a pixel, pixels sorted by bearing.
 
     A ray is a horizontal direction (cos, sin), a slope (rise over run) and a start at the viewpoint; every upright
-    surface is then met at a horizontal distance that depends on the horizontal direction alone. There are
-    N = P * samples rays; the samples of one pixel follow one another.
+    surface is then met at a horizontal distance that depends on the horizontal direction alone. Of N = P * samples
+    rays, samples of one pixel follow one another.
 
     Parameters
     ----------
-    camera : OmniCamera
-        With a known viewpoint height.
-    supersample : int
-        Rays a pixel along each image axis.
+    height_m : float
+        Of the viewpoint over the floor.
+    pixel_index : (P,) intp
+        Flat image index of each pixel.
+    directions : (P, samples, 3) float64
+        Unit directions, robot frame.
+    radial_m, tangential_m : (P, samples) float64
+        Size on the floor of the patch a ray stands for, along and across it, metres.
 
     Attributes
     ----------
     pixel_index : (P,) intp
-        Flat image index of each traced pixel.
-    traced_share, body_share : (H, W) float32
-        Parts of each pixel that see the scene and the robot's own body; the rest is black.
+        As given, sorted by bearing.
     cos, sin, slope : (N,) float32
         Directions.
     floor_m : (N,) float32
         Horizontal distance at which a ray meets the floor, metres; inf from the horizon on.
     radial_m, tangential_m : (N,) float32
-        Size on the floor of the patch a ray stands for, along and across it, metres.
+        As given, sorted.
     """
 
-    def __init__(self, camera: OmniCamera, supersample: int) -> None:
-        if supersample < 1:
-            raise ArgumentError(f"supersample must be at least 1, got {supersample}")
-        if camera.height_m is None:
-            raise ArgumentError("the camera needs viewpoint_height_m: without it no upright thing can be rendered")
-        self.samples = supersample**2
-        self.height_m = camera.height_m
-        width, height = camera.size_px
-        inner, outer = camera.usable_radius_px
-        rim = outer * (1 + RIM_MARGIN)
-        offsets = _sample_offsets(supersample)
-        rows, columns = np.mgrid[:height, :width]
-        centers = np.stack([columns.ravel(), rows.ravel()], axis=-1).astype(np.float64)
-        radius_of_pixel = np.hypot(*(centers - camera.center_px).T)
-        candidates = np.flatnonzero((radius_of_pixel < rim + 1) & (radius_of_pixel > inner - 1))
-        points = centers[candidates, None, :] + offsets
-        radius = np.hypot(points[..., 0] - camera.center_px[0], points[..., 1] - camera.center_px[1])
-        with np.errstate(invalid="ignore"):
-            ray = camera.pixel_to_ray(points)
-        seen = (radius >= inner) & (radius <= rim) & np.isfinite(ray).all(axis=-1)
-
-        self.traced_share = np.zeros((height, width), dtype=np.float32)
-        self.traced_share.ravel()[candidates] = seen.mean(axis=1)
-        self.body_share = (radius_of_pixel <= inner).astype(np.float32).reshape(height, width)
-        self.body_share.ravel()[candidates] = (radius < inner).mean(axis=1)
-
-        # unseen rays of a partly seen pixel stand in for a seen one of the same pixel
-        stand_in = np.where(seen, np.arange(self.samples), np.argmax(seen, axis=1)[:, None])
-        ray = np.take_along_axis(ray, stand_in[..., None], axis=1)
-        radius = np.take_along_axis(radius, stand_in, axis=1)
-        traced = seen.any(axis=1)
-        candidates, ray, radius = candidates[traced], ray[traced], radius[traced]
-
-        bearing = np.arctan2(ray[..., 1], ray[..., 0])
+    def __init__(
+        self,
+        height_m: float,
+        pixel_index: npt.NDArray[np.intp],
+        directions: npt.NDArray[np.float64],
+        radial_m: npt.NDArray[np.float64],
+        tangential_m: npt.NDArray[np.float64],
+    ) -> None:
+        self.height_m = height_m
+        self.samples = directions.shape[1]
+        bearing = np.arctan2(directions[..., 1], directions[..., 0])
         first = bearing[:, 0]
         spread = np.remainder(bearing - first[:, None] + math.pi, math.tau) - math.pi
         middle = first + (spread.max(axis=1) + spread.min(axis=1)) / 2
         middle = np.remainder(middle + math.pi, math.tau) - math.pi
         order = np.argsort(middle, kind="stable")
-        self.pixel_index = candidates[order]
+        self.pixel_index = pixel_index[order]
         self._bearing = middle[order]
-        self._margin = float(np.ptp(spread, axis=1).max()) / 2 + 1e-6
+        self._margin = float(np.ptp(spread, axis=1).max(initial=0.0)) / 2 + 1e-6
 
-        ray, radius = ray[order].reshape(-1, 3), radius[order].reshape(-1)
+        ray = directions[order].reshape(-1, 3)
         run = np.maximum(np.hypot(ray[:, 0], ray[:, 1]), 1e-9)
         slope = ray[:, 2] / run
         with np.errstate(divide="ignore", invalid="ignore"):
-            floor = np.where(slope < -1e-7, self.height_m / -slope, np.inf)
-            curve = camera.floor_range.inverse_range_per_m
-            per_px = np.abs(curve(radius + 0.05) - curve(radius - 0.05)) * 10
-            radial = np.minimum(np.nan_to_num(per_px, nan=0.0) * np.minimum(floor, 1e3) ** 2, 1e3) / supersample
+            floor = np.where(slope < -1e-7, height_m / -slope, np.inf)
         self.cos = (ray[:, 0] / run).astype(np.float32)
         self.sin = (ray[:, 1] / run).astype(np.float32)
         self.slope = slope.astype(np.float32)
         self.floor_m = floor.astype(np.float32)
-        self.radial_m = radial.astype(np.float32)
-        self.tangential_m = (np.minimum(floor, 1e3) / radius / supersample).astype(np.float32)
+        self.radial_m = radial_m[order].reshape(-1).astype(np.float32)
+        self.tangential_m = tangential_m[order].reshape(-1).astype(np.float32)
 
     def window(self, low_rad: float, high_rad: float) -> list[slice]:
         """Slices of the rays that can have bearings from `low_rad` counter-clockwise to `high_rad`."""
@@ -119,7 +95,65 @@ class RaySet:
         return slices
 
 
-def _sample_offsets(supersample: int) -> npt.NDArray[np.float64]:
+class MirrorRays(RaySet):
+    """All rays of a mirror camera.
+
+    Parameters
+    ----------
+    camera : OmniCamera
+        With a known viewpoint height.
+    supersample : int
+        Rays a pixel along each image axis.
+
+    Attributes
+    ----------
+    traced_share, body_share : (H, W) float32
+        Parts of each pixel that see the scene and the robot's own body; the rest is black.
+    """
+
+    def __init__(self, camera: OmniCamera, supersample: int) -> None:
+        if supersample < 1:
+            raise ArgumentError(f"supersample must be at least 1, got {supersample}")
+        if camera.height_m is None:
+            raise ArgumentError("the camera needs viewpoint_height_m: without it no upright thing can be rendered")
+        samples = supersample**2
+        width, height = camera.size_px
+        inner, outer = camera.usable_radius_px
+        rim = outer * (1 + RIM_MARGIN)
+        offsets = sample_offsets(supersample)
+        rows, columns = np.mgrid[:height, :width]
+        centers = np.stack([columns.ravel(), rows.ravel()], axis=-1).astype(np.float64)
+        radius_of_pixel = np.hypot(*(centers - camera.center_px).T)
+        candidates = np.flatnonzero((radius_of_pixel < rim + 1) & (radius_of_pixel > inner - 1))
+        points = centers[candidates, None, :] + offsets
+        radius = np.hypot(points[..., 0] - camera.center_px[0], points[..., 1] - camera.center_px[1])
+        with np.errstate(invalid="ignore"):
+            ray = camera.pixel_to_ray(points)
+        seen = (radius >= inner) & (radius <= rim) & np.isfinite(ray).all(axis=-1)
+
+        self.traced_share = np.zeros((height, width), dtype=np.float32)
+        self.traced_share.ravel()[candidates] = seen.mean(axis=1)
+        self.body_share = (radius_of_pixel <= inner).astype(np.float32).reshape(height, width)
+        self.body_share.ravel()[candidates] = (radius < inner).mean(axis=1)
+
+        # unseen rays of a partly seen pixel stand in for a seen one of the same pixel
+        stand_in = np.where(seen, np.arange(samples), np.argmax(seen, axis=1)[:, None])
+        ray = np.take_along_axis(ray, stand_in[..., None], axis=1)
+        radius = np.take_along_axis(radius, stand_in, axis=1)
+        traced = seen.any(axis=1)
+        candidates, ray, radius = candidates[traced], ray[traced], radius[traced]
+
+        slope = ray[..., 2] / np.maximum(np.hypot(ray[..., 0], ray[..., 1]), 1e-9)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            floor = np.where(slope < -1e-7, camera.height_m / -slope, np.inf)
+            curve = camera.floor_range.inverse_range_per_m
+            per_px = np.abs(curve(radius + 0.05) - curve(radius - 0.05)) * 10
+            radial = np.minimum(np.nan_to_num(per_px, nan=0.0) * np.minimum(floor, 1e3) ** 2, 1e3) / supersample
+        tangential = np.minimum(floor, 1e3) / radius / supersample
+        super().__init__(camera.height_m, candidates, ray, radial, tangential)
+
+
+def sample_offsets(supersample: int) -> npt.NDArray[np.float64]:
     """(n^2, 2): a grid sheared both ways, so that each sample has its own u and its own v.
 
     An edge along a pixel row or column then moves the mean in n^2 steps, not in n; a half turn maps it onto itself.

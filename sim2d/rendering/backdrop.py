@@ -1,0 +1,147 @@
+"""What stands behind a field as a camera near the floor sees it: curtains, people, furniture, windows, lamps.
+
+Finer than the panorama that a mirror camera needs, and with white and coloured uprights in it, which are what a goal
+can be mistaken for.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from robocup_vision.geometry import FloatArray
+from sim2d.rendering.rays import Floats
+
+BackdropKind = Literal["plain", "hall", "orange"]
+
+CELL_M = 0.0125
+HEIGHT_M = 3.5
+DRAWN_RADIUS_M = 5.0  # the wall is drawn for a room of this size, and stretched in others
+
+
+@dataclass(frozen=True, slots=True)
+class Backdrop:
+    """A round room about the field's centre.
+
+    Parameters
+    ----------
+    kind : {"plain", "hall", "orange"}
+        An even grey wall, a hall full of things, or a hall with an orange wall.
+    seed : int
+        Which room.
+    """
+
+    kind: BackdropKind = "hall"
+    seed: int = 0
+
+    def colors(self, x_m: Floats, y_m: Floats, z_m: Floats) -> Floats:
+        """Colours (N, 3) BGR of points on the room's wall, field frame, metres."""
+        picture = _panorama(self)
+        rows, columns = picture.shape[:2]
+        u = np.remainder(np.arctan2(y_m, x_m) / math.tau, 1.0) * (columns - 1)
+        v = np.clip((1 - z_m / HEIGHT_M) * (rows - 1), 0, rows - 1)
+        width = 1024  # OpenCV's maps may not be longer than 32767 along one side
+        padding = -len(u) % width
+        maps = [np.pad(c, (0, padding)).astype(np.float32).reshape(-1, width) for c in (u, v)]
+        found = cv2.remap(picture, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(found.reshape(-1, 3)[: len(u)])
+
+
+@lru_cache(maxsize=4)
+def _panorama(backdrop: Backdrop) -> Floats:
+    """(H, W, 3) float32: the room's wall unrolled, azimuth to the right, height upwards."""
+    rng = np.random.default_rng(backdrop.seed)
+    rows, columns = round(HEIGHT_M / CELL_M), round(math.tau * DRAWN_RADIUS_M / CELL_M)
+    wall = rng.uniform(95, 190) * rng.uniform(0.9, 1.1, 3)
+    picture = np.empty((rows, columns, 3), dtype=np.float32)
+    picture[:] = wall
+    if backdrop.kind != "plain":
+        _draw_curtains(picture, rng)
+        _draw_windows(picture, rng)
+        if backdrop.kind == "orange":
+            height = rng.integers(rows // 4, rows)
+            picture[rows - height :] = (28, 105, 228) * rng.uniform(0.85, 1.1, 3)
+        _draw_furniture(picture, rng)
+        _draw_people(picture, rng)
+        picture += cv2.GaussianBlur(rng.normal(0, 12, picture.shape).astype(np.float32), (0, 0), 2.0)
+    for _ in range(int(rng.integers(6, 14))):  # ceiling lamps, brighter than white
+        left = int(rng.integers(columns))
+        _block(picture, left, 0, int(rng.integers(30, 160)), int(rng.integers(6, 20)), np.full(3, 330.0))
+    blurred = cv2.GaussianBlur(picture, (0, 0), 0.8)
+    blurred[:, -1] = blurred[:, 0]  # the seam
+    return np.asarray(blurred, dtype=np.float32)
+
+
+def _block(picture: Floats, left: int, top: int, width: int, height: int, color: FloatArray) -> None:
+    bottom = min(max(top + height, 0), picture.shape[0])
+    picture[max(top, 0) : bottom, left : left + width] = color
+
+
+def _any_color(rng: np.random.Generator) -> FloatArray:
+    """One of what halls are full of: mostly greys, dark cloth and white, sometimes something bright."""
+    kind = rng.random()
+    if kind < 0.35:
+        return np.asarray(rng.uniform(25, 80) * rng.uniform(0.85, 1.15, 3))
+    if kind < 0.6:
+        return np.asarray(rng.uniform(190, 245) * rng.uniform(0.96, 1.04, 3))
+    if kind < 0.8:
+        return np.asarray(rng.uniform(90, 170) * np.array([0.6, 0.85, 1.0]))
+    return np.asarray(rng.uniform(20, 220, 3))
+
+
+def _draw_curtains(picture: Floats, rng: np.random.Generator) -> None:
+    rows, columns = picture.shape[:2]
+    for _ in range(int(rng.integers(3, 9))):
+        left, width = int(rng.integers(columns)), int(rng.integers(150, 700))
+        columns_here = np.arange(left, min(left + width, columns))
+        fold = 1 + 0.18 * np.sin(columns_here * math.tau / rng.uniform(10, 30) + rng.uniform(0, math.tau))
+        color = _any_color(rng) if rng.random() < 0.5 else np.full(3, rng.uniform(25, 60))
+        picture[: rows - int(rng.integers(0, 12)), columns_here] = fold[:, None] * color
+
+
+def _draw_windows(picture: Floats, rng: np.random.Generator) -> None:
+    rows, columns = picture.shape[:2]
+    for _ in range(int(rng.integers(2, 7))):
+        left, width = int(rng.integers(columns)), int(rng.integers(60, 200))
+        top, height = int(rng.integers(0, rows // 2)), int(rng.integers(60, rows // 2))
+        _block(picture, left, top, width, height, np.full(3, rng.uniform(170, 240)))  # frame
+        pane = np.array([1.05, 1.0, 0.96]) * rng.uniform(230, 320)
+        for k in range(2):
+            _block(picture, left + 4 + k * width // 2, top + 4, width // 2 - 8, height - 8, pane)
+
+
+def _draw_furniture(picture: Floats, rng: np.random.Generator) -> None:
+    rows, columns = picture.shape[:2]
+    for _ in range(int(rng.integers(30, 70))):
+        left, width = int(rng.integers(columns)), int(rng.integers(15, 170))
+        height = int(rng.integers(20, 120))
+        color = _any_color(rng)
+        kind = rng.random()
+        if kind < 0.45:  # a box or cupboard, with a lighter edge
+            _block(picture, left, rows - height, width, height, color)
+            _block(picture, left, rows - height, width, 3, np.minimum(color * 1.4, 250))
+        elif kind < 0.75:  # a table: top and legs, light tubes as likely as not
+            leg = np.full(3, 225.0) if rng.random() < 0.5 else color
+            _block(picture, left, rows - height, width, 5, color)
+            for at in (left, left + width - 5):
+                _block(picture, at, rows - height, int(rng.integers(3, 6)), height, leg)
+        else:  # a pole or a roll-up banner
+            _block(picture, left, rows - 2 * height, int(rng.integers(4, 60)), 2 * height, color)
+
+
+def _draw_people(picture: Floats, rng: np.random.Generator) -> None:
+    rows, columns = picture.shape[:2]
+    for _ in range(int(rng.integers(4, 14))):
+        at = int(rng.integers(30, columns - 30))
+        trousers, shirt = _any_color(rng), _any_color(rng)
+        skin = np.array([120.0, 150.0, 205.0]) * rng.uniform(0.5, 1.1)
+        stride = int(rng.integers(6, 16))
+        for side in (-1, 1):
+            _block(picture, at + side * stride - 6, rows - 70, 12, 68, trousers)
+        _block(picture, at - 16, rows - 122, 32, 54, shirt)
+        _block(picture, at - 6, rows - 140, 14, 18, skin)

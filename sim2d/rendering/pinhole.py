@@ -1,0 +1,155 @@
+"""The pinhole camera's picture of a scene, ray by ray, as linear light before the sensor sees it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.backdrop import Backdrop
+from sim2d.rendering.goal_light import Glare, SunPatch
+from sim2d.rendering.light import TracedLight, trace_light
+from sim2d.rendering.rays import Floats, RaySet, sample_offsets
+from sim2d.rendering.scene import Scene
+
+COARSE = 2  # rays a pixel along each axis before it is known where the edges are
+EDGE_CONTRAST = 8.0  # grey levels between neighbouring rays that call for more of them
+
+
+class PinholeRays(RaySet):
+    """Rays of some pixels of a pinhole camera.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        With a known tilt.
+    supersample : int
+        Rays a pixel along each image axis.
+    pixel_index : (P,) intp, optional
+        Flat indices of the pixels; without it all of them.
+    """
+
+    def __init__(
+        self, camera: PinholeCamera, supersample: int, pixel_index: npt.NDArray[np.intp] | None = None
+    ) -> None:
+        width, height = camera.size_px
+        index = np.arange(width * height) if pixel_index is None else pixel_index
+        centers = np.stack([index % width, index // width], axis=-1)
+        along_axis = camera.pixel_to_camera_ray(centers[:, None, :] + sample_offsets(supersample))
+        directions = along_axis @ camera.camera_to_robot.T
+        run = np.maximum(np.hypot(directions[..., 0], directions[..., 1]), 1e-9)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            floor = np.where(directions[..., 2] < -1e-7, camera.height_m * run / -directions[..., 2], 1e3)
+        floor = np.minimum(floor, 1e3)
+        ray_m = np.hypot(floor, camera.height_m)
+        angle = along_axis[..., 0] ** 2 / (math.sqrt(camera.focal_px[0] * camera.focal_px[1]) * supersample)
+        super().__init__(camera.height_m, index, directions, ray_m**2 / camera.height_m * angle, ray_m * angle)
+
+
+def render_pinhole(
+    camera: PinholeCamera,
+    scene: Scene,
+    pose: Pose2,
+    *,
+    backdrop: Backdrop | None = None,
+    glare: Sequence[Glare] = (),
+    sun: Sequence[SunPatch] = (),
+    supersample: int = 6,
+) -> Floats:
+    """Render a frame; each pixel is the mean over its area.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        As the neck holds it: its tilt must be known, an unknown pan or roll counts as 0.
+    scene : Scene
+        What is there.
+    pose : Pose2
+        The robot in the field frame (the camera itself if its offset and pan are 0).
+    backdrop : Backdrop, optional
+        Hangs on the room's wall in place of the scene's own clutter.
+    glare : sequence of Glare
+        Lamps reflected in the goals' paint.
+    sun : sequence of SunPatch
+        Sunlight through windows.
+    supersample : int
+        Rays along each axis of a pixel that an edge may cross; others get fewer.
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Linear light, BGR; 255 is a sensor's white, more is possible.
+
+    Raises
+    ------
+    ArgumentError
+        If the camera's tilt is unknown, its lens leaves part of the image dark, or `supersample` is too small.
+    """
+    if supersample < COARSE:
+        raise ArgumentError(f"supersample must be at least {COARSE}, got {supersample}")
+    width, height = camera.size_px
+    x, y = pose.transform(camera.offset_m)
+    eye = Pose2(float(x), float(y), pose.theta_rad)
+
+    def trace(rays: RaySet) -> TracedLight:
+        traced = trace_light(rays, scene, eye)
+        if backdrop is not None:
+            wall = traced.in_room
+            up = rays.height_m + traced.hits.distance_m[wall] * rays.slope[wall]
+            traced.light[wall] = backdrop.colors(traced.x_m[wall], traced.y_m[wall], up) * scene.light.level
+        for patch in sun:
+            patch.shine_on(traced)
+        for spot in glare:
+            for goal in scene.field.goals:
+                if goal.side == spot.goal_side and goal.kind == "posts":
+                    spot.add_to(traced, goal)
+        return traced
+
+    coarse_rays = PinholeRays(camera, COARSE)
+    if not np.isfinite(coarse_rays.slope).all():
+        raise ArgumentError("the camera's lens distortion leaves part of the image without rays")
+    coarse = trace(coarse_rays)
+    image = np.empty((height * width, 3), dtype=np.float32)
+    image[coarse_rays.pixel_index] = coarse.per_pixel
+    edges = _pixels_at_edges(coarse, (height, width))
+    if supersample > COARSE and len(edges):
+        fine_rays = PinholeRays(camera, supersample, edges)
+        image[fine_rays.pixel_index] = trace(fine_rays).per_pixel
+    return image.reshape(height, width, 3)
+
+
+def _pixels_at_edges(traced: TracedLight, shape: tuple[int, int]) -> npt.NDArray[np.intp]:
+    """Flat indices of pixels whose own or neighbours' rays differ in what they met or in brightness."""
+    rays = traced.hits.rays
+    count = rays.samples
+    surface = traced.hits.surface.astype(np.float32)
+    surface[traced.in_room] = -1.0
+    # clutter on the room's wall is blurred already: only what stands before it has edges
+    light = traced.light.copy()
+    light[traced.in_room] = 0.0
+    features = np.column_stack([light, surface * (2 * EDGE_CONTRAST)]).reshape(-1, count, 4)
+    high, low = (np.empty((shape[0] * shape[1], 4), dtype=np.float32) for _ in range(2))
+    high[rays.pixel_index], low[rays.pixel_index] = features.max(axis=1), features.min(axis=1)
+    around = np.ones((3, 3), dtype=np.uint8)
+    spread = cv2.dilate(high.reshape(*shape, 4), around) - cv2.erode(low.reshape(*shape, 4), around)
+    return np.flatnonzero((spread > EDGE_CONTRAST).any(axis=2))
+
+
+def smear(image: Floats, length_px: float) -> Floats:
+    """Blur an image along its rows as a camera does that pans by `length_px` pixels during the exposure."""
+    if length_px <= 0:
+        return image
+    reach = math.ceil(length_px / 2)
+    cells = np.arange(-reach, reach + 1)
+    kernel = np.clip(length_px / 2 - np.abs(cells) + 0.5, 0.0, 1.0)
+    # below one pixel the box lies inside the middle cell: spread it linearly, so that its variance grows from 0
+    if length_px < 1:
+        share = length_px**2 / 24
+        kernel = np.array([share, 1 - 2 * share, share])
+    return np.asarray(cv2.filter2D(image, -1, (kernel / kernel.sum())[None, :], borderType=cv2.BORDER_REPLICATE))
