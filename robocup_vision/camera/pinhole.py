@@ -123,8 +123,10 @@ class PinholeCamera:
         slopes = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
         if any(self.distortion):
             slopes = self._undistort(slopes)
-        ray = np.concatenate([np.ones((*slopes.shape[:-1], 1)), -slopes], axis=-1)
-        return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
+        ray = np.empty((*slopes.shape[:-1], 3))
+        ray[..., 0] = 1.0 / np.sqrt(1.0 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2)
+        ray[..., 1:] = -slopes * ray[..., :1]
+        return ray
 
     def camera_ray_to_pixel(self, rays: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN behind the camera or beyond its lens."""

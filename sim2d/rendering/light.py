@@ -46,7 +46,11 @@ class TracedLight:
     @property
     def per_pixel(self) -> Floats:
         """(P, 3) float32: mean light of each pixel's rays."""
-        return np.asarray(self.light.reshape(-1, self.hits.rays.samples, 3).mean(axis=1))
+        samples = self.light.reshape(-1, self.hits.rays.samples, 3)
+        total = samples[:, 0].copy()
+        for k in range(1, samples.shape[1]):  # many times faster than a mean over so short an axis
+            total += samples[:, k]
+        return np.asarray(total / np.float32(samples.shape[1]))
 
 
 def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:

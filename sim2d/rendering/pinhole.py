@@ -133,9 +133,10 @@ def _pixels_at_edges(traced: TracedLight, shape: tuple[int, int]) -> npt.NDArray
     # clutter on the room's wall is blurred already: only what stands before it has edges
     light = traced.light.copy()
     light[traced.in_room] = 0.0
-    features = np.column_stack([light, surface * (2 * EDGE_CONTRAST)]).reshape(-1, count, 4)
+    features = np.column_stack([light, surface * np.float32(2 * EDGE_CONTRAST)]).reshape(-1, count, 4)
+    of_ray = [features[:, k] for k in range(count)]
     high, low = (np.empty((shape[0] * shape[1], 4), dtype=np.float32) for _ in range(2))
-    high[rays.pixel_index], low[rays.pixel_index] = features.max(axis=1), features.min(axis=1)
+    high[rays.pixel_index], low[rays.pixel_index] = np.maximum.reduce(of_ray), np.minimum.reduce(of_ray)
     around = np.ones((3, 3), dtype=np.uint8)
     spread = cv2.dilate(high.reshape(*shape, 4), around) - cv2.erode(low.reshape(*shape, 4), around)
     return np.flatnonzero((spread > EDGE_CONTRAST).any(axis=2))

@@ -59,12 +59,13 @@ class RaySet:
         bearing = np.arctan2(directions[..., 1], directions[..., 0])
         first = bearing[:, 0]
         spread = np.remainder(bearing - first[:, None] + math.pi, math.tau) - math.pi
-        middle = first + (spread.max(axis=1) + spread.min(axis=1)) / 2
+        low, high = np.minimum.reduce([*spread.T]), np.maximum.reduce([*spread.T])
+        middle = first + (high + low) / 2
         middle = np.remainder(middle + math.pi, math.tau) - math.pi
         order = np.argsort(middle, kind="stable")
         self.pixel_index = pixel_index[order]
         self._bearing = middle[order]
-        self._margin = float(np.ptp(spread, axis=1).max(initial=0.0)) / 2 + 1e-6
+        self._margin = float((high - low).max(initial=0.0)) / 2 + 1e-6
 
         ray = directions[order].reshape(-1, 3)
         run = np.maximum(np.hypot(ray[:, 0], ray[:, 1]), 1e-9)
