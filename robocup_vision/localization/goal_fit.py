@@ -1,0 +1,325 @@
+"""From rough posts to a camera: starts from both obliquenesses, then the direct fit to silhouette edges.
+
+The measurement decides, not the solver: five unknowns (and, under priors, height, focal length and bloom) are fitted by
+Gauss-Newton to sub-pixel edges of posts, bar and feet (see kernels.fit_goal).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import FloatArray
+from robocup_vision.localization.goal_edges import FOOT_OFFSETS, EdgeSamples, measure, to_ideal
+from robocup_vision.localization.goal_geometry import (
+    BAR_BOTTOM,
+    BAR_TOP,
+    BLOOM,
+    EDGES,
+    HEADING,
+    HEIGHT,
+    LOG_FOCAL,
+    ROLL,
+    TILT,
+    UNKNOWNS,
+    GoalShape,
+    IdealView,
+    X,
+    project,
+)
+from robocup_vision.perception.goal_region import Strip
+from robocup_vision.perception.kernels import fit_goal, goal_residuals
+
+INLIER_PX = 0.5
+# what an edge as a whole may be off, however many samples it has: paint, shading, posts that are no perfect cylinders
+_EDGE_ERROR_PX = 0.06
+_SAMPLE_ERROR_PX = 0.05
+_UPRIGHT_STD_RAD = 0.1  # a robot's camera is roughly upright even where the file says nothing
+_KNOWN_ANGLE_STD_RAD = 0.01
+_START_SCALES = np.full(8, 100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalModel:
+    """Goal, camera and priors in the form the kernels take them.
+
+    Parameters
+    ----------
+    shape, view : GoalShape, IdealView
+        The goal at +x, and the camera without distortion.
+    prior, weight : (8,) float64
+        Expected unknowns, and their inverse variances.
+    """
+
+    shape: GoalShape
+    view: IdealView
+    prior: FloatArray
+    weight: FloatArray
+
+    @property
+    def shape_array(self) -> FloatArray:
+        """(4,) float64 as the kernels take it."""
+        s = self.shape
+        return np.array([s.line_x_m, s.width_m, s.height_m, s.radius_m])
+
+    @property
+    def view_array(self) -> FloatArray:
+        """(4,) float64 as the kernels take it."""
+        return np.array([*self.view.focal_px, *self.view.center_px])
+
+
+def goal_model(shape: GoalShape, camera: PinholeCamera, bloom_std_px: float) -> GoalModel:
+    """Priors as the camera file gives them: height, focal length, and tilt and roll where they are known."""
+    prior = np.zeros(UNKNOWNS)
+    std = np.full(UNKNOWNS, np.inf)
+    prior[HEIGHT], std[HEIGHT] = camera.height_m, camera.height_std_m
+    std[LOG_FOCAL] = camera.focal_std_px / camera.focal_px[0]
+    std[BLOOM] = bloom_std_px
+    known = camera.roll_std_rad if camera.roll_std_rad is not None else _KNOWN_ANGLE_STD_RAD
+    if camera.tilt_rad is not None:
+        prior[TILT], std[TILT] = camera.tilt_rad, known
+    if camera.roll_rad is not None:
+        prior[ROLL], std[ROLL] = camera.roll_rad, known
+    else:
+        std[ROLL] = camera.roll_std_rad if camera.roll_std_rad is not None else _UPRIGHT_STD_RAD
+    with np.errstate(divide="ignore"):
+        weight = np.where(np.isinf(std), 0.0, 1.0 / np.maximum(std, 0.0) ** 2)
+    return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight)
+
+
+@dataclass(frozen=True, eq=False)
+class GoalFit:
+    """A goal found and fitted, for the goal at +x.
+
+    Parameters
+    ----------
+    unknowns : (8,) float64
+        See goal_geometry.
+    information : (8, 8) float64
+        Inverse covariance of the unknowns, priors included.
+    samples : EdgeSamples
+        What was measured last.
+    residual_px : (N + M,) float64
+        Of its edge samples and foot samples.
+    share : (6,) float64
+        Inliers among the expected samples of each silhouette edge.
+    """
+
+    unknowns: FloatArray
+    information: FloatArray
+    samples: EdgeSamples
+    residual_px: FloatArray
+    share: FloatArray
+
+    @property
+    def score(self) -> float:
+        """How much of the goal agrees with the fit, 0 to 1: the worst of both posts and the bar counts most."""
+        left, right, bar = self.element_shares
+        return 0.5 * min(left, right, bar) + 0.5 * (left + right + bar) / 3
+
+    @property
+    def element_shares(self) -> tuple[float, float, float]:
+        """Shares of the left post, the right post and the bar."""
+        s = self.share
+        return float(s[0] + s[1]) / 2, float(s[2] + s[3]) / 2, float(max(s[BAR_TOP], (s[4] + s[5]) / 2))
+
+
+def strip_samples(camera: PinholeCamera, left: Strip, right: Strip) -> EdgeSamples:
+    """Rough samples of both posts' edges and feet from the strips they were found as."""
+    edge, uv, feet = [], [], []
+    for post, strip in enumerate((left, right)):
+        for v in np.linspace(strip.top + 0.3 * (strip.bottom - strip.top), strip.bottom, 5):
+            edge += [2 * post, 2 * post + 1]
+            uv += [(u, v) for u in strip.edges_at(v)]
+        feet.append((strip.axis_at(strip.foot), strip.foot))
+    return EdgeSamples(
+        np.array(edge),
+        to_ideal(camera, np.array(uv, dtype=np.float64)),
+        np.array([0, 1]),
+        np.array([1, 1]),
+        to_ideal(camera, np.array(feet, dtype=np.float64)),
+        np.array([[0.0, 1.0], [0.0, 1.0]]),
+        np.array([1.0] * len(edge) + [1.5, 1.5]),
+        np.full(EDGES, 5),
+    )
+
+
+def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
+    """Cameras that see both feet where they are, from obliquely left and right: the two branches a plane allows."""
+    fu, fv = model.view.focal_px
+    cu, cv = model.view.center_px
+    a, b = left.axis_at(left.foot), right.axis_at(right.foot)
+    for beta in (-0.6, 0.6):
+        distance = model.shape.width_m * math.cos(beta) * fu / max(b - a, 1.0)
+        p = model.prior.copy()
+        p[X] = model.shape.line_x_m - distance * math.cos(beta)
+        p[1] = distance * math.sin(beta)
+        p[HEADING] = -beta + math.atan(((a + b) / 2 - cu) / fu)
+        p[TILT] = -math.atan(p[HEIGHT] / distance) + math.atan(((left.foot + right.foot) / 2 - cv) / fv)
+        yield p
+
+
+def fit(model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+    """Fit the unknowns to samples; returns them, the robust cost (infinite: failed) and the information matrix."""
+    p, information = start.copy(), np.zeros((UNKNOWNS, UNKNOWNS))
+    cost = fit_goal(
+        model.shape_array,
+        model.view_array,
+        p,
+        model.prior,
+        model.weight,
+        FOOT_OFFSETS,
+        samples.edge,
+        samples.uv,
+        samples.foot_post,
+        samples.foot_at,
+        samples.foot_uv,
+        samples.foot_direction,
+        samples.sigma,
+        scales,
+        information,
+    )
+    return p, float(cost), information
+
+
+def with_bar(samples: EdgeSamples, bar_px: FloatArray) -> EdgeSamples:
+    """Rough samples with points (K, 2) on the bar's upper edge, ideal pixels, added."""
+    n, k = len(samples.edge), len(bar_px)
+    return replace(
+        samples,
+        edge=np.append(samples.edge, np.full(k, BAR_TOP)),
+        uv=np.vstack([samples.uv, bar_px]),
+        sigma=np.insert(samples.sigma, n, np.ones(k)),
+    )
+
+
+def weigh(samples: EdgeSamples) -> EdgeSamples:
+    """Samples whose noise includes what their edge as a whole may be off."""
+    per_edge = np.bincount(samples.edge, minlength=EDGES)[samples.edge]
+    per_foot = np.bincount(samples.foot_post, minlength=2)[samples.foot_post]
+    count = np.concatenate([per_edge, per_foot])
+    sigma = np.sqrt(samples.sigma**2 + _SAMPLE_ERROR_PX**2 + _EDGE_ERROR_PX**2 * count)
+    return replace(samples, sigma=sigma)
+
+
+def without(samples: EdgeSamples, edge: int) -> EdgeSamples:
+    """Samples less those of one edge."""
+    keep = samples.edge != edge
+    both = np.concatenate([keep, np.ones(len(samples.foot_post), bool)])
+    return replace(
+        samples, edge=samples.edge[keep], uv=np.ascontiguousarray(samples.uv[keep]), sigma=samples.sigma[both]
+    )
+
+
+def refine(
+    image: npt.NDArray[np.uint8],
+    camera: PinholeCamera,
+    model: GoalModel,
+    start: FloatArray,
+    towards: FloatArray,
+    glare: float,
+    first_reach_px: float = 3.0,
+) -> GoalFit | None:
+    """Measure edges around a start and fit them, ever closer; None where the goal is lost.
+
+    The bar's lower edge waits until the rest holds: the net's own bar runs close below it.
+    """
+    p, information = start, np.zeros((UNKNOWNS, UNKNOWNS))
+    samples = None
+    for reach, scales in (
+        (first_reach_px, np.array([3.0, 2.0, 1.0])),
+        (2.0, np.array([1.0, 1.0, 1.0])),
+        (1.5, np.array([1.0, 1.0])),
+    ):
+        measured = measure(image, camera, model.view, model.shape, p, reach, towards, glare)
+        if measured is None or len(measured.edge) < 12:
+            return None
+        samples = weigh(measured)
+        used = without(samples, BAR_BOTTOM) if reach > 2.0 else samples
+        p, cost, information = fit(model, used, p, scales)
+        if not math.isfinite(cost):
+            return None
+    assert samples is not None
+    residual = residuals(model, samples, p)
+    inlier = np.abs(residual[: len(samples.edge)]) < INLIER_PX
+    share = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
+    return GoalFit(p, information, samples, residual, share)
+
+
+def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:
+    """Signed residuals (N + M,), pixels."""
+    residual = np.empty(len(samples.edge) + len(samples.foot_post))
+    goal_residuals(
+        model.shape_array,
+        model.view_array,
+        unknowns,
+        FOOT_OFFSETS,
+        samples.edge,
+        samples.uv,
+        samples.foot_post,
+        samples.foot_at,
+        samples.foot_uv,
+        samples.foot_direction,
+        residual,
+    )
+    return residual
+
+
+def bar_rows(
+    paint: npt.NDArray[np.uint8], scale: float, camera: PinholeCamera, model: GoalModel, p: FloatArray, most: int
+) -> list[FloatArray]:
+    """Where the bar's upper edge may be, best first: points (5, 2), ideal pixels, on the line between the posts.
+
+    Parameters
+    ----------
+    paint : (h, w) uint8
+        Bright where paint is.
+    scale : float
+        Frame pixels per pixel of `paint`.
+    camera, model : PinholeCamera, GoalModel
+        The camera and the goal.
+    p : (8,) float64
+        Unknowns from the posts alone.
+    most : int
+        How many to return.
+    """
+    foot_left, top_left, top_right, foot_right = project(model.view, p, model.shape.corners)
+    up_left, up_right = top_left - foot_left, top_right - foot_right
+    height = min(float(np.hypot(*up_left)), float(np.hypot(*up_right)))
+    if not (math.isfinite(height) and height > 4):
+        return []
+    thick = height * 2 * model.shape.radius_m / model.shape.height_m
+    step = min(0.25 * thick, 1.0) / height
+    rise = np.arange(0.6, 1.45, step)
+    across = np.linspace(0.08, 0.92, 24)
+    start = foot_left + rise[:, None] * up_left
+    end = foot_right + rise[:, None] * up_right
+    points = start[:, None] * (1 - across[:, None]) + end[:, None] * across[:, None]
+    column = np.rint((points[..., 0] + 0.5) / scale - 0.5).astype(np.int64)
+    row = np.rint((points[..., 1] + 0.5) / scale - 0.5).astype(np.int64)
+    inside = (column >= 0) & (column < paint.shape[1]) & (row >= 0) & (row < paint.shape[0])
+    value = paint[np.clip(row, 0, paint.shape[0] - 1), np.clip(column, 0, paint.shape[1] - 1)].astype(np.float64)
+    count = inside.sum(axis=1)
+    mean = np.where(count >= 8, (value * inside).sum(axis=1) / np.maximum(count, 1), 0.0)
+    half = max(1, round(0.5 * thick / height / step))
+    # brighter than what is above it; below it the net's bar may follow
+    sums = np.concatenate([[0.0], np.cumsum(mean)])
+    response = np.full(len(mean), -np.inf)
+    at = np.arange(half, len(mean) - 3 * half)
+    if len(at) == 0:
+        return []
+    response[at] = (sums[at + half] - sums[at - half]) / (2 * half) - (sums[at + 3 * half] - sums[at + half]) / (2 * half)
+    found = []
+    for _ in range(most):
+        best = int(np.argmax(response))
+        if not response[best] > 6.0:
+            break
+        k = min(best + half, len(rise) - 1)
+        found.append(start[k] + (end[k] - start[k]) * np.linspace(0.05, 0.95, 5)[:, None])
+        response[max(0, best - half) : best + half + 1] = -np.inf
+    return found

@@ -1,0 +1,252 @@
+"""What a goal of two posts and a bar looks like from a camera: silhouette planes, corners, and the paper's three angles.
+
+Everything is written for the goal at +x, whose frame is the field's own; the goal at -x is the same picture after a half
+turn about the field's centre. Lines are compared in the ideal image: pixels with the lens distortion taken out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.geometry import FloatArray, Pose2
+
+# What a fit can vary, in this order everywhere: camera position, heading of the optical axis, tilt (up), roll, height,
+# logarithm of the focal length's true to stated ratio, and how far bright paint bleeds over its own edge in the image.
+X, Y, HEADING, TILT, ROLL, HEIGHT, LOG_FOCAL, BLOOM = range(8)
+UNKNOWNS = 8
+
+# The silhouette edges, in this order everywhere. Left and right are as a player in the field sees this goal.
+LEFT_OUTER, LEFT_INNER, RIGHT_INNER, RIGHT_OUTER, BAR_TOP, BAR_BOTTOM = range(6)
+EDGES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class GoalShape:
+    """Posts and bar of the goal at +x, all cylinders of one radius, metres.
+
+    Parameters
+    ----------
+    line_x_m : float
+        Field x of the posts' axes, positive.
+    width_m, height_m : float
+        Between the posts' axes, and of the bar's axis.
+    radius_m : float
+        Of posts and bar.
+    """
+
+    line_x_m: float
+    width_m: float
+    height_m: float
+    radius_m: float
+
+    @property
+    def post_y_m(self) -> tuple[float, float]:
+        """Field y of the left and the right post's axis."""
+        return self.width_m / 2, -self.width_m / 2
+
+    @property
+    def corners(self) -> FloatArray:
+        """(4, 3) float64: left foot, left top, right top, right foot on the axes, metres."""
+        x, (left, right) = self.line_x_m, self.post_y_m
+        return np.array([[x, left, 0], [x, left, self.height_m], [x, right, self.height_m], [x, right, 0]])
+
+
+def goal_shape(field: Field) -> GoalShape:
+    """Posts and bar of a field's goals.
+
+    Raises
+    ------
+    ArgumentError
+        If the field has no goals, or goals that are not made of posts and a bar.
+    """
+    if not field.goals or field.goals[0].kind != "posts":
+        kind = field.goals[0].kind if field.goals else "none"
+        raise ArgumentError(f"field '{field.name}' has no goals of posts and a bar (its goals: {kind})")
+    goal = field.goals[0]
+    return GoalShape(abs(goal.line_x_m), goal.width_m, goal.height_m, goal.post_radius_m)
+
+
+def camera_rotation(heading_rad: npt.ArrayLike, tilt_rad: npt.ArrayLike, roll_rad: npt.ArrayLike) -> FloatArray:
+    """Rotation (..., 3, 3) of directions from the camera (x forward, y left, z up) into the field: Rz Ry(-tilt) Rx."""
+    cp, sp = np.cos(heading_rad), np.sin(heading_rad)
+    ct, st = np.cos(tilt_rad), np.sin(tilt_rad)
+    cr, sr = np.cos(roll_rad), np.sin(roll_rad)
+    rows = [
+        [cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr],
+        [sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr],
+        [st + 0 * cp, ct * sr + 0 * cp, ct * cr + 0 * cp],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+@dataclass(frozen=True, slots=True)
+class IdealView:
+    """The camera's focal length and centre without distortion: all the fit needs of it.
+
+    Parameters
+    ----------
+    focal_px, center_px : (float, float)
+        In u and v.
+    """
+
+    focal_px: tuple[float, float]
+    center_px: tuple[float, float]
+
+
+def silhouette_normals(shape: GoalShape, unknowns: npt.ArrayLike) -> FloatArray:
+    """Outward unit normals (..., 6, 3), field frame, of the planes through the camera that touch posts and bar.
+
+    Parameters
+    ----------
+    shape : GoalShape
+        The goal.
+    unknowns : (..., 8) float64
+        See the constants of this module; the camera must stand outside the cylinders.
+    """
+    p = np.asarray(unknowns, dtype=np.float64)
+    dx = shape.line_x_m - p[..., X]
+    normals = np.zeros((*p.shape[:-1], EDGES, 3))
+    for post, (outer, inner) in enumerate(((LEFT_OUTER, LEFT_INNER), (RIGHT_OUTER, RIGHT_INNER))):
+        dy = shape.post_y_m[post] - p[..., Y]
+        bearing = np.arctan2(dy, dx)
+        half = np.arcsin(np.minimum(1.0, shape.radius_m / np.hypot(dx, dy)))
+        left, right = (outer, inner) if post == 0 else (inner, outer)
+        normals[..., left, 0], normals[..., left, 1] = -np.sin(bearing + half), np.cos(bearing + half)
+        normals[..., right, 0], normals[..., right, 1] = np.sin(bearing - half), -np.cos(bearing - half)
+    dz = shape.height_m - p[..., HEIGHT]
+    elevation = np.arctan2(dz, np.abs(dx))
+    half = np.arcsin(np.minimum(1.0, shape.radius_m / np.hypot(dx, dz)))
+    side = np.where(dx < 0, -1.0, 1.0)
+    normals[..., BAR_TOP, 0], normals[..., BAR_TOP, 2] = -side * np.sin(elevation + half), np.cos(elevation + half)
+    normals[..., BAR_BOTTOM, 0] = side * np.sin(elevation - half)
+    normals[..., BAR_BOTTOM, 2] = -np.cos(elevation - half)
+    return normals
+
+
+def silhouette_lines(shape: GoalShape, view: IdealView, unknowns: npt.ArrayLike) -> FloatArray:
+    """Lines (..., 6, 3) of posts and bar in the ideal image: a u + b v + c = px outside the edge, bloom included."""
+    p = np.asarray(unknowns, dtype=np.float64)
+    rotation = camera_rotation(p[..., HEADING], p[..., TILT], p[..., ROLL])
+    n = silhouette_normals(shape, p) @ rotation
+    scale = np.exp(p[..., LOG_FOCAL])[..., None]
+    a, b = -n[..., 1] / (view.focal_px[0] * scale), -n[..., 2] / (view.focal_px[1] * scale)
+    c = n[..., 0] - a * view.center_px[0] - b * view.center_px[1]
+    norm = np.hypot(a, b)
+    return np.stack([a / norm, b / norm, c / norm - p[..., BLOOM, None]], axis=-1)
+
+
+def project(view: IdealView, unknowns: npt.ArrayLike, points_m: npt.ArrayLike) -> FloatArray:
+    """Ideal pixels (..., N, 2) of field points (..., N, 3), metres; NaN behind the camera."""
+    p = np.asarray(unknowns, dtype=np.float64)
+    rotation = camera_rotation(p[..., HEADING], p[..., TILT], p[..., ROLL])
+    eye = np.stack([p[..., X], p[..., Y], p[..., HEIGHT]], axis=-1)
+    ray = (np.asarray(points_m, dtype=np.float64) - eye[..., None, :]) @ rotation
+    depth = np.where(ray[..., 0] > 1e-6, ray[..., 0], np.nan)
+    scale = np.exp(p[..., LOG_FOCAL])[..., None]
+    return np.stack(
+        [
+            view.center_px[0] - view.focal_px[0] * scale * ray[..., 1] / depth,
+            view.center_px[1] - view.focal_px[1] * scale * ray[..., 2] / depth,
+        ],
+        axis=-1,
+    )
+
+
+def foot_points(shape: GoalShape, unknowns: npt.ArrayLike, offsets: npt.ArrayLike) -> FloatArray:
+    """Points (..., 2, K, 3), field frame, where the near half of each post's foot meets the floor.
+
+    Parameters
+    ----------
+    shape : GoalShape
+        The goal.
+    unknowns : (..., 8) float64
+        Only the position counts.
+    offsets : (K,) float64
+        Across the post as seen, -1 (its left edge) to 1.
+    """
+    p = np.asarray(unknowns, dtype=np.float64)
+    across = np.asarray(offsets, dtype=np.float64)
+    along = np.sqrt(1.0 - across**2)
+    posts = []
+    for post_y in shape.post_y_m:
+        dx, dy = shape.line_x_m - p[..., X], post_y - p[..., Y]
+        distance = np.hypot(dx, dy)
+        ux, uy = (dx / distance)[..., None], (dy / distance)[..., None]
+        x = shape.line_x_m + shape.radius_m * (across * uy - along * ux)
+        y = post_y + shape.radius_m * (-across * ux - along * uy)
+        posts.append(np.stack([x, y, np.zeros_like(x)], axis=-1))
+    return np.stack(posts, axis=-3)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalAngles:
+    """The paper's position information, radians: between the planes through the camera and the three axes (eqs. 1-6).
+
+    Parameters
+    ----------
+    gamma, phi_right, phi_left : float
+        Between the posts' planes, and between each post's plane and the bar's.
+    """
+
+    gamma: float
+    phi_right: float
+    phi_left: float
+
+
+def angles_between(right: npt.ArrayLike, left: npt.ArrayLike, bar: npt.ArrayLike) -> FloatArray:
+    """gamma, phi_R, phi_L (..., 3), radians, from the planes' normals (..., 3) (Yako et al., eqs. 3, 5, 6).
+
+    The order of the points that span each plane must be kept (both posts upwards, the bar from left to right), else an
+    angle turns into its supplement.
+    """
+    r, l_, b = (np.asarray(n, dtype=np.float64) for n in (right, left, bar))
+
+    def angle(p: FloatArray, q: FloatArray) -> FloatArray:
+        return np.arctan2(np.linalg.norm(np.cross(p, q), axis=-1), np.sum(p * q, axis=-1))
+
+    return np.stack([angle(r, l_), angle(r, b), angle(l_, b)], axis=-1)
+
+
+def theoretical_angles(shape: GoalShape, x_m: npt.ArrayLike, y_m: npt.ArrayLike, height_m: float) -> FloatArray:
+    """gamma, phi_R, phi_L (..., 3), radians, as a camera at (x_m, y_m, height_m) must see them (paper, section 3.3)."""
+    x, y = np.broadcast_arrays(np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64))
+    foot_left, top_left, top_right, foot_right = (
+        corner - np.stack([x, y, np.full_like(x, height_m)], axis=-1) for corner in shape.corners
+    )
+    return angles_between(np.cross(foot_right, top_right), np.cross(foot_left, top_left), np.cross(top_left, top_right))
+
+
+def position_from_angles(shape: GoalShape, angles: GoalAngles) -> tuple[float, float] | None:
+    """Camera position (x_m, y_m) in the field by the closed form, without the bar's or the camera's height.
+
+    With beta the direction of a post from the goal's normal, counted to the right: cos(phi) = sin(beta) sin(e) for both
+    posts with the bar's elevation e, hence tan(beta_L) = sin(gamma) cos(phi_L) / (cos(phi_R) - cos(gamma) cos(phi_L)).
+    Of its two roots the one in front of the goal, |beta| < 90 degrees, is taken; the other reverses the heading.
+
+    Returns
+    -------
+    (float, float) or None
+        None where no point in front of the goal sees these angles.
+    """
+    cos_left, cos_right = math.cos(angles.phi_left), math.cos(angles.phi_right)
+    numerator = math.sin(angles.gamma) * cos_left
+    denominator = cos_right - math.cos(angles.gamma) * cos_left
+    beta_left = math.atan2(numerator, denominator)
+    for root in (beta_left, beta_left - math.copysign(math.pi, beta_left)):
+        beta_right = root + angles.gamma
+        if abs(root) < math.pi / 2 and abs(beta_right) < math.pi / 2:
+            distance = shape.width_m / (math.tan(beta_right) - math.tan(root))
+            return shape.line_x_m - distance, distance * math.tan(beta_right) - shape.width_m / 2
+    return None
+
+
+def pose_of(unknowns: npt.ArrayLike) -> Pose2:
+    """Pose of the camera on the floor, in the field frame of the goal at +x."""
+    p = np.asarray(unknowns, dtype=np.float64)
+    return Pose2(float(p[X]), float(p[Y]), float(p[HEADING]))

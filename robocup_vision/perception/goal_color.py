@@ -1,0 +1,77 @@
+"""Goal paint of a hue family, told relative to the image's own white: nothing is learnt by hand.
+
+A pixel belongs to the family whose rule-book hue is nearest, among the families that occur on this pitch, so the
+boundaries lie half-way between goal, carpet, ball and beacons.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models import COLOR_NAMES
+from field_models.field import Field
+
+ByteImage = npt.NDArray[np.uint8]
+
+_LEAST_SATURATION = 0.30  # a third of full paint: glare that leaves less is white for all we can tell
+_LEAST_VALUE = 25  # of 255, below which hue is noise
+_CAST = 1.3  # the strongest colour cast that the image's bright end is trusted with
+
+
+def is_chromatic(color: str) -> bool:
+    """Whether a named colour has a hue at all."""
+    bgr = COLOR_NAMES[color]
+    return max(bgr) - min(bgr) > 0.3 * max(bgr)
+
+
+def hue_of(color: str) -> float:
+    """Hue of a named colour in OpenCV's half degrees, 0 to 180."""
+    return float(cv2.cvtColor(np.array([[COLOR_NAMES[color]]], np.uint8), cv2.COLOR_BGR2HSV)[0, 0, 0])
+
+
+def hue_families(field: Field) -> dict[str, tuple[float, float]]:
+    """Hue interval (half degrees, may pass 0 or 180) of each goal colour of a field that has a hue."""
+    names = {"green", "orange", field.ball_color, *(goal.color for goal in field.goals)}
+    names |= {color for beacon in field.beacons for color in beacon.colors}
+    hues = {name: hue_of(name) for name in names if is_chromatic(name)}
+    families = {}
+    for color in {goal.color for goal in field.goals if is_chromatic(goal.color)}:
+        others = [(hues[name] - hues[color] + 90.0) % 180.0 - 90.0 for name in hues if name != color]
+        above = min((d for d in others if d > 0), default=60.0)
+        below = max((d for d in others if d < 0), default=-60.0)
+        # where no rival is near, a family still ends: 40 degrees of hue either way
+        families[color] = (hues[color] + max(below / 2, -20.0), hues[color] + min(above / 2, 20.0))
+    return families
+
+
+def white_gains(image: ByteImage) -> npt.NDArray[np.float64]:
+    """Factors (3,) for B, G, R that make the image's bright end white."""
+    coarse = image[::4, ::4].reshape(-1, 3)
+    bright = np.array([np.partition(coarse[:, c], -len(coarse) // 20)[-len(coarse) // 20] for c in range(3)], float)
+    gains = bright.max() / np.maximum(bright, 1.0)
+    return np.minimum(gains, _CAST)
+
+
+def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dict[str, ByteImage]:
+    """Masks (H, W) uint8, 255 on paint, one for each hue family."""
+    gains = white_gains(image)
+    balanced = image if np.all(gains < 1.02) else cv2.LUT(image, _gain_table(gains))
+    hsv = cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV)
+    masks = {}
+    for color, (low, high) in families.items():
+        least = np.array([max(low, 0.0), 255 * _LEAST_SATURATION, _LEAST_VALUE])
+        most = np.array([min(high, 179.0), 255, 255])
+        mask = cv2.inRange(hsv, least, most)
+        for wrapped_low, wrapped_high in ((low + 180.0, 179.0), (0.0, high - 180.0)):
+            if wrapped_low <= wrapped_high and (wrapped_low > 90.0 if low < 0 else high > 179.0):
+                least[0], most[0] = wrapped_low, wrapped_high
+                mask = cv2.bitwise_or(mask, cv2.inRange(hsv, least, most))
+        masks[color] = np.asarray(mask)
+    return masks
+
+
+def _gain_table(gains: npt.NDArray[np.float64]) -> ByteImage:
+    ramp = np.arange(256)[:, None] * gains
+    return np.minimum(np.rint(ramp), 255).astype(np.uint8).reshape(1, 256, 3)

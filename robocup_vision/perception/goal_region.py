@@ -1,0 +1,255 @@
+"""Where posts may stand in a frame: upright strips with two parallel edges that rise from green carpet.
+
+Two ways to find strips, one shape of result: goals of a hue stand out in a mask of that hue family, relative to the
+image's own white; white goals are bright between a rising and a falling edge, whatever clutter is behind them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.geometry import FloatArray
+from robocup_vision.perception.kernels import link_runs
+
+ByteImage = npt.NDArray[np.uint8]
+
+_LEAN = 0.27  # the most a post may lean in the image: 15 degrees of roll and perspective
+_THINNEST_PX = 2.5
+_LONGEST_GAP_WIDTHS = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """An upright strip in the image, pixels; its edges are u = at + lean * v.
+
+    Parameters
+    ----------
+    left, right : (float, float)
+        `at` and `lean` of both edges.
+    top, bottom : float
+        Rows between which it was seen.
+    foot : float
+        Row where carpet begins below it; NaN if it does not stand on carpet.
+    strength : float
+        Rows seen, times the mean contrast where that is known.
+    """
+
+    left: tuple[float, float]
+    right: tuple[float, float]
+    top: float
+    bottom: float
+    foot: float
+    strength: float
+
+    def edges_at(self, v: float) -> tuple[float, float]:
+        """Left and right edge (u, pixels) in a row."""
+        return self.left[0] + self.left[1] * v, self.right[0] + self.right[1] * v
+
+    def axis_at(self, v: float) -> float:
+        """The middle (u, pixels) in a row."""
+        left, right = self.edges_at(v)
+        return (left + right) / 2
+
+    def width_at(self, v: float) -> float:
+        """Width in a row, pixels."""
+        left, right = self.edges_at(v)
+        return right - left
+
+
+def carpet_mask(image: ByteImage, excluded: ByteImage | None = None) -> ByteImage:
+    """Mask (H, W) uint8, 255 on green carpet: Otsu's threshold on 2G - R - B, shadows and sun patches included.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    excluded : (H, W) uint8, optional
+        Pixels that are certainly something else (cyan paint is greenish too).
+    """
+    blue, green, red = cv2.split(image)
+    greenness = cv2.addWeighted(green, 1.0, cv2.addWeighted(red, 0.5, blue, 0.5, 0.0), -1.0, 0.0)
+    if excluded is not None:
+        greenness[excluded > 0] = 0
+    greenness = cv2.blur(greenness, (3, 3))
+    return np.asarray(cv2.threshold(greenness, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1])
+
+
+def white_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Bright stretches between a rising and a falling edge, in bands of rows.
+
+    Returns
+    -------
+    row, left, right, contrast : (N,) float64
+        Sorted by row; edges at sub-pixel columns; contrast is the weaker edge's gradient in noise units.
+    """
+    # white paint is bright in all three channels, and green carpet dark in this one
+    darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
+    bands = image.shape[0] // row_step
+    profile = cv2.resize(
+        np.ascontiguousarray(darkest[: bands * row_step]), (image.shape[1], bands), interpolation=cv2.INTER_AREA
+    ).astype(np.float32)
+    gradient = cv2.sepFilter2D(profile, cv2.CV_32F, np.array([-1, -2, 0, 2, 1], np.float32) / 8, np.ones(1, np.float32))
+    noise = 1.4826 * float(np.median(np.abs(gradient))) + 0.25
+    inner = gradient[:, 1:-1]
+    before, after = gradient[:, :-2], gradient[:, 2:]
+    rising = (inner > 4 * noise) & (inner >= before) & (inner > after)
+    falling = (inner < -4 * noise) & (inner <= before) & (inner < after)
+    widest = image.shape[1] // 8
+    rows, starts = np.nonzero(rising)
+    fall_rows, ends = np.nonzero(falling)
+    stride = image.shape[1] + widest + 1  # flat index in which a run never reaches the next row
+    flat_ends = fall_rows * stride + ends
+    first = np.searchsorted(flat_ends, rows * stride + starts)
+    found: list[FloatArray] = []
+    for skip in (0, 1):  # a speck on the paint must not end the run: the second falling edge is a run as well
+        pick = first + skip
+        good = pick < len(flat_ends)
+        pick = np.minimum(pick, max(len(flat_ends) - 1, 0))
+        width = np.where(good, flat_ends[pick] - (rows * stride + starts), -1) if len(flat_ends) else -np.ones(len(rows))
+        good = (width >= _THINNEST_PX) & (width <= widest)
+        r, s, e = rows[good], starts[good], ends[pick[good]] if len(flat_ends) else rows[good]
+        found.append(
+            np.stack(
+                [
+                    (r + 0.5) * row_step - 0.5,
+                    s + 1 + _vertex(gradient, r, s + 1),
+                    e + 1 + _vertex(gradient, r, e + 1),
+                    np.minimum(gradient[r, s + 1], -gradient[r, e + 1]) / noise,
+                ]
+            )
+        )
+    runs = np.hstack(found)
+    runs = runs[:, np.argsort(runs[0], kind="stable")]
+    return runs[0], runs[1], runs[2], runs[3]
+
+
+def _vertex(gradient: npt.NDArray[np.float32], row: npt.NDArray[np.int64], column: npt.NDArray[np.int64]) -> FloatArray:
+    low, mid, high = (np.abs(gradient[row, column + d]).astype(np.float64) for d in (-1, 0, 1))
+    bend = np.maximum(2 * mid - low - high, 1e-6)
+    return np.clip((high - low) / (2 * bend), -0.5, 0.5)
+
+
+def mask_runs(mask: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Stretches of a mask in every `row_step`-th row, as `white_runs` gives them (contrast is 1)."""
+    rows = mask[row_step // 2 :: row_step] > 0
+    padded = np.zeros((rows.shape[0], rows.shape[1] + 2), np.int8)
+    padded[:, 1:-1] = rows
+    change = np.diff(padded, axis=1)
+    row, start = np.nonzero(change > 0)
+    _, end = np.nonzero(change < 0)
+    keep = (end - start <= mask.shape[1] // 5) & (start > 0) & (end < mask.shape[1])
+    row, start, end = row[keep], start[keep], end[keep]
+    return (
+        row * float(row_step) + row_step // 2,
+        start - 0.5,
+        end - 0.5,
+        np.ones(len(row)),
+    )
+
+
+def strips(
+    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], row_step: int, carpet: ByteImage
+) -> list[Strip]:
+    """Stack runs into upright strips, join the pieces of one post and see where each stands on the carpet."""
+    row, left, right, contrast = runs
+    chain = np.empty(len(row), np.int64)
+    chains = link_runs(row, left, right, _LEAN, 4.0 * row_step, chain)
+    order = np.argsort(chain, kind="stable")
+    bounds = np.searchsorted(chain[order], np.arange(chains + 1))
+    pieces: list[npt.NDArray[np.int64]] = []
+    for k in range(chains):
+        members = order[bounds[k] : bounds[k + 1]]
+        if len(members) >= 3:
+            width = float(np.median(right[members] - left[members]))
+            if row[members[-1]] - row[members[0]] + row_step >= 0.75 * width:
+                pieces.append(members)
+    found = [strip for members in _join(pieces, row, left, right) if (strip := _strip(members, runs, carpet))]
+    return sorted(found, key=lambda s: -s.strength)
+
+
+def _join(
+    pieces: list[npt.NDArray[np.int64]], row: FloatArray, left: FloatArray, right: FloatArray
+) -> list[npt.NDArray[np.int64]]:
+    """Join pieces that continue each other's axis at the same width: glare and occlusion cut posts apart."""
+    pieces = sorted(pieces, key=len, reverse=True)
+    joined: list[npt.NDArray[np.int64]] = []
+    used = [False] * len(pieces)
+    for i, piece in enumerate(pieces):
+        if used[i]:
+            continue
+        members = piece
+        if len(members) >= 4:
+            grown = True
+            while grown:
+                grown = False
+                middle = (left[members] + right[members]) / 2
+                width = float(np.median(right[members] - left[members]))
+                lean, at = np.polyfit(row[members], middle, 1)
+                for j in range(i + 1, len(pieces)):
+                    if used[j]:
+                        continue
+                    other = pieces[j]
+                    off = np.abs((left[other] + right[other]) / 2 - at - lean * row[other])
+                    gap = max(row[other[0]] - row[members[-1]], row[members[0]] - row[other[-1]])
+                    other_width = float(np.median(right[other] - left[other]))
+                    if (
+                        0 < gap <= _LONGEST_GAP_WIDTHS * width
+                        and float(np.median(off)) < 0.3 * width
+                        and 0.7 < other_width / width < 1.4
+                    ):
+                        members = np.sort(np.concatenate([members, other]))
+                        used[j] = grown = True
+                        break
+        joined.append(members)
+    return joined
+
+
+def _strip(
+    members: npt.NDArray[np.int64], runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], carpet: ByteImage
+) -> Strip | None:
+    row, left, right = (array[members] for array in runs[:3])
+    width = float(np.median(right - left))
+    if row[-1] - row[0] < 2.0 * width or len(row) < 4:
+        return None
+    edges = []
+    for side in (left, right):
+        keep = np.ones(len(row), bool)
+        for _ in range(3):
+            lean, at = np.polyfit(row[keep], side[keep], 1)
+            off = np.abs(side - at - lean * row)
+            keep = off <= max(0.75, 2.5 * float(np.median(off)))
+        if abs(lean) > _LEAN or float(np.median(off)) > 1.0:
+            return None
+        edges.append((float(at), float(lean)))
+    strength = len(row) * float(np.minimum(runs[3][members], 20.0).mean())
+    strip = Strip(edges[0], edges[1], float(row[0]), float(row[-1]), float("nan"), strength)
+    if strip.width_at(strip.top) < _THINNEST_PX * 0.8 or strip.width_at(strip.bottom) < _THINNEST_PX * 0.8:
+        return None
+    return Strip(edges[0], edges[1], strip.top, strip.bottom, _foot_row(strip, carpet), strength)
+
+
+def _foot_row(strip: Strip, carpet: ByteImage) -> float:
+    """First row at or below the strip's end from which carpet lies between its edges."""
+    width = max(3.0, strip.width_at(strip.bottom))
+    first = max(0, int(strip.bottom - 1.5 * width))
+    last = min(carpet.shape[0] - 1, int(strip.bottom + 2.0 * width) + 4)
+    rows = np.arange(first, last + 1)
+    if len(rows) < 4:
+        return float("nan")
+    left = strip.left[0] + strip.left[1] * rows
+    right = strip.right[0] + strip.right[1] * rows
+    columns = left[:, None] + (right - left)[:, None] * np.linspace(0.15, 0.85, 7)
+    inside = (columns >= 0) & (columns <= carpet.shape[1] - 1)
+    picked = carpet[rows[:, None], np.clip(np.rint(columns), 0, carpet.shape[1] - 1).astype(np.int64)] > 0
+    green = (picked & inside).mean(axis=1)
+    # the foot splits the rows into paint above and carpet below with the fewest rows on the wrong side
+    wrong = np.concatenate([[0.0], np.cumsum(green)]) + np.concatenate([np.cumsum((1 - green)[::-1])[::-1], [0.0]])
+    split = int(np.argmin(wrong))
+    below = green[split : split + 4]
+    if split == len(rows) or len(below) < 3 or float(below.mean()) < 0.6:
+        return float("nan")
+    return float(rows[0] + split) - 0.5
