@@ -92,8 +92,8 @@ def test_camera_from_a_file_and_field_from_a_file(tmp_path: Path):
         '[boundary]\nkind = "walls"\nmargin_m = 0.1\nheight_m = 0.1\n'
     )
     render("--field", field, "--camera", tmp_path / "mirror.toml", "--count", 1, tmp_path / "out")
-    written = read_toml(tmp_path / "out" / "dataset.toml")["field"]
-    assert load_field(written).length_m == 3.0
+    assert read_toml(tmp_path / "out" / "dataset.toml")["field"] == "field.toml"
+    assert (tmp_path / "out" / "field.toml").read_text() == field.read_text()
 
 
 def test_full_folder_is_refused_and_left_alone(tmp_path: Path):
