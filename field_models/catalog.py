@@ -50,7 +50,7 @@ class _Beacon(StrictStruct):
     y_m: float
     radius_m: Length
     height_m: Length
-    colors: tuple[str, ...]
+    colors: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
 
 
 class _FieldFile(StrictStruct):
@@ -107,7 +107,7 @@ def load_field(name_or_path: str | Path) -> Field:
         path = Path(str(files("field_models") / "fields" / f"{name_or_path}.toml"))
     else:
         names = ", ".join(field_names())
-        raise ArgumentError(f"field '{name_or_path}' is neither a .toml file nor one of: {names}")
+        raise ArgumentError(f"field {str(name_or_path)!r} is neither a .toml file nor one of: {names}")
     description = load_toml(path, _FieldFile)
     _check(path, description)
     return _derive(description)
@@ -121,6 +121,21 @@ def _check(path: Path, f: _FieldFile) -> None:
             raise FileError(path, f"is wider than the field ({f.width_m} m)", key=f"{key}.width_m", value=area.width_m)
         if 2 * area.depth_m > f.length_m:
             raise FileError(path, "reaches over the centre line", key=f"{key}.depth_m", value=area.depth_m)
+    for key, radius in (
+        ("center_circle_radius_m", f.center_circle_radius_m),
+        ("corner_arc_radius_m", f.corner_arc_radius_m),
+    ):
+        if radius is not None and 2 * radius > min(f.length_m, f.width_m):
+            raise FileError(path, "is wider than the field", key=key, value=radius)
+    if f.penalty_arc is not None:
+        if f.penalty_arc.center_x_m - f.penalty_arc.radius_m < 0:
+            raise FileError(
+                path, "reaches over the centre line", key="penalty_arc.radius_m", value=f.penalty_arc.radius_m
+            )
+        if f.penalty_arc.center_x_m - f.penalty_arc.radius_m >= _penalty_front_x_m(f):
+            raise FileError(
+                path, "ends inside the penalty area", key="penalty_arc.radius_m", value=f.penalty_arc.radius_m
+            )
     if f.boundary.kind != "carpet" and f.boundary.height_m <= 0:
         raise FileError(
             path, f"must be positive for kind '{f.boundary.kind}'", key="boundary.height_m", value=f.boundary.height_m
@@ -130,6 +145,8 @@ def _check(path: Path, f: _FieldFile) -> None:
             raise FileError(path, f"is wider than the field ({f.width_m} m)", key="goal.width_m", value=f.goal.width_m)
         if f.goal.kind == "recess" and (f.boundary.kind != "walls" or f.boundary.margin_m > 0 or f.goal.depth_m <= 0):
             raise FileError(path, "needs boundary walls without a margin and a depth", key="goal.kind", value="recess")
+        if f.goal.kind == "panels" and f.boundary.kind != "carpet" and f.goal.depth_m > f.boundary.margin_m:
+            raise FileError(path, f"reaches through the {f.boundary.kind}", key="goal.depth_m", value=f.goal.depth_m)
         if f.goal.kind == "posts" and f.goal.post_radius_m <= 0:
             raise FileError(path, "must be positive for posts", key="goal.post_radius_m", value=f.goal.post_radius_m)
     colors = [("boundary.color", f.boundary.color), ("ball_color", f.ball_color)]
@@ -206,9 +223,8 @@ def _arcs(f: _FieldFile) -> list[list[float]]:
         rows.append([0.0, 0.0, f.center_circle_radius_m, 0.0, math.tau])
     if f.penalty_arc is not None:
         center, radius = f.penalty_arc.center_x_m, f.penalty_arc.radius_m
-        front = f.length_m / 2 - (f.penalty_area.depth_m if f.penalty_area is not None else 0.0)
         # only the part outside the penalty area is painted
-        half_sweep = math.acos(max(-1.0, min(1.0, (center - front) / radius)))
+        half_sweep = math.acos(max(-1.0, (center - _penalty_front_x_m(f)) / radius))
         rows += [
             [center, 0.0, radius, math.pi - half_sweep, 2 * half_sweep],
             [-center, 0.0, radius, -half_sweep, 2 * half_sweep],
@@ -217,6 +233,10 @@ def _arcs(f: _FieldFile) -> list[list[float]]:
         for sx, sy, start in ((1, 1, math.pi), (-1, 1, -math.pi / 2), (-1, -1, 0.0), (1, -1, math.pi / 2)):
             rows.append([sx * f.length_m / 2, sy * f.width_m / 2, f.corner_arc_radius_m, start, math.pi / 2])
     return rows
+
+
+def _penalty_front_x_m(f: _FieldFile) -> float:
+    return f.length_m / 2 - (f.penalty_area.depth_m if f.penalty_area is not None else 0.0)
 
 
 def _floor_polygon(f: _FieldFile) -> list[list[float]]:

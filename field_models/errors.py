@@ -6,11 +6,16 @@ that names the file, the key and the offending value.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 
 class RobocupVisionError(Exception):
     """Base class of all errors this project raises on purpose; `str(error)` is one line for the user."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(" ".join(line.strip() for line in message.splitlines()))
 
 
 class FileError(RobocupVisionError):
@@ -30,11 +35,18 @@ class FileError(RobocupVisionError):
 
     def __init__(self, path: str | Path, problem: str, *, key: str | None = None, value: object = ...) -> None:
         self.path = Path(path)
+        self.problem = problem
         self.key = key
         self.value = value
         where = f"{path}: " + (f"key '{key}': " if key else "")
-        got = "" if value is ... else f", got {value!r}"
-        super().__init__(" ".join((where + problem + got).split()))
+        shown = repr(value)
+        got = "" if value is ... else f", got {shown if len(shown) <= 120 else shown[:117] + '...'}"
+        super().__init__(where + problem + got)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # an exception is pickled with its message as the only argument, which would not build this one again: worker
+        # processes hand their errors back by pickle
+        return partial(type(self), key=self.key, value=self.value), (str(self.path), self.problem)
 
 
 class FrameError(RobocupVisionError):

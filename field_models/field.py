@@ -17,7 +17,8 @@ FloatArray = npt.NDArray[np.float64]
 BoundaryKind = Literal["walls", "boards", "carpet"]
 GoalKind = Literal["recess", "panels", "posts"]
 
-# Paint and plastic as named in rule books -> BGR of a frame under white light: a renderer's start, no classifier's truth.
+# Paint and plastic as named in rule books -> BGR of a frame under white light: where a renderer starts from, never what
+# a classifier takes for true.
 COLOR_NAMES: dict[str, tuple[int, int, int]] = {
     "white": (230, 230, 230),
     "black": (35, 35, 35),
@@ -166,7 +167,8 @@ class Field:
     def walls(self) -> FloatArray:
         """(W, 4) float64: feet of everything upright that bounds the floor, x0, y0, x1, y1, metres.
 
-        The floor polygon's edges, counter-clockwise, and the panels of goals that stand inside it.
+        The floor polygon's edges, counter-clockwise, and the panels of goals that stand inside it. On a "carpet"
+        nothing upright stands on the edges (see `is_bounded`).
         """
         edges = np.hstack([self.floor_polygon, np.roll(self.floor_polygon, -1, axis=0)])
         panels = [goal.panels for goal in self.goals if goal.kind == "panels"]

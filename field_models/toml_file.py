@@ -33,13 +33,18 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         If the file cannot be read, is not TOML, or holds a non-finite number.
     """
     try:
-        raw = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        # "-sig": some editors put a byte order mark in front
+        raw = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise FileError(path, f"cannot be read ({error.strerror or error})") from None
     except UnicodeDecodeError:
         raise FileError(path, "is not UTF-8 text") from None
     except tomllib.TOMLDecodeError as error:
         raise FileError(path, f"is not valid TOML ({error})") from None
+    except RecursionError:
+        raise FileError(path, "is nested too deeply") from None
+    except ValueError as error:  # a NUL in the path
+        raise FileError(path, f"cannot be read ({error})") from None
     _refuse_non_finite(path, raw, "")
     return raw
 
@@ -65,7 +70,10 @@ def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
             raise FileError(
                 path, "is missing" if missing else "is unknown", key=f"{inside}{named[1]}", value=unknown_value
             ) from None
-        raise FileError(path, problem[0].lower() + problem[1:], key=key or None, value=_look_up(raw, key)) from None
+        if problem.startswith("Invalid enum value"):
+            problem = "is not a value this version knows"
+        value = _look_up(raw, key) if key else ...
+        raise FileError(path, problem[0].lower() + problem[1:], key=key or None, value=value) from None
 
 
 def load_toml(path: str | Path, struct: type[T]) -> T:

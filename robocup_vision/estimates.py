@@ -7,10 +7,11 @@ from typing import Literal
 
 import numpy as np
 
+from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, read_only
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
     """A pose on the field as one frame shows it.
 
@@ -37,10 +38,12 @@ class PoseEstimate:
     def __post_init__(self) -> None:
         covariance = read_only(self.covariance)
         if covariance.shape != (3, 3):
-            raise ValueError(f"covariance must be (3, 3), got {covariance.shape}")
+            raise ArgumentError(f"covariance must be (3, 3), got {covariance.shape}")
         object.__setattr__(self, "covariance", covariance)
         if not self.candidates:
             object.__setattr__(self, "candidates", (self.pose,))
+        elif self.candidates[0] != self.pose:
+            raise ArgumentError(f"the first of the candidates must be the pose {self.pose}, got {self.candidates[0]}")
 
     @property
     def std(self) -> FloatArray:

@@ -106,7 +106,7 @@ def compose_covariance(first: Pose2, first_cov: FloatArray, second: Pose2, secon
         [[1.0, 0.0, -s * second.x_m - c * second.y_m], [0.0, 1.0, c * second.x_m - s * second.y_m], [0.0, 0.0, 1.0]]
     )
     by_second = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return by_first @ first_cov @ by_first.T + by_second @ second_cov @ by_second.T
+    return np.asarray(by_first @ first_cov @ by_first.T + by_second @ second_cov @ by_second.T)
 
 
 def half_turn_covariance(covariance: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias, Union
 import msgspec
 import numpy as np
 
-from field_models.errors import FileError
+from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, read_toml
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
@@ -18,6 +18,9 @@ Camera: TypeAlias = Union[OmniCamera, PinholeCamera]  # noqa: UP007  (evaluated,
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Pixels = Annotated[int, msgspec.Meta(gt=0)]
+
+# inverse ranges below this (floor a thousand km away) count as horizon
+NEAREST_HORIZON_PER_M = 1e-6
 
 
 class _HyperboloidFile(StrictStruct, tag_field="kind", tag="hyperboloid"):
@@ -145,14 +148,14 @@ def _check_omni(path: str | Path, camera: OmniCamera) -> None:
     _check_center(path, camera)
     radii = np.linspace(inner, outer, 256)
     q = camera.floor_range.inverse_range_per_m(radii)
-    if not (q[0] > 0 and np.isfinite(q[0])):
+    if not NEAREST_HORIZON_PER_M < q[0] < np.inf:
         raise FileError(path, "shows no floor at its inner end", key="usable_radius_px", value=[inner, outer])
     defined = np.isfinite(q)
     if not np.all(np.diff(q[defined]) < 0):
         raise FileError(path, "is not strictly increasing over usable_radius_px", key="floor_range")
     # a table may end before the usable radius does, other curves may pass the horizon: only the floor must come back
     bearings = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
-    pixels = camera.polar_to_pixel(bearings[:, None], radii[None, defined & (q > 1e-6)]).reshape(-1, 2)
+    pixels = camera.polar_to_pixel(bearings[:, None], radii[None, defined & (q > NEAREST_HORIZON_PER_M)]).reshape(-1, 2)
     floor = camera.pixel_to_floor(pixels)
     seen = np.isfinite(floor).all(axis=1)
     error = np.linalg.norm(camera.floor_to_pixel(floor[seen]) - pixels[seen], axis=1)
@@ -201,16 +204,27 @@ def _check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
 
 
 def save_camera(camera: Camera, path: str | Path) -> None:
-    """Write a camera file that `load_camera` reads back to the same camera."""
+    """Write a camera file that `load_camera` reads back to the same camera.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    ArgumentError
+        If the floor range is of a kind that camera files do not have.
+    """
     lines = _pinhole_lines(camera) if isinstance(camera, PinholeCamera) else _omni_lines(camera)
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    try:
+        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
 
 
 def _pinhole_lines(camera: PinholeCamera) -> list[str]:
     lines = [
         "format = 1",
         'model = "pinhole"',
-        f"size_px = {list(camera.size_px)}",
+        f"size_px = {[int(v) for v in camera.size_px]}",
         f"focal_px = {[float(v) for v in camera.focal_px]}",
         f"center_px = {[float(v) for v in camera.center_px]}",
         f"height_m = {float(camera.height_m)}",
@@ -225,7 +239,7 @@ def _pinhole_lines(camera: PinholeCamera) -> list[str]:
 def _omni_lines(camera: OmniCamera) -> list[str]:
     lines = ["format = 1", 'model = "omni"']
     lines += [
-        f"size_px = {list(camera.size_px)}",
+        f"size_px = {[int(v) for v in camera.size_px]}",
         f"center_px = {[float(v) for v in camera.center_px]}",
         f"usable_radius_px = {[float(v) for v in camera.usable_radius_px]}",
         f"mirrored = {str(camera.mirrored).lower()}",
@@ -238,11 +252,13 @@ def _omni_lines(camera: OmniCamera) -> list[str]:
     lines += ["", "[floor_range]"]
     curve = camera.floor_range
     if isinstance(curve, Hyperboloid):
-        lines += ['kind = "hyperboloid"', f"A_px_per_m = {curve.A_px_per_m}", f"B_per_m = {curve.B_per_m}"]
-        lines.append(f"C_px2 = {curve.C_px2}")
+        lines += ['kind = "hyperboloid"', f"A_px_per_m = {float(curve.A_px_per_m)}"]
+        lines += [f"B_per_m = {float(curve.B_per_m)}", f"C_px2 = {float(curve.C_px2)}"]
     elif isinstance(curve, Tangent):
-        lines += ['kind = "tangent"', f"a_m = {curve.a_m}", f"b_per_px = {curve.b_per_px}"]
+        lines += ['kind = "tangent"', f"a_m = {float(curve.a_m)}", f"b_per_px = {float(curve.b_per_px)}"]
     elif isinstance(curve, Table):
         lines += ['kind = "table"', f"radius_px = {curve.table_radius_px.tolist()}"]
         lines.append(f"range_m = {curve.table_range_m.tolist()}")
+    else:
+        raise ArgumentError(f"a camera file cannot hold a floor range of type {type(curve).__name__}")
     return lines

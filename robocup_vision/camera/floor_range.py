@@ -20,7 +20,10 @@ class FloorRange(Protocol):
     """A curve from image radius to floor range."""
 
     def inverse_range_per_m(self, radius_px: npt.ArrayLike) -> FloatArray:
-        """1/r for image radii > 0 (any shape, px), 1/m; zero or negative from the horizon on, NaN where undefined."""
+        """1/r for image radii >= 0 (any shape, px), 1/m; zero or negative from the horizon on, NaN where undefined.
+
+        At R = 0, straight down, it is infinite (or NaN: a table need not begin there).
+        """
         ...
 
     def radius_px(self, inverse_range_per_m: npt.ArrayLike) -> FloatArray:
@@ -65,7 +68,7 @@ class Hyperboloid:
         with np.errstate(invalid="ignore", divide="ignore"):
             root = np.sqrt((a * q) ** 2 - (q * q - b2) * constant)
             radius = constant / (a * q + root)
-        return np.where(radius > 0, radius, np.nan)
+        return np.where(q == np.inf, 0.0, np.where(radius > 0, radius, np.nan))
 
     @property
     def implied_height_m(self) -> float | None:
@@ -92,7 +95,7 @@ class Tangent:
         angle = self.b_per_px * np.asarray(radius_px, dtype=np.float64)
         with np.errstate(divide="ignore"):
             q = 1.0 / (self.a_m * np.tan(angle))
-        return np.where((angle > 0) & (angle < math.pi), q, np.nan)
+        return np.where((angle >= 0) & (angle < math.pi), q, np.nan)
 
     def radius_px(self, inverse_range_per_m: npt.ArrayLike) -> FloatArray:
         """R, see `FloorRange`."""
@@ -125,14 +128,21 @@ class Table:
     def inverse_range_per_m(self, radius_px: npt.ArrayLike) -> FloatArray:
         """1/r, see `FloorRange`; NaN outside the table."""
         radius = np.asarray(radius_px, dtype=np.float64)
-        return np.interp(radius, self.table_radius_px, 1.0 / self.table_range_m, left=np.nan, right=np.nan)
+        return _interpolate(radius, self.table_radius_px, 1.0 / self.table_range_m)
 
     def radius_px(self, inverse_range_per_m: npt.ArrayLike) -> FloatArray:
         """R, see `FloorRange`; NaN outside the table."""
         q = np.asarray(inverse_range_per_m, dtype=np.float64)
-        return np.interp(q, 1.0 / self.table_range_m[::-1], self.table_radius_px[::-1], left=np.nan, right=np.nan)
+        return _interpolate(q, 1.0 / self.table_range_m[::-1], self.table_radius_px[::-1])
 
     @property
     def implied_height_m(self) -> float | None:
         """None: a table does not fix the viewpoint."""
         return None
+
+
+def _interpolate(x: FloatArray, known_x: FloatArray, known_y: FloatArray) -> FloatArray:
+    # the ends belong to the table although a pixel or a floor point there is a rounding error outside
+    slack = 1e-9 * known_x[-1]
+    inside = (x >= known_x[0] - slack) & (x <= known_x[-1] + slack)
+    return np.where(inside, np.interp(x, known_x, known_y), np.nan)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.camera.floor_range import FloorRange
-from robocup_vision.geometry import FloatArray
+from robocup_vision.geometry import FloatArray, read_only
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +75,12 @@ class OmniCamera:
         tx, ty = self.tilt_rad
         about_x = np.array([[1, 0, 0], [0, math.cos(tx), -math.sin(tx)], [0, math.sin(tx), math.cos(tx)]])
         about_y = np.array([[math.cos(ty), 0, math.sin(ty)], [0, 1, 0], [-math.sin(ty), 0, math.cos(ty)]])
-        return np.asarray(about_y @ about_x)
+        return read_only(about_y @ about_x)
 
     @cached_property
     def viewpoint_m(self) -> FloatArray:
         """(3,) float64: effective viewpoint in the robot frame, metres."""
-        return np.array([*self.offset_m, self._height_or_one])
+        return read_only([*self.offset_m, self._height_or_one])
 
     def image_bearing_rad(self, pixels: npt.ArrayLike) -> FloatArray:
         """Bearing (...,) of pixels (..., 2) about the mirror axis in the camera frame, radians."""
@@ -118,8 +118,7 @@ class OmniCamera:
         horizontal = np.hypot(ray[..., 0], ray[..., 1])
         with np.errstate(divide="ignore", invalid="ignore"):
             q = -ray[..., 2] / (horizontal * self._height_or_one)
-        radius = np.where(np.isposinf(q), 0.0, self.floor_range.radius_px(np.where(np.isfinite(q), q, 1.0)))
-        radius = np.where(np.isneginf(q) | np.isnan(q), np.nan, radius)
+        radius = np.where(np.isneginf(q), np.nan, self.floor_range.radius_px(q))
         return self.polar_to_pixel(np.arctan2(ray[..., 1], ray[..., 0]), radius)
 
     def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
@@ -130,8 +129,17 @@ class OmniCamera:
         return np.asarray(self.offset_m + ray[..., :2] * scale[..., None])
 
     def point_to_pixel(self, points_m: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) of points (..., 3) in the robot frame, metres."""
-        return self.ray_to_pixel(np.asarray(points_m, dtype=np.float64) - self.viewpoint_m)
+        """Pixels (..., 2) of points (..., 3) in the robot frame, metres.
+
+        Raises
+        ------
+        ArgumentError
+            If a point is off the floor and `height_m` is not known: its pixel depends on it.
+        """
+        points = np.asarray(points_m, dtype=np.float64)
+        if self.height_m is None and np.any(points[..., 2] != 0):
+            raise ArgumentError("viewpoint_height_m is needed to see points above the floor")
+        return self.ray_to_pixel(points - self.viewpoint_m)
 
     def floor_to_pixel(self, points_m: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) of floor points (..., 2) in the robot frame, metres."""

@@ -8,11 +8,7 @@ import math
 import shlex
 from typing import Any, Literal
 
-from field_models import load_field
-from field_models.errors import ArgumentError
-from robocup_vision.progress import progress
-
-# names only: reading the options must not load the renderer
+# names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
 CONDITION_NAMES = ("nominal", "noisy", "warm", "cold", "dark", "crowd", "bad_day", "miscalibrated")
 
 
@@ -58,6 +54,9 @@ def run_render(args: argparse.Namespace) -> int:
     RobocupVisionError
         For anything the user can mend.
     """
+    from field_models import load_field
+    from field_models.errors import ArgumentError
+    from robocup_vision.progress import progress
     from sim2d.rendering.cameras import camera_by_name
     from sim2d.rendering.dataset import write_dataset
     from sim2d.rendering.random_scenes import CONDITIONS, sample

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
@@ -32,7 +33,7 @@ def write_dataset(
     folder : str or Path
         Made if absent; must be empty.
     field_name_or_path : str or Path
-        As dataset.toml shall name the field; a path is written as an absolute one.
+        Built-in field; or a field file, which is copied into the folder.
     camera : OmniCamera
         The camera handed to the localiser.
     samples : iterable of Sample
@@ -56,9 +57,10 @@ def write_dataset(
     _make_empty(root)
     field = str(field_name_or_path)
     if field.endswith(".toml"):
-        field = Path(field).resolve().as_posix()
+        shutil.copyfile(field, root / "field.toml")
+        field = "field.toml"
     lines = [] if command is None else [f"# made by: {' '.join(command.split())}"]
-    lines += ["format = 1", f"field = {_toml_string(field)}", 'camera = "camera.toml"', 'images = "images"']
+    lines += ["format = 1", f'field = "{field}"', 'camera = "camera.toml"', 'images = "images"']
     lines += ['truth = "truth.csv"', f'symmetry = "{symmetry}"']
     (root / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     save_camera(camera, root / "camera.toml")
@@ -84,7 +86,3 @@ def _make_empty(root: Path) -> None:
         (root / "images").mkdir(parents=True)
     except OSError as error:
         raise ArgumentError(f"{root} cannot be written ({error.strerror or error})") from None
-
-
-def _toml_string(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -21,6 +21,7 @@ from sim2d.rendering.sensor import Sensor
 BALL_RANGE_M = 1.5  # a ball lies at most this far from the robot
 CLEARANCE_M = 0.01  # between any two things that stand on the field
 TRIES = 2000
+CIRCLE = np.stack([np.cos(np.arange(8) * math.pi / 4), np.sin(np.arange(8) * math.pi / 4)], axis=1)
 RING_BOXES = (7, 8)
 RING_RANGE_M = (0.17, 0.42)
 
@@ -204,7 +205,8 @@ def _place(scene: Scene, radius_m: float, rng: np.random.Generator) -> tuple[flo
     low, high = scene.field.floor_polygon.min(axis=0), scene.field.floor_polygon.max(axis=0)
     for _ in range(TRIES):
         x, y = rng.uniform(low, high)
-        if scene.field.contains([x, y]) and scene.clearance_m(x, y) >= radius_m + CLEARANCE_M:
+        outline = np.array([x, y]) + radius_m * CIRCLE
+        if scene.field.contains(outline).all() and scene.clearance_m(x, y) >= radius_m + CLEARANCE_M:
             return float(x), float(y)
     raise ArgumentError(f"field '{scene.field.name}' has no room for a robot of radius {radius_m} m")
 
@@ -212,7 +214,7 @@ def _place(scene: Scene, radius_m: float, rng: np.random.Generator) -> tuple[flo
 def _fits(scene: Scene, pose: Pose2, box: Box, boxes: list[Box]) -> bool:
     reach = math.hypot(box.width_m, box.depth_m) / 2 + CLEARANCE_M
     return (
-        bool(scene.field.contains([box.x_m, box.y_m]))
+        bool(scene.field.contains(box.corners).all())
         and scene.clearance_m(box.x_m, box.y_m) >= reach
         and box.distance_m(pose.x_m, pose.y_m) >= scene.field.robot_radius_m + CLEARANCE_M
         and all(other.distance_m(box.x_m, box.y_m) >= reach for other in boxes)

@@ -1,0 +1,48 @@
+# Two commands need nothing but Python (3.10 or newer, with venv), git and make: `make demo` and `make test`.
+
+PYTHON := .venv/bin/python
+INSTALLED := .venv/installed
+
+.DEFAULT_GOAL := help
+.PHONY: help .venv test demo examples clean
+
+help:
+	@echo "make demo      evaluate the sample dataset and write out/omni_ssl_2001/report.html"
+	@echo "make test      ruff, mypy and pytest"
+	@echo "make examples  run every program in examples/"
+	@echo "make clean     remove what the above have made"
+
+.venv: $(INSTALLED)
+
+$(INSTALLED): pyproject.toml
+	@set -e; \
+	for python in python3.13 python3.12 python3.11 python3.10 python3; do \
+		if $$python -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then \
+			found=$$python; \
+			if $$python -c 'import ensurepip, venv' 2>/dev/null; then chosen=$$python; break; fi; \
+		fi; \
+	done; \
+	if [ -z "$$found" ]; then echo "make: no Python 3.10 or newer was found" >&2; exit 1; fi; \
+	if [ -z "$$chosen" ]; then echo "make: $$found cannot make virtual environments; install python3-venv (apt install python3-venv)" >&2; exit 1; fi; \
+	if [ ! -x $(PYTHON) ]; then echo "making .venv with $$chosen"; $$chosen -m venv .venv; fi; \
+	echo "installing into .venv"; \
+	$(PYTHON) -m pip install -qq --disable-pip-version-check --editable '.[test]'; \
+	touch $@
+
+test: $(INSTALLED)
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/mypy
+	$(PYTHON) -m pytest --cov --cov-report=term:skip-covered --cov-fail-under=90
+
+demo: $(INSTALLED)
+	.venv/bin/robocup-vision evaluate images/omni_ssl_2001 --out out/omni_ssl_2001
+
+examples: $(INSTALLED)
+	@set -e; for program in examples/*.py; do \
+		if [ -e "$$program" ]; then echo "== $$program"; $(PYTHON) "$$program"; fi; \
+	done
+
+clean:
+	rm -rf .venv out build dist .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,123 @@
+"""CSV tables read strictly: wrong columns, repeated rows and entries that are not numbers are named by line."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from field_models.errors import FileError
+
+
+@dataclass(frozen=True, slots=True)
+class CsvRow:
+    """One line of a table.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for error messages.
+    line : int
+        Number of the line in the file, from 1.
+    entries : dict of str to str
+        Text under each column.
+    """
+
+    path: Path
+    line: int
+    entries: dict[str, str]
+
+    def number(self, column: str) -> float:
+        """Return a finite number.
+
+        Raises
+        ------
+        FileError
+            If the entry is empty, not a number, NaN or infinite.
+        """
+        text = self.entries[column]
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise FileError(self.path, f"line {self.line}: {column} must be a finite number", value=text)
+        return value
+
+    def number_or_none(self, column: str) -> float | None:
+        """Return a finite number, or None where the entry is empty."""
+        return self.number(column) if self.entries[column] else None
+
+
+def read_csv(
+    path: str | Path, required: Sequence[str], optional: Sequence[str] = (), *, ignore_others: bool = False
+) -> list[CsvRow]:
+    """Read a table whose first column names an image, each image once.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; its first line names the columns.
+    required : sequence of str
+        Columns that must be there; the first of them names the image.
+    optional : sequence of str
+        Columns of which all or none must be there.
+    ignore_others : bool
+        Whether further columns are ignored rather than refused.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, a column is missing, unknown or named twice, a line has more or fewer entries than
+        the header, or an image is listed twice.
+    """
+    path = Path(path)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream)
+            lines = [
+                (reader.line_num, [cell.strip() for cell in cells]) for cells in reader if any(map(str.strip, cells))
+            ]
+    except OSError as error:
+        raise FileError(path, f"cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError:
+        raise FileError(path, "is not UTF-8 text") from None
+    except csv.Error as error:
+        raise FileError(path, f"is not a valid CSV file ({error})") from None
+    if not lines:
+        raise FileError(path, f"is empty, must begin with the line '{','.join(required)}'")
+    (_, header), *body = lines
+    _check_header(path, header, required, optional, ignore_others)
+    rows: list[CsvRow] = []
+    first_line: dict[str, int] = {}
+    for number, cells in body:
+        if len(cells) != len(header):
+            raise FileError(path, f"line {number}: must have {len(header)} entries", value=len(cells))
+        row = CsvRow(path, number, dict(zip(header, cells, strict=True)))
+        image = row.entries[required[0]]
+        if image in first_line:
+            raise FileError(path, f"line {number}: image already listed in line {first_line[image]}", value=image)
+        first_line[image] = number
+        rows.append(row)
+    return rows
+
+
+def _check_header(
+    path: Path, header: list[str], required: Sequence[str], optional: Sequence[str], ignore_others: bool
+) -> None:
+    got = ",".join(header)
+    for column in required:
+        if column not in header:
+            raise FileError(path, f"line 1: column '{column}' is missing", value=got)
+    present = [column for column in optional if column in header]
+    if present and len(present) < len(optional):
+        absent = next(column for column in optional if column not in header)
+        raise FileError(path, f"line 1: column '{absent}' is missing beside '{present[0]}'", value=got)
+    known = (*required, *optional)
+    for column in header:
+        if column in known and header.count(column) > 1:
+            raise FileError(path, f"line 1: column '{column}' is named twice", value=got)
+        if column not in known and not ignore_others:
+            raise FileError(path, f"line 1: column '{column}' is unknown", value=got)

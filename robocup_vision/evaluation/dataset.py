@@ -1,0 +1,313 @@
+"""A folder of images (or a video) with its field, camera, truth and odometry, checked before any frame is looked at.
+
+Frames stay on the disk until they are asked for, one at a time: a dataset may be larger than memory.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.catalog import load_field
+from field_models.errors import ArgumentError, FileError, FrameError
+from field_models.field import Field
+from field_models.toml_file import StrictStruct, load_toml
+from robocup_vision.camera import OmniCamera, load_camera
+from robocup_vision.evaluation.csv_file import read_csv
+from robocup_vision.evaluation.image_file import IMAGE_SUFFIXES, ImageArray, read_image, read_mask
+from robocup_vision.evaluation.video_file import count_video_frames, read_video
+from robocup_vision.geometry import Pose2
+
+if TYPE_CHECKING:
+    from robocup_vision.perception.color_table import Colors
+
+Word = TypeVar("Word", bound=str)
+Method = Literal["floor", "field", "goal", "landmarks"]
+METHODS: tuple[Method, ...] = ("floor", "field", "goal", "landmarks")
+Symmetry = Literal["none", "point"]
+SYMMETRIES: tuple[Symmetry, ...] = ("none", "point")
+
+
+class _DatasetFile(StrictStruct):
+    format: Literal[1]
+    field: str
+    camera: str
+    images: str
+    colors: str | None = None
+    method: str | None = None
+    frames: str | None = None
+    truth: str | None = None
+    mask: str | None = None
+    symmetry: str = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Where the robot (method "goal": the camera) really was; `theta_rad` is None where nobody measured it."""
+
+    x_m: float
+    y_m: float
+    theta_rad: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTime:
+    """When a frame was taken, seconds, and how the robot moved since the frame before, in that frame's robot frame."""
+
+    t_s: float
+    odometry: Pose2 | None
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """What `load_dataset` found. Can be pickled, so that worker processes read their own frames.
+
+    Parameters
+    ----------
+    name : str
+        Of the folder or video.
+    path : Path
+        The folder that holds the images, or the video file.
+    image_names : tuple of str
+        In the order of evaluation: file names, or ``frame_000000`` and so on for a video.
+    field, camera, colors
+        What `robocup_vision.Vision` needs; `colors` is None where they are learnt from the images.
+    method : {"floor", "field", "goal", "landmarks"}
+        How the pose is told.
+    times : mapping of str to FrameTime, or None
+        By image; a dataset with times is a sequence.
+    truth : mapping of str to Truth
+        By image; may cover only a part of the images, or none.
+    mask : (H, W) uint8 or None
+        Non-zero where pixels are never to be looked at.
+    symmetry : {"none", "point"}
+        "point": errors count modulo a half turn about the field's centre.
+    """
+
+    name: str
+    path: Path
+    image_names: tuple[str, ...]
+    field: Field
+    camera: OmniCamera
+    colors: Colors | None
+    method: Method
+    times: Mapping[str, FrameTime] | None
+    truth: Mapping[str, Truth]
+    mask: npt.NDArray[np.uint8] | None
+    symmetry: Symmetry
+
+    @property
+    def is_video(self) -> bool:
+        """Whether the frames come from a video, which can only be read from its beginning."""
+        return self.path.is_file()
+
+    def read_frame(self, index: int) -> ImageArray:
+        """Read one frame, (H, W, 3) uint8 BGR, of a folder of images.
+
+        Raises
+        ------
+        FrameError
+            If the image is missing, damaged, truncated, not 8-bit colour or not as large as the camera's images.
+        """
+        if self.is_video:
+            raise ArgumentError(f"{self.path}: frames of a video are read in order, by read_frames")
+        return read_image(self.path / self.image_names[index], self.camera.size_px)
+
+    def read_frames(self) -> Iterator[ImageArray | FrameError]:
+        """Read all frames in order, one at a time; where one cannot be used, yield the error in its place."""
+        if self.is_video:
+            yield from read_video(self.path, len(self.image_names), self.camera.size_px)
+            return
+        for index in range(len(self.image_names)):
+            try:
+                yield self.read_frame(index)
+            except FrameError as error:
+                yield error
+
+
+def load_dataset(
+    path: str | Path,
+    *,
+    field: str | Path | None = None,
+    camera: str | Path | None = None,
+    colors: str | Path | None = None,
+    method: str | None = None,
+) -> Dataset:
+    """Load and check a dataset, without reading its frames.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder with a ``dataset.toml`` (or that file), a plain folder of images, or a video file. The latter two need
+        `field` and `camera`.
+    field : str or Path, optional
+        Name of a built-in field or path of a field file. This and the following go before what ``dataset.toml`` says.
+    camera, colors : str or Path, optional
+        Paths of camera and colour file.
+    method : {"floor", "field", "goal", "landmarks"}, optional
+        How the pose is told.
+
+    Raises
+    ------
+    FileError
+        If a file is missing or wrong, there are no images, a table names absent images, or things contradict each
+        other.
+    ArgumentError
+        If an argument is unknown, or `field` or `camera` is needed.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileError(path, "does not exist")
+    if method is not None and method not in METHODS:
+        raise ArgumentError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    description_path = path / "dataset.toml" if path.is_dir() else path
+    if description_path.suffix == ".toml" and description_path.is_file():
+        description = load_toml(description_path, _DatasetFile)
+        folder = description_path.parent
+        source = folder / description.images
+    else:
+        for name, value in (("field", field), ("camera", camera)):
+            if value is None:
+                raise ArgumentError(f"{path}: has no dataset.toml, so --{name} must be given")
+        description_path, folder, source = path, path, path
+        description = _DatasetFile(format=1, field="", camera="", images="")
+
+    loaded_field = load_field(field if field is not None else _field_source(folder, description.field))
+    loaded_camera = load_camera(camera if camera is not None else folder / description.camera)
+    colors_path = colors if colors is not None else _beside(folder, description.colors)
+    mask_path = _beside(folder, description.mask)
+    image_names = _image_names(description_path, source, mask_path)
+    chosen = _method(description_path, method or description.method, loaded_field)
+    return Dataset(
+        name=folder.resolve().name if folder.is_dir() else folder.stem,
+        path=source,
+        image_names=image_names,
+        field=loaded_field,
+        camera=loaded_camera,
+        colors=_colors(colors_path),
+        method=chosen,
+        times=_times(_beside(folder, description.frames), image_names),
+        truth=_truth(_beside(folder, description.truth), image_names),
+        mask=_mask(mask_path, loaded_camera.size_px),
+        symmetry=_one_of(description_path, "symmetry", description.symmetry, SYMMETRIES),
+    )
+
+
+def _beside(folder: Path, name: str | None) -> Path | None:
+    return None if name is None else folder / name
+
+
+def _field_source(folder: Path, name: str) -> str | Path:
+    return folder / name if name.endswith(".toml") else name
+
+
+def _colors(path: str | Path | None) -> Colors | None:
+    if path is None:
+        return None
+    from robocup_vision.perception.color_table import load_colors
+
+    return load_colors(path)
+
+
+def _one_of(path: Path, key: str, value: str, known: tuple[Word, ...]) -> Word:
+    for word in known:
+        if word == value:
+            return word
+    raise FileError(path, f"must be one of {', '.join(known)}", key=key, value=value)
+
+
+def _method(path: Path, method: str | None, field: Field) -> Method:
+    # every camera there is sees by a mirror; a pinhole one will default to "goal"
+    chosen = _one_of(path, "method", method or "field", METHODS)
+    if chosen == "floor" and not field.is_bounded:
+        problem = f"needs a floor that ends at walls or boards, that of field '{field.name}' does not"
+        raise FileError(path, problem, key="method", value=chosen)
+    return chosen
+
+
+def _image_names(path: Path, source: Path, mask_path: Path | None) -> tuple[str, ...]:
+    key = "images" if path.suffix == ".toml" else None
+    value: object = source.name if key else ...
+    if not source.exists():
+        raise FileError(path, "does not exist", key=key, value=value)
+    if source.is_dir():
+        mask = None if mask_path is None else mask_path.resolve()
+        names = sorted(
+            entry.name
+            for entry in source.iterdir()
+            if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".") and entry.resolve() != mask
+        )
+        if not names:
+            kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
+            raise FileError(path, f"no images found in this folder ({kinds})", key=key, value=value)
+        return tuple(names)
+    if source.suffix.lower() in IMAGE_SUFFIXES:
+        raise FileError(path, "is a single image, must be a folder of images or a video", key=key, value=value)
+    count = count_video_frames(source)
+    if count == 0:
+        raise FileError(path, "is neither a folder of images nor a video that can be read", key=key, value=value)
+    return tuple(f"frame_{index:06d}" for index in range(count))
+
+
+def _truth(path: Path | None, image_names: tuple[str, ...]) -> dict[str, Truth]:
+    if path is None:
+        return {}
+    rows = read_csv(path, ("image", "x_m", "y_m", "theta_rad"), ignore_others=True)
+    known = frozenset(image_names)
+    truth = {}
+    for row in rows:
+        image = row.entries["image"]
+        if image not in known:
+            raise FileError(path, f"line {row.line}: names an image that is not there", value=image)
+        truth[image] = Truth(row.number("x_m"), row.number("y_m"), row.number_or_none("theta_rad"))
+    return truth
+
+
+def _times(path: Path | None, image_names: tuple[str, ...]) -> dict[str, FrameTime] | None:
+    if path is None:
+        return None
+    motion = ("dx_m", "dy_m", "dtheta_rad")
+    rows = {row.entries["image"]: row for row in read_csv(path, ("image", "t_s"), motion)}
+    for image in rows.keys() - set(image_names):
+        raise FileError(path, f"line {rows[image].line}: names an image that is not there", value=image)
+    times: dict[str, FrameTime] = {}
+    before_s = -math.inf
+    for image in image_names:
+        if image not in rows:
+            raise FileError(path, "must name every image, does not name", value=image)
+        row = rows[image]
+        odometry = None
+        # all three empty: nobody knows how the robot moved, as before the first frame
+        if any(row.entries.get(column) for column in motion):
+            odometry = Pose2(*(row.number(column) for column in motion))
+        times[image] = FrameTime(row.number("t_s"), odometry)
+        if times[image].t_s <= before_s:
+            problem = f"line {row.line}: t_s must be later than in the image before ({before_s})"
+            raise FileError(path, problem, value=times[image].t_s)
+        before_s = times[image].t_s
+    return times
+
+
+def _mask(path: Path | None, size_px: tuple[int, int]) -> ImageArray | None:
+    if path is None:
+        return None
+    try:
+        mask = read_mask(path)
+    except FrameError as error:
+        raise FileError(path, str(error).removeprefix(f"{path.name}: ")) from None
+    height, width = mask.shape
+    if (width, height) != tuple(size_px):
+        problem = f"mask must be as large as the camera's images ({size_px[0]}x{size_px[1]})"
+        raise FileError(path, problem, value=f"{width}x{height}")
+    if not mask.any():
+        raise FileError(path, "mask has no non-zero pixel, so it hides nothing")
+    if mask.all():
+        raise FileError(path, "mask hides every pixel")
+    mask.flags.writeable = False
+    return mask

@@ -1,0 +1,153 @@
+"""The report's plots: the field with truth and estimates, and how the errors are distributed.
+
+Figures are built as Figure objects, without pyplot, so no window system and no global state is involved.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.evaluation.scoring import FAIR_M, NEAR_M, NEAR_RAD, Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_INK, _BLUE, _RED, _GREY, _FLOOR, _LINE = "#1f2933", "#1f6feb", "#d1242f", "#8a94a0", "#eef4ee", "#b7c4b7"
+_GOAL_COLORS = {"yellow": "#d4a72c", "blue": "#0969da", "cyan": "#1b9ebd"}
+
+
+def data_uri(kind: str, data: bytes) -> str:
+    """Return an image's bytes as text that stands in an HTML page; `kind` is "png" or "jpeg"."""
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+
+
+def draw_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """Draw what there is to draw; return the image as a data URI and the caption of each plot."""
+    plots = [(_map(field, rows), "Where the robot was (grey) and where it was said to be (blue; red beyond 10 cm).")]
+    errors = [row.error for row in rows if row.error is not None]
+    if errors:
+        plots.append((_error_cdf(rows), "Share of all images, the not located ones included, up to each error."))
+        plots.append((_error_histogram(rows), "Errors of the located images along the field's axes and in heading."))
+    elif any(row.estimate is not None for row in rows):
+        plots.append((_residual_histogram(rows), "Residual of the fit: there is no truth to compare with."))
+    return plots
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), dpi=130, layout="constrained")
+
+
+def _encode(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return data_uri("png", buffer.getvalue())
+
+
+def _tidy(axes: Axes, x_label: str, y_label: str) -> None:
+    axes.set_xlabel(x_label, color=_INK)
+    axes.set_ylabel(y_label, color=_INK)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#e3e7eb", linewidth=0.8)
+    axes.set_axisbelow(True)
+
+
+def _map(field: Field, rows: Sequence[Row]) -> str:
+    from matplotlib.collections import LineCollection
+    from matplotlib.patches import Polygon
+
+    extent = np.ptp(np.vstack([field.floor_polygon, field.walls.reshape(-1, 2)]), axis=0)
+    figure = _figure(8.0, float(np.clip(8.0 * extent[1] / extent[0] + 1.0, 3.0, 9.0)))
+    axes = figure.subplots()
+    axes.add_patch(Polygon(field.floor_polygon, facecolor=_FLOOR, edgecolor="none"))
+    if field.is_bounded:
+        axes.add_collection(LineCollection(list(field.walls.reshape(-1, 2, 2)), colors=_INK, linewidths=1.6))
+    axes.add_collection(LineCollection(list(field.lines.reshape(-1, 2, 2)), colors=_LINE, linewidths=1.4))
+    for x, y, radius, start, sweep in field.arcs:
+        angles = start + np.linspace(0.0, sweep, 90)
+        axes.plot(x + radius * np.cos(angles), y + radius * np.sin(angles), color=_LINE, linewidth=1.4)
+    for goal in field.goals:
+        half = goal.width_m / 2
+        color = _GOAL_COLORS.get(goal.color, _GREY)
+        axes.plot([goal.line_x_m, goal.line_x_m], [-half, half], color=color, linewidth=4.0, alpha=0.6)
+
+    truth = np.array([[row.truth.x_m, row.truth.y_m] for row in rows if row.truth is not None]).reshape(-1, 2)
+    axes.plot(truth[:, 0], truth[:, 1], "o", color=_GREY, markersize=3.5, markeredgewidth=0, zorder=3)
+    near: list[tuple[float, float]] = []
+    far: list[tuple[float, float]] = []
+    vectors: list[tuple[tuple[float, float], tuple[float, float]]] = []
+    for row in rows:
+        if row.estimate is None:
+            continue
+        at = (row.estimate.pose.x_m, row.estimate.pose.y_m)
+        if row.truth is not None and row.error is not None:
+            start_m = (row.truth.x_m, row.truth.y_m)
+            at = (start_m[0] + row.error.x_m, start_m[1] + row.error.y_m)  # in the half the error was counted in
+            vectors.append((start_m, at))
+        (far if row.error is not None and row.error.position_m > FAIR_M else near).append(at)
+    axes.add_collection(LineCollection(vectors, colors=_RED, linewidths=1.0, zorder=4))
+    for points, color in ((near, _BLUE), (far, _RED)):
+        drawn = np.array(points).reshape(-1, 2)
+        axes.plot(drawn[:, 0], drawn[:, 1], ".", color=color, markersize=4, zorder=5)
+    lost = np.array([[r.truth.x_m, r.truth.y_m] for r in rows if r.truth is not None and r.estimate is None])
+    if len(lost):
+        axes.plot(lost[:, 0], lost[:, 1], "x", color=_RED, markersize=7, label="not located")
+        axes.legend(loc="upper right", frameon=False)
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    _tidy(axes, "x (m)", "y (m)")
+    axes.grid(visible=False)
+    return _encode(figure)
+
+
+def _error_cdf(rows: Sequence[Row]) -> str:
+    figure = _figure(8.0, 3.4)
+    axes = figure.subplots(1, 2, sharey=True)
+    errors = [row.error for row in rows if row.error is not None]
+    position = [1e3 * error.position_m for error in errors]
+    heading = [math.degrees(abs(error.theta_rad)) for error in errors if error.theta_rad is not None]
+    for axis, values, near, label in (
+        (axes[0], position, 1e3 * NEAR_M, "position error (mm)"),
+        (axes[1], heading, math.degrees(NEAR_RAD), "heading error (degrees)"),
+    ):
+        ordered = np.maximum(np.sort(values), near / 1e3)
+        axis.step(ordered, 100 * np.arange(1, len(values) + 1) / len(rows), where="post", color=_BLUE)
+        axis.axvline(near, color=_GREY, linestyle="--", linewidth=1.0)
+        axis.set_xscale("log")
+        axis.set_ylim(0, 102)
+        _tidy(axis, label, "share of all images (%)" if axis is axes[0] else "")
+    return _encode(figure)
+
+
+def _error_histogram(rows: Sequence[Row]) -> str:
+    figure = _figure(8.0, 2.8)
+    errors = [row.error for row in rows if row.error is not None]
+    series: list[tuple[str, list[Any]]] = [
+        ("x error (mm)", [1e3 * error.x_m for error in errors]),
+        ("y error (mm)", [1e3 * error.y_m for error in errors]),
+        ("heading error (degrees)", [math.degrees(e.theta_rad) for e in errors if e.theta_rad is not None]),
+    ]
+    for axis, (label, values) in zip(figure.subplots(1, 3), series, strict=True):
+        if values:
+            # a few gross errors must not squeeze all others into one bar; they are counted in the outermost
+            reach = max(3.0 * float(np.percentile(np.abs(values), 75)), 1e-6)
+            axis.hist(np.clip(values, -reach, reach), bins=31, range=(-reach, reach), color=_BLUE)
+        _tidy(axis, label, "")
+    return _encode(figure)
+
+
+def _residual_histogram(rows: Sequence[Row]) -> str:
+    figure = _figure(8.0, 2.8)
+    axes = figure.subplots()
+    axes.hist([row.estimate.residual_px for row in rows if row.estimate is not None], bins=31, color=_BLUE)
+    _tidy(axes, "residual (px)", "images")
+    return _encode(figure)

@@ -1,0 +1,204 @@
+"""report.html: one self-contained page that shows what a run was worth, where it failed, and what the localiser saw.
+
+Needs the extra `report` (matplotlib, jinja2), which is imported only when a report is made.
+"""
+
+from __future__ import annotations
+
+import math
+import platform
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from importlib.util import find_spec
+
+import cv2
+import numpy as np
+
+from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.evaluation.overlays import WORST_COUNT
+from robocup_vision.evaluation.plots import data_uri, draw_plots
+from robocup_vision.evaluation.scoring import FAIR_M, Figures, Row
+
+
+@dataclass(frozen=True, slots=True)
+class _Overlay:
+    caption: str
+    image: str
+    is_bad: bool
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    image: str
+    status: str
+    cells: tuple[str, ...]
+    reason: str
+
+
+def missing_packages() -> tuple[str, ...]:
+    """Names of the packages that a report needs and that are not installed."""
+    return tuple(name for name in ("matplotlib", "jinja2") if find_spec(name) is None)
+
+
+def render_report(
+    dataset: Dataset,
+    rows: Sequence[Row],
+    figures: Figures,
+    notes: Sequence[str],
+    spread: Mapping[int, bytes],
+    worst: Sequence[tuple[int, bytes]],
+) -> str:
+    """Return the page as HTML text.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        What was evaluated.
+    rows : sequence of Row
+        One an image, in order.
+    figures : Figures
+        The figures over all of them.
+    notes : sequence of str
+        What was ignored or left out.
+    spread : mapping of int to bytes
+        JPEG overlays of evenly spread images, by row index.
+    worst : sequence of (int, bytes)
+        Row index and JPEG overlay of the worst images, the worst first.
+    """
+    from jinja2 import Environment
+
+    template = (files("robocup_vision.evaluation") / "report.html").read_text(encoding="utf-8")
+    ranked = sorted(range(len(rows)), key=lambda index: (rows[index].badness, -index), reverse=True)
+    worst_indices = {index for index, _ in worst}
+    others = [(index, jpeg) for index, jpeg in sorted(spread.items()) if index not in worst_indices]
+    page: str = (
+        Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        .from_string(template)
+        .render(
+            name=dataset.name,
+            notes=notes,
+            tiles=_tiles(figures),
+            summary=_summary(figures),
+            conditions=_conditions(dataset),
+            plots=draw_plots(dataset.field, rows),
+            worst_rows=[_line(rows[index]) for index in ranked[:WORST_COUNT]],
+            worst_overlays=[_overlay(rows[index], jpeg) for index, jpeg in worst],
+            other_overlays=[_overlay(rows[index], jpeg) for index, jpeg in others],
+            reasons=_reasons(rows),
+            rows=[_line(row) for row in rows],
+        )
+    )
+    return page
+
+
+def _tiles(figures: Figures) -> list[tuple[str, str]]:
+    share = figures.located / figures.images
+    return [
+        (f"{figures.located}/{figures.images}", f"located ({100 * share:.1f} %)"),
+        (percent(figures.within_5cm_3deg), "within 5 cm and 3°"),
+        (percent(figures.within_10cm_5deg), "within 10 cm and 5°"),
+        (millimetres(figures.median_error_m), "median position error"),
+        (degrees(figures.median_error_rad), "median heading error"),
+        ("–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms", "per frame (median)"),
+    ]
+
+
+def percent(share: float | None) -> str:
+    """Show a share, 0 to 1, or a dash."""
+    return "–" if share is None else f"{100 * share:.1f} %"
+
+
+def millimetres(length_m: float | None) -> str:
+    """Show a length given in metres, or a dash."""
+    return "–" if length_m is None else f"{1e3 * length_m:.1f} mm"
+
+
+def degrees(angle_rad: float | None) -> str:
+    """Show an angle given in radians, or a dash."""
+    return "–" if angle_rad is None else f"{math.degrees(angle_rad):.2f}°"
+
+
+def _summary(figures: Figures) -> list[tuple[str, str]]:
+    return [
+        ("Images", str(figures.images)),
+        ("Located", f"{figures.located} ({100 * figures.located / figures.images:.1f} %)"),
+        ("Within 5 cm and 3° (of all images)", percent(figures.within_5cm_3deg)),
+        ("Within 10 cm and 5° (of all images)", percent(figures.within_10cm_5deg)),
+        ("Median position error", millimetres(figures.median_error_m)),
+        ("Median heading error", degrees(figures.median_error_rad)),
+        ("RMS error in x", millimetres(figures.rms_x_m)),
+        ("RMS error in y", millimetres(figures.rms_y_m)),
+        ("RMS error in heading", degrees(figures.rms_theta_rad)),
+        ("Mean NEES (3 degrees of freedom)", "–" if figures.nees_mean is None else f"{figures.nees_mean:.2f}"),
+        ("Median time per frame", "–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms"),
+    ]
+
+
+def _conditions(dataset: Dataset) -> list[tuple[str, str]]:
+    field, camera = dataset.field, dataset.camera
+    hidden = 0.0 if dataset.mask is None else float(np.mean(dataset.mask != 0))
+    versions = {"Python": platform.python_version(), "NumPy": np.__version__, "OpenCV": cv2.__version__}
+    return [
+        ("Field", f"{field.name}: {field.length_m:g} m × {field.width_m:g} m, {field.boundary} around the floor"),
+        ("Camera", f"{type(camera).__name__}, {camera.size_px[0]} × {camera.size_px[1]} px"),
+        ("Colours", "learnt from the images" if dataset.colors is None else "from a file"),
+        ("Method", dataset.method),
+        ("Images", "one sequence" if dataset.times is not None else "each stands alone"),
+        ("Truth", f"{len(dataset.truth)} of {len(dataset.image_names)} images"),
+        ("Symmetry", "errors modulo a half turn" if dataset.symmetry == "point" else "none"),
+        ("Mask", "none" if dataset.mask is None else f"hides {100 * hidden:.1f} % of the image"),
+        ("Versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
+        ("robocup-vision", package_version()),
+        ("Date", time.strftime("%Y-%m-%d %H:%M")),
+    ]
+
+
+def package_version() -> str:
+    """Version of this package as installed."""
+    try:
+        return version("robocup-vision")
+    except PackageNotFoundError:
+        return "(not installed)"
+
+
+def _line(row: Row) -> _Line:
+    pose = ("–", "–", "–")
+    std, inliers = "–", "–"
+    if row.estimate is not None:
+        x_m, y_m, theta_rad = row.estimate.pose.array
+        pose = (f"{x_m:.3f}", f"{y_m:.3f}", f"{math.degrees(theta_rad):.1f}°")
+        std = millimetres(float(np.hypot(*row.estimate.std[:2])))
+        inliers = f"{100 * row.estimate.inlier_share:.0f} %"
+    ms = "–" if row.time_s is None else f"{1e3 * row.time_s:.1f}"
+    status = "failed" if row.failed else "located" if row.estimate is not None else "not located"
+    return _Line(row.image, status, (*pose, std, inliers, *_error_text(row), ms), row.reason)
+
+
+def _error_text(row: Row) -> tuple[str, str]:
+    if row.error is None:
+        return millimetres(None), degrees(None)
+    heading_rad = row.error.theta_rad
+    return millimetres(row.error.position_m), degrees(None if heading_rad is None else abs(heading_rad))
+
+
+def _overlay(row: Row, jpeg: bytes) -> _Overlay:
+    if row.estimate is None:
+        caption = row.reason
+    elif row.error is None:
+        caption = f"residual {row.estimate.residual_px:.2f} px"
+    else:
+        caption = ", ".join(_error_text(row))
+    is_bad = row.estimate is None or (row.error is not None and row.error.position_m > FAIR_M)
+    return _Overlay(caption, row.image, is_bad, data_uri("jpeg", jpeg))
+
+
+def _reasons(rows: Sequence[Row]) -> list[tuple[str, int]]:
+    counts: dict[str, int] = {}
+    for row in rows:
+        if row.reason:
+            counts[row.reason] = counts.get(row.reason, 0) + 1
+    return sorted(counts.items(), key=lambda item: -item[1])

@@ -1,0 +1,95 @@
+"""The files other programs read: results.csv, summary.json and trajectory.tum, in the formats the datasets use."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from robocup_vision.evaluation.dataset import FrameTime
+from robocup_vision.evaluation.scoring import Figures, Row
+
+RESULT_COLUMNS = (
+    "image",
+    "status",
+    "x_m",
+    "y_m",
+    "theta_rad",
+    "std_x_m",
+    "std_y_m",
+    "std_theta_rad",
+    "candidates",
+    "inliers",
+    "residual_px",
+    "ms",
+    "error_m",
+    "error_rad",
+    "reason",
+)
+SUMMARY_KEYS = (
+    "images",
+    "located",
+    "within_5cm_3deg",
+    "within_10cm_5deg",
+    "median_error_m",
+    "rms_x_m",
+    "rms_y_m",
+    "rms_theta_rad",
+    "nees_mean",
+    "median_ms",
+)
+
+
+def write_results(path: Path, rows: Sequence[Row]) -> None:
+    """Write results.csv: one line an image, none dropped; entries that do not apply are empty."""
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(RESULT_COLUMNS)
+        writer.writerows(_cells(row) for row in rows)
+
+
+def _cells(row: Row) -> list[str]:
+    pose = [""] * 9
+    if row.estimate is not None:
+        estimate = row.estimate
+        pose = [
+            *map(_number, estimate.pose.array),
+            *map(_number, estimate.std),
+            str(len(estimate.candidates)),
+            _number(estimate.inlier_share),
+            _number(estimate.residual_px),
+        ]
+    error_m = row.error.position_m if row.error is not None else None
+    error_rad = abs(row.error.theta_rad) if row.error is not None and row.error.theta_rad is not None else None
+    status = "located" if row.estimate is not None else "not_located"
+    ms = None if row.time_s is None else 1e3 * row.time_s
+    return [row.image, status, *pose, _number(ms), _number(error_m), _number(error_rad), row.reason]
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.9g}"
+
+
+def write_summary(path: Path, figures: Figures) -> None:
+    """Write summary.json; a figure that nothing was there to compute from is null."""
+    values = {key: getattr(figures, key) for key in SUMMARY_KEYS}
+    path.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def write_trajectory(path: Path, rows: Sequence[Row], times: Mapping[str, FrameTime] | None) -> None:
+    """Write trajectory.tum: ``t x y z qx qy qz qw`` for every located image.
+
+    The time is that of the dataset's frames.csv, else the image's row number in results.csv, from 0.
+    """
+    lines = []
+    for index, row in enumerate(rows):
+        if row.estimate is None:
+            continue
+        pose = row.estimate.pose
+        t_s = float(index) if times is None else times[row.image].t_s
+        qz, qw = math.sin(pose.theta_rad / 2), math.cos(pose.theta_rad / 2)
+        # epoch seconds need all 17 digits of a float to keep their microseconds
+        lines.append(f"{t_s!r} {pose.x_m:.9g} {pose.y_m:.9g} 0 0 0 {qz:.9g} {qw:.9g}\n")
+    path.write_text("".join(lines), encoding="utf-8")

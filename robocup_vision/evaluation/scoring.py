@@ -1,0 +1,193 @@
+"""What one image's pose is worth: its error against the truth, its NEES, and the figures over all images.
+
+Nothing here knows where images come from. Shares are of ALL images, so an image that was not located, could not be read
+or has no truth never makes a figure better.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.evaluation.dataset import Truth
+from robocup_vision.geometry import Pose2, wrap_angle
+
+NEAR_M, NEAR_RAD = 0.05, math.radians(3.0)
+FAIR_M, FAIR_RAD = 0.10, math.radians(5.0)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseError:
+    """How far an estimate is from the truth.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Estimate minus truth, field frame.
+    theta_rad : float or None
+        Estimate minus truth, wrapped into (-pi, pi]; None where the truth has no heading.
+    nees : float or None
+        e^T P^-1 e over x, y and theta; infinite where P is singular, None where the truth has no heading.
+    """
+
+    x_m: float
+    y_m: float
+    theta_rad: float | None
+    nees: float | None
+
+    @property
+    def position_m(self) -> float:
+        """Distance from the truth."""
+        return math.hypot(self.x_m, self.y_m)
+
+    def within(self, position_m: float, heading_rad: float) -> bool:
+        """Whether position and heading are both known to be as near as that."""
+        return self.theta_rad is not None and self.position_m <= position_m and abs(self.theta_rad) <= heading_rad
+
+
+def pose_error(estimate: PoseEstimate, truth: Truth, *, symmetric: bool) -> PoseError:
+    """Compare an estimate's first candidate with the truth.
+
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        What the localiser says.
+    truth : Truth
+        Where the robot was.
+    symmetric : bool
+        Count modulo a half turn about the field's centre: the turn that `Pose2.error_to` takes, or, where the truth has
+        no heading, the nearer one.
+    """
+    turned = estimate.half_turn()
+    if symmetric and _distance(turned.pose, truth) < _distance(estimate.pose, truth):
+        estimate = turned
+    x_m, y_m = estimate.pose.x_m - truth.x_m, estimate.pose.y_m - truth.y_m
+    if truth.theta_rad is None:
+        return PoseError(x_m, y_m, None, None)
+    theta_rad = wrap_angle(estimate.pose.theta_rad - truth.theta_rad)
+    return PoseError(x_m, y_m, theta_rad, _nees(np.array([x_m, y_m, theta_rad]), estimate.covariance))
+
+
+def _distance(pose: Pose2, truth: Truth) -> float:
+    heading_rad = pose.theta_rad if truth.theta_rad is None else truth.theta_rad
+    return sum(pose.error_to(Pose2(truth.x_m, truth.y_m, heading_rad)))
+
+
+def _nees(error: np.ndarray[tuple[int], np.dtype[np.float64]], covariance: np.ndarray[tuple[int, ...]]) -> float:
+    try:
+        lower = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        return math.inf
+    return float(np.sum(np.linalg.solve(lower, error) ** 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One image's line in the results.
+
+    Parameters
+    ----------
+    image : str
+        Its name.
+    estimate : PoseEstimate or None
+        None where it was not located.
+    truth : Truth or None
+        None where nobody knows.
+    error : PoseError or None
+        None where it was not located or there is no truth.
+    time_s : float or None
+        How long the localiser took; None where it never saw the image.
+    reason : str
+        Why it was not located, else empty.
+    failed : bool
+        The image could not be used, or the localiser broke on it: somebody has something to mend.
+    """
+
+    image: str
+    estimate: PoseEstimate | None = None
+    truth: Truth | None = None
+    error: PoseError | None = None
+    time_s: float | None = None
+    reason: str = ""
+    failed: bool = False
+
+    @property
+    def badness(self) -> tuple[float, float]:
+        """The worse the greater: images that failed, then those not located, then by error, else by residual."""
+        if self.estimate is None:
+            return (3.0 if self.failed else 2.0), 0.0
+        if self.error is not None:
+            return 1.0, self.error.position_m / NEAR_M + abs(self.error.theta_rad or 0.0) / NEAR_RAD
+        return 0.0, self.estimate.residual_px
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """The figures over all images; None where nothing was there to compute one from.
+
+    Parameters
+    ----------
+    images, located : int
+        How many there are, and how many of them got a pose.
+    within_5cm_3deg, within_10cm_5deg : float or None
+        Shares of all images, 0 to 1, whose position and heading are that near the truth; None if no image has a truth
+        with a heading.
+    median_error_m, median_error_rad, rms_x_m, rms_y_m, rms_theta_rad : float or None
+        Over the located images with truth.
+    nees_mean : float or None
+        Over the located images whose truth has a heading, 3 degrees of freedom; None also if a covariance is singular.
+    median_ms : float or None
+        Over the images that the localiser saw.
+    """
+
+    images: int
+    located: int
+    within_5cm_3deg: float | None
+    within_10cm_5deg: float | None
+    median_error_m: float | None
+    median_error_rad: float | None
+    rms_x_m: float | None
+    rms_y_m: float | None
+    rms_theta_rad: float | None
+    nees_mean: float | None
+    median_ms: float | None
+
+
+def figures(rows: Sequence[Row]) -> Figures:
+    """Compute the figures over all images."""
+    errors = [row.error for row in rows if row.error is not None]
+    headings = [error.theta_rad for error in errors if error.theta_rad is not None]
+    judged = any(row.truth is not None and row.truth.theta_rad is not None for row in rows)
+
+    def share(position_m: float, heading_rad: float) -> float | None:
+        return sum(error.within(position_m, heading_rad) for error in errors) / len(rows) if judged else None
+
+    return Figures(
+        images=len(rows),
+        located=sum(row.estimate is not None for row in rows),
+        within_5cm_3deg=share(NEAR_M, NEAR_RAD),
+        within_10cm_5deg=share(FAIR_M, FAIR_RAD),
+        median_error_m=_median([error.position_m for error in errors]),
+        median_error_rad=_median([abs(heading) for heading in headings]),
+        rms_x_m=_rms([error.x_m for error in errors]),
+        rms_y_m=_rms([error.y_m for error in errors]),
+        rms_theta_rad=_rms(headings),
+        nees_mean=_mean([error.nees for error in errors if error.nees is not None]),
+        median_ms=_median([1e3 * row.time_s for row in rows if row.time_s is not None]),
+    )
+
+
+def _median(values: list[float]) -> float | None:
+    return float(np.median(values)) if values else None
+
+
+def _mean(values: list[float]) -> float | None:
+    return float(np.mean(values)) if values and all(map(math.isfinite, values)) else None
+
+
+def _rms(values: list[float]) -> float | None:
+    return math.sqrt(sum(value * value for value in values) / len(values)) if values else None

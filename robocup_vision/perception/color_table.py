@@ -1,0 +1,252 @@
+"""Colour classes of a frame, looked up per sample in one table over packed colours; and colors.toml.
+
+The floor's likelihood is learnt (`floor_color`). Every other class is a chromaticity relative to the frame's white, which
+the brightest things beside the floor show: walls and lines. So one description of "orange" serves warm light and cold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import FileError
+from field_models.field import COLOR_NAMES, Field
+from field_models.toml_file import StrictStruct, load_toml
+from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.perception.floor_color import LEVELS, FloorColor, learn_floor_color
+
+UInt8Array = npt.NDArray[np.uint8]
+Int8Array = npt.NDArray[np.int8]
+UInt16Array = npt.NDArray[np.uint16]
+
+CLASS_NAMES = ("other", "floor", "line", "ball", "goal_positive_x", "goal_negative_x")
+
+# log-likelihood ratios are stored as int8 in these units, clipped so that no single sample outvotes its neighbours
+LLR_PER_UNIT = 1.0 / 16
+LLR_CLIP = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class PaintColor:
+    """A painted thing's colour as this frame shows it: its ratios to green.
+
+    Parameters
+    ----------
+    red_ratio, blue_ratio : float
+        R/G and B/G.
+    """
+
+    red_ratio: float
+    blue_ratio: float
+
+
+@dataclass(frozen=True, eq=False)
+class Colors:
+    """All a frame's colours: the floor's, white's, and those of the ball and the goals.
+
+    Parameters
+    ----------
+    floor : FloorColor
+        The floor.
+    line : PaintColor
+        White paint: what all other colours are relative to.
+    ball, goal_positive_x, goal_negative_x : PaintColor
+        Coloured things.
+    """
+
+    floor: FloorColor
+    line: PaintColor
+    ball: PaintColor
+    goal_positive_x: PaintColor
+    goal_negative_x: PaintColor
+
+
+def learn_colors(samples: UInt8Array, valid: UInt8Array, field: Field) -> Colors | None:
+    """Learn a frame's colours from its unrolled, slightly blurred samples.
+
+    Parameters
+    ----------
+    samples : (K, M, 3) uint8
+        Bearings, radii inside out, BGR.
+    valid : (K, M) uint8
+        1 where a sample may be looked at.
+    field : Field
+        Says which colours the ball and the goals have under white light.
+
+    Returns
+    -------
+    Colors or None
+        None if nothing can be learnt: too dark, or too little of the ring around the robot in view.
+    """
+    floor = learn_floor_color(samples, valid)
+    if floor is None:
+        return None
+    return colors_for(field, floor, _learn_white(samples[valid > 0].astype(np.float64), floor))
+
+
+def colors_for(field: Field, floor: FloorColor, white: PaintColor) -> Colors:
+    """Return a field's colours under the light in which white paint looks like `white`."""
+
+    def under_this_light(name: str) -> PaintColor:
+        blue, green, red = COLOR_NAMES[name]
+        return PaintColor(red / green * white.red_ratio, blue / green * white.blue_ratio)
+
+    goals = [under_this_light(goal.color) for goal in field.goals] or [white, white]
+    return Colors(floor, white, under_this_light(field.ball_color), *goals)
+
+
+def _learn_white(colors: FloatArray, floor: FloorColor) -> PaintColor:
+    blue, green, red = colors.T
+    level = (red + 2 * green + blue) / 4
+    not_floor = floor.log_likelihood_ratio(blue, green, red) < 0
+    unsaturated = colors.max(axis=1) < 250
+    bright = not_floor & unsaturated & (level > floor.level)
+    if np.count_nonzero(bright) < 30:
+        return PaintColor(1.0, 1.0)
+    bright &= level >= np.percentile(level[bright], 60)
+    # the brightest things may be coloured (a yellow goal, a window): the median of their ratios is white while most are
+    return PaintColor(float(np.median(red[bright] / green[bright])), float(np.median(blue[bright] / green[bright])))
+
+
+@dataclass(frozen=True, eq=False)
+class ColorTable:
+    """A table over packed colours, 5 + 6 + 5 bits scaled to the floor's brightness, so that a dark hall uses all bits.
+
+    Parameters
+    ----------
+    colors : Colors
+        What it tabulates.
+    packing : (3, 256) uint16
+        What each channel's value (B, G, R) adds to the index.
+    floor_llr : (65536,) int8
+        Floor against anything else, log-likelihood ratio in units of `LLR_PER_UNIT` nats.
+    """
+
+    colors: Colors
+    packing: UInt16Array
+    floor_llr: Int8Array
+
+    @cached_property
+    def classes(self) -> UInt8Array:
+        """(65536,) uint8: the class of each packed colour, an index into `CLASS_NAMES`."""
+        blue, green, red = (np.maximum(channel, 0.5) for channel in _packed_colors(self.packing))
+        level = (red + 2 * green + blue) / 4
+        ratio = np.stack([np.log(red / green), np.log(blue / green)], axis=-1)
+        paints = (self.colors.line, self.colors.ball, self.colors.goal_positive_x, self.colors.goal_negative_x)
+        centers = np.log([[max(p.red_ratio, 1e-3), max(p.blue_ratio, 1e-3)] for p in paints])
+        distance = np.linalg.norm(ratio[:, None, :] - centers[None], axis=-1)
+        nearest = np.argmin(distance, axis=1)
+        # half-way between white and the nearest saturated paint a colour belongs to neither for sure
+        sure = distance[np.arange(len(nearest)), nearest] < 0.5
+        bright_enough = level > np.where(nearest == 0, 1.1, 0.35) * self.colors.floor.level
+        classes = np.where(sure & bright_enough, nearest + 2, 0)
+        classes = np.where(self.floor_llr > 0, 1, classes).astype(np.uint8)
+        classes.flags.writeable = False
+        return classes
+
+    def pack(self, samples: UInt8Array) -> UInt16Array:
+        """Packed colours (...,) uint16 of colours (..., 3) uint8 BGR."""
+        blue, green, red = (self.packing[i][samples[..., i]] for i in range(3))
+        return np.asarray(blue + green + red)
+
+    def segment(self, frame: UInt8Array) -> UInt8Array:
+        """Class (H, W) uint8 of each pixel of a frame (H, W, 3), an index into `CLASS_NAMES`."""
+        return np.asarray(self.classes[self.pack(frame)])
+
+
+def build_color_table(colors: Colors) -> ColorTable:
+    """Tabulate a frame's colours."""
+    floor = colors.floor
+    # three times the floor's brightness saturates: nothing that bright is floor
+    green = floor.level * 4 / (2 + floor.red_ratio.max() + floor.blue_ratio.max())
+    top = min(255.0, max(16.0, 3.2 * green))
+    values = np.arange(256)
+    bins = {bits: np.minimum(values * (1 << bits) / (top + 1), (1 << bits) - 1).astype(np.uint16) for bits in (5, 6)}
+    packing = np.stack([bins[5] << 11, bins[6] << 5, bins[5]]).astype(np.uint16)
+    llr = floor.log_likelihood_ratio(*_packed_colors(packing))
+    units = np.clip(llr, -LLR_CLIP, LLR_CLIP) / LLR_PER_UNIT
+    return ColorTable(colors, packing, np.rint(units).astype(np.int8))
+
+
+def _packed_colors(packing: UInt16Array) -> tuple[FloatArray, FloatArray, FloatArray]:
+    # the mean of the values that share a bin stands for it; the last bin's own start, as it holds all that is brighter
+    channels = []
+    for row, bits in zip(packing, (5, 6, 5), strict=True):
+        bins = (row >> {0: 11, 1: 5, 2: 0}[len(channels)]).astype(int)
+        count = np.bincount(bins, minlength=1 << bits)
+        center = np.bincount(bins, np.arange(256.0), minlength=1 << bits) / np.maximum(count, 1)
+        empty = count == 0
+        center[empty] = np.interp(np.flatnonzero(empty), np.flatnonzero(~empty), center[~empty])
+        channels.append(center)
+    blue, green, red = np.meshgrid(*channels, indexing="ij")
+    return blue.ravel(), green.ravel(), red.ravel()
+
+
+Ratio = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class _FloorFile(StrictStruct):
+    level: Ratio
+    noise: Ratio
+    red_ratio: tuple[Ratio, ...]
+    blue_ratio: tuple[Ratio, ...]
+    spread: tuple[Ratio, Ratio]
+
+
+class _PaintFile(StrictStruct):
+    red_ratio: Ratio
+    blue_ratio: Ratio
+
+
+class _ColorsFile(StrictStruct):
+    format: Literal[1]
+    floor: _FloorFile
+    line: _PaintFile
+    ball: _PaintFile
+    goal_positive_x: _PaintFile
+    goal_negative_x: _PaintFile
+
+
+def load_colors(path: str | Path) -> Colors:
+    """Load a colour file.
+
+    Its tables: ``[floor]`` with ``level`` (brightness (R + 2G + B)/4 of the lit floor, counts), ``noise`` (standard
+    deviation of a channel, counts), ``red_ratio`` and ``blue_ratio`` (R/G and B/G at 13 log-brightness steps of 0.25
+    from -1.75 to 1.25 about ``level``) and ``spread`` (their relative standard deviations); ``[line]``, ``[ball]``,
+    ``[goal_positive_x]``, ``[goal_negative_x]`` with ``red_ratio`` and ``blue_ratio``.
+
+    Raises
+    ------
+    FileError
+        If the file is missing, or a key is missing, unknown, of the wrong type, length or sign.
+    """
+    f = load_toml(path, _ColorsFile)
+    for key, values in (("red_ratio", f.floor.red_ratio), ("blue_ratio", f.floor.blue_ratio)):
+        if len(values) != len(LEVELS):
+            raise FileError(path, f"must have {len(LEVELS)} entries", key=f"floor.{key}", value=len(values))
+    floor = FloorColor(
+        f.floor.level,
+        f.floor.noise,
+        read_only(f.floor.red_ratio),
+        read_only(f.floor.blue_ratio),
+        read_only(f.floor.spread),
+    )
+    paints = [PaintColor(p.red_ratio, p.blue_ratio) for p in (f.line, f.ball, f.goal_positive_x, f.goal_negative_x)]
+    return Colors(floor, *paints)
+
+
+def save_colors(colors: Colors, path: str | Path) -> None:
+    """Write a colour file that `load_colors` reads back to the same colours."""
+    floor = colors.floor
+    lines = ["format = 1", "", "[floor]", f"level = {floor.level}", f"noise = {max(floor.noise, 1e-3)}"]
+    lines += [f"{key} = {getattr(floor, key).tolist()}" for key in ("red_ratio", "blue_ratio", "spread")]
+    for name in CLASS_NAMES[2:]:
+        paint: PaintColor = getattr(colors, name)
+        lines += ["", f"[{name}]", f"red_ratio = {paint.red_ratio}", f"blue_ratio = {paint.blue_ratio}"]
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")

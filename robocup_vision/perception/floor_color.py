@@ -1,0 +1,172 @@
+"""The floor's colour, learnt from what surrounds the robot in one frame.
+
+The floor's chromaticity (R/G, B/G) is followed over brightness, starting from the ring around the robot's body and
+going step by step into darker and brighter samples of the same frame. So the same rule survives a colour cast and a dark
+hall (everything is relative to the ring), a hard shadow (darker, a little bluer), and noise (which widens the
+chromaticity of dark samples by a known amount). Fixed hue bounds fail in the dark, a single Gaussian in a shadow.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.geometry import FloatArray
+
+UInt8Array = npt.NDArray[np.uint8]
+
+RING_COLUMNS = 10
+# log brightness relative to the ring: from a deep shadow to a highlight
+_LEVEL_STEP = 0.25
+LEVELS = np.arange(-7, 6) * _LEVEL_STEP
+_CENTER = 7
+# how far chromaticity may drift from one brightness step to the next, and in all (a sky-lit shadow is some 20 % bluer;
+# a highlight mixes in white, and so does the edge of a white wall, hence the tighter bound)
+_DRIFT_PER_STEP = 0.10
+_DRIFT_DARKER = 0.40
+_DRIFT_BRIGHTER = 0.20
+_SPREAD = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class FloorColor:
+    """The floor's colour as learnt from one frame.
+
+    Parameters
+    ----------
+    level : float
+        Brightness (R + 2G + B)/4 of the lit floor, counts.
+    noise : float
+        Standard deviation of one channel of one blurred sample, counts.
+    red_ratio, blue_ratio : (L,) float64
+        R/G and B/G of the floor over the log-brightness steps.
+    spread : (2,) float64
+        Relative standard deviation of R/G and B/G beyond the noise.
+    """
+
+    level: float
+    noise: float
+    red_ratio: FloatArray
+    blue_ratio: FloatArray
+    spread: FloatArray
+
+    def log_likelihood_ratio(self, blue: FloatArray, green: FloatArray, red: FloatArray) -> FloatArray:
+        """Floor against any colour at all, in nats, for colours of any shape (counts)."""
+        level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / self.level)
+        red_ratio = np.interp(level, LEVELS, self.red_ratio)
+        blue_ratio = np.interp(level, LEVELS, self.blue_ratio)
+        # brightness itself is blurred by the noise, so the ratio's denominator is the green the brightness stands for
+        expected_green = np.maximum((red + 2 * green + blue) / (2 + red_ratio + blue_ratio), 1.0)
+        d_red, d_blue = red - red_ratio * green, blue - blue_ratio * green
+        n2 = self.noise**2 + 0.25
+        var_red = n2 * (1 + red_ratio**2) + (self.spread[0] * red_ratio * expected_green) ** 2
+        var_blue = n2 * (1 + blue_ratio**2) + (self.spread[1] * blue_ratio * expected_green) ** 2
+        cov = n2 * red_ratio * blue_ratio
+        det = var_red * var_blue - cov**2
+        distance2 = (var_blue * d_red**2 - 2 * cov * d_red * d_blue + var_red * d_blue**2) / det
+        # any colour: R and B anything between 0 and twice the green
+        background = -np.log(4 * expected_green**2)
+        llr = -0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau) - background
+        outside = np.maximum(LEVELS[0] - level, 0.0) + np.maximum(level - LEVELS[-2], 0.0)
+        return llr - 0.5 * (outside / 0.2) ** 2
+
+
+def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | None:
+    """Learn the floor's colour from an unrolled, slightly blurred frame.
+
+    Parameters
+    ----------
+    samples : (K, M, 3) uint8
+        Bearings, radii inside out, BGR.
+    valid : (K, M) uint8
+        1 where a sample may be looked at.
+
+    Returns
+    -------
+    FloorColor or None
+        None if the ring around the robot is too dark or too little of it can be seen.
+    """
+    ring = samples[:, :RING_COLUMNS]
+    usable = valid[:, :RING_COLUMNS] > 0
+    colors = ring[usable].astype(np.float64)
+    if len(colors) < 50:
+        return None
+    noise = _noise(ring.astype(np.float64), usable)
+    blue, green, red = colors.T
+    level = (red + 2 * green + blue) / 4
+    bright = (level > 4) & (green > 2)
+    if np.count_nonzero(bright) < 50:
+        return None
+    log_red = np.log((red[bright] + 1) / (green[bright] + 1))
+    log_blue = np.log((blue[bright] + 1) / (green[bright] + 1))
+    red0, blue0, member = _mode(log_red, log_blue)
+    level0 = float(np.median(level[bright][member]))
+    red_ratio, blue_ratio, spread = _follow(samples, valid, level0, noise, math.exp(red0), math.exp(blue0))
+    return FloorColor(level0, noise, red_ratio, blue_ratio, spread)
+
+
+def _noise(ring: FloatArray, usable: npt.NDArray[np.bool_]) -> float:
+    # samples three bearings apart share no pixel, and texture between them is noise for this purpose
+    both = usable[:-3] & usable[3:]
+    difference = np.abs(ring[:-3] - ring[3:]).max(axis=2)[both]
+    # the largest of three half-normal channels has its lower quartile near 0.83 sigma sqrt(2)
+    return float(np.percentile(difference, 25)) / (0.83 * math.sqrt(2.0)) if len(difference) else 1.0
+
+
+def _mode(log_red: FloatArray, log_blue: FloatArray) -> tuple[float, float, npt.NDArray[np.bool_]]:
+    step, low, count = 0.1, -3.0, 60
+    i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
+    j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
+    histogram = np.bincount(i * count + j, minlength=count * count).reshape(count, count)
+    pooled = sum(np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1))
+    top_i, top_j = np.unravel_index(int(np.argmax(pooled)), (count, count))
+    red, blue = low + (top_i + 0.5) * step, low + (top_j + 0.5) * step
+    member = np.ones(len(log_red), dtype=bool)
+    for _ in range(3):
+        member = np.hypot(log_red - red, log_blue - blue) < 0.3
+        red, blue = float(np.median(log_red[member])), float(np.median(log_blue[member]))
+    return red, blue, member
+
+
+def _follow(
+    samples: UInt8Array, valid: UInt8Array, level0: float, noise: float, red0: float, blue0: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    colors = samples[valid > 0].astype(np.float64)
+    blue, green, red = colors.T
+    level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / level0)
+    step = np.rint(level / _LEVEL_STEP).astype(int) + _CENTER
+    red_ratio, blue_ratio = np.full(len(LEVELS), red0), np.full(len(LEVELS), blue0)
+    spread = np.array([_SPREAD, _SPREAD])
+    enough = max(40, len(colors) // 300)
+    order = [(_CENTER, _CENTER), *((i, i - 1) for i in range(_CENTER + 1, len(LEVELS)))]
+    order += [(i, i + 1) for i in range(_CENTER - 1, -1, -1)]
+    for here, before in order:
+        last_red, last_blue = red_ratio[before], blue_ratio[before]
+        at_level = step == here
+        b, g, r = blue[at_level], green[at_level], red[at_level]
+        d_red, d_blue = r - last_red * g, b - last_blue * g
+        slack = spread + _DRIFT_PER_STEP / 2
+        var_red = noise**2 * (1 + last_red**2) + (slack[0] * last_red * g) ** 2 + 0.25
+        var_blue = noise**2 * (1 + last_blue**2) + (slack[1] * last_blue * g) ** 2 + 0.25
+        member = d_red**2 / var_red + d_blue**2 / var_blue < 6.0
+        red_ratio[here], blue_ratio[here] = last_red, last_blue
+        if np.count_nonzero(member) < enough:
+            continue
+        sum_green = g[member].sum()
+        sums = np.maximum([r[member].sum(), b[member].sum()], 1.0)
+        drift = np.log(sums / sum_green / [last_red, last_blue])
+        drift = np.clip(drift, -_DRIFT_PER_STEP, _DRIFT_PER_STEP)
+        bound = _DRIFT_DARKER if here <= _CENTER else _DRIFT_BRIGHTER
+        red_ratio[here] = red0 * math.exp(float(np.clip(math.log(last_red / red0) + drift[0], -bound, bound)))
+        blue_ratio[here] = blue0 * math.exp(float(np.clip(math.log(last_blue / blue0) + drift[1], -bound, bound)))
+        if here == _CENTER:
+            red0, blue0 = red_ratio[here], blue_ratio[here]
+            red_ratio[:], blue_ratio[:] = red0, blue0
+            mean_green2 = float(np.mean(g[member] ** 2))
+            for channel, (d, ratio) in enumerate(((r - red0 * g, red0), (b - blue0 * g, blue0))):
+                beyond = float(np.mean(d[member] ** 2)) - noise**2 * (1 + ratio**2)
+                spread[channel] = max(_SPREAD, math.sqrt(max(beyond, 0.0) / mean_green2) / ratio)
+    return red_ratio, blue_ratio, np.minimum(spread, 0.15)

@@ -1,0 +1,294 @@
+"""White line points of one frame: narrow bright ridges on the floor, exactly as wide as the field's lines should look.
+
+No colour is set by hand: the floor's tone is learnt from what lies nearest to the robot, and how wide a line must be at
+each pixel, in each direction, follows from the camera. A point counts when it is brighter in min(R, B) than the floor
+on both sides of it; where only the robot's side shows floor (the carpet ends at the line) the other side must be darker
+all the same, and the point weighs less.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError, FrameError
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.perception.kernels import floor_mask_by_tone, line_ridge_points
+
+# Image steps of the four axes a line may be crossed along, u right, v down.
+AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
+# Lines narrower than this many pixels drown in the blur, wider ones are painted areas.
+WIDTH_RANGE_PX = (0.6, 60.0)
+# Widths are kept as sixteenths of a pixel.
+WIDTH_UNITS_PER_PX = 16
+# A frame with more candidates than this per pixel looked at is noise, not a field.
+MAX_POINT_SHARE = 0.1
+
+
+class FloorCamera(Protocol):
+    """Any camera that maps pixels to the floor and back."""
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        ...
+
+    def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Floor points (..., 2), robot frame, metres, at pixels (..., 2); NaN where there is none."""
+        ...
+
+    def floor_to_pixel(self, points_m: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of floor points (..., 2), robot frame, metres; NaN where not shown."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FloorTone:
+    """The floor's colour in one frame, as ratios that light does not change.
+
+    Parameters
+    ----------
+    red_ratio, blue_ratio : (float, float)
+        Least and greatest R/G and B/G.
+    green : (float, float)
+        Least and greatest G, grey levels.
+    slack : float
+        Grey levels a channel may leave those ratios by: sensor noise, which weighs more the darker the floor is.
+    """
+
+    red_ratio: tuple[float, float]
+    blue_ratio: tuple[float, float]
+    green: tuple[float, float]
+    slack: float
+
+
+@dataclass(frozen=True, eq=False)
+class LinePoints:
+    """Where white lines were seen.
+
+    Parameters
+    ----------
+    pixels : (N, 2) float64
+        Centres of the line's cross-section, sub-pixel.
+    floor_m : (N, 2) float64
+        The same points on the floor, robot frame, metres.
+    floor_per_px : (N, 2, 2) float64
+        Derivative of `floor_m` by the pixel: column 0 by u, column 1 by v, metres per pixel.
+    weight : (N,) float64
+        1 for points with floor on both sides, less for others.
+    bare_floor : (H, W) bool or None
+        Pixels that surely show floor and no line; what a pose predicts there and is not seen speaks against it.
+    """
+
+    pixels: FloatArray
+    floor_m: FloatArray
+    floor_per_px: FloatArray
+    weight: FloatArray
+    bare_floor: npt.NDArray[np.bool_] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for name, shape in (("pixels", (2,)), ("floor_m", (2,)), ("floor_per_px", (2, 2)), ("weight", ())):
+            array = read_only(getattr(self, name))
+            if array.shape != (len(self.pixels), *shape):
+                raise ArgumentError(f"{name} must be {('N', *shape)} with N = {len(self.pixels)}, got {array.shape}")
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    def take(self, chosen: npt.NDArray[np.generic]) -> LinePoints:
+        """Return the points at these indices or where this mask is true."""
+        return LinePoints(
+            self.pixels[chosen], self.floor_m[chosen], self.floor_per_px[chosen], self.weight[chosen], self.bare_floor
+        )
+
+    @classmethod
+    def from_pixels(
+        cls,
+        camera: FloorCamera,
+        pixels: npt.ArrayLike,
+        weight: npt.ArrayLike | None = None,
+        bare_floor: npt.NDArray[np.bool_] | None = None,
+    ) -> LinePoints:
+        """Map pixels (N, 2) to the floor, dropping those that show none.
+
+        Parameters
+        ----------
+        camera : FloorCamera
+            What took the frame.
+        pixels : (N, 2) array-like
+            Line points, px.
+        weight : (N,) array-like, optional
+            1 each where absent.
+        bare_floor : (H, W) bool, optional
+            See `LinePoints`.
+        """
+        points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+        weights = np.ones(len(points)) if weight is None else np.asarray(weight, dtype=np.float64)
+        step = 0.5
+        around = points[:, None] + step * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+        floor = camera.pixel_to_floor(around)
+        per_px = np.stack([floor[:, 1] - floor[:, 2], floor[:, 3] - floor[:, 4]], axis=-1) / (2 * step)
+        good = np.isfinite(floor).all(axis=(1, 2))
+        return cls(points[good], floor[good, 0], per_px[good], weights[good], bare_floor)
+
+
+def find_line_points(
+    frame: npt.NDArray[np.uint8],
+    camera: FloorCamera,
+    line_width_m: float,
+    mask: npt.NDArray[np.generic] | None = None,
+    tone: FloorTone | None = None,
+) -> LinePoints:
+    """Find white line points in one frame; for many frames keep a `LineFinder`, which remembers the camera's tables.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    camera : FloorCamera
+        What took it.
+    line_width_m : float
+        Of the painted lines.
+    mask : (H, W) array, optional
+        Non-zero pixels are never looked at.
+    tone : FloorTone, optional
+        The floor's colour; learnt from the frame where absent.
+    """
+    return LineFinder(camera, line_width_m, mask).find(frame, tone)
+
+
+class LineFinder:
+    """Finds line points frame after frame of one camera.
+
+    Parameters
+    ----------
+    camera : FloorCamera
+        What takes the frames.
+    line_width_m : float
+        Of the painted lines.
+    mask : (H, W) array, optional
+        Non-zero pixels are never looked at.
+    """
+
+    def __init__(self, camera: FloorCamera, line_width_m: float, mask: npt.NDArray[np.generic] | None = None) -> None:
+        self.camera = camera
+        width, height = camera.size_px
+        if mask is not None and mask.shape[:2] != (height, width):
+            raise ArgumentError(f"mask must be {width}x{height}, got {mask.shape[1]}x{mask.shape[0]}")
+        v, u = np.mgrid[:height, :width].astype(np.float64)
+        floor = camera.pixel_to_floor(np.stack([u, v], axis=-1))
+        seen = np.isfinite(floor).all(axis=-1)
+        if isinstance(camera, OmniCamera):
+            radius = np.hypot(u - camera.center_px[0], v - camera.center_px[1])
+            inner, outer = camera.usable_radius_px
+            seen &= (radius >= inner) & (radius <= outer)
+        if mask is not None:
+            seen &= np.asarray(mask).reshape(height, width, -1)[..., 0] == 0
+        self._width_units = _line_width_units(floor, seen, line_width_m)
+        self._seen = np.ascontiguousarray((seen & (self._width_units > 0).any(axis=0)).astype(np.uint8))
+        range_m = np.where(self._seen > 0, np.hypot(floor[..., 0], floor[..., 1]), np.inf)
+        flat = np.flatnonzero(self._seen)
+        # the nearest quarter of the visible floor: hardly anything but carpet stands that close
+        order = np.argsort(range_m.ravel()[flat], kind="stable")[: max(1, len(flat) // 4)]
+        self._near = np.sort(flat[order])[::4]
+
+    def learn_tone(self, frame: npt.NDArray[np.uint8]) -> FloorTone | None:
+        """Learn the floor's colour from what lies nearest to the robot; None if nothing there has a colour."""
+        return self._tone(cv2.blur(frame, (3, 3)))
+
+    def find(self, frame: npt.NDArray[np.uint8], tone: FloorTone | None = None) -> LinePoints:
+        """Find line points.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        tone : FloorTone, optional
+            The floor's colour; learnt from the frame where absent.
+
+        Raises
+        ------
+        FrameError
+            If the frame is not a BGR uint8 image of the camera's size.
+        """
+        width, height = self.camera.size_px
+        if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
+            got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
+            raise FrameError(f"frame must be uint8 ({height}, {width}, 3), got {got}")
+        smooth = cv2.blur(frame, (3, 3))
+        tone = tone or self._tone(smooth)
+        if tone is None:
+            return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
+        floor = floor_mask_by_tone(
+            smooth, self._seen, np.array([*tone.red_ratio, *tone.blue_ratio, *tone.green, tone.slack], dtype=np.float32)
+        )
+        blue, green, red = cv2.split(frame)
+        whiteness = cv2.min(blue, red)
+        limit = int(MAX_POINT_SHARE * np.count_nonzero(self._seen)) + 1
+        found = line_ridge_points(
+            whiteness, green, floor, self._width_units, self._noise_threshold(whiteness, floor), limit
+        )
+        if not 0 < len(found) < limit:
+            return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
+        contrast, two_sided = found[:, 2], found[:, 3] > 0
+        # paint has one whiteness: whatever reaches less than a third of the clear lines' contrast is dirt or glare
+        strong = contrast >= 0.35 * np.percentile(contrast[two_sided] if two_sided.any() else contrast, 80)
+        return LinePoints.from_pixels(
+            self.camera, found[strong, :2], np.where(two_sided[strong], 1.0, 0.5), floor.view(np.bool_)
+        )
+
+    def _tone(self, smooth: npt.NDArray[np.uint8]) -> FloorTone | None:
+        near = smooth.reshape(-1, 3)[self._near].astype(np.float64)
+        near = near[(near.max(axis=1) < 250) & (near.min(axis=1) >= 3)]
+        if len(near) < 50:
+            return None
+        log_ratio = np.log(near[:, [2, 0]] / near[:, 1:2])  # R/G, B/G
+        bin_size, span = 0.08, 2.0
+        edges = np.arange(-span, span + bin_size / 2, bin_size)
+        histogram = np.histogram2d(log_ratio[:, 0], log_ratio[:, 1], [edges, edges])[0]
+        smoothed = cv2.blur(histogram, (3, 3), borderType=cv2.BORDER_CONSTANT)
+        peak = np.unravel_index(int(np.argmax(smoothed)), smoothed.shape)
+        mode = edges[list(peak)] + bin_size / 2
+        spread = np.full(2, bin_size)
+        for _ in range(3):
+            members = (np.abs(log_ratio - mode) < 4 * spread).all(axis=1)
+            if np.count_nonzero(members) < 50:
+                return None
+            mode = np.median(log_ratio[members], axis=0)
+            spread = np.maximum(1.48 * np.median(np.abs(log_ratio[members] - mode), axis=0), 0.04)
+        green = float(np.median(near[members, 1]))
+        low, high = np.exp(mode - 4 * spread), np.exp(mode + 4 * spread)
+        return FloorTone(
+            (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (0.35 * green, 1.9 * green), slack=2.0
+        )
+
+    def _noise_threshold(self, whiteness: npt.NDArray[np.uint8], floor: npt.NDArray[np.uint8]) -> int:
+        values = whiteness.ravel()
+        near = self._near[self._near + 1 < values.size]
+        near = near[floor.ravel()[near] > 0]
+        if not len(near):
+            return 255
+        step = np.abs(values[near].astype(np.int16) - values[near + 1])
+        return max(6, math.ceil(5 * 1.48 / math.sqrt(2) * float(np.median(step))))
+
+
+def _line_width_units(floor_m: FloatArray, seen: npt.NDArray[np.bool_], line_width_m: float) -> npt.NDArray[np.uint16]:
+    """How wide a line that is crossed along each of `AXES_PX` looks, (4, H, W), in 1/16 px; 0 where not looked at."""
+    by_v, by_u = np.gradient(floor_m, axis=(0, 1))
+    area = np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
+    widths = np.zeros((len(AXES_PX), *seen.shape), dtype=np.uint16)
+    for k, (du, dv) in enumerate(AXES_PX):
+        tangent = np.array([-dv, du]) / math.hypot(du, dv)
+        along = by_u * tangent[0] + by_v * tangent[1]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            width_px = line_width_m * np.hypot(along[..., 0], along[..., 1]) / area
+            good = seen & (width_px >= WIDTH_RANGE_PX[0]) & (width_px <= WIDTH_RANGE_PX[1])
+        widths[k] = np.where(good, np.round(np.where(good, width_px, 0) * WIDTH_UNITS_PER_PX), 0)
+    return widths

@@ -1,0 +1,276 @@
+"""Built-in fields against the numbers of the rule books, and a user's own file by the same door."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from field_models import ArgumentError, Field, FileError, field_names, load_field
+
+OWN = """format = 1
+name = "own"
+source = "tape measure"
+length_m = 7.8
+width_m = 5.4
+line_width_m = 0.01
+center_circle_radius_m = 0.5
+ball_color = "orange"
+[boundary]
+kind = "boards"
+margin_m = 0.3
+height_m = 0.1
+color = "black"
+[goal]
+kind = "panels"
+width_m = 1.0
+depth_m = 0.18
+height_m = 0.155
+[penalty_area]
+depth_m = 0.9
+width_m = 1.8
+[penalty_arc]
+center_x_m = 3.0
+radius_m = 0.5
+[[beacons]]
+x_m = 1
+y_m = 3
+radius_m = 0.05
+height_m = 0.4
+colors = ["white", "pink"]
+"""
+
+Write = Callable[[str], Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def _write(text: str) -> Path:
+        path = tmp_path / "own.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return _write
+
+
+def has_line(field: Field, x0: float, y0: float, x1: float, y1: float) -> bool:
+    ends = field.lines.reshape(-1, 2, 2)
+    wanted = np.array([[x0, y0], [x1, y1]])
+    return any(np.allclose(e, wanted) or np.allclose(e[::-1], wanted) for e in ends)
+
+
+def has_area(field: Field, depth: float, width: float) -> bool:
+    x = field.length_m / 2
+    return all(
+        has_line(field, side * (x - depth), -width / 2, side * (x - depth), width / 2)
+        and has_line(field, side * x, width / 2, side * (x - depth), width / 2)
+        and has_line(field, side * x, -width / 2, side * (x - depth), -width / 2)
+        for side in (1, -1)
+    )
+
+
+def goal_numbers(field: Field) -> list[tuple[object, ...]]:
+    return [(g.side, g.kind, g.color, g.line_x_m, g.width_m, g.depth_m, g.height_m) for g in field.goals]
+
+
+def circle_radius(field: Field) -> float:
+    [circle] = [arc for arc in field.arcs if abs(arc[4]) > 6]
+    np.testing.assert_allclose(circle[[0, 1, 4]], [0, 0, 2 * math.pi])
+    return float(circle[2])
+
+
+def test_the_built_in_fields():
+    assert field_names() == (
+        "four_legged_2005",
+        "four_legged_2007",
+        "msl_18x12",
+        "msl_6x4",
+        "spl_2020",
+        "ssl_2001",
+        "ssl_division_a",
+        "ssl_division_b",
+    )
+    for name in field_names():
+        field = load_field(name)
+        assert field.name == name
+        assert len(field.source) > 10
+
+
+def test_ssl_2001():
+    field = load_field("ssl_2001")
+    assert (field.length_m / 2, field.width_m / 2, field.line_width_m) == (1.370, 0.7625, 0.010)
+    assert (field.boundary, field.wall_height_m, field.wall_color) == ("walls", 0.10, "white")
+    assert (field.ball_radius_m, field.robot_radius_m, field.ball_color) == (0.0215, 0.09, "orange")
+    assert goal_numbers(field) == [
+        (1, "recess", "yellow", 1.370, 0.60, 0.180, 0.18),
+        (-1, "recess", "blue", -1.370, 0.60, 0.180, 0.18),
+    ]
+    assert field.goals[0].back_x_m == pytest.approx(1.550)
+    assert circle_radius(field) == 0.25
+    assert has_line(field, 0, -0.7625, 0, 0.7625)
+    assert has_line(field, 1.37, -0.3, 1.37, 0.3)  # the mouth, but no lines along the walls
+    assert not has_line(field, -1.37, 0.7625, 1.37, 0.7625)
+    assert np.abs(field.floor_polygon).max(axis=0) == pytest.approx([1.550, 0.7625])
+    assert len(field.floor_polygon) == 12
+    assert field.halves_differ
+    assert field.is_bounded
+
+
+@pytest.mark.parametrize(
+    ("name", "length", "width", "goal_width", "depth"),
+    [("ssl_division_a", 12, 9, 1.8, 1.8), ("ssl_division_b", 9, 6, 1.0, 1.0)],
+)
+def test_ssl_divisions(name: str, length: float, width: float, goal_width: float, depth: float):
+    field = load_field(name)
+    assert (field.length_m, field.width_m, field.line_width_m) == (length, width, 0.010)
+    assert [g[1:2] + g[3:] for g in goal_numbers(field)] == [
+        ("panels", length / 2, goal_width, 0.18, 0.155),
+        ("panels", -length / 2, goal_width, 0.18, 0.155),
+    ]
+    assert has_area(field, depth, 2 * depth)
+    assert circle_radius(field) == 0.5
+    assert np.abs(field.floor_polygon).max(axis=0) == pytest.approx([length / 2 + 0.3, width / 2 + 0.3])
+    assert (field.robot_radius_m, field.ball_radius_m) == (0.09, 0.0215)
+    assert not field.halves_differ
+
+
+def test_four_legged_2007():
+    field = load_field("four_legged_2007")
+    assert (field.length_m, field.width_m, field.line_width_m) == (5.4, 3.6, 0.025)
+    assert [(g.kind, g.color, g.line_x_m, g.width_m / 2, g.height_m, g.post_radius_m) for g in field.goals] == [
+        ("posts", "cyan", 2.7, 0.45, 0.45, 0.05),
+        ("posts", "yellow", -2.7, 0.45, 0.45, 0.05),
+    ]
+    assert field.halves_differ
+
+
+@pytest.mark.parametrize("name", ["four_legged_2005", "four_legged_2007"])
+def test_four_legged_beacons_stand_on_the_carpet_beside_the_touch_lines(name: str):
+    field = load_field(name)
+    assert {(b.x_m, math.copysign(1, b.y_m)) for b in field.beacons} == {(x, y) for x in (1.35, -1.35) for y in (1, -1)}
+    for beacon in field.beacons:
+        assert (beacon.radius_m, beacon.height_m) == (0.05, 0.40)
+        assert abs(beacon.y_m) - beacon.radius_m > field.width_m / 2
+        assert field.contains([beacon.x_m, beacon.y_m])
+    assert len({b.colors for b in field.beacons}) == 4
+
+
+def test_four_legged_2005():
+    field = load_field("four_legged_2005")
+    assert np.ptp(field.floor_polygon, axis=0) == pytest.approx([5.4, 4.0])
+    assert {(g.kind, g.width_m) for g in field.goals} == {("panels", 0.80)}
+    assert circle_radius(field) == 0.18
+    assert has_area(field, 0.65, 1.30)
+
+
+def test_spl_2020():
+    field = load_field("spl_2020")
+    assert (field.length_m, field.width_m, field.line_width_m) == (9.0, 6.0, 0.05)
+    for goal in field.goals:
+        assert (goal.kind, goal.color, goal.width_m / 2, goal.post_radius_m) == ("posts", "white", 0.80, 0.05)
+        assert goal.width_m + 2 * goal.post_radius_m == pytest.approx(1.70)  # outer frame
+        assert goal.height_m + goal.post_radius_m == pytest.approx(0.90)
+    assert circle_radius(field) == 0.75
+    assert has_area(field, 1.65, 4.0)
+    assert has_area(field, 0.60, 2.2)
+    assert not field.halves_differ
+
+
+def test_msl_18x12():
+    field = load_field("msl_18x12")
+    assert (field.length_m, field.width_m, field.line_width_m) == (18.0, 12.0, 0.125)
+    assert circle_radius(field) == 2.0
+    assert has_area(field, 0.75, 3.5)
+    assert has_area(field, 2.25, 6.5)
+    assert all(g.width_m - 2 * g.post_radius_m == pytest.approx(2.0) for g in field.goals)
+    corners = field.arcs[np.abs(field.arcs[:, 4]) < 3]
+    assert {(x, y, r) for x, y, r, _, _ in corners} == {(x, y, 0.75) for x in (9.0, -9.0) for y in (6.0, -6.0)}
+
+
+def test_msl_6x4():
+    field = load_field("msl_6x4")
+    assert (field.length_m, field.width_m, field.boundary) == (6.0, 4.0, "carpet")
+    assert circle_radius(field) == 0.60
+    assert has_area(field, 0.40, 1.60)
+    assert has_area(field, 0.65, 2.00)
+    arcs = field.arcs[np.abs(field.arcs[:, 4]) < 6]
+    np.testing.assert_allclose(sorted(arcs[:, 0]), [-2.26, 2.26])
+    np.testing.assert_allclose(arcs[:, 1:3], [[0, 0.60]] * 2)
+
+
+def test_users_own_file_works_the_same_way(write: Write):
+    path = write(OWN)
+    for given in (path, str(path)):
+        field = load_field(given)
+        assert (field.name, field.length_m, field.ball_color) == ("own", 7.8, "orange")
+        assert has_area(field, 0.9, 1.8)
+        assert field.beacons[0].colors == ("white", "pink")
+        assert field.halves_differ  # one beacon alone tells the halves apart
+
+
+def test_relative_path_is_taken_from_the_working_folder(write: Write, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(write(OWN).parent)
+    assert load_field("own.toml").name == "own"
+    with pytest.raises(FileError, match=r"^absent\.toml: cannot be read"):
+        load_field("absent.toml")
+
+
+@pytest.mark.parametrize("name", ["ssl_2002", "", "own\n", "fields/ssl_2001"])
+def test_unknown_name_lists_the_known_ones_in_one_line(name: str):
+    with pytest.raises(ArgumentError, match=r"is neither a \.toml file nor one of: four_legged_2005, ") as caught:
+        load_field(name)
+    assert repr(name) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_field_without_goal_circle_and_lines(write: Write):
+    text = OWN[: OWN.index("[goal]")].replace(
+        "center_circle_radius_m = 0.5", "center_line = false\nouter_lines = false"
+    )
+    field = load_field(write(text))
+    assert field.goals == ()
+    assert field.lines.shape == (0, 4)
+    assert field.arcs.shape == (0, 5)
+    assert field.line_points(0.1).shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("format = 1", "format = 2", "key 'format': is not a value this version knows, got 2"),
+        ("length_m = 7.8\n", "", "key 'length_m': is missing"),
+        ("length_m = 7.8", "length_m = -7.8", "key 'length_m': expected `float` > 0.0, got -7.8"),
+        ("length_m = 7.8", "length_m = inf", "key 'length_m': must be a finite number, got inf"),
+        ("length_m = 7.8", 'length_m = "7.8"', "key 'length_m': expected `float`, got `str`, got '7.8'"),
+        ("depth_m = 0.18", "depth = 0.18", "key 'goal.depth': is unknown, got 0.18"),
+        ('kind = "panels"', 'kind = "net"', "key 'goal.kind': is not a value this version knows, got 'net'"),
+        ('kind = "panels"', 'kind = "posts"', "key 'goal.post_radius_m': must be positive for posts, got 0.0"),
+        ('kind = "panels"', 'kind = "recess"', "key 'goal.kind': needs boundary walls without a margin and a depth"),
+        ("depth_m = 0.18", "depth_m = 0.4", "key 'goal.depth_m': reaches through the boards, got 0.4"),
+        ("width_m = 1.0", "width_m = 5.4", "key 'goal.width_m': is wider than the field (5.4 m), got 5.4"),
+        ("height_m = 0.1\n", "", "key 'boundary.height_m': must be positive for kind 'boards', got 0.0"),
+        ("margin_m = 0.3", "margin_m = -0.3", "key 'boundary.margin_m': expected `float` >= 0.0, got -0.3"),
+        ('"orange"', '"tangerine"', "key 'ball_color': is not one of white, "),
+        ('"black"', '"coal"', "key 'boundary.color': is not one of white, "),
+        ('"white", "pink"', '"white", "rose"', "key 'beacons[0].colors': is not one of white, "),
+        ('["white", "pink"]', "[]", "key 'beacons[0].colors': expected `array` of length >= 1, got []"),
+        ("width_m = 1.8", "width_m = 5.5", "key 'penalty_area.width_m': is wider than the field (5.4 m), got 5.5"),
+        ("depth_m = 0.9", "depth_m = 4", "key 'penalty_area.depth_m': reaches over the centre line, got 4.0"),
+        ("m = 0.5\nball", "m = 2.8\nball", "key 'center_circle_radius_m': is wider than the field, got 2.8"),
+        ("format = 1", "format = 1\ncorner_arc_radius_m = 3", "key 'corner_arc_radius_m': is wider than the field"),
+        (
+            "radius_m = 0.5\n[[",
+            "radius_m = 3.5\n[[",
+            "key 'penalty_arc.radius_m': reaches over the centre line, got 3.5",
+        ),
+        ("center_x_m = 3.0", "center_x_m = 3.6", "key 'penalty_arc.radius_m': ends inside the penalty area, got 0.5"),
+    ],
+)
+def test_bad_field_file_is_refused_in_one_line(write: Write, old: str, new: str, message: str):
+    assert OWN.count(old) >= 1
+    path = write(OWN.replace(old, new, 1))
+    with pytest.raises(FileError) as caught:
+        load_field(path)
+    assert str(caught.value).startswith(f"{path}: {message}")
+    assert "\n" not in str(caught.value)

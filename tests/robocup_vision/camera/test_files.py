@@ -1,0 +1,191 @@
+"""Camera files: what is saved comes back, and each thing that can be wrong is refused in one line that names it."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from strategies import PAPER_MIRROR, cameras
+
+from field_models import ArgumentError, FileError
+from robocup_vision.camera import Hyperboloid, OmniCamera, Table, Tangent, load_camera, save_camera
+
+HYPERBOLOID = 'kind = "hyperboloid"\nA_px_per_m = 10120.0\nB_per_m = 20.54\nC_px2 = 229800.0'
+TABLE = 'kind = "table"\nradius_px = [26.0, 60.0, 112.0]\nrange_m = [0.1, 0.4, 3.0]'
+TANGENT = 'kind = "tangent"\na_m = 0.4\nb_per_px = 0.0125'
+GOOD = f"""format = 1
+model = "omni"
+size_px = [256, 220]
+center_px = [127.5, 109.5]
+usable_radius_px = [26.0, 112.0]
+[floor_range]
+{HYPERBOLOID}
+"""
+
+Write = Callable[[str], Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def _write(text: str) -> Path:
+        path = tmp_path / "camera.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return _write
+
+
+def assert_same(a: OmniCamera, b: OmniCamera) -> None:
+    for name in ("size_px", "center_px", "usable_radius_px", "mirrored", "heading_rad", "offset_m", "tilt_rad"):
+        assert getattr(a, name) == getattr(b, name), name
+    assert a.viewpoint_height_m == b.viewpoint_height_m
+    assert type(a.floor_range) is type(b.floor_range)
+    if isinstance(a.floor_range, Table):
+        np.testing.assert_array_equal(a.floor_range.table_radius_px, b.floor_range.table_radius_px)
+        np.testing.assert_array_equal(a.floor_range.table_range_m, b.floor_range.table_range_m)
+    else:
+        assert a.floor_range == b.floor_range
+
+
+@given(camera=cameras())
+@settings(deadline=None)
+def test_saved_camera_loads_back_to_the_last_bit(camera: OmniCamera, tmp_path_factory: pytest.TempPathFactory):
+    path = tmp_path_factory.mktemp("camera") / "camera.toml"
+    save_camera(camera, path)
+    assert_same(load_camera(path), camera)
+
+
+def test_camera_of_numpy_and_integer_numbers_saves_too(tmp_path: Path):
+    width, height = np.array([256, 220])
+    curve = Tangent(np.float32(0.4), np.float64(0.0125))
+    camera = OmniCamera((width, height), (127, 109), (np.float64(26), 112), curve, tilt_rad=(0, 0))
+    save_camera(camera, tmp_path / "camera.toml")
+    assert_same(load_camera(tmp_path / "camera.toml"), camera)
+
+
+def test_optional_keys_have_the_documented_defaults(write: Write):
+    camera = load_camera(write(GOOD))
+    assert_same(camera, OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR))
+    assert (camera.mirrored, camera.heading_rad, camera.offset_m, camera.tilt_rad) == (False, 0.0, (0, 0), (0, 0))
+
+
+def test_table_may_end_exactly_with_the_usable_radii_and_before_them(write: Write):
+    # in between, a rounding error decides whether a pixel on the rim is in the table
+    for outer in (112.0, 118.0):
+        text = GOOD.replace(HYPERBOLOID, TABLE).replace("112.0]\n[floor", f"{outer}]\n[floor")
+        camera = load_camera(write(text))
+        assert np.isnan(camera.pixel_to_floor(camera.polar_to_pixel(0.0, 115.0))).all()
+
+
+def test_usable_radius_may_pass_the_horizon(write: Write):
+    camera = load_camera(write(GOOD.replace("[26.0, 112.0]", "[26.0, 125.0]")))
+    assert np.isnan(camera.pixel_to_floor(camera.polar_to_pixel(0.0, 120.0))).all()
+
+
+BAD = [
+    ("format = 1", "format = 2", "key 'format': is not a value this version knows, got 2"),
+    ("format = 1\n", "", "key 'format': is missing"),
+    ('model = "omni"\n', "", "key 'model': is missing"),
+    ('"omni"', '"fisheye"', "key 'model': must be"),
+    ('"omni"', "7", "key 'model': must be"),
+    ("size_px = [256, 220]\n", "", "key 'size_px': is missing"),
+    ("[256, 220]", "[256]", "key 'size_px': expected `array` of length 2, got 1"),
+    ("[256, 220]", "[256, 0]", "key 'size_px[1]': expected `int` >= 1, got 0"),
+    ("[256, 220]", "[256.5, 220]", "key 'size_px[0]': expected `int`, got `float`, got 256.5"),
+    ("format = 1", "format = 1\nfocal = 3", "key 'focal': is unknown, got 3"),
+    ("format = 1", 'format = 1\nmirrored = "no"', "key 'mirrored': expected `bool`, got `str`, got 'no'"),
+    ("format = 1", "format = 1\nheading_rad = nan", "key 'heading_rad': must be a finite number, got nan"),
+    ("127.5", "-inf", "key 'center_px[0]': must be a finite number, got -inf"),
+    ("127.5", "256.5", "key 'center_px': lies outside the 256x220 image, got [256.5, 109.5]"),
+    ("109.5", "-1", "key 'center_px': lies outside the 256x220 image, got [127.5, -1.0]"),
+    ("[26.0, 112.0]", "[112.0, 26.0]", "key 'usable_radius_px': must be inner < outer, got [112.0, 26.0]"),
+    ("[26.0, 112.0]", "[26.0, 26.0]", "key 'usable_radius_px': must be inner < outer, got [26.0, 26.0]"),
+    ("[26.0, 112.0]", "[0.0, 26.0]", "key 'usable_radius_px[0]': expected `float` > 0.0, got 0.0"),
+    ("[26.0, 112.0]", "[114.0, 118.0]", "key 'usable_radius_px': shows no floor at its inner end, got [114.0, 118.0]"),
+    (
+        "format = 1",
+        "format = 1\ntilt_rad = [0.0, 0.5]",
+        "key 'tilt_rad': must be small (at most 0.3 rad), got [0.0, 0.5]",
+    ),
+    ("20.54", "-20.54", "key 'floor_range.B_per_m': expected `float` > 0.0, got -20.54"),
+    ("B_per_m = 20.54\n", "", "key 'floor_range.B_per_m': is missing"),
+    ("B_per_m = 20.54", "B_per_m = 20.54\nD = 1", "key 'floor_range.D': is unknown, got 1"),
+    ('"hyperboloid"', '"sphere"', "key 'floor_range.kind': "),
+    ('kind = "hyperboloid"\n', "", "key 'floor_range.kind': is missing"),
+    ("A_px_per_m = 10120.0", "A_px_per_m = 9000.0", "key 'usable_radius_px': shows no floor at its inner end"),
+    ("[floor_range]\n" + HYPERBOLOID, "", "key 'floor_range': is missing"),
+    (
+        "[floor_range]\n" + HYPERBOLOID,
+        "tilt_rad = [0.0, 0.01]\n[floor_range]\n" + TANGENT,
+        "key 'viewpoint_height_m': is needed when tilt_rad is not zero",
+    ),
+    (
+        "[floor_range]\n" + HYPERBOLOID,
+        "viewpoint_height_m = 0\n[floor_range]\n" + TANGENT,
+        "key 'viewpoint_height_m': expected `float` > 0.0, got 0",
+    ),
+    (
+        HYPERBOLOID,
+        TABLE.replace("60.0", "20.0"),
+        "key 'floor_range.radius_px[1]': must be strictly increasing, got 20.0",
+    ),
+    (HYPERBOLOID, TABLE.replace("3.0", "0.4"), "key 'floor_range.range_m[2]': must be strictly increasing, got 0.4"),
+    (
+        HYPERBOLOID,
+        TABLE.replace("0.4, ", ""),
+        "key 'floor_range.range_m': must have as many entries as radius_px (3), got 2",
+    ),
+    (HYPERBOLOID, TABLE.replace("26.0, 60.0, ", ""), "key 'floor_range.radius_px': expected `array` of length >= 2"),
+    (HYPERBOLOID, TABLE.replace("0.1", "0"), "key 'floor_range.range_m[0]': expected `float` > 0.0, got 0"),
+    (HYPERBOLOID, TABLE.replace("26.0", "30.0"), "key 'usable_radius_px': shows no floor at its inner end"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD)
+def test_bad_file_is_refused_in_one_line_naming_file_key_and_value(write: Write, old: str, new: str, message: str):
+    assert GOOD.count(old) >= 1
+    path = write(GOOD.replace(old, new, 1))
+    with pytest.raises(FileError) as caught:
+        load_camera(path)
+    assert str(caught.value).startswith(f"{path}: {message}")
+    assert "\n" not in str(caught.value)
+
+
+def test_curve_that_does_not_come_back_names_the_worst_pixel(write: Write, monkeypatch: pytest.MonkeyPatch):
+    right = Hyperboloid.radius_px
+    monkeypatch.setattr(Hyperboloid, "radius_px", lambda self, q: right(self, q) + np.where(np.asarray(q) > 5, 0.5, 0))
+    with pytest.raises(FileError, match=r"key 'floor_range': pixel \(\d+\.\d, \d+\.\d\) maps .* back 0\.5 px away"):
+        load_camera(write(GOOD))
+
+
+def test_curve_that_turns_back_is_refused(write: Write, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(Hyperboloid, "inverse_range_per_m", lambda self, radius: 2 + np.sin(np.asarray(radius) / 9))
+    with pytest.raises(FileError, match="key 'floor_range': is not strictly increasing over usable_radius_px"):
+        load_camera(write(GOOD))
+
+
+def test_saving_where_no_folder_is_names_the_file(tmp_path: Path):
+    camera = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
+    with pytest.raises(FileError, match=r"absent.camera\.toml: cannot be written"):
+        save_camera(camera, tmp_path / "absent" / "camera.toml")
+
+
+def test_saving_a_curve_the_format_lacks_is_refused(tmp_path: Path):
+    class Unknown:
+        implied_height_m = None
+
+    camera = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), Unknown())  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="type Unknown"):
+        save_camera(camera, tmp_path / "camera.toml")
+    assert not (tmp_path / "camera.toml").exists()
+
+
+@pytest.mark.parametrize("module", ["field_models", "robocup_vision", "robocup_vision.camera"])
+def test_importing_it_loads_none_of_the_heavy_libraries(module: str):
+    heavy = ("pymunk", "matplotlib", "scipy", "skimage", "jinja2", "sim2d")
+    code = f"import sys, {module}; print(*(name for name in {heavy} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

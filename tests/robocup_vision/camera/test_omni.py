@@ -1,0 +1,194 @@
+"""The laws of the mirror camera over every floor range, tilt, offset, handedness and heading, and its conventions."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from strategies import PAPER_HORIZON_PX, PAPER_MIRROR, cameras, numbers
+
+from field_models import ArgumentError
+from robocup_vision.camera import OmniCamera, Tangent
+from robocup_vision.geometry import wrap_angle
+
+PAPER = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
+bearings = numbers(-3.1, 3.1)
+
+
+def pixels_of(camera: OmniCamera, *, margin: float = 0.01) -> np.ndarray:
+    inner, outer = camera.usable_radius_px
+    radii = np.linspace(inner + margin, outer - margin, 12)
+    return camera.polar_to_pixel(np.linspace(0, 2 * math.pi, 16, endpoint=False)[:, None], radii[None])
+
+
+@given(cameras())
+@settings(deadline=None)
+def test_pixel_to_floor_to_pixel_is_identity(camera: OmniCamera):
+    pixels = pixels_of(camera)
+    floor = camera.pixel_to_floor(pixels)
+    seen = np.isfinite(floor).all(axis=-1)
+    assert seen.mean() > 0.5
+    np.testing.assert_allclose(camera.floor_to_pixel(floor[seen]), pixels[seen], atol=1e-5)
+
+
+@given(cameras())
+@settings(deadline=None)
+def test_pixel_to_ray_to_pixel_is_identity_and_rays_are_unit(camera: OmniCamera):
+    pixels = pixels_of(camera)
+    rays = camera.pixel_to_ray(pixels)
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(camera.ray_to_pixel(rays), pixels, atol=1e-6)
+    np.testing.assert_allclose(camera.ray_to_pixel(17.0 * rays), pixels, atol=1e-6)
+
+
+@given(cameras(), bearings, numbers(0.05, 10.0))
+@settings(deadline=None)
+def test_floor_lies_where_the_ray_meets_it(camera: OmniCamera, bearing: float, share: float):
+    inner, outer = camera.usable_radius_px
+    pixel = camera.polar_to_pixel(bearing, inner + (outer - inner) * share / 10.1)
+    ray, floor = camera.pixel_to_ray(pixel), camera.pixel_to_floor(pixel)
+    if ray[2] >= -1e-6:
+        return
+    met = camera.viewpoint_m + ray * (camera.height_m / -ray[2])
+    np.testing.assert_allclose(met, [*floor, 0.0], atol=1e-6 * max(1.0, np.abs(met).max()))
+
+
+@given(cameras(level=True), bearings)
+@settings(deadline=None)
+def test_level_camera_sees_each_floor_point_in_its_bearing_and_range(camera: OmniCamera, bearing: float):
+    radii = np.linspace(*camera.usable_radius_px, 9)[1:-1]
+    from_axis = camera.pixel_to_floor(camera.polar_to_pixel(bearing, radii)) - camera.offset_m
+    expected = 1 / camera.floor_range.inverse_range_per_m(radii)
+    np.testing.assert_allclose(from_axis / expected[:, None], [[math.cos(bearing), math.sin(bearing)]] * 7, atol=1e-9)
+    assert np.all(np.diff(np.hypot(*from_axis.T)) > 0)
+
+
+@given(cameras(), bearings, numbers(30, 100))
+@settings(deadline=None)
+def test_image_bearing_is_that_of_polar_to_pixel(camera: OmniCamera, bearing: float, radius: float):
+    back = camera.image_bearing_rad(camera.polar_to_pixel(bearing, radius))
+    assert wrap_angle(float(back) - bearing) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(cameras(level=True), bearings)
+@settings(deadline=None)
+def test_mirrored_camera_is_the_reflection(camera: OmniCamera, bearing: float):
+    camera = dataclasses.replace(camera, heading_rad=0.0)
+    other = dataclasses.replace(camera, mirrored=not camera.mirrored)
+    here, there = camera.polar_to_pixel(bearing, 50.0), other.polar_to_pixel(bearing, 50.0)
+    assert here[0] == pytest.approx(there[0])
+    assert here[1] - camera.center_px[1] == pytest.approx(-(there[1] - camera.center_px[1]))
+
+
+@given(cameras(), numbers(-3.0, 3.0))
+@settings(deadline=None)
+def test_turning_the_heading_turns_the_image(camera: OmniCamera, by_rad: float):
+    turned = dataclasses.replace(camera, heading_rad=camera.heading_rad + by_rad)
+    pixel = camera.polar_to_pixel(0.7, 60.0)
+    assert float(turned.image_bearing_rad(pixel) - camera.image_bearing_rad(pixel)) == pytest.approx(by_rad)
+
+
+@given(cameras(level=True), bearings, numbers(0.05, 0.9))
+@settings(deadline=None)
+def test_point_above_the_floor_appears_farther_out_than_its_foot(camera: OmniCamera, bearing: float, share: float):
+    inner, outer = camera.usable_radius_px
+    foot = camera.pixel_to_floor(camera.polar_to_pixel(bearing, inner + share * (outer - inner)))
+    heights = np.array([0.0, 0.2, 0.4]) * camera.height_m
+    pixels = camera.point_to_pixel(np.column_stack([np.tile(foot, (3, 1)), heights]))
+    radii = np.hypot(*(pixels - camera.center_px).T)
+    radii = radii[np.isfinite(radii)]  # a table may end before the point's head
+    assert len(radii) >= 1
+    assert np.all(np.diff(radii) > 0)
+
+
+def test_bearing_grows_counter_clockwise_in_the_image_as_shown():
+    right, up, left, down = PAPER.polar_to_pixel([0, math.pi / 2, math.pi, -math.pi / 2], 50.0)
+    np.testing.assert_allclose(right, [177.5, 109.5])  # ahead of the robot: +u
+    np.testing.assert_allclose(up, [127.5, 59.5], atol=1e-9)  # left of the robot: up, v being down
+    np.testing.assert_allclose(left, [77.5, 109.5], atol=1e-9)
+    np.testing.assert_allclose(down, [127.5, 159.5], atol=1e-9)
+
+
+def test_mirrored_bearing_grows_clockwise_in_the_image_as_shown():
+    mirrored = dataclasses.replace(PAPER, mirrored=True)
+    np.testing.assert_allclose(mirrored.polar_to_pixel(math.pi / 2, 50.0), [127.5, 159.5])
+    x, y = mirrored.pixel_to_floor([127.5, 159.5])
+    assert y > 0.1 > abs(x)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_heading_is_the_bearing_of_plus_u(mirrored: bool):
+    camera = dataclasses.replace(PAPER, heading_rad=math.pi / 2, mirrored=mirrored)
+    x, y = camera.pixel_to_floor([177.5, 109.5])
+    assert x == pytest.approx(0.0, abs=1e-12)
+    assert y > 0.1
+
+
+def test_offset_moves_the_floor_forward_and_left():
+    moved = dataclasses.replace(PAPER, offset_m=(0.03, -0.02))
+    shift = moved.pixel_to_floor([190.0, 90.0]) - PAPER.pixel_to_floor([190.0, 90.0])
+    np.testing.assert_allclose(shift, [0.03, -0.02])
+
+
+def test_positive_tilt_about_y_lowers_the_forward_ray():
+    tilted = dataclasses.replace(PAPER, tilt_rad=(0.0, 0.05))
+    pixel = [127.5 + 90.0, 109.5]
+    level_slope = math.asin(PAPER.pixel_to_ray(pixel)[2])
+    assert math.asin(tilted.pixel_to_ray(pixel)[2]) == pytest.approx(level_slope - 0.05)
+    assert tilted.pixel_to_floor(pixel)[0] < PAPER.pixel_to_floor(pixel)[0]
+
+
+def test_positive_tilt_about_x_raises_the_left_ray():
+    tilted = dataclasses.replace(PAPER, tilt_rad=(0.05, 0.0))
+    pixel = [127.5, 109.5 - 80.0]
+    level_slope = math.asin(PAPER.pixel_to_ray(pixel)[2])
+    assert math.asin(tilted.pixel_to_ray(pixel)[2]) == pytest.approx(level_slope + 0.05)
+
+
+def test_tilt_turns_about_x_first_and_then_about_y():
+    tilted = dataclasses.replace(PAPER, tilt_rad=(0.2, 0.1))
+    # the camera's y axis: about x it rises to (0, cos, sin) of 0.2; about y its height then moves forward
+    np.testing.assert_allclose(
+        tilted.camera_to_robot[:, 1],
+        [math.sin(0.2) * math.sin(0.1), math.cos(0.2), math.sin(0.2) * math.cos(0.1)],
+    )
+
+
+def test_no_floor_from_the_horizon_on_but_rays():
+    beyond = PAPER.polar_to_pixel(1.0, PAPER_HORIZON_PX + np.array([0.01, 3.0]))
+    assert np.isnan(PAPER.pixel_to_floor(beyond)).all()
+    assert np.all(PAPER.pixel_to_ray(beyond)[:, 2] > 0)
+    np.testing.assert_allclose(PAPER.ray_to_pixel([1.0, 0.0, 0.0]), [127.5 + PAPER_HORIZON_PX, 109.5])
+
+
+def test_straight_down_is_the_centre_and_straight_up_is_nowhere():
+    np.testing.assert_allclose(PAPER.ray_to_pixel([0.0, 0.0, -1.0]), [127.5, 109.5])
+    np.testing.assert_allclose(PAPER.pixel_to_ray([127.5, 109.5]), [0.0, 0.0, -1.0])
+    np.testing.assert_allclose(PAPER.pixel_to_floor([[127.5, 109.5]]), [[0.0, 0.0]], atol=1e-12)
+    assert np.isnan(PAPER.ray_to_pixel([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])).all()
+
+
+def test_level_camera_needs_no_height_for_the_floor_but_for_what_stands_on_it():
+    camera = OmniCamera((640, 480), (320.0, 240.0), (40.0, 190.0), Tangent(2.1, 0.0057))
+    assert camera.height_m is None
+    tall = dataclasses.replace(camera, viewpoint_height_m=0.7)
+    np.testing.assert_allclose(camera.pixel_to_floor([400.0, 200.0]), tall.pixel_to_floor([400.0, 200.0]))
+    with pytest.raises(ArgumentError, match="viewpoint_height_m is needed"):
+        camera.point_to_pixel([1.0, 0.0, 0.1])
+
+
+def test_tilted_camera_without_a_height_is_refused():
+    with pytest.raises(ArgumentError, match="viewpoint_height_m is needed when the camera is tilted"):
+        OmniCamera((640, 480), (320.0, 240.0), (40.0, 190.0), Tangent(2.1, 0.0057), tilt_rad=(0.01, 0.0))
+
+
+def test_given_height_wins_over_the_implied_one():
+    assert PAPER.height_m == pytest.approx(PAPER_MIRROR.implied_height_m)
+    assert dataclasses.replace(PAPER, viewpoint_height_m=0.3).height_m == 0.3
+
+
+@pytest.mark.parametrize("name", ["camera_to_robot", "viewpoint_m"])
+def test_cached_arrays_are_read_only(name: str):
+    with pytest.raises(ValueError, match="read-only"):
+        getattr(PAPER, name)[0] = 1.0

@@ -1,0 +1,218 @@
+"""A run writes what the formats say, loses no image, and does not depend on the number of processes."""
+
+import csv
+import json
+import math
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import ArgumentError, FileError
+from robocup_vision.evaluation import report
+from robocup_vision.evaluation.dataset import load_dataset
+from robocup_vision.evaluation.result_files import RESULT_COLUMNS
+from robocup_vision.evaluation.run import evaluate
+from robocup_vision.geometry import Pose2
+
+
+def read_rows(out: Path) -> list[dict[str, str]]:
+    with (out / "results.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def code(path: Path, kind: int) -> None:
+    image = cv2.imread(str(path))
+    image[0, 3] = kind
+    cv2.imwrite(str(path), image)
+
+
+def test_the_files_of_a_run(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    assert summary.problem is None
+    header = (tmp_path / "out" / "results.csv").read_text().splitlines()[0]
+    assert header == (
+        "image,status,x_m,y_m,theta_rad,std_x_m,std_y_m,std_theta_rad,candidates,inliers,residual_px,ms,error_m,"
+        "error_rad,reason"
+    )
+    assert header == ",".join(RESULT_COLUMNS)
+    rows = read_rows(tmp_path / "out")
+    assert [row["image"] for row in rows] == [f"{i}.png" for i in range(5)]
+    assert {row["status"] for row in rows} == {"located"}
+    assert [float(row["x_m"]) for row in rows] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert [float(row["error_m"]) for row in rows] == pytest.approx([0.01] * 5)
+    assert [row["error_rad"] for row in rows] == ["0", "0", "0", "0", ""]
+    assert (rows[0]["std_x_m"], rows[0]["candidates"], rows[0]["inliers"], rows[0]["residual_px"]) == (
+        "0.01", "2", "0.9", "0.5",
+    )  # fmt: skip
+
+    figures = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert list(figures) == [
+        "images", "located", "within_5cm_3deg", "within_10cm_5deg", "median_error_m", "rms_x_m", "rms_y_m",
+        "rms_theta_rad", "nees_mean", "median_ms",
+    ]  # fmt: skip
+    assert (figures["images"], figures["located"], figures["within_5cm_3deg"]) == (5, 5, 0.8)
+    assert figures["nees_mean"] == pytest.approx(1.0)
+
+    lines = (tmp_path / "out" / "trajectory.tum").read_text().splitlines()
+    values = np.array([[float(word) for word in line.split()] for line in lines])
+    assert values.shape == (5, 8)
+    assert values[:, 0].tolist() == [0, 1, 2, 3, 4]
+    assert 2 * math.atan2(values[3, 6], values[3, 7]) == pytest.approx(float(rows[3]["theta_rad"]))
+    assert summary.report == tmp_path / "out" / "report.html"
+    assert summary.report.read_text().count("data:image/jpeg;base64,") == 5
+
+
+def test_nothing_is_dropped(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    images = folder / "images"
+    code(images / "0.png", 1)
+    code(images / "1.png", 2)
+    code(images / "2.png", 3)
+    (images / "3.png").write_bytes((images / "3.png").read_bytes()[:-20])
+    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    rows = read_rows(tmp_path / "out")
+    assert [row["status"] for row in rows] == ["not_located"] * 4 + ["located"]
+    assert [row["reason"] for row in rows] == [
+        "too dark to see",
+        "internal error: RuntimeError: a bug, in two lines",
+        "internal error: ValueError: the estimate is not finite or has a negative variance",
+        "is a truncated PNG (its end is missing)",
+        "",
+    ]
+    assert rows[3]["ms"] == ""
+    assert all(rows[0][key] == "" for key in ("x_m", "std_theta_rad", "candidates", "error_m", "error_rad"))
+    assert float(rows[0]["ms"]) >= 0
+    assert summary.problem == (
+        "3 of 5 images failed, the first: 1.png: internal error: RuntimeError: a bug, in two lines"
+    )
+    figures = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert (figures["images"], figures["located"], figures["within_10cm_5deg"]) == (5, 1, 0.0)
+    trajectory = (tmp_path / "out" / "trajectory.tum").read_text().split()
+    assert trajectory[0] == "4.0"
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "too dark to see" in page
+    assert page.count("data:image/jpeg;base64,") == 4  # the torn image has no picture
+
+
+def test_a_localiser_may_know_no_symmetry(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    text = (folder / "truth.csv").read_text().replace("0.png,-0.01,-0.08,0.0", f"0.png,0.01,0.08,{math.pi}")
+    (folder / "truth.csv").write_text(text)
+    turned = evaluate(load_dataset(folder), tmp_path / "a", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    assert turned.rows[0].error is not None
+    assert turned.rows[0].error.within(0.05, 0.05)
+    assert float(read_rows(tmp_path / "a")[0]["y_m"]) == pytest.approx(-0.08)  # the first candidate, never turned
+    (folder / "dataset.toml").write_text((folder / "dataset.toml").read_text().replace('"point"', '"none"'))
+    strict = evaluate(load_dataset(folder), tmp_path / "b", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    assert strict.rows[0].error is not None
+    assert strict.rows[0].error.position_m == pytest.approx(0.16, abs=0.01)
+
+
+def test_each_image_stands_alone(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    made = []
+    evaluate(
+        load_dataset(folder),
+        tmp_path / "out",
+        make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
+        draw_overlay=fake.draw,
+    )
+    assert made[0].calls == [("forget",), ("look", None, None)] * 5
+
+
+def test_a_sequence_hands_on_time_and_odometry(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    with (folder / "dataset.toml").open("a") as stream:
+        stream.write('frames = "frames.csv"\n')
+    rows = ["0.png,10,,,", "1.png,11,0.1,0,1", "2.png,12,0.2,0,0", "3.png,13.5,0.3,0,0", "4.png,14,0.4,0,0"]
+    (folder / "frames.csv").write_text("\n".join(["image,t_s,dx_m,dy_m,dtheta_rad", *rows]) + "\n")
+    (folder / "images" / "1.png").write_bytes(b"")
+    code(folder / "images" / "3.png", 2)
+    made = []
+    summary = evaluate(
+        load_dataset(folder),
+        tmp_path / "out",
+        2,
+        make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
+        draw_overlay=fake.draw,
+    )
+    assert summary.notes == ("a sequence (frames.csv) runs in order in one process: --jobs is ignored",)
+    assert made[0].calls == [
+        ("look", 10.0, None),
+        ("look", 12.0, Pose2(0.1, 0, 1).compose(Pose2(0.2, 0, 0))),  # over the frame that could not be read
+        ("look", 13.5, Pose2(0.3, 0, 0)),
+        ("forget",),  # after a bug
+        ("look", 14.0, Pose2(0.4, 0, 0)),
+    ]
+    lines = (tmp_path / "out" / "trajectory.tum").read_text().splitlines()
+    assert [float(line.split()[0]) for line in lines] == [10.0, 12.0, 14.0]
+
+
+def without_times(out: Path) -> list[dict[str, str]]:
+    return [{**row, "ms": ""} for row in read_rows(out)]
+
+
+@pytest.mark.slow
+def test_the_results_do_not_depend_on_jobs(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    for index in range(5, 30):
+        (folder / "images" / f"{index}.png").write_bytes((folder / "images" / f"{index % 5}.png").read_bytes())
+        code(folder / "images" / f"{index}.png", index % 3)
+    (folder / "images" / "7.png").write_bytes(b"")
+    dataset = load_dataset(folder)
+    for jobs in (1, 2):
+        evaluate(dataset, tmp_path / str(jobs), jobs, make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    assert without_times(tmp_path / "1") == without_times(tmp_path / "2")
+    assert (tmp_path / "1" / "trajectory.tum").read_text() == (tmp_path / "2" / "trajectory.tum").read_text()
+    pictures = [
+        [part.split('"')[0] for part in (tmp_path / jobs / "report.html").read_text().split("data:image/jpeg")[1:]]
+        for jobs in ("1", "2")
+    ]
+    assert pictures[0] == pictures[1]
+    assert 8 < len(pictures[0]) <= 24
+
+
+@pytest.mark.slow
+def test_a_video_in_several_processes(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "drive.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 56))
+    for level in range(100, 130, 3):
+        image = np.full((56, 64, 3), level, dtype=np.uint8)
+        image[:16, 48:] = 0
+        writer.write(image)
+    writer.release()
+    dataset = load_dataset(path, field="ssl_2001", camera=folder / "camera.toml")
+    for jobs in (1, 2):
+        evaluate(dataset, tmp_path / str(jobs), jobs, make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    rows = without_times(tmp_path / "1")
+    assert rows == without_times(tmp_path / "2")
+    assert [row["image"] for row in rows] == [f"frame_{i:06d}" for i in range(10)]
+    assert len({row["x_m"] for row in rows}) > 5
+
+
+def test_a_picture_that_cannot_be_drawn_costs_no_figure(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    summary = evaluate(load_dataset(folder), tmp_path, make_vision=fake.FakeVision, draw_overlay=fake.draw_badly)
+    assert summary.figures.located == 5
+    assert summary.notes == (
+        "overlays show the bare image where drawing fails: internal error: RuntimeError: no paint",
+    )
+
+
+def test_without_the_report_packages_the_other_files_are_written(
+    folder: Path, fake: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report, "find_spec", lambda name: None)
+    (tmp_path / "report.html").write_text("of an earlier run")
+    summary = evaluate(load_dataset(folder), tmp_path, make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    assert summary.report is None
+    assert summary.notes == (
+        "no report.html: matplotlib and jinja2 not installed (pip install 'robocup-vision[report]')",
+    )
+    assert sorted(path.name for path in tmp_path.glob("*.*")) == ["results.csv", "summary.json", "trajectory.tum"]
+
+
+def test_arguments_that_cannot_be_meant(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    dataset = load_dataset(folder)
+    with pytest.raises(ArgumentError, match="jobs must be at least 1, got 0"):
+        evaluate(dataset, tmp_path / "out", 0, make_vision=fake.FakeVision)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match=r"file: cannot be written \(File exists"):
+        evaluate(dataset, tmp_path / "file", make_vision=fake.FakeVision)

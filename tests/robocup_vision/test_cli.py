@@ -1,0 +1,169 @@
+"""The command parses, calls and prints: each use with its exit status, and errors in exactly one line."""
+
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import field_names
+from robocup_vision import cli
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.evaluation import run
+from robocup_vision.geometry import Pose2
+
+CAMERA = """
+format = 1
+model = "omni"
+size_px = [64, 56]
+center_px = [31.5, 27.5]
+usable_radius_px = [6.5, 27.0]
+[floor_range]
+kind = "tangent"
+a_m = 0.2
+b_per_px = 0.05
+"""
+
+
+class BrightnessVision:
+    """Says a pose wherever it is bright."""
+
+    def look(self, frame: np.ndarray, t_s: float | None = None, odometry: Pose2 | None = None) -> Any:  # noqa: D102
+        if frame.mean() < 50:
+            self.pose: PoseEstimate | NotLocated = NotLocated("too dark")
+        else:
+            self.pose = PoseEstimate(Pose2(0.1, 0.2, 0.3), np.eye(3) * 1e-4, 0.9, 0.5)
+        return self
+
+    def forget(self) -> None:  # noqa: D102
+        pass
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setitem(run.evaluate.__kwdefaults__, "make_vision", lambda dataset: BrightnessVision())
+    monkeypatch.setitem(run.evaluate.__kwdefaults__, "draw_overlay", lambda view, frame, vision: frame)
+    monkeypatch.chdir(tmp_path)
+    images = tmp_path / "drive"
+    images.mkdir()
+    for index, level in enumerate((0, 90, 120)):
+        cv2.imwrite(str(images / f"{index}.png"), np.full((56, 64, 3), level, dtype=np.uint8))
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    return images
+
+
+def evaluate(*arguments: str) -> int:
+    return cli.main(["evaluate", "drive", "--field", "ssl_2001", "--camera", "camera.toml", *arguments])
+
+
+def test_evaluate_prints_a_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert evaluate() == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    lines = [line.split("  ", 2)[1:] for line in out.splitlines()[1:]]
+    table = {label.strip(): value.strip() for label, value in ((line[0], line[1]) for line in lines)}
+    assert table["located"] == "2/3"
+    assert table["within 5 cm / 3 deg"] == "–"
+    assert table["report"] == "out/drive/report.html"
+    assert list(table) == [
+        "located", "within 5 cm / 3 deg", "within 10 cm / 5 deg", "median position error", "median heading error",
+        "median time per frame", "report",
+    ]  # fmt: skip
+    assert sorted(path.name for path in Path("out/drive").iterdir()) == [
+        "report.html", "results.csv", "summary.json", "trajectory.tum",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["png", "jpg"])
+def test_an_unreadable_image_is_one_line_and_status_2(
+    folder: Path, capfd: pytest.CaptureFixture[str], kind: str
+) -> None:
+    noise = np.random.default_rng(5).integers(0, 255, (56, 64, 3), dtype=np.uint8)
+    data = cv2.imencode(f".{kind}", noise)[1].tobytes()
+    (folder / f"torn.{kind}").write_bytes(data[: len(data) // 2])
+    assert evaluate("--out", "here") == 2
+    err = capfd.readouterr().err
+    assert err == (
+        f"robocup-vision evaluate: 1 of 4 images failed, the first: torn.{kind}: "
+        f"is a truncated {'PNG' if kind == 'png' else 'JPEG'} (its end is missing)\n"
+    )
+    assert len(Path("here/results.csv").read_text().splitlines()) == 5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["evaluate", "nowhere"], "robocup-vision evaluate: nowhere: does not exist"),
+        (["evaluate", "drive"], "robocup-vision evaluate: drive: has no dataset.toml, so --field must be given"),
+        (
+            ["evaluate", "camera.toml"],
+            "robocup-vision evaluate: camera.toml: key 'model': is unknown, got 'omni'",
+        ),
+        (
+            ["evaluate", "drive", "--jobs", "many"],
+            "robocup-vision evaluate: argument --jobs: invalid int value: 'many' (see robocup-vision evaluate --help)",
+        ),
+        ([], "robocup-vision: the following arguments are required: COMMAND (see robocup-vision --help)"),
+    ],
+)
+def test_mistakes_are_one_line(
+    folder: Path, capfd: pytest.CaptureFixture[str], arguments: list[str], line: str
+) -> None:
+    try:
+        status: object = cli.main(arguments)
+    except SystemExit as stop:
+        status = stop.code
+    assert status == 2
+    out, err = capfd.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith(line)
+
+
+def test_notes_are_printed(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run.report, "find_spec", lambda name: None)
+    assert evaluate() == 0
+    out = capsys.readouterr().out
+    assert "note: no report.html: matplotlib and jinja2 not installed" in out
+    assert "report                 out/drive\n" in out
+
+
+def test_an_interrupt_is_130(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(BrightnessVision, "look", interrupt)
+    assert evaluate() == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_fields_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["fields"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["name", *field_names()]
+    assert next(line for line in lines if line.startswith("ssl_2001")).split()[1:3] == ["2.74", "1.525"]
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["--version"])
+    assert stop.value.code == 0
+    assert capsys.readouterr().out == f"robocup-vision {version('robocup-vision')}\n"
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["evaluate", "--help"], ["render", "--help"]])
+def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
+    code = (
+        "import sys\n"
+        "from robocup_vision import cli\n"
+        "try: cli.main(sys.argv[1:])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'cv2', 'numba', 'matplotlib', 'pymunk', 'skimage', 'scipy'} & set(sys.modules)\n"
+        "sys.exit(f'loaded {sorted(heavy)}' if heavy else 0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "usage: robocup-vision" in done.stdout
