@@ -62,6 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     from sim2d.rendering.command import add_render_parser, run_render
+    from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
 
     parser = _Parser(prog="robocup-vision", description="One camera frame in; a robot's pose, free floor and ball out.")
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
@@ -69,6 +70,8 @@ def _parser() -> argparse.ArgumentParser:
     _add_evaluate_parser(commands)
     render: argparse.ArgumentParser = add_render_parser(commands)
     render.set_defaults(run=run_render)
+    render_goal: argparse.ArgumentParser = add_render_goal_parser(commands)
+    render_goal.set_defaults(run=run_render_goal)
     fields = commands.add_parser("fields", help="list the built-in fields")
     fields.set_defaults(run=_run_fields)
     return parser

@@ -6,27 +6,55 @@ import csv
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import cv2
+import numpy as np
+import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.camera import OmniCamera, save_camera
-from sim2d.rendering.random_scenes import Sample
+from robocup_vision.camera import Camera, save_camera
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.scene import Scene
 
 TRUTH_COLUMNS = ("image", "x_m", "y_m", "theta_rad", "ball_x_m", "ball_y_m")
+
+
+class Picture(Protocol):
+    """One picture with its truth, from either camera."""
+
+    @property
+    def frame(self) -> npt.NDArray[np.uint8]:
+        """(H, W, 3) uint8: BGR."""
+        ...
+
+    @property
+    def pose(self) -> Pose2:
+        """The true pose."""
+        ...
+
+    @property
+    def scene(self) -> Scene:
+        """What was there."""
+        ...
+
+    @property
+    def index(self) -> int:
+        """Its number."""
+        ...
 
 
 def write_dataset(
     folder: str | Path,
     field_name_or_path: str | Path,
-    camera: OmniCamera,
-    samples: Iterable[Sample],
+    camera: Camera,
+    samples: Iterable[Picture],
     *,
     symmetry: Literal["none", "point"] = "none",
     command: str | None = None,
+    jpeg_quality: int | None = None,
 ) -> int:
-    """Write dataset.toml, camera.toml, truth.csv and images/NNNN.png.
+    """Write dataset.toml, camera.toml, truth.csv and images/NNNN.png or .jpg.
 
     Parameters
     ----------
@@ -42,6 +70,8 @@ def write_dataset(
         How errors count.
     command : str, optional
         The command that makes this dataset, noted in it.
+    jpeg_quality : int, optional
+        Write small .jpg files of this quality in place of exact .png ones.
 
     Returns
     -------
@@ -64,13 +94,14 @@ def write_dataset(
     lines += ['truth = "truth.csv"', f'symmetry = "{symmetry}"']
     (root / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     save_camera(camera, root / "camera.toml")
+    options = [] if jpeg_quality is None else [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
     count = 0
     with (root / "truth.csv").open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(TRUTH_COLUMNS)
         for drawn in samples:
-            name = f"{drawn.index:04d}.png"
-            if not cv2.imwrite(str(root / "images" / name), drawn.frame):
+            name = f"{drawn.index:04d}.{'png' if jpeg_quality is None else 'jpg'}"
+            if not cv2.imwrite(str(root / "images" / name), drawn.frame, options):
                 raise ArgumentError(f"{root / 'images' / name} cannot be written")
             pose, ball = drawn.pose, drawn.scene.ball
             place = ("", "") if ball is None else (f"{ball.x_m:.6f}", f"{ball.y_m:.6f}")
