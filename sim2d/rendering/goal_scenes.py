@@ -182,7 +182,7 @@ def sample_goal(
     places: Iterable[tuple[float, float]] | None = None,
     views: tuple[View, ...] = ("goal",),
     indices: Iterable[int] | None = None,
-    supersample: int = 6,
+    supersample: int = 8,
 ) -> Iterator[GoalSample]:
     """Yield pictures; sample i depends on `seed` and i alone (and on `places[i]`, where places are given).
 

@@ -60,7 +60,7 @@ def render_pinhole(
     backdrop: Backdrop | None = None,
     glare: Sequence[Glare] = (),
     sun: Sequence[SunPatch] = (),
-    supersample: int = 6,
+    supersample: int = 8,
 ) -> Floats:
     """Render a frame; each pixel is the mean over its area.
 
@@ -146,11 +146,9 @@ def smear(image: Floats, length_px: float) -> Floats:
     """Blur an image along its rows as a camera does that pans by `length_px` pixels during the exposure."""
     if length_px <= 0:
         return image
-    reach = math.ceil(length_px / 2)
-    cells = np.arange(-reach, reach + 1)
-    kernel = np.clip(length_px / 2 - np.abs(cells) + 0.5, 0.0, 1.0)
-    # below one pixel the box lies inside the middle cell: spread it linearly, so that its variance grows from 0
-    if length_px < 1:
-        share = length_px**2 / 24
-        kernel = np.array([share, 1 - 2 * share, share])
-    return np.asarray(cv2.filter2D(image, -1, (kernel / kernel.sum())[None, :], borderType=cv2.BORDER_REPLICATE))
+    # a mixture of the two nearest boxes of an odd number of cells, so that the variance is exactly that of the motion
+    inner = 2 * int((math.sqrt(length_px**2 + 1) - 1) / 2) + 1
+    share = (length_px**2 - (inner**2 - 1)) / ((inner + 2) ** 2 - inner**2)
+    kernel = np.full(inner + 2, share / (inner + 2))
+    kernel[1:-1] += (1 - share) / inner
+    return np.asarray(cv2.filter2D(image, -1, kernel[None, :], borderType=cv2.BORDER_REPLICATE))
