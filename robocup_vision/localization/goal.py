@@ -21,19 +21,22 @@ from robocup_vision.localization.goal_fit import (
     bar_rows,
     fit,
     goal_model,
+    mirrored,
     refine,
     starts,
     strip_samples,
     with_bar,
 )
 from robocup_vision.localization.goal_geometry import BLOOM, HEADING, X, Y, goal_shape, pose_of
-from robocup_vision.perception.goal_color import hue_families, hue_masks, is_chromatic
+from robocup_vision.perception.goal_color import hue_families, hue_masks, is_chromatic, narrower
 from robocup_vision.perception.goal_region import Strip, carpet_mask, mask_runs, strips, white_runs
 
 ByteImage = npt.NDArray[np.uint8]
 
 _START_SCALES = np.full(8, 100.0)
 _GLARE = 235.0
+import os
+GREY=float(os.environ.get('GREY','0'))
 _WHITE = np.full(3, 3**-0.5)
 _SEARCH_WIDTH_PX = 208  # posts of the leagues' goals are still 3 px wide there from the far end of the field
 _LEAST_ELEMENT_SHARE = 0.35
@@ -109,9 +112,11 @@ class GoalLocalizer:
         """Find and fit the goal in a frame, or say why there is none."""
         best: GoalSight | None = None
         reason = "no goal: nothing in the picture looks like a post"
-        for sides, pairs, paint, scale, model, towards, glare in self._proposals(frame):
+        for sides, pairs, paint, scale, model, towards, glare, grey in self._proposals(frame):
+            if best is not None and _accepted(best.fit):
+                break
             for left, right in pairs:
-                found = self._fit_pair(frame, left, right, paint, scale, model, towards, glare)
+                found = self._fit_pair(frame, left, right, paint, scale, model, towards, glare, grey)
                 if found is None:
                     reason = "no goal: two posts may be there, but no bar that fits them"
                     continue
@@ -122,7 +127,7 @@ class GoalLocalizer:
         if best is None:
             return NotLocated(reason)
         shares = best.fit.element_shares
-        if best.fit.score < _LEAST_SCORE or min(shares) < _LEAST_ELEMENT_SHARE:
+        if not _accepted(best.fit):
             weakest = ("left post", "right post", "bar")[int(np.argmin(shares))]
             return NotLocated(f"no whole goal: only {min(shares):.0%} of the {weakest}'s edges are where they should be")
         return best
@@ -138,30 +143,35 @@ class GoalLocalizer:
             for mask in masks.values():
                 painted = mask if painted is None else cv2.bitwise_or(painted, mask)
             carpet = carpet_mask(small, painted)
-            for color, mask in masks.items():
-                found = strips(mask_runs(mask, 2), 2, carpet)
+            for color, mask in itertools.chain(
+                masks.items(),
+                *(hue_masks(small, half).items() for half in narrower(self._families) if self._families),
+            ):
+                found = strips(mask_runs(mask, 2), 2, carpet, certain=True)
                 grown = [_enlarged(s, factor) for s in found]
                 sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
                 towards = _towards(color)
-                yield sides, self._pairs(grown, 6), mask, factor, self._colored_model, towards, _GLARE
+                yield sides, self._pairs(grown, 6, needs_feet=False), mask, factor, self._colored_model, towards, _GLARE, GREY
         if self._white:
             carpet = carpet_mask(frame)
-            found = strips(white_runs(frame, 4), 4, carpet)
+            found = strips(white_runs(frame, 4), 4, carpet, certain=False)
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
             paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]))
-            yield sides, self._pairs(found, 20), paint, 1, self._white_model, _WHITE, 300.0
+            yield sides, self._pairs(found, 20, needs_feet=True), paint, 1, self._white_model, _WHITE, 300.0, 1.0
 
-    def _pairs(self, found: list[Strip], most: int) -> list[tuple[Strip, Strip]]:
+    def _pairs(self, found: list[Strip], most: int, *, needs_feet: bool) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
         wide = self.shape.width_m / (2 * self.shape.radius_m)
         pairs = []
-        for a, b in itertools.permutations([s for s in found if math.isfinite(s.foot)], 2):
-            apart = b.axis_at(b.foot) - a.axis_at(a.foot)
-            width_a, width_b = max(a.width_at(a.foot), 1.0), max(b.width_at(b.foot), 1.0)
+        for a, b in itertools.permutations(found, 2):
+            if not (math.isfinite(a.foot) and math.isfinite(b.foot)) and needs_feet:
+                continue
+            apart = b.axis_at(b.bottom) - a.axis_at(a.bottom)
+            width_a, width_b = max(a.width_at(a.bottom), 1.0), max(b.width_at(b.bottom), 1.0)
             # the posts' distance is at most as many post widths as in the goal, and fewer seen from the side
             if not 0.25 * wide * min(width_a, width_b) < apart < 1.5 * wide * max(width_a, width_b):
                 continue
-            if not 0.45 < width_a / width_b < 2.2 or abs(a.foot - b.foot) > 0.5 * apart:
+            if not 0.45 < width_a / width_b < 2.2 or abs(a.bottom - b.bottom) > apart:
                 continue
             pairs.append((a.strength * b.strength, a, b))
         pairs.sort(key=lambda pair: -pair[0])
@@ -177,6 +187,7 @@ class GoalLocalizer:
         model: GoalModel,
         towards: FloatArray,
         glare: float,
+        grey: float,
     ) -> GoalFit | None:
         samples = strip_samples(self.camera, left, right)
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
@@ -187,15 +198,18 @@ class GoalLocalizer:
         p0 = min(rough, key=lambda r: r[1])[0]
         for bar in bar_rows(paint, scale, self.camera, model, p0, 3):
             joint = with_bar(samples, bar)
-            tried: list[FloatArray] = []
-            for start, _, _ in rough:
-                p, cost, _ = fit(model, joint, start, _START_SCALES)
-                if not math.isfinite(cost) or any(np.hypot(*(p - q)[:2]) < 0.05 for q in tried):
-                    continue
-                tried.append(p)
-                found = refine(frame, self.camera, model, p, towards, glare, 3.0 * max(1.0, scale / 1.5))
-                if found is not None and (best is None or found.score > best.score):
-                    best = found
+            tried = [fit(model, joint, start, _START_SCALES) for start, _, _ in rough]
+            start, cost, _ = min(tried, key=lambda r: r[1])
+            if not math.isfinite(cost):
+                continue
+            found = refine(frame, self.camera, model, start, towards, glare, grey, 3.0 * max(1.0, scale / 1.5))
+            if found is None:
+                continue
+            other, cost, _ = fit(model, found.samples, mirrored(model, found.unknowns), _START_SCALES)
+            turned = refine(frame, self.camera, model, other, towards, glare, grey) if math.isfinite(cost) else None
+            for candidate in (found, turned):
+                if candidate is not None and (best is None or candidate.score > best.score):
+                    best = candidate
         return best
 
     def _estimate(self, sight: GoalSight) -> PoseEstimate:
@@ -217,6 +231,10 @@ class GoalLocalizer:
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
             got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
             raise FrameError(f"frame must be uint8 ({height}, {width}, 3) as camera.toml says, got {got}")
+
+
+def _accepted(found: GoalFit) -> bool:
+    return found.score >= _LEAST_SCORE and min(found.element_shares) >= _LEAST_ELEMENT_SHARE
 
 
 def _towards(color: str) -> FloatArray:

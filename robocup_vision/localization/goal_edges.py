@@ -29,7 +29,7 @@ from robocup_vision.localization.goal_geometry import (
 )
 from robocup_vision.perception.kernels import measure_edges
 
-FOOT_OFFSETS = np.array([-0.5, 0.0, 0.5])
+FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
 # the floor in front of a foot is told by its greenness: brightness steps at sun patches and lines as well
 _FOOT_TOWARDS = np.array([0.5, -1.0, 0.5])
 _SPACING_PX = 2.0
@@ -112,6 +112,7 @@ def measure(
     reach_px: float,
     towards: FloatArray,
     glare: float,
+    grey: float,
 ) -> EdgeSamples | None:
     """Measure all silhouette edges and feet within `reach_px` of where `unknowns` put them.
 
@@ -131,6 +132,8 @@ def measure(
         Colour difference (BGR) paint - surroundings that every edge agrees with in sign.
     glare : float
         Samples whose paint is brighter than this in all channels are dropped.
+    grey : float
+        See `kernels.measure_edges`.
 
     Returns
     -------
@@ -170,8 +173,8 @@ def measure(
         normals.append(np.broadcast_to(normal, at.shape))
         edges.append(np.full(len(at), e))
         expected[e] = len(at)
-    foot_pixels = pixels[2 * EDGES : 2 * EDGES + 6]
-    down = foot_pixels - pixels[2 * EDGES + 6 :]
+    foot_pixels = pixels[2 * EDGES : 2 * EDGES + 2 * len(FOOT_OFFSETS)]
+    down = foot_pixels - pixels[2 * EDGES + 2 * len(FOOT_OFFSETS) :]
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     starts.append(foot_pixels)
     normals.append(down)
@@ -179,13 +182,15 @@ def measure(
     start = np.ascontiguousarray(np.concatenate(starts))
     normal_all = np.ascontiguousarray(np.concatenate(normals))
     n = len(edge)
-    inside_px = np.full(len(start), 3.0)
+    inside_px = np.full(len(start), 4.0)
     inside_px[:n] = 0.5 * thickness[edge]
     along = np.empty((len(start), 3))
     along[:n], along[n:] = towards, _FOOT_TOWARDS
+    keep = np.ones(len(start))
+    keep[:n] = grey
     offset, contrast, sigma = np.empty(len(start)), np.empty(len(start)), np.empty(len(start))
     measure_edges(
-        image, start, normal_all, np.full(len(start), reach_px), inside_px, along, glare, offset, contrast, sigma
+        image, start, normal_all, np.full(len(start), reach_px), inside_px, along, glare, keep, offset, contrast, sigma
     )
     found = np.isfinite(offset)
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
@@ -195,8 +200,8 @@ def measure(
     return EdgeSamples(
         edge[edge_found].astype(np.int64),
         np.ascontiguousarray(where[is_edge[found]]),
-        np.repeat([0, 1], 3)[foot_found],
-        np.tile([0, 1, 2], 2)[foot_found],
+        np.repeat([0, 1], len(FOOT_OFFSETS))[foot_found],
+        np.tile(np.arange(len(FOOT_OFFSETS)), 2)[foot_found],
         np.ascontiguousarray(where[~is_edge[found]]),
         np.ascontiguousarray(normal_all[n:][foot_found]),
         sigma[found],

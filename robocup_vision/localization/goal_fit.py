@@ -30,14 +30,18 @@ from robocup_vision.localization.goal_geometry import (
     GoalShape,
     IdealView,
     X,
+    Y,
     project,
 )
 from robocup_vision.perception.goal_region import Strip
 from robocup_vision.perception.kernels import fit_goal, goal_residuals
 
 INLIER_PX = 0.5
+# feet alone tell the two branches apart, and are few
+FOOT_WORTH = 3.0
 # what an edge as a whole may be off, however many samples it has: paint, shading, posts that are no perfect cylinders
-_EDGE_ERROR_PX = 0.06
+_EDGE_ERROR_PX = 0.08
+_FOOT_ERROR_PX = 0.25
 _SAMPLE_ERROR_PX = 0.05
 _UPRIGHT_STD_RAD = 0.1  # a robot's camera is roughly upright even where the file says nothing
 _KNOWN_ANGLE_STD_RAD = 0.01
@@ -118,9 +122,14 @@ class GoalFit:
 
     @property
     def score(self) -> float:
-        """How much of the goal agrees with the fit, 0 to 1: the worst of both posts and the bar counts most."""
-        left, right, bar = self.element_shares
-        return 0.5 * min(left, right, bar) + 0.5 * (left + right + bar) / 3
+        """How well the goal agrees with the fit, 0 to 1, at an absolute scale: one that adapted to the residuals would
+        take the mirror branch, whose edges lie half a pixel off, for a noisy picture of the right one.
+        """
+        n = len(self.samples.edge)
+        worth = np.maximum(0.0, 1.0 - (self.residual_px / INLIER_PX) ** 2)
+        worth[n:] = FOOT_WORTH * np.maximum(0.0, 1.0 - (self.residual_px[n:] / (2 * INLIER_PX)) ** 2)
+        # a foot may be hidden, so its absence is forgiven where its presence counts
+        return float(worth.sum() / (int(self.samples.expected.sum()) + FOOT_WORTH * max(len(worth) - n, len(FOOT_OFFSETS))))
 
     @property
     def element_shares(self) -> tuple[float, float, float]:
@@ -136,31 +145,47 @@ def strip_samples(camera: PinholeCamera, left: Strip, right: Strip) -> EdgeSampl
         for v in np.linspace(strip.top + 0.3 * (strip.bottom - strip.top), strip.bottom, 5):
             edge += [2 * post, 2 * post + 1]
             uv += [(u, v) for u in strip.edges_at(v)]
-        feet.append((strip.axis_at(strip.foot), strip.foot))
+        if math.isfinite(strip.foot):
+            feet.append((post, strip.axis_at(strip.foot), strip.foot))
     return EdgeSamples(
         np.array(edge),
         to_ideal(camera, np.array(uv, dtype=np.float64)),
-        np.array([0, 1]),
-        np.array([1, 1]),
-        to_ideal(camera, np.array(feet, dtype=np.float64)),
-        np.array([[0.0, 1.0], [0.0, 1.0]]),
-        np.array([1.0] * len(edge) + [1.5, 1.5]),
+        np.array([foot[0] for foot in feet], dtype=np.int64),
+        np.full(len(feet), len(FOOT_OFFSETS) // 2, dtype=np.int64),
+        to_ideal(camera, np.array([foot[1:] for foot in feet], dtype=np.float64).reshape(-1, 2)),
+        np.tile([0.0, 1.0], (len(feet), 1)),
+        np.array([1.0] * len(edge) + [1.5] * len(feet)),
         np.full(EDGES, 5),
     )
 
 
 def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
-    """Cameras that see both feet where they are, from obliquely left and right: the two branches a plane allows."""
+    """Cameras that see both posts where they are: placed by the posts' own widths, and obliquely left and right.
+
+    The last two are the branches that a plane's picture always allows.
+    """
     fu, fv = model.view.focal_px
     cu, cv = model.view.center_px
-    a, b = left.axis_at(left.foot), right.axis_at(right.foot)
+    low_left, low_right = (s.foot if math.isfinite(s.foot) else s.bottom for s in (left, right))
+    a, b = left.axis_at(low_left), right.axis_at(low_right)
+    half, line = model.shape.width_m / 2, model.shape.line_x_m
+    near_left = 2 * model.shape.radius_m * fu / max(left.width_at(left.bottom), 1.0)
+    near_right = 2 * model.shape.radius_m * fu / max(right.width_at(right.bottom), 1.0)
+    aside = float(np.clip((near_right**2 - near_left**2) / (4 * half), -near_left - half, near_left + half))
+    ahead = math.sqrt(max(near_left**2 - (half - aside) ** 2, 0.04))
+    places = [(line - ahead, aside)]
     for beta in (-0.6, 0.6):
-        distance = model.shape.width_m * math.cos(beta) * fu / max(b - a, 1.0)
+        distance = 2 * half * math.cos(beta) * fu / max(b - a, 1.0)
+        places.append((line - distance * math.cos(beta), distance * math.sin(beta)))
+    for x, y in places:
         p = model.prior.copy()
-        p[X] = model.shape.line_x_m - distance * math.cos(beta)
-        p[1] = distance * math.sin(beta)
-        p[HEADING] = -beta + math.atan(((a + b) / 2 - cu) / fu)
-        p[TILT] = -math.atan(p[HEIGHT] / distance) + math.atan(((left.foot + right.foot) / 2 - cv) / fv)
+        p[X], p[Y] = x, y
+        # the axis points where both posts' bearings lie best about it
+        p[HEADING] = (
+            math.atan2(half - y, line - x) + math.atan2(-half - y, line - x) + math.atan((a - cu) / fu) + math.atan((b - cu) / fu)
+        ) / 2
+        distance = math.hypot(line - x, y)
+        p[TILT] = -math.atan(p[HEIGHT] / distance) + math.atan(((low_left + low_right) / 2 - cv) / fv)
         yield p
 
 
@@ -187,6 +212,15 @@ def fit(model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: Float
     return p, float(cost), information
 
 
+def mirrored(model: GoalModel, unknowns: FloatArray) -> FloatArray:
+    """The other camera that sees nearly the same picture: as far from the goal, as oblique, on its other side."""
+    p = unknowns.copy()
+    p[Y] = -p[Y]
+    ahead = model.shape.line_x_m - p[X]
+    p[HEADING] += math.atan2(-p[Y], ahead) - math.atan2(p[Y], ahead)
+    return p
+
+
 def with_bar(samples: EdgeSamples, bar_px: FloatArray) -> EdgeSamples:
     """Rough samples with points (K, 2) on the bar's upper edge, ideal pixels, added."""
     n, k = len(samples.edge), len(bar_px)
@@ -202,8 +236,8 @@ def weigh(samples: EdgeSamples) -> EdgeSamples:
     """Samples whose noise includes what their edge as a whole may be off."""
     per_edge = np.bincount(samples.edge, minlength=EDGES)[samples.edge]
     per_foot = np.bincount(samples.foot_post, minlength=2)[samples.foot_post]
-    count = np.concatenate([per_edge, per_foot])
-    sigma = np.sqrt(samples.sigma**2 + _SAMPLE_ERROR_PX**2 + _EDGE_ERROR_PX**2 * count)
+    shared = np.concatenate([_EDGE_ERROR_PX**2 * per_edge, _FOOT_ERROR_PX**2 * per_foot])
+    sigma = np.sqrt(samples.sigma**2 + _SAMPLE_ERROR_PX**2 + shared)
     return replace(samples, sigma=sigma)
 
 
@@ -223,6 +257,7 @@ def refine(
     start: FloatArray,
     towards: FloatArray,
     glare: float,
+    grey: float,
     first_reach_px: float = 3.0,
 ) -> GoalFit | None:
     """Measure edges around a start and fit them, ever closer; None where the goal is lost.
@@ -236,7 +271,7 @@ def refine(
         (2.0, np.array([1.0, 1.0, 1.0])),
         (1.5, np.array([1.0, 1.0])),
     ):
-        measured = measure(image, camera, model.view, model.shape, p, reach, towards, glare)
+        measured = measure(image, camera, model.view, model.shape, p, reach, towards, glare, grey)
         if measured is None or len(measured.edge) < 12:
             return None
         samples = weigh(measured)

@@ -17,6 +17,7 @@ ByteImage = npt.NDArray[np.uint8]
 
 _LEAST_SATURATION = 0.30  # a third of full paint: glare that leaves less is white for all we can tell
 _LEAST_VALUE = 25  # of 255, below which hue is noise
+_SHINE = 170.0
 _CAST = 1.3  # the strongest colour cast that the image's bright end is trusted with
 
 
@@ -54,11 +55,22 @@ def white_gains(image: ByteImage) -> npt.NDArray[np.float64]:
     return np.minimum(gains, _CAST)
 
 
+def narrower(families: dict[str, tuple[float, float]]) -> list[dict[str, tuple[float, float]]]:
+    """Each family's lower and upper half: what to try when clutter of a neighbouring hue touches the goal."""
+    halves = [{}, {}]  # type: list[dict[str, tuple[float, float]]]
+    for color, (low, high) in families.items():
+        middle, overlap = (low + high) / 2, (high - low) / 12
+        halves[0][color], halves[1][color] = (low, middle + overlap), (middle - overlap, high)
+    return halves
+
+
 def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dict[str, ByteImage]:
     """Masks (H, W) uint8, 255 on paint, one for each hue family."""
     gains = white_gains(image)
     balanced = image if np.all(gains < 1.02) else cv2.LUT(image, _gain_table(gains))
     hsv = cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV)
+    # what a lamp washes white: bright in all channels
+    shine = cv2.inRange(balanced, np.full(3, _SHINE), np.full(3, 255.0))
     masks = {}
     for color, (low, high) in families.items():
         least = np.array([max(low, 0.0), 255 * _LEAST_SATURATION, _LEAST_VALUE])
@@ -68,8 +80,17 @@ def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dic
             if wrapped_low <= wrapped_high and (wrapped_low > 90.0 if low < 0 else high > 179.0):
                 least[0], most[0] = wrapped_low, wrapped_high
                 mask = cv2.bitwise_or(mask, cv2.inRange(hsv, least, most))
-        masks[color] = np.asarray(mask)
+        masks[color] = _filled(mask, shine)
     return masks
+
+
+def _filled(mask: ByteImage, shine: ByteImage) -> ByteImage:
+    """Paint plus the shine that paint encloses, along rows (posts), then along columns (the bar)."""
+    longest = max(3, mask.shape[1] // 8)
+    for kernel in (np.ones((1, longest), np.uint8), np.ones((longest, 1), np.uint8)):
+        closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel)
+        mask = cv2.bitwise_or(mask, cv2.bitwise_and(closed, shine))
+    return np.asarray(mask)
 
 
 def _gain_table(gains: npt.NDArray[np.float64]) -> ByteImage:

@@ -152,9 +152,21 @@ def mask_runs(mask: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, F
 
 
 def strips(
-    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], row_step: int, carpet: ByteImage
+    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], row_step: int, carpet: ByteImage, *, certain: bool
 ) -> list[Strip]:
-    """Stack runs into upright strips, join the pieces of one post and see where each stands on the carpet."""
+    """Stack runs into upright strips, join the pieces of one post and see where each stands on the carpet.
+
+    Parameters
+    ----------
+    runs : four (N,) float64
+        See `white_runs`.
+    row_step : int
+        Rows from one band of runs to the next.
+    carpet : (H, W) uint8
+        See `carpet_mask`.
+    certain : bool
+        The runs are paint of the right hue: short strips and long gaps of glare are forgiven.
+    """
     row, left, right, contrast = runs
     chain = np.empty(len(row), np.int64)
     chains = link_runs(row, left, right, _LEAN, 4.0 * row_step, chain)
@@ -167,12 +179,12 @@ def strips(
             width = float(np.median(right[members] - left[members]))
             if row[members[-1]] - row[members[0]] + row_step >= 0.75 * width:
                 pieces.append(members)
-    found = [strip for members in _join(pieces, row, left, right) if (strip := _strip(members, runs, carpet))]
+    found = [strip for members in _join(pieces, row, left, right, 7.0 if certain else _LONGEST_GAP_WIDTHS) if (strip := _strip(members, runs, carpet, 1.0 if certain else 2.0))]
     return sorted(found, key=lambda s: -s.strength)
 
 
 def _join(
-    pieces: list[npt.NDArray[np.int64]], row: FloatArray, left: FloatArray, right: FloatArray
+    pieces: list[npt.NDArray[np.int64]], row: FloatArray, left: FloatArray, right: FloatArray, longest_gap: float
 ) -> list[npt.NDArray[np.int64]]:
     """Join pieces that continue each other's axis at the same width: glare and occlusion cut posts apart."""
     pieces = sorted(pieces, key=len, reverse=True)
@@ -197,7 +209,7 @@ def _join(
                     gap = max(row[other[0]] - row[members[-1]], row[members[0]] - row[other[-1]])
                     other_width = float(np.median(right[other] - left[other]))
                     if (
-                        0 < gap <= _LONGEST_GAP_WIDTHS * width
+                        0 < gap <= longest_gap * width
                         and float(np.median(off)) < 0.3 * width
                         and 0.7 < other_width / width < 1.4
                     ):
@@ -209,11 +221,11 @@ def _join(
 
 
 def _strip(
-    members: npt.NDArray[np.int64], runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], carpet: ByteImage
+    members: npt.NDArray[np.int64], runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], carpet: ByteImage, shortest: float
 ) -> Strip | None:
     row, left, right = (array[members] for array in runs[:3])
     width = float(np.median(right - left))
-    if row[-1] - row[0] < 2.0 * width or len(row) < 4:
+    if row[-1] - row[0] < shortest * width or len(row) < 4:
         return None
     edges = []
     for side in (left, right):
@@ -236,7 +248,8 @@ def _foot_row(strip: Strip, carpet: ByteImage) -> float:
     """First row at or below the strip's end from which carpet lies between its edges."""
     width = max(3.0, strip.width_at(strip.bottom))
     first = max(0, int(strip.bottom - 1.5 * width))
-    last = min(carpet.shape[0] - 1, int(strip.bottom + 2.0 * width) + 4)
+    # not much further: a ball or a line in front would count as paint again
+    last = min(carpet.shape[0] - 1, int(strip.bottom + 0.5 * width) + 8)
     rows = np.arange(first, last + 1)
     if len(rows) < 4:
         return float("nan")

@@ -1067,7 +1067,7 @@ def _sample(image, u, v, channel):
 
 
 @njit(cache=True, nogil=True)
-def measure_edges(image, starts, normals, reach, inside, towards, glare, offset, contrast, sigma):
+def measure_edges(image, starts, normals, reach, inside, towards, glare, grey, offset, contrast, sigma):
     """Sub-pixel step along the normal of each start point: a two-class edge, its classes taken beside it.
 
     Parameters
@@ -1083,6 +1083,9 @@ def measure_edges(image, starts, normals, reach, inside, towards, glare, offset,
         Colour difference object - surroundings that each edge must agree with in sign.
     glare : float
         Samples whose inside is brighter than this in all channels within 2 px of the edge are dropped.
+    grey : (N,) float64
+        How much of the two classes' difference in brightness counts: 1 for white paint, less for paint of a hue, beside
+        which grey clutter has edges of its own.
     offset, contrast, sigma : (N,) float64
         Results: where the edge lies (pixels along the normal; NaN: none), its colour step (-1: dropped as glare),
         and the offset's own noise.
@@ -1091,6 +1094,7 @@ def measure_edges(image, starts, normals, reach, inside, towards, glare, offset,
     step = 0.5
     profile = np.empty((257, 3))
     score = np.empty(257)
+    axis, mean_in, mean_out = np.empty(3), np.empty(3), np.empty(3)
     for n in range(starts.shape[0]):
         offset[n] = np.nan
         contrast[n] = 0.0
@@ -1124,53 +1128,66 @@ def measure_edges(image, starts, normals, reach, inside, towards, glare, offset,
         # fine: both classes beside the edge, the profile projected on their difference, where it crosses the middle
         near = int(round(deep / step))
         low, high = max(0, at - near), min(count - 1, at + 6)
-        mean_in, mean_out, var = np.zeros(3), np.zeros(3), 0.0
         n_in = max(1, near // 2)
         n_out = high - (at + 3) + 1
+        mean_in[:] = 0.0
+        mean_out[:] = 0.0
+        brightness = 0.0
         for c in range(3):
             for i in range(low, low + n_in):
                 mean_in[c] += profile[i, c] / n_in
             for i in range(at + 3, high + 1):
                 mean_out[c] += profile[i, c] / n_out
-        norm2, agree = 0.0, 0.0
-        for c in range(3):
-            norm2 += (mean_in[c] - mean_out[c]) ** 2
-            agree += (mean_in[c] - mean_out[c]) * towards[n, c]
-        if norm2 < 1.0 or agree <= 0.0:
-            continue
+            brightness += (mean_in[c] - mean_out[c]) / 3.0
         if min(mean_in[0], mean_in[1], mean_in[2]) >= glare:
             contrast[n] = -1.0
             continue
-        freedom = 0
-        for i in range(low, low + n_in):
+        for turn in range(1 if grey[n] >= 1.0 else 2):
+            keep = grey[n] if turn == 0 else 1.0
+            norm2, agree, size2, var, freedom = 0.0, 0.0, 0.0, 0.0, 0
             for c in range(3):
-                var += (profile[i, c] - mean_in[c]) ** 2
-            freedom += 1
-        for i in range(at + 3, high + 1):
-            for c in range(3):
-                var += (profile[i, c] - mean_out[c]) ** 2
-            freedom += 1
-        noise = math.sqrt(var / (3.0 * freedom) + 1.0)
-        size = math.sqrt(norm2)
-        if size < 5.0 * noise:
-            continue
-        last, crossing, slope = 0.0, np.nan, 1.0
-        for i in range(low, high + 1):
-            value = 0.0
-            for c in range(3):
-                value += (profile[i, c] - mean_out[c]) * (mean_in[c] - mean_out[c])
-            value = value / norm2 - 0.5
-            if i > low and last >= 0.0 and value < 0.0:
-                t = first + (i - 1 + last / (last - value)) * step
-                if math.isnan(crossing) or abs(t - first - at * step) < abs(crossing - first - at * step):
-                    crossing = t
-                    slope = (last - value) / step
-            last = value
-        if math.isnan(crossing) or abs(crossing) > reach[n]:
-            continue
-        offset[n] = crossing
-        contrast[n] = size
-        sigma[n] = noise / (size * slope)
+                axis[c] = mean_in[c] - mean_out[c] - (1.0 - keep) * brightness
+                norm2 += axis[c] * (mean_in[c] - mean_out[c])
+                agree += axis[c] * towards[n, c]
+                size2 += axis[c] ** 2
+            if norm2 < 1.0 or agree <= 0.0:
+                break
+            size = norm2 / math.sqrt(size2)
+            for i in range(low, high + 1):
+                if low + n_in <= i < at + 3:
+                    continue
+                value = 0.0
+                for c in range(3):
+                    value += (profile[i, c] - (mean_in[c] if i < at else mean_out[c])) * axis[c]
+                var += value**2 / size2
+                freedom += 1
+            noise = math.sqrt(var / freedom + 1.0)
+            if size < 5.0 * noise:
+                break
+            last, crossing, slope = 0.0, np.nan, 1.0
+            for i in range(low, high + 1):
+                value = 0.0
+                for c in range(3):
+                    value += (profile[i, c] - mean_out[c]) * axis[c]
+                value = value / norm2 - 0.5
+                if i > low and last >= 0.0 and value < 0.0:
+                    t = first + (i - 1 + last / (last - value)) * step
+                    if math.isnan(crossing) or abs(t - first - at * step) < abs(crossing - first - at * step):
+                        crossing = t
+                        slope = (last - value) / step
+                last = value
+            if math.isnan(crossing) or abs(crossing) > reach[n]:
+                break
+            spread = noise / (size * slope)
+            if turn == 0:
+                offset[n] = crossing
+                contrast[n] = size
+                sigma[n] = spread
+            elif abs(crossing - offset[n]) < 0.4:
+                # brightness is sharper than hue, but only where no grey clutter beside the edge pulls it aside
+                both = 1.0 / sigma[n] ** 2 + 1.0 / spread**2
+                offset[n] = (offset[n] / sigma[n] ** 2 + crossing / spread**2) / both
+                sigma[n] = both**-0.5
 
 
 @njit(cache=True, nogil=True)
