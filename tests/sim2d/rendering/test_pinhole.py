@@ -150,7 +150,7 @@ def test_few_rays_and_many_see_the_same(seed: int, x: float, y: float, roll: flo
     few, many = (render_pinhole(camera, scene, pose, backdrop=Backdrop("plain"), supersample=n) for n in (6, 12))
     lamps = many.max(axis=2) > 250  # far over white: their edges are not worth more rays
     difference = np.abs(few - many).max(axis=2)[~lamps]
-    assert np.quantile(difference, 0.995) < 8.0
+    assert np.quantile(difference, 0.995) < 16.0
     assert difference.mean() < 0.5
 
 
