@@ -22,6 +22,7 @@ from robocup_vision.localization.goal_fit import (
     fit,
     goal_model,
     mirrored,
+    objection,
     refine,
     starts,
     strip_samples,
@@ -37,10 +38,9 @@ _START_SCALES = np.full(8, 100.0)
 _GLARE = 235.0
 import os
 GREY=float(os.environ.get('GREY','0'))
+_BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
 _WHITE = np.full(3, 3**-0.5)
 _SEARCH_WIDTH_PX = 208  # posts of the leagues' goals are still 3 px wide there from the far end of the field
-_LEAST_ELEMENT_SHARE = 0.35
-_LEAST_SCORE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +82,8 @@ class GoalLocalizer:
         self.field = field
         self.camera = camera
         self.shape = goal_shape(field)
+        corners = np.abs(field.floor_polygon).max(axis=0)
+        self._extent_m = corners + _BEYOND_M
         self._families = hue_families(field)
         self._white = any(not is_chromatic(goal.color) for goal in field.goals)
         self._colored_model = goal_model(self.shape, camera, 0.15)
@@ -113,23 +115,22 @@ class GoalLocalizer:
         best: GoalSight | None = None
         reason = "no goal: nothing in the picture looks like a post"
         for sides, pairs, paint, scale, model, towards, glare, grey in self._proposals(frame):
-            if best is not None and _accepted(best.fit):
+            if best is not None:
                 break
             for left, right in pairs:
                 found = self._fit_pair(frame, left, right, paint, scale, model, towards, glare, grey)
                 if found is None:
                     reason = "no goal: two posts may be there, but no bar that fits them"
                     continue
-                if best is None or found.score > best.fit.score:
+                why = objection(model, found, self._extent_m)
+                if why is not None:
+                    reason = f"no whole goal: {why}"
+                elif best is None or found.score > best.fit.score:
                     best = GoalSight(found, sides, model)
                 if found.score > 0.9:
                     break
         if best is None:
             return NotLocated(reason)
-        shares = best.fit.element_shares
-        if not _accepted(best.fit):
-            weakest = ("left post", "right post", "bar")[int(np.argmin(shares))]
-            return NotLocated(f"no whole goal: only {min(shares):.0%} of the {weakest}'s edges are where they should be")
         return best
 
     def _proposals(self, frame: ByteImage):  # type: ignore[no-untyped-def]
@@ -231,10 +232,6 @@ class GoalLocalizer:
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
             got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
             raise FrameError(f"frame must be uint8 ({height}, {width}, 3) as camera.toml says, got {got}")
-
-
-def _accepted(found: GoalFit) -> bool:
-    return found.score >= _LEAST_SCORE and min(found.element_shares) >= _LEAST_ELEMENT_SHARE
 
 
 def _towards(color: str) -> FloatArray:

@@ -39,6 +39,10 @@ from robocup_vision.perception.kernels import fit_goal, goal_residuals
 INLIER_PX = 0.5
 # feet alone tell the two branches apart, and are few
 FOOT_WORTH = 3.0
+# shares of an element's edges, and of all, that must be in place
+LEAST_ELEMENT_SHARE = 0.35
+LEAST_SCORE = 0.5
+MOST_STRAIN = 3.5  # standard deviations that a prior may be off
 # what an edge as a whole may be off, however many samples it has: paint, shading, posts that are no perfect cylinders
 _EDGE_ERROR_PX = 0.08
 _FOOT_ERROR_PX = 0.25
@@ -136,6 +140,33 @@ class GoalFit:
         """Shares of the left post, the right post and the bar."""
         s = self.share
         return float(s[0] + s[1]) / 2, float(s[2] + s[3]) / 2, float(max(s[BAR_TOP], (s[4] + s[5]) / 2))
+
+
+def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | None:
+    """Why a fit cannot be the goal, or None.
+
+    Parameters
+    ----------
+    model, found : GoalModel, GoalFit
+        What was fitted.
+    extent_m : (2,) float64
+        Greatest |x| and |y| at which a camera can stand.
+    """
+    shares = found.element_shares
+    if min(shares) < LEAST_ELEMENT_SHARE or found.score < LEAST_SCORE:
+        weakest = ("left post", "right post", "bar")[int(np.argmin(shares))]
+        return f"only {min(shares):.0%} of the {weakest}'s edges are where they should be"
+    if np.any(np.abs(found.unknowns[:2]) > extent_m):
+        return f"what looks like one would put the camera off the pitch, at x = {found.unknowns[X]:.1f}, y = {found.unknowns[Y]:.1f} m"
+    strain = np.abs(found.unknowns - model.prior) * np.sqrt(np.where(np.isinf(model.weight), 0.0, model.weight))
+    if float(strain.max()) > MOST_STRAIN:
+        what = ("x", "y", "heading", "tilt", "roll", "height", "focal length", "bleeding")[int(np.argmax(strain))]
+        return f"what looks like one would need a camera {what} that is {strain.max():.0f} standard deviations off"
+    feet = np.abs(found.residual_px[len(found.samples.edge) :]) < 2 * INLIER_PX
+    standing = np.bincount(found.samples.foot_post[feet], minlength=2) >= 2
+    if not standing.any():
+        return "what looks like one does not stand on the carpet"
+    return None
 
 
 def strip_samples(camera: PinholeCamera, left: Strip, right: Strip) -> EdgeSamples:
