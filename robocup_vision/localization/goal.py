@@ -14,8 +14,9 @@ from field_models.errors import ArgumentError, FrameError
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
 from robocup_vision.localization.goal_fit import (
+    INLIER_PX,
     GoalFit,
     GoalModel,
     bar_rows,
@@ -28,9 +29,19 @@ from robocup_vision.localization.goal_fit import (
     strip_samples,
     with_bar,
 )
-from robocup_vision.localization.goal_geometry import BLOOM, HEADING, X, Y, goal_shape, pose_of
+from robocup_vision.localization.goal_geometry import HEADING, TILT, X, Y, goal_shape, pose_of
+from robocup_vision.localization.goal_lines import (
+    LineFit,
+    fit_goal_and_lines,
+    fit_ridges,
+    line_points,
+    line_starts,
+    loosened,
+)
+from robocup_vision.localization.line_map import LineMap
 from robocup_vision.perception.goal_color import hue_families, hue_masks, is_chromatic, narrower
 from robocup_vision.perception.goal_region import Strip, carpet_mask, mask_runs, strips, white_runs
+from robocup_vision.perception.line_points import LinePoints
 
 ByteImage = npt.NDArray[np.uint8]
 
@@ -38,6 +49,9 @@ _START_SCALES = np.full(8, 100.0)
 _GLARE = 235.0
 import os
 GREY=float(os.environ.get('GREY','0'))
+_LEAST_CANDIDATE_SCORE = 0.3
+_MOST_LINE_TRIALS = 4
+_PRIOR_STD_M, _PRIOR_STD_RAD = 0.4, 0.15
 _BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
 _WHITE = np.full(3, 3**-0.5)
 _SEARCH_WIDTH_PX = 208  # posts of the leagues' goals are still 3 px wide there from the far end of the field
@@ -55,11 +69,22 @@ class GoalSight:
         Which goals it can be: (1,), (-1,), or both.
     model : GoalModel
         What it was fitted with.
+    lines : LineFit or None
+        The fit of goal and lines together, where lines were found; it then is the better one.
     """
 
-    fit: GoalFit
+    fit: GoalFit | None
     sides: tuple[int, ...]
     model: GoalModel
+    lines: LineFit | None = None
+
+    @property
+    def unknowns(self) -> FloatArray:
+        """(8,) float64: the camera for the goal at +x, see goal_geometry (pan/heading, tilt, roll, height among them)."""
+        if self.lines is not None:
+            return self.lines.unknowns
+        assert self.fit is not None
+        return self.fit.unknowns
 
 
 class GoalLocalizer:
@@ -71,6 +96,8 @@ class GoalLocalizer:
         With goals of posts and a bar.
     camera : PinholeCamera
         Pan, tilt and roll may be unknown.
+    use_lines : bool
+        Fit the field's lines together with the goal wherever they are in view.
 
     Raises
     ------
@@ -78,10 +105,11 @@ class GoalLocalizer:
         If the field has no such goals.
     """
 
-    def __init__(self, field: Field, camera: PinholeCamera) -> None:
+    def __init__(self, field: Field, camera: PinholeCamera, *, use_lines: bool = True) -> None:
         self.field = field
         self.camera = camera
         self.shape = goal_shape(field)
+        self._lines = LineMap(field) if use_lines and len(field.lines) + len(field.arcs) else None
         corners = np.abs(field.floor_polygon).max(axis=0)
         self._extent_m = corners + _BEYOND_M
         self._families = hue_families(field)
@@ -97,41 +125,128 @@ class GoalLocalizer:
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         prior : Pose2, optional
-            Roughly where the camera is.
+            Roughly where the camera is (within about a metre and 20 degrees). Where no whole goal is seen the lines are
+            then tried from there, and of two candidates half a turn apart the nearer one comes first.
 
         Raises
         ------
         FrameError
             If the frame has the wrong type, shape or size.
         """
-        self._check(frame)
-        sight = self.look(frame)
+        sight = self.look(frame, prior)
         if isinstance(sight, NotLocated):
             return sight
-        return self._estimate(sight)
+        estimate = self._estimate(sight)
+        if prior is not None and len(estimate.candidates) > 1:
+            near, far = (math.hypot(c.x_m - prior.x_m, c.y_m - prior.y_m) for c in estimate.candidates)
+            if far < near:
+                turned = estimate.half_turn()
+                return PoseEstimate(
+                    turned.pose, turned.covariance, turned.inlier_share, turned.residual_px, estimate.candidates[::-1]
+                )
+        return estimate
 
-    def look(self, frame: ByteImage) -> GoalSight | NotLocated:
-        """Find and fit the goal in a frame, or say why there is none."""
-        best: GoalSight | None = None
-        reason = "no goal: nothing in the picture looks like a post"
+    def look(self, frame: ByteImage, prior: Pose2 | None = None) -> GoalSight | NotLocated:
+        """Find and fit the goal in a frame, with the field's lines where they are in view, or say why there is none.
+
+        Parameters and errors are those of `locate`.
+        """
+        self._check(frame)
+        sights, reason = self._sights(frame)
+        if self._lines is not None:
+            for sight in sights[:_MOST_LINE_TRIALS]:
+                joined = self._with_lines(frame, sight)
+                if joined is not None:
+                    return joined
+        for sight in sights:
+            why = objection(sight.model, sight.fit, self._extent_m)
+            if why is None:
+                return sight
+            reason = reason or f"no whole goal: {why}"
+        if prior is not None and self._lines is not None:
+            return self._from_prior(frame, prior) or NotLocated(f"{reason}; nor do lines bear out the prior")
+        return NotLocated(reason or "no goal: nothing in the picture looks like a post")
+
+    def _sights(self, frame: ByteImage) -> tuple[list[GoalSight], str]:
+        """Distinct goals that may be in the picture, best first, and why there is none if there is none."""
+        found: list[GoalSight] = []
+        reason = ""
         for sides, pairs, paint, scale, model, towards, glare, grey in self._proposals(frame):
-            if best is not None:
-                break
             for left, right in pairs:
-                found = self._fit_pair(frame, left, right, paint, scale, model, towards, glare, grey)
-                if found is None:
-                    reason = "no goal: two posts may be there, but no bar that fits them"
-                    continue
-                why = objection(model, found, self._extent_m)
-                if why is not None:
-                    reason = f"no whole goal: {why}"
-                elif best is None or found.score > best.fit.score:
-                    best = GoalSight(found, sides, model)
-                if found.score > 0.9:
+                candidates = self._candidates(frame, left, right, paint, scale, model, towards, glare, grey)
+                if not candidates:
+                    reason = reason or "no goal: two posts may be there, but no bar that fits them"
+                found += [GoalSight(c, sides, model) for c in candidates if c.score > _LEAST_CANDIDATE_SCORE]
+                if candidates and candidates[0].score > 0.9:
                     break
+            if any(objection(s.model, s.fit, self._extent_m) is None for s in found):
+                break
+        found.sort(key=lambda s: (objection(s.model, s.fit, self._extent_m) is not None, -s.fit.score))
+        distinct: list[GoalSight] = []
+        for sight in found:
+            p = sight.fit.unknowns
+            if all(math.dist(p[:2], q.fit.unknowns[:2]) > 0.05 for q in distinct):
+                distinct.append(sight)
+        return distinct, reason
+
+    def _with_lines(self, frame: ByteImage, sight: GoalSight) -> GoalSight | None:
+        """The same goal fitted together with the lines, or None where they do not bear it out."""
+        assert self._lines is not None
+        unknowns = sight.fit.unknowns
+        if np.any(np.abs(unknowns[:2]) > 2 * self._extent_m):
+            return None
+        model = loosened(sight.model)
+        starts = [unknowns]
+        if sight.model is self._white_model:
+            points = line_points(frame, self.camera, unknowns, self.field.line_width_m)
+            if len(points) >= 20:
+                starts = []
+                for start in (unknowns, *line_starts(model, unknowns, points, self._lines)):
+                    rough = fit_goal_and_lines(self.camera, model, start, sight.fit.samples, points, self._lines)
+                    if rough is not None:
+                        starts.append((rough.line_share, rough.unknowns))  # type: ignore[arg-type]
+                starts = [max(starts, key=lambda r: r[0])[1]] if starts else [unknowns]
+        joined = fit_ridges(
+            frame, self.camera, model, starts[0], sight.fit.samples, self._lines, self.field.line_width_m
+        )
+        if joined is None or np.any(np.abs(joined.unknowns[:2]) > self._extent_m):
+            return None
+        return GoalSight(sight.fit, sight.sides, model, joined)
+
+    def _from_prior(self, frame: ByteImage, prior: Pose2) -> GoalSight | None:
+        """Lines alone, from where the camera is believed to be; its tilt is searched where it is unknown."""
+        assert self._lines is not None
+        model = loosened(self._white_model)
+        p = model.prior.copy()
+        p[X], p[Y], p[HEADING] = prior.x_m, prior.y_m, prior.theta_rad
+        tilts = [p[TILT]] if model.weight[TILT] > 0 else np.arange(-0.45, 0.3, 0.02).tolist()
+        best: LineFit | None = None
+        for tilt in tilts:
+            p[TILT] = tilt
+            points = self._tilted_points(frame, p)
+            if len(points) < 20:
+                continue
+            weight = model.weight.copy()
+            weight[X] = weight[Y] = 1 / _PRIOR_STD_M**2
+            weight[HEADING] = 1 / _PRIOR_STD_RAD**2
+            held = GoalModel(model.shape, model.view, p.copy(), weight)
+            rough = fit_goal_and_lines(self.camera, held, p, None, points, self._lines)
+            if rough is not None and (best is None or rough.line_share > best.line_share):
+                best = rough
         if best is None:
-            return NotLocated(reason)
-        return best
+            return None
+        joined = fit_ridges(frame, self.camera, model, best.unknowns, None, self._lines, self.field.line_width_m)
+        if joined is None:
+            return None
+        offset = math.hypot(joined.unknowns[X] - prior.x_m, joined.unknowns[Y] - prior.y_m)
+        turn = abs(wrap_angle(float(joined.unknowns[HEADING]) - prior.theta_rad))
+        if offset > 3 * _PRIOR_STD_M or turn > 3 * _PRIOR_STD_RAD:
+            return None
+        return GoalSight(None, (1,), model, joined)
+
+    def _tilted_points(self, frame: ByteImage, p: FloatArray) -> LinePoints:
+        assert self._lines is not None
+        return line_points(frame, self.camera, p, self.field.line_width_m)
 
     def _proposals(self, frame: ByteImage):  # type: ignore[no-untyped-def]
         factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
@@ -178,7 +293,7 @@ class GoalLocalizer:
         pairs.sort(key=lambda pair: -pair[0])
         return [(a, b) for _, a, b in pairs[:most]]
 
-    def _fit_pair(
+    def _candidates(
         self,
         frame: ByteImage,
         left: Strip,
@@ -189,13 +304,13 @@ class GoalLocalizer:
         towards: FloatArray,
         glare: float,
         grey: float,
-    ) -> GoalFit | None:
+    ) -> list[GoalFit]:
         samples = strip_samples(self.camera, left, right)
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
         rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - 0.2]
         if not rough:
-            return None
-        best: GoalFit | None = None
+            return []
+        found: list[GoalFit] = []
         p0 = min(rough, key=lambda r: r[1])[0]
         for bar in bar_rows(paint, scale, self.camera, model, p0, 3):
             joint = with_bar(samples, bar)
@@ -203,26 +318,33 @@ class GoalLocalizer:
             start, cost, _ = min(tried, key=lambda r: r[1])
             if not math.isfinite(cost):
                 continue
-            found = refine(frame, self.camera, model, start, towards, glare, grey, 3.0 * max(1.0, scale / 1.5))
-            if found is None:
+            straight = refine(frame, self.camera, model, start, towards, glare, grey, 3.0 * max(1.0, scale / 1.5))
+            if straight is None:
                 continue
-            other, cost, _ = fit(model, found.samples, mirrored(model, found.unknowns), _START_SCALES)
+            found.append(straight)
+            other, cost, _ = fit(model, straight.samples, mirrored(model, straight.unknowns), _START_SCALES)
             turned = refine(frame, self.camera, model, other, towards, glare, grey) if math.isfinite(cost) else None
-            for candidate in (found, turned):
-                if candidate is not None and (best is None or candidate.score > best.score):
-                    best = candidate
-        return best
+            if turned is not None:
+                found.append(turned)
+        return sorted(found, key=lambda f: -f.score)
 
     def _estimate(self, sight: GoalSight) -> PoseEstimate:
-        pose = pose_of(sight.fit.unknowns)
-        covariance = np.linalg.inv(sight.fit.information)[np.ix_((X, Y, HEADING), (X, Y, HEADING))]
-        edges = sight.fit.residual_px[: len(sight.fit.samples.edge)]
-        inlier = np.abs(edges) < 0.5
+        chosen = np.ix_((X, Y, HEADING), (X, Y, HEADING))
+        if sight.lines is not None:
+            residual, covariance = sight.lines.residual_px, sight.lines.covariance[chosen]
+            share = sight.lines.line_share
+        else:
+            assert sight.fit is not None
+            edges = sight.fit.residual_px[: len(sight.fit.samples.edge)]
+            residual = edges[np.abs(edges) < INLIER_PX]
+            covariance = np.linalg.inv(sight.fit.information)[chosen]
+            share = len(residual) / max(len(edges), 1)
+        pose = pose_of(sight.unknowns)
         estimate = PoseEstimate(
             pose,
-            covariance,
-            float(inlier.mean()),
-            float(np.sqrt(np.mean(edges[inlier] ** 2))) if inlier.any() else 0.0,
+            (covariance + covariance.T) / 2,
+            share,
+            float(np.sqrt(np.mean(residual**2))) if len(residual) else 0.0,
             (pose,) if len(sight.sides) == 1 else (pose, pose.half_turn()),
         )
         return estimate.half_turn() if sight.sides[0] < 0 else estimate
