@@ -22,11 +22,11 @@ from robocup_vision.localization.goal_fit import (
     bar_rows,
     fit,
     goal_model,
-    mirrored,
     objection,
     refine,
     starts,
     strip_samples,
+    swung,
     with_bar,
 )
 from robocup_vision.localization.goal_geometry import HEADING, TILT, X, Y, goal_shape, pose_of
@@ -49,6 +49,8 @@ _START_SCALES = np.full(8, 100.0)
 _GLARE = 235.0
 import os
 GREY=float(os.environ.get('GREY','0'))
+# obliqueness of further starts, in shares of the first fit's
+_SWINGS = (-1.0, 0.0)
 _LEAST_CANDIDATE_SCORE = 0.3
 _MOST_LINE_TRIALS = 4
 _PRIOR_STD_M, _PRIOR_STD_RAD = 0.4, 0.15
@@ -171,7 +173,9 @@ class GoalLocalizer:
         """Distinct goals that may be in the picture, best first, and why there is none if there is none."""
         found: list[GoalSight] = []
         reason = ""
-        for sides, pairs, paint, scale, model, towards, glare, grey in self._proposals(frame):
+        for last_resort, sides, pairs, paint, scale, model, towards, glare, grey in self._proposals(frame):
+            if last_resort and any(objection(s.model, s.fit, self._extent_m) is None for s in found):
+                break
             for left, right in pairs:
                 candidates = self._candidates(frame, left, right, paint, scale, model, towards, glare, grey)
                 if not candidates:
@@ -179,8 +183,6 @@ class GoalLocalizer:
                 found += [GoalSight(c, sides, model) for c in candidates if c.score > _LEAST_CANDIDATE_SCORE]
                 if candidates and candidates[0].score > 0.9:
                     break
-            if any(objection(s.model, s.fit, self._extent_m) is None for s in found):
-                break
         found.sort(key=lambda s: (objection(s.model, s.fit, self._extent_m) is not None, -s.fit.score))
         distinct: list[GoalSight] = []
         for sight in found:
@@ -259,21 +261,20 @@ class GoalLocalizer:
             for mask in masks.values():
                 painted = mask if painted is None else cv2.bitwise_or(painted, mask)
             carpet = carpet_mask(small, painted)
-            for color, mask in itertools.chain(
-                masks.items(),
-                *(hue_masks(small, half).items() for half in narrower(self._families) if self._families),
-            ):
+            halves = narrower(self._families)
+            for k, color in [(k, color) for k in range(1 + len(halves)) for color in self._families]:
+                mask = masks[color] if k == 0 else hue_masks(small, halves[k - 1])[color]
                 found = strips(mask_runs(mask, 2), 2, carpet, certain=True)
                 grown = [_enlarged(s, factor) for s in found]
                 sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
                 towards = _towards(color)
-                yield sides, self._pairs(grown, 6, needs_feet=False), mask, factor, self._colored_model, towards, _GLARE, GREY
+                yield k > 0, sides, self._pairs(grown, 6, needs_feet=False), mask, factor, self._colored_model, towards, _GLARE, GREY
         if self._white:
             carpet = carpet_mask(frame)
             found = strips(white_runs(frame, 4), 4, carpet, certain=False)
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
             paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]))
-            yield sides, self._pairs(found, 20, needs_feet=True), paint, 1, self._white_model, _WHITE, 300.0, 1.0
+            yield False, sides, self._pairs(found, 20, needs_feet=True), paint, 1, self._white_model, _WHITE, 300.0, 1.0
 
     def _pairs(self, found: list[Strip], most: int, *, needs_feet: bool) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
@@ -322,10 +323,13 @@ class GoalLocalizer:
             if straight is None:
                 continue
             found.append(straight)
-            other, cost, _ = fit(model, straight.samples, mirrored(model, straight.unknowns), _START_SCALES)
-            turned = refine(frame, self.camera, model, other, towards, glare, grey) if math.isfinite(cost) else None
-            if turned is not None:
-                found.append(turned)
+            for share in _SWINGS:
+                other, cost, _ = fit(model, straight.samples, swung(model, straight.unknowns, share), _START_SCALES[:5])
+                if not math.isfinite(cost) or any(math.dist(other[:2], f.unknowns[:2]) < 0.03 for f in found):
+                    continue
+                turned = refine(frame, self.camera, model, other, towards, glare, grey)
+                if turned is not None:
+                    found.append(turned)
         return sorted(found, key=lambda f: -f.score)
 
     def _estimate(self, sight: GoalSight) -> PoseEstimate:

@@ -40,7 +40,8 @@ INLIER_PX = 0.5
 # feet alone tell the two branches apart, and are few
 FOOT_WORTH = 3.0
 # shares of an element's edges, and of all, that must be in place
-LEAST_ELEMENT_SHARE = 0.35
+LEAST_ELEMENT_SHARE = 0.45
+LEAST_EDGE_SHARE = 0.2  # a post has two edges
 LEAST_SCORE = 0.5
 MOST_STRAIN = 3.5  # standard deviations that a prior may be off
 # what an edge as a whole may be off, however many samples it has: paint, shading, posts that are no perfect cylinders
@@ -153,7 +154,7 @@ def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | N
         Greatest |x| and |y| at which a camera can stand.
     """
     shares = found.element_shares
-    if min(shares) < LEAST_ELEMENT_SHARE or found.score < LEAST_SCORE:
+    if min(shares) < LEAST_ELEMENT_SHARE or found.score < LEAST_SCORE or min(found.share[:4]) < LEAST_EDGE_SHARE:
         weakest = ("left post", "right post", "bar")[int(np.argmin(shares))]
         return f"only {min(shares):.0%} of the {weakest}'s edges are where they should be"
     if np.any(np.abs(found.unknowns[:2]) > extent_m):
@@ -243,12 +244,18 @@ def fit(model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: Float
     return p, float(cost), information
 
 
-def mirrored(model: GoalModel, unknowns: FloatArray) -> FloatArray:
-    """The other camera that sees nearly the same picture: as far from the goal, as oblique, on its other side."""
+def swung(model: GoalModel, unknowns: FloatArray, share: float = -1.0) -> FloatArray:
+    """Another camera that sees nearly the same picture: as far from the goal's middle, `share` times as oblique.
+
+    -1 is the mirror branch that the picture of a plane always allows.
+    """
     p = unknowns.copy()
-    p[Y] = -p[Y]
     ahead = model.shape.line_x_m - p[X]
-    p[HEADING] += math.atan2(-p[Y], ahead) - math.atan2(p[Y], ahead)
+    aside = math.atan2(p[Y], ahead)
+    distance = math.hypot(ahead, p[Y])
+    p[X] = model.shape.line_x_m - distance * math.cos(share * aside)
+    p[Y] = distance * math.sin(share * aside)
+    p[HEADING] += aside - share * aside
     return p
 
 

@@ -38,7 +38,7 @@ def hue_families(field: Field) -> dict[str, tuple[float, float]]:
     names |= {color for beacon in field.beacons for color in beacon.colors}
     hues = {name: hue_of(name) for name in names if is_chromatic(name)}
     families = {}
-    for color in {goal.color for goal in field.goals if is_chromatic(goal.color)}:
+    for color in dict.fromkeys(goal.color for goal in field.goals if is_chromatic(goal.color)):
         others = [(hues[name] - hues[color] + 90.0) % 180.0 - 90.0 for name in hues if name != color]
         above = min((d for d in others if d > 0), default=60.0)
         below = max((d for d in others if d < 0), default=-60.0)
