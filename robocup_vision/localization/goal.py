@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -15,6 +17,7 @@ from field_models.field import COLOR_NAMES, Field
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.localization.goal_edges import Look
 from robocup_vision.localization.goal_fit import (
     INLIER_PX,
     GoalFit,
@@ -38,24 +41,23 @@ from robocup_vision.localization.goal_lines import (
     line_starts,
     loosened,
 )
+from robocup_vision.localization.goal_paper import PaperMethod
 from robocup_vision.localization.line_map import LineMap
 from robocup_vision.perception.goal_color import hue_families, hue_masks, is_chromatic, narrower
 from robocup_vision.perception.goal_region import Strip, carpet_mask, mask_runs, strips, white_runs
 from robocup_vision.perception.line_points import LinePoints
 
 ByteImage = npt.NDArray[np.uint8]
+Method = Literal["edges", "paper", "angles"]
 
 _START_SCALES = np.full(8, 100.0)
 _GLARE = 235.0
-import os
-GREY=float(os.environ.get('GREY','0'))
 # obliqueness of further starts, in shares of the first fit's
 _SWINGS = (-1.0, 0.0)
 _LEAST_CANDIDATE_SCORE = 0.3
 _MOST_LINE_TRIALS = 4
 _PRIOR_STD_M, _PRIOR_STD_RAD = 0.4, 0.15
 _BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
-_WHITE = np.full(3, 3**-0.5)
 _SEARCH_WIDTH_PX = 208  # posts of the leagues' goals are still 3 px wide there from the far end of the field
 
 
@@ -89,6 +91,18 @@ class GoalSight:
         return self.fit.unknowns
 
 
+class _Proposal(NamedTuple):
+    """Pairs of posts to try, with what to fit them by; a last resort is tried only if nothing else was found."""
+
+    last_resort: bool
+    sides: tuple[int, ...]
+    pairs: list[tuple[Strip, Strip]]
+    paint: ByteImage
+    scale: int
+    model: GoalModel
+    look: Look
+
+
 class GoalLocalizer:
     """Camera position on the floor and heading of its optical axis, from posts and bar.
 
@@ -100,22 +114,33 @@ class GoalLocalizer:
         Pan, tilt and roll may be unknown.
     use_lines : bool
         Fit the field's lines together with the goal wherever they are in view.
+    method : {"edges", "paper", "angles"}
+        The direct fit to silhouette edges; Yako et al.'s method as printed; or its angles with their closed form. The
+        last two need coloured goals and use neither lines nor a prior.
 
     Raises
     ------
     ArgumentError
-        If the field has no such goals.
+        If the field has no such goals, or the method is unknown or cannot see them.
     """
 
-    def __init__(self, field: Field, camera: PinholeCamera, *, use_lines: bool = True) -> None:
+    def __init__(
+        self, field: Field, camera: PinholeCamera, *, use_lines: bool = True, method: Method = "edges"
+    ) -> None:
         self.field = field
         self.camera = camera
         self.shape = goal_shape(field)
+        if method not in ("edges", "paper", "angles"):
+            raise ArgumentError(f"method must be 'edges', 'paper' or 'angles', got {method!r}")
+        self._method = method
         self._lines = LineMap(field) if use_lines and len(field.lines) + len(field.arcs) else None
         corners = np.abs(field.floor_polygon).max(axis=0)
         self._extent_m = corners + _BEYOND_M
         self._families = hue_families(field)
         self._white = any(not is_chromatic(goal.color) for goal in field.goals)
+        if method != "edges" and not self._families:
+            raise ArgumentError(f"method '{method}' finds goals by their hue, but those of '{field.name}' are white")
+        self._paper = None if method == "edges" else PaperMethod(self.shape, camera, corners)
         self._colored_model = goal_model(self.shape, camera, 0.15)
         self._white_model = goal_model(self.shape, camera, 0.7)
 
@@ -135,6 +160,9 @@ class GoalLocalizer:
         FrameError
             If the frame has the wrong type, shape or size.
         """
+        if self._paper is not None:
+            self._check(frame)
+            return self._as_printed(self._paper, frame)
         sight = self.look(frame, prior)
         if isinstance(sight, NotLocated):
             return sight
@@ -173,14 +201,16 @@ class GoalLocalizer:
         """Distinct goals that may be in the picture, best first, and why there is none if there is none."""
         found: list[GoalSight] = []
         reason = ""
-        for last_resort, sides, pairs, paint, scale, model, towards, glare, grey in self._proposals(frame):
-            if last_resort and any(objection(s.model, s.fit, self._extent_m) is None for s in found):
+        for proposal in self._proposals(frame):
+            if proposal.last_resort and any(objection(s.model, s.fit, self._extent_m) is None for s in found):
                 break
-            for left, right in pairs:
-                candidates = self._candidates(frame, left, right, paint, scale, model, towards, glare, grey)
+            for left, right in proposal.pairs:
+                candidates = self._candidates(frame, left, right, proposal)
                 if not candidates:
                     reason = reason or "no goal: two posts may be there, but no bar that fits them"
-                found += [GoalSight(c, sides, model) for c in candidates if c.score > _LEAST_CANDIDATE_SCORE]
+                found += [
+                    GoalSight(c, proposal.sides, proposal.model) for c in candidates if c.score > _LEAST_CANDIDATE_SCORE
+                ]
                 if candidates and candidates[0].score > 0.9:
                     break
         found.sort(key=lambda s: (objection(s.model, s.fit, self._extent_m) is not None, -s.fit.score))
@@ -250,31 +280,35 @@ class GoalLocalizer:
         assert self._lines is not None
         return line_points(frame, self.camera, p, self.field.line_width_m)
 
-    def _proposals(self, frame: ByteImage):  # type: ignore[no-untyped-def]
+    def _proposals(self, frame: ByteImage) -> Iterator[_Proposal]:
+        """Where goals may be: by each goal's hue, then for white goals by their edges, then by half of each hue."""
         factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
         if self._families:
-            small = frame if factor == 1 else cv2.resize(
-                frame, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA
-            )
+            small = frame
+            if factor > 1:
+                small = np.asarray(
+                    cv2.resize(frame, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA), np.uint8
+                )
             masks = hue_masks(small, self._families)
-            painted = None
+            painted = np.zeros(small.shape[:2], np.uint8)
             for mask in masks.values():
-                painted = mask if painted is None else cv2.bitwise_or(painted, mask)
+                painted |= mask
             carpet = carpet_mask(small, painted)
             halves = narrower(self._families)
             for k, color in [(k, color) for k in range(1 + len(halves)) for color in self._families]:
                 mask = masks[color] if k == 0 else hue_masks(small, halves[k - 1])[color]
-                found = strips(mask_runs(mask, 2), 2, carpet, certain=True)
-                grown = [_enlarged(s, factor) for s in found]
+                found = [_enlarged(s, factor) for s in strips(mask_runs(mask, 2), 2, carpet, certain=True)]
                 sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
-                towards = _towards(color)
-                yield k > 0, sides, self._pairs(grown, 6, needs_feet=False), mask, factor, self._colored_model, towards, _GLARE, GREY
+                look = Look(_towards(color), _GLARE, 0.0)
+                yield _Proposal(
+                    k > 0, sides, self._pairs(found, 6, needs_feet=False), mask, factor, self._colored_model, look
+                )
         if self._white:
-            carpet = carpet_mask(frame)
-            found = strips(white_runs(frame, 4), 4, carpet, certain=False)
+            found = strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False)
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
-            paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]))
-            yield False, sides, self._pairs(found, 20, needs_feet=True), paint, 1, self._white_model, _WHITE, 300.0, 1.0
+            paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
+            look = Look(np.full(3, 3**-0.5), math.inf, 1.0)
+            yield _Proposal(False, sides, self._pairs(found, 20, needs_feet=True), paint, 1, self._white_model, look)
 
     def _pairs(self, found: list[Strip], most: int, *, needs_feet: bool) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
@@ -294,18 +328,9 @@ class GoalLocalizer:
         pairs.sort(key=lambda pair: -pair[0])
         return [(a, b) for _, a, b in pairs[:most]]
 
-    def _candidates(
-        self,
-        frame: ByteImage,
-        left: Strip,
-        right: Strip,
-        paint: ByteImage,
-        scale: float,
-        model: GoalModel,
-        towards: FloatArray,
-        glare: float,
-        grey: float,
-    ) -> list[GoalFit]:
+    def _candidates(self, frame: ByteImage, left: Strip, right: Strip, proposal: _Proposal) -> list[GoalFit]:
+        """Fits to a pair of strips, best first: for each row the bar may be in, from several obliquenesses."""
+        model, look = proposal.model, proposal.look
         samples = strip_samples(self.camera, left, right)
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
         rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - 0.2]
@@ -313,13 +338,13 @@ class GoalLocalizer:
             return []
         found: list[GoalFit] = []
         p0 = min(rough, key=lambda r: r[1])[0]
-        for bar in bar_rows(paint, scale, self.camera, model, p0, 3):
+        for bar in bar_rows(proposal.paint, proposal.scale, model, p0, 3):
             joint = with_bar(samples, bar)
             tried = [fit(model, joint, start, _START_SCALES) for start, _, _ in rough]
             start, cost, _ = min(tried, key=lambda r: r[1])
             if not math.isfinite(cost):
                 continue
-            straight = refine(frame, self.camera, model, start, towards, glare, grey, 3.0 * max(1.0, scale / 1.5))
+            straight = refine(frame, self.camera, model, start, look, 3.0 * max(1.0, proposal.scale / 1.5))
             if straight is None:
                 continue
             found.append(straight)
@@ -327,10 +352,18 @@ class GoalLocalizer:
                 other, cost, _ = fit(model, straight.samples, swung(model, straight.unknowns, share), _START_SCALES[:5])
                 if not math.isfinite(cost) or any(math.dist(other[:2], f.unknowns[:2]) < 0.03 for f in found):
                     continue
-                turned = refine(frame, self.camera, model, other, towards, glare, grey)
+                turned = refine(frame, self.camera, model, other, look)
                 if turned is not None:
                     found.append(turned)
         return sorted(found, key=lambda f: -f.score)
+
+    def _as_printed(self, paper: PaperMethod, frame: ByteImage) -> PoseEstimate | NotLocated:
+        """Yako et al.: the colour with the larger region is the goal in view."""
+        masks = hue_masks(np.asarray(cv2.bilateralFilter(frame, 5, 30, 3)), self._families)
+        color = max(masks, key=lambda name: int(cv2.countNonZero(masks[name])))
+        estimate = paper.locate(masks[color], closed_form=self._method == "angles")
+        at_positive = any(goal.side > 0 for goal in self.field.goals if goal.color == color)
+        return estimate if isinstance(estimate, NotLocated) or at_positive else estimate.half_turn()
 
     def _estimate(self, sight: GoalSight) -> PoseEstimate:
         chosen = np.ix_((X, Y, HEADING), (X, Y, HEADING))

@@ -14,6 +14,7 @@ from robocup_vision.localization.goal_geometry import (
     BAR_TOP,
     EDGES,
     HEADING,
+    HEIGHT,
     LEFT_INNER,
     LEFT_OUTER,
     ROLL,
@@ -22,7 +23,6 @@ from robocup_vision.localization.goal_geometry import (
     IdealView,
     X,
     Y,
-    HEIGHT,
     camera_rotation,
     foot_points,
     silhouette_normals,
@@ -34,6 +34,25 @@ FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
 _FOOT_TOWARDS = np.array([0.5, -1.0, 0.5])
 _SPACING_PX = 2.0
 _MOST_SAMPLES = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What paint looks like beside what surrounds it.
+
+    Parameters
+    ----------
+    towards : (3,) float64
+        Colour difference (BGR) paint - surroundings that every edge agrees with in sign.
+    glare : float
+        Samples whose paint is brighter than this in all channels are dropped.
+    grey : float
+        How much of the difference in brightness counts, see `kernels.measure_edges`.
+    """
+
+    towards: FloatArray
+    glare: float
+    grey: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +129,7 @@ def measure(
     shape: GoalShape,
     unknowns: FloatArray,
     reach_px: float,
-    towards: FloatArray,
-    glare: float,
-    grey: float,
+    look: Look,
 ) -> EdgeSamples | None:
     """Measure all silhouette edges and feet within `reach_px` of where `unknowns` put them.
 
@@ -128,12 +145,8 @@ def measure(
         Where to look, see goal_geometry.
     reach_px : float
         How far to both sides.
-    towards : (3,) float64
-        Colour difference (BGR) paint - surroundings that every edge agrees with in sign.
-    glare : float
-        Samples whose paint is brighter than this in all channels are dropped.
-    grey : float
-        See `kernels.measure_edges`.
+    look : Look
+        Of the paint.
 
     Returns
     -------
@@ -185,12 +198,22 @@ def measure(
     inside_px = np.full(len(start), 4.0)
     inside_px[:n] = 0.5 * thickness[edge]
     along = np.empty((len(start), 3))
-    along[:n], along[n:] = towards, _FOOT_TOWARDS
+    along[:n], along[n:] = look.towards, _FOOT_TOWARDS
     keep = np.ones(len(start))
-    keep[:n] = grey
+    keep[:n] = look.grey
     offset, contrast, sigma = np.empty(len(start)), np.empty(len(start)), np.empty(len(start))
     measure_edges(
-        image, start, normal_all, np.full(len(start), reach_px), inside_px, along, glare, keep, offset, contrast, sigma
+        image,
+        start,
+        normal_all,
+        np.full(len(start), reach_px),
+        inside_px,
+        along,
+        look.glare,
+        keep,
+        offset,
+        contrast,
+        sigma,
     )
     found = np.isfinite(offset)
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.localization.goal_edges import FOOT_OFFSETS, EdgeSamples, measure, to_ideal
+from robocup_vision.localization.goal_edges import FOOT_OFFSETS, EdgeSamples, Look, measure, to_ideal
 from robocup_vision.localization.goal_geometry import (
     BAR_BOTTOM,
     BAR_TOP,
@@ -134,7 +134,9 @@ class GoalFit:
         worth = np.maximum(0.0, 1.0 - (self.residual_px / INLIER_PX) ** 2)
         worth[n:] = FOOT_WORTH * np.maximum(0.0, 1.0 - (self.residual_px[n:] / (2 * INLIER_PX)) ** 2)
         # a foot may be hidden, so its absence is forgiven where its presence counts
-        return float(worth.sum() / (int(self.samples.expected.sum()) + FOOT_WORTH * max(len(worth) - n, len(FOOT_OFFSETS))))
+        return float(
+            worth.sum() / (int(self.samples.expected.sum()) + FOOT_WORTH * max(len(worth) - n, len(FOOT_OFFSETS)))
+        )
 
     @property
     def element_shares(self) -> tuple[float, float, float]:
@@ -214,14 +216,19 @@ def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
         p[X], p[Y] = x, y
         # the axis points where both posts' bearings lie best about it
         p[HEADING] = (
-            math.atan2(half - y, line - x) + math.atan2(-half - y, line - x) + math.atan((a - cu) / fu) + math.atan((b - cu) / fu)
+            math.atan2(half - y, line - x)
+            + math.atan2(-half - y, line - x)
+            + math.atan((a - cu) / fu)
+            + math.atan((b - cu) / fu)
         ) / 2
         distance = math.hypot(line - x, y)
         p[TILT] = -math.atan(p[HEIGHT] / distance) + math.atan(((low_left + low_right) / 2 - cv) / fv)
         yield p
 
 
-def fit(model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+def fit(
+    model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: FloatArray
+) -> tuple[FloatArray, float, FloatArray]:
     """Fit the unknowns to samples; returns them, the robust cost (infinite: failed) and the information matrix."""
     p, information = start.copy(), np.zeros((UNKNOWNS, UNKNOWNS))
     cost = fit_goal(
@@ -293,9 +300,7 @@ def refine(
     camera: PinholeCamera,
     model: GoalModel,
     start: FloatArray,
-    towards: FloatArray,
-    glare: float,
-    grey: float,
+    look: Look,
     first_reach_px: float = 3.0,
 ) -> GoalFit | None:
     """Measure edges around a start and fit them, ever closer; None where the goal is lost.
@@ -309,7 +314,7 @@ def refine(
         (2.0, np.array([1.0, 1.0, 1.0])),
         (1.5, np.array([1.0, 1.0])),
     ):
-        measured = measure(image, camera, model.view, model.shape, p, reach, towards, glare, grey)
+        measured = measure(image, camera, model.view, model.shape, p, reach, look)
         if measured is None or len(measured.edge) < 12:
             return None
         samples = weigh(measured)
@@ -344,7 +349,7 @@ def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> F
 
 
 def bar_rows(
-    paint: npt.NDArray[np.uint8], scale: float, camera: PinholeCamera, model: GoalModel, p: FloatArray, most: int
+    paint: npt.NDArray[np.uint8], scale: float, model: GoalModel, p: FloatArray, most: int
 ) -> list[FloatArray]:
     """Where the bar's upper edge may be, best first: points (5, 2), ideal pixels, on the line between the posts.
 
@@ -354,8 +359,8 @@ def bar_rows(
         Bright where paint is.
     scale : float
         Frame pixels per pixel of `paint`.
-    camera, model : PinholeCamera, GoalModel
-        The camera and the goal.
+    model : GoalModel
+        Camera and goal.
     p : (8,) float64
         Unknowns from the posts alone.
     most : int
@@ -386,7 +391,9 @@ def bar_rows(
     at = np.arange(half, len(mean) - 3 * half)
     if len(at) == 0:
         return []
-    response[at] = (sums[at + half] - sums[at - half]) / (2 * half) - (sums[at + 3 * half] - sums[at + half]) / (2 * half)
+    response[at] = (sums[at + half] - sums[at - half]) / (2 * half) - (sums[at + 3 * half] - sums[at + half]) / (
+        2 * half
+    )
     found = []
     for _ in range(most):
         best = int(np.argmax(response))

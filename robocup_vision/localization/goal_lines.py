@@ -203,8 +203,8 @@ def _line_rows(
     floor = _on_floor(p, slopes)
     seen = np.isfinite(floor).all(axis=1)
     near = line_map.nearest(np.where(seen[:, None], floor, 0.0))
-    by_u = (_on_floor(p, slopes + (0.5 / focal_px[0], 0.0)) - _on_floor(p, slopes - (0.5 / focal_px[0], 0.0)))
-    by_v = (_on_floor(p, slopes + (0.0, 0.5 / focal_px[1])) - _on_floor(p, slopes - (0.0, 0.5 / focal_px[1])))
+    by_u = _on_floor(p, slopes + (0.5 / focal_px[0], 0.0)) - _on_floor(p, slopes - (0.5 / focal_px[0], 0.0))
+    by_v = _on_floor(p, slopes + (0.0, 0.5 / focal_px[1])) - _on_floor(p, slopes - (0.0, 0.5 / focal_px[1]))
     across = np.hypot((near.normal * by_u).sum(axis=1), (near.normal * by_v).sum(axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
         per_m = np.where(seen & (across > 0), 1.0 / across, np.nan)

@@ -109,7 +109,9 @@ def white_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray,
         pick = first + skip
         good = pick < len(flat_ends)
         pick = np.minimum(pick, max(len(flat_ends) - 1, 0))
-        width = np.where(good, flat_ends[pick] - (rows * stride + starts), -1) if len(flat_ends) else -np.ones(len(rows))
+        width = (
+            np.where(good, flat_ends[pick] - (rows * stride + starts), -1) if len(flat_ends) else -np.ones(len(rows))
+        )
         good = (width >= _THINNEST_PX) & (width <= widest)
         r, s, e = rows[good], starts[good], ends[pick[good]] if len(flat_ends) else rows[good]
         found.append(
@@ -179,7 +181,11 @@ def strips(
             width = float(np.median(right[members] - left[members]))
             if row[members[-1]] - row[members[0]] + row_step >= 0.75 * width:
                 pieces.append(members)
-    found = [strip for members in _join(pieces, row, left, right, 7.0 if certain else _LONGEST_GAP_WIDTHS) if (strip := _strip(members, runs, carpet, 1.0 if certain else 2.0))]
+    found = [
+        strip
+        for members in _join(pieces, row, left, right, 7.0 if certain else _LONGEST_GAP_WIDTHS)
+        if (strip := _strip(members, runs, carpet, 1.0 if certain else 2.0))
+    ]
     return sorted(found, key=lambda s: -s.strength)
 
 
@@ -187,41 +193,49 @@ def _join(
     pieces: list[npt.NDArray[np.int64]], row: FloatArray, left: FloatArray, right: FloatArray, longest_gap: float
 ) -> list[npt.NDArray[np.int64]]:
     """Join pieces that continue each other's axis at the same width: glare and occlusion cut posts apart."""
+    if not pieces:
+        return []
     pieces = sorted(pieces, key=len, reverse=True)
+    middle, wide = (left + right) / 2, right - left
+    center = np.array([middle[piece].mean() for piece in pieces])
+    height = np.array([row[piece].mean() for piece in pieces])
+    width = np.array([np.median(wide[piece]) for piece in pieces])
+    top = np.array([row[piece[0]] for piece in pieces])
+    bottom = np.array([row[piece[-1]] for piece in pieces])
+    free = np.ones(len(pieces), bool)
     joined: list[npt.NDArray[np.int64]] = []
-    used = [False] * len(pieces)
-    for i, piece in enumerate(pieces):
-        if used[i]:
+    for i, members in enumerate(pieces):
+        if not free[i]:
             continue
-        members = piece
-        if len(members) >= 4:
-            grown = True
-            while grown:
-                grown = False
-                middle = (left[members] + right[members]) / 2
-                width = float(np.median(right[members] - left[members]))
-                lean, at = np.polyfit(row[members], middle, 1)
-                for j in range(i + 1, len(pieces)):
-                    if used[j]:
-                        continue
-                    other = pieces[j]
-                    off = np.abs((left[other] + right[other]) / 2 - at - lean * row[other])
-                    gap = max(row[other[0]] - row[members[-1]], row[members[0]] - row[other[-1]])
-                    other_width = float(np.median(right[other] - left[other]))
-                    if (
-                        0 < gap <= longest_gap * width
-                        and float(np.median(off)) < 0.3 * width
-                        and 0.7 < other_width / width < 1.4
-                    ):
-                        members = np.sort(np.concatenate([members, other]))
-                        used[j] = grown = True
-                        break
+        free[i] = False
+        own = float(width[i])
+        while len(members) >= 4:
+            lean, at = _line(row[members], middle[members])
+            gap = np.maximum(top - row[members[-1]], row[members[0]] - bottom)
+            fits = free & (gap > 0) & (gap <= longest_gap * own) & (np.abs(center - at - lean * height) < 0.3 * own)
+            fits &= (width > 0.7 * own) & (width < 1.4 * own)
+            if not fits.any():
+                break
+            nearest = int(np.argmin(np.where(fits, gap, np.inf)))
+            free[nearest] = False
+            members = np.sort(np.concatenate([members, pieces[nearest]]))
         joined.append(members)
     return joined
 
 
+def _line(row: FloatArray, value: FloatArray) -> tuple[float, float]:
+    """Slope and value at row 0 of the least-squares line."""
+    middle = row.mean()
+    offset = row - middle
+    slope = float(offset @ (value - value.mean()) / max(float(offset @ offset), 1e-12))
+    return slope, float(value.mean() - slope * middle)
+
+
 def _strip(
-    members: npt.NDArray[np.int64], runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], carpet: ByteImage, shortest: float
+    members: npt.NDArray[np.int64],
+    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    carpet: ByteImage,
+    shortest: float,
 ) -> Strip | None:
     row, left, right = (array[members] for array in runs[:3])
     width = float(np.median(right - left))
@@ -231,12 +245,12 @@ def _strip(
     for side in (left, right):
         keep = np.ones(len(row), bool)
         for _ in range(3):
-            lean, at = np.polyfit(row[keep], side[keep], 1)
+            lean, at = _line(row[keep], side[keep])
             off = np.abs(side - at - lean * row)
             keep = off <= max(0.75, 2.5 * float(np.median(off)))
         if abs(lean) > _LEAN or float(np.median(off)) > 1.0:
             return None
-        edges.append((float(at), float(lean)))
+        edges.append((at, lean))
     strength = len(row) * float(np.minimum(runs[3][members], 20.0).mean())
     strip = Strip(edges[0], edges[1], float(row[0]), float(row[-1]), float("nan"), strength)
     if strip.width_at(strip.top) < _THINNEST_PX * 0.8 or strip.width_at(strip.bottom) < _THINNEST_PX * 0.8:

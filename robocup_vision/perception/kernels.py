@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numba import njit
 
-
 # ---- the polar view: colours, floor boundary, sub-pixel edges -------------------------------------------------------
 
 
@@ -1269,9 +1268,11 @@ def goal_residuals(shape, view, p, offsets, edge, uv, foot_post, foot_at, foot_u
         residual[n] = lines[e, 0] * uv[n, 0] + lines[e, 1] * uv[n, 1] + lines[e, 2]
     for n in range(foot_post.shape[0]):
         post, k = foot_post[n], foot_at[n]
-        residual[edge.shape[0] + n] = (foot_uv[n, 0] - feet[post, k, 0]) * foot_direction[n, 0] + (
-            foot_uv[n, 1] - feet[post, k, 1]
-        ) * foot_direction[n, 1] - p[7]
+        residual[edge.shape[0] + n] = (
+            (foot_uv[n, 0] - feet[post, k, 0]) * foot_direction[n, 0]
+            + (foot_uv[n, 1] - feet[post, k, 1]) * foot_direction[n, 1]
+            - p[7]
+        )
 
 
 @njit(cache=True, nogil=True)
