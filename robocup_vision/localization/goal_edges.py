@@ -27,7 +27,7 @@ from robocup_vision.localization.goal_geometry import (
     foot_points,
     silhouette_normals,
 )
-from robocup_vision.perception.kernels import measure_edges
+from robocup_vision.kernels.goal_edges import measure_edges
 
 FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
 # the floor in front of a foot is told by its greenness: brightness steps at sun patches and lines as well
@@ -47,7 +47,7 @@ class Look:
     glare : float
         Samples whose paint is brighter than this in all channels are dropped.
     grey : float
-        How much of the difference in brightness counts, see `kernels.measure_edges`.
+        How much of the difference in brightness counts, see `kernels.goal_edges.measure_edges`.
     """
 
     towards: FloatArray
@@ -57,7 +57,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class EdgeSamples:
-    """What was measured, in ideal pixels (distortion taken out), ready for `kernels.fit_goal`.
+    """What was measured, in ideal pixels (distortion taken out), ready for `kernels.goal_fit.fit_goal`.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """From rough posts to a camera: starts from both obliquenesses, then the direct fit to silhouette edges.
 
 The measurement decides, not the solver: five unknowns (and, under priors, height, focal length and bloom) are fitted by
-Gauss-Newton to sub-pixel edges of posts, bar and feet (see kernels.fit_goal).
+Gauss-Newton to sub-pixel edges of posts, bar and feet (see kernels.goal_fit.fit_goal).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from robocup_vision.localization.goal_geometry import (
     project,
 )
 from robocup_vision.perception.goal_region import Strip
-from robocup_vision.perception.kernels import fit_goal, goal_residuals
+from robocup_vision.kernels.goal_fit import fit_goal, goal_residuals
 
 INLIER_PX = 0.5
 # feet alone tell the two branches apart, and are few

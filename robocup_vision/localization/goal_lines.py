@@ -32,7 +32,7 @@ from robocup_vision.localization.goal_geometry import (
     camera_rotation,
 )
 from robocup_vision.localization.line_map import LineMap
-from robocup_vision.perception.kernels import measure_ridges
+from robocup_vision.kernels.goal_edges import measure_ridges
 from robocup_vision.perception.line_points import LineFinder, LinePoints
 
 LINE_INLIER_PX = 3.0

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.geometry import FloatArray
-from robocup_vision.perception.kernels import link_runs
+from robocup_vision.kernels.goal_edges import link_runs
 
 ByteImage = npt.NDArray[np.uint8]
 

@@ -1,0 +1,252 @@
+"""Upright runs, silhouette edges and line ridges, measured along normals at sub-pixel places."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def _sample(image, u, v, channel):
+    """Bilinear value of one channel; the caller keeps (u, v) inside the image."""
+    u0, v0 = int(u), int(v)
+    fu, fv = u - u0, v - v0
+    top = image[v0, u0, channel] * (1.0 - fu) + image[v0, u0 + 1, channel] * fu
+    bottom = image[v0 + 1, u0, channel] * (1.0 - fu) + image[v0 + 1, u0 + 1, channel] * fu
+    return top * (1.0 - fv) + bottom * fv
+
+
+@njit(cache=True, nogil=True)
+def measure_edges(image, starts, normals, reach, inside, towards, glare, grey, offset, contrast, sigma):
+    """Sub-pixel step along the normal of each start point: a two-class edge, its classes taken beside it.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+    starts, normals : (N, 2) float64
+        Pixels, and unit directions that point out of the object.
+    reach : (N,) float64
+        How far to look to both sides, pixels.
+    inside : (N,) float64
+        How far the object certainly goes on behind its edge, pixels.
+    towards : (N, 3) float64
+        Colour difference object - surroundings that each edge must agree with in sign.
+    glare : float
+        Samples whose inside is brighter than this in all channels within 2 px of the edge are dropped.
+    grey : (N,) float64
+        How much of the two classes' difference in brightness counts: 1 for white paint, less for paint of a hue, beside
+        which grey clutter has edges of its own.
+    offset, contrast, sigma : (N,) float64
+        Results: where the edge lies (pixels along the normal; NaN: none), its colour step (-1: dropped as glare),
+        and the offset's own noise.
+    """
+    height, width = image.shape[0], image.shape[1]
+    step = 0.5
+    profile = np.empty((257, 3))
+    score = np.empty(257)
+    axis, mean_in, mean_out = np.empty(3), np.empty(3), np.empty(3)
+    for n in range(starts.shape[0]):
+        offset[n] = np.nan
+        contrast[n] = 0.0
+        sigma[n] = np.inf
+        deep = min(3.0, max(1.5, inside[n]))
+        margin = 3.0
+        first = -reach[n] - margin
+        count = min(257, int(round(2.0 * (reach[n] + margin) / step)) + 1)
+        ok = True
+        for i in range(count):
+            t = first + i * step
+            u, v = starts[n, 0] + t * normals[n, 0], starts[n, 1] + t * normals[n, 1]
+            if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
+                ok = False
+                break
+            for c in range(3):
+                profile[i, c] = _sample(image, u, v, c)
+            score[i] = profile[i, 0] * towards[n, 0] + profile[i, 1] * towards[n, 1] + profile[i, 2] * towards[n, 2]
+        if not ok:
+            continue
+        # coarse: the strongest box step of +-1.5 px, the nearer the better where two are alike
+        best, at = 0.0, -1
+        for i in range(6, count - 6):
+            t = first + i * step
+            value = score[i - 3] + score[i - 2] + score[i - 1] - score[i + 1] - score[i + 2] - score[i + 3]
+            value *= max(0.05, 1.0 - abs(t) / reach[n])
+            if value > best:
+                best, at = value, i
+        if at < 0:
+            continue
+        # fine: both classes beside the edge, the profile projected on their difference, where it crosses the middle
+        near = int(round(deep / step))
+        low, high = max(0, at - near), min(count - 1, at + 6)
+        n_in = max(1, near // 2)
+        n_out = high - (at + 3) + 1
+        mean_in[:] = 0.0
+        mean_out[:] = 0.0
+        brightness = 0.0
+        for c in range(3):
+            for i in range(low, low + n_in):
+                mean_in[c] += profile[i, c] / n_in
+            for i in range(at + 3, high + 1):
+                mean_out[c] += profile[i, c] / n_out
+            brightness += (mean_in[c] - mean_out[c]) / 3.0
+        if min(mean_in[0], mean_in[1], mean_in[2]) >= glare:
+            contrast[n] = -1.0
+            continue
+        for turn in range(1 if grey[n] >= 1.0 else 2):
+            keep = grey[n] if turn == 0 else 1.0
+            norm2, agree, size2, var, freedom = 0.0, 0.0, 0.0, 0.0, 0
+            for c in range(3):
+                axis[c] = mean_in[c] - mean_out[c] - (1.0 - keep) * brightness
+                norm2 += axis[c] * (mean_in[c] - mean_out[c])
+                agree += axis[c] * towards[n, c]
+                size2 += axis[c] ** 2
+            if norm2 < 1.0 or agree <= 0.0:
+                break
+            size = norm2 / math.sqrt(size2)
+            for i in range(low, high + 1):
+                if low + n_in <= i < at + 3:
+                    continue
+                value = 0.0
+                for c in range(3):
+                    value += (profile[i, c] - (mean_in[c] if i < at else mean_out[c])) * axis[c]
+                var += value**2 / size2
+                freedom += 1
+            noise = math.sqrt(var / freedom + 1.0)
+            if size < 5.0 * noise:
+                break
+            last, crossing, slope = 0.0, np.nan, 1.0
+            for i in range(low, high + 1):
+                value = 0.0
+                for c in range(3):
+                    value += (profile[i, c] - mean_out[c]) * axis[c]
+                value = value / norm2 - 0.5
+                if i > low and last >= 0.0 and value < 0.0:
+                    t = first + (i - 1 + last / (last - value)) * step
+                    if math.isnan(crossing) or abs(t - first - at * step) < abs(crossing - first - at * step):
+                        crossing = t
+                        slope = (last - value) / step
+                last = value
+            if math.isnan(crossing) or abs(crossing) > reach[n]:
+                break
+            spread = noise / (size * slope)
+            if turn == 0:
+                offset[n] = crossing
+                contrast[n] = size
+                sigma[n] = spread
+            elif abs(crossing - offset[n]) < 0.4:
+                # brightness is sharper than hue, but only where no grey clutter beside the edge pulls it aside
+                both = 1.0 / sigma[n] ** 2 + 1.0 / spread**2
+                offset[n] = (offset[n] / sigma[n] ** 2 + crossing / spread**2) / both
+                sigma[n] = both**-0.5
+
+
+@njit(cache=True, nogil=True)
+def link_runs(row, left, right, lean, max_gap, chain):
+    """Number the runs that stack into one upright strip; runs come sorted by row.
+
+    A run continues the chain whose last run's ends are nearest, within one pixel plus what a strip leaning by `lean`
+    (pixels per row) moves; `max_gap` rows may be missing. Returns the number of chains; `chain` (N,) holds each run's.
+    """
+    count = row.shape[0]
+    last = np.empty(count, np.int64)
+    chains, oldest = 0, 0
+    taken = np.zeros(count, np.bool_)
+    for n in range(count):
+        best, at = np.inf, -1
+        for k in range(oldest, chains):
+            m = last[k]
+            gap = row[n] - row[m]
+            if gap <= 0 or gap > max_gap:
+                continue
+            tolerance = 1.0 + lean * gap
+            off = max(abs(left[n] - left[m]), abs(right[n] - right[m]))
+            if off <= tolerance and off + 0.5 * gap < best and not taken[m]:
+                best, at = off + 0.5 * gap, k
+        if at < 0:
+            at = chains
+            chains += 1
+        else:
+            taken[last[at]] = True
+        last[at] = n
+        chain[n] = at
+        while oldest < chains and row[n] - row[last[oldest]] > max_gap:
+            oldest += 1
+    return chains
+
+
+@njit(cache=True, nogil=True)
+def measure_ridges(image, starts, normals, reach, width, offset, contrast):
+    """Middle of the white line that crosses each start point's normal nearest, seen against green on both sides.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    starts, normals : (N, 2) float64
+        Where a line should be, pixels, and unit directions across it.
+    reach, width : (N,) float64
+        How far to look to both sides, and how wide the line should look, pixels.
+    offset, contrast : (N,) float64
+        Results: pixels along the normal (NaN: none), and grey levels over the greener sides.
+    """
+    rows, columns = image.shape[0], image.shape[1]
+    step = 0.5
+    bright, green = np.empty(401), np.empty(401)
+    for n in range(starts.shape[0]):
+        offset[n] = np.nan
+        contrast[n] = 0.0
+        side = 0.5 * width[n] + 1.5
+        margin = side + 1.0
+        count = int(round(2.0 * (reach[n] + margin) / step)) + 1
+        if count > 401:
+            continue
+        first = -reach[n] - margin
+        ok = True
+        for i in range(count):
+            t = first + i * step
+            u, v = starts[n, 0] + t * normals[n, 0], starts[n, 1] + t * normals[n, 1]
+            if not (0.0 <= u < columns - 1 and 0.0 <= v < rows - 1):
+                ok = False
+                break
+            b, g, r = _sample(image, u, v, 0), _sample(image, u, v, 1), _sample(image, u, v, 2)
+            bright[i] = min(b, r)
+            green[i] = (2.0 * g - r - b) / (r + g + b + 30.0)
+        if not ok:
+            continue
+        half = max(0, int(0.3 * width[n] / step))
+        far = int(round(side / step))
+        best, at = 6.0, -1
+        for i in range(far + 2, count - far - 2):
+            middle = 0.0
+            for k in range(i - half, i + half + 1):
+                middle += bright[k] / (2 * half + 1)
+            left = (bright[i - far] + bright[i - far - 1] + bright[i - far - 2]) / 3.0
+            right = (bright[i + far] + bright[i + far + 1] + bright[i + far + 2]) / 3.0
+            if green[i - far - 1] < 0.08 or green[i + far + 1] < 0.08:
+                continue
+            value = (middle - max(left, right)) * (1.0 - 0.5 * abs(first + i * step) / (reach[n] + 1.0))
+            if value > best:
+                best, at = value, i
+        if at < 0:
+            continue
+        peak = at
+        for i in range(at - half - 1, at + half + 2):
+            if bright[i] > bright[peak]:
+                peak = i
+        ends = np.empty(2)
+        for way in range(2):
+            sign = -1 if way == 0 else 1
+            base = (bright[at + sign * far] + bright[at + sign * (far + 1)] + bright[at + sign * (far + 2)]) / 3.0
+            level = 0.5 * (base + bright[peak])
+            i = peak
+            while 0 < i + sign < count - 1 and bright[i] > level:
+                i += sign
+            before = bright[i - sign]
+            share = (before - level) / (before - bright[i]) if before > bright[i] else 0.5
+            ends[way] = first + (i - sign + sign * share) * step
+        seen = ends[1] - ends[0]
+        if 0.35 * width[n] - 0.5 < seen < 1.8 * width[n] + 2.0:
+            offset[n] = 0.5 * (ends[0] + ends[1])
+            contrast[n] = best

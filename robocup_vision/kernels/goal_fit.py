@@ -1,0 +1,222 @@
+"""The goal's picture and the robust fit of a camera to it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def goal_prediction(shape, view, p, offsets, lines, feet):
+    """Silhouette lines (6, 3) and foot pixels (2, K, 2) of the goal at +x (see localization/goal_geometry.py).
+
+    Parameters
+    ----------
+    shape : (4,) float64
+        line_x_m, width_m, height_m, radius_m.
+    view : (4,) float64
+        Focal lengths and centre, pixels.
+    p : (8,) float64
+        The unknowns.
+    offsets : (K,) float64
+        Across the foot, -1 to 1.
+    lines, feet : float64
+        Results.
+    """
+    cp, sp = math.cos(p[2]), math.sin(p[2])
+    ct, st = math.cos(p[3]), math.sin(p[3])
+    cr, sr = math.cos(p[4]), math.sin(p[4])
+    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
+    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
+    r20, r21, r22 = st, ct * sr, ct * cr
+    scale = math.exp(p[6])
+    fu, fv = view[0] * scale, view[1] * scale
+    dx = shape[0] - p[0]
+    dz = shape[2] - p[5]
+    side = -1.0 if dx < 0 else 1.0
+    elevation = math.atan2(dz, abs(dx))
+    bar_half = math.asin(min(1.0, shape[3] / math.hypot(dx, dz)))
+    for e in range(6):
+        nx, ny, nz = 0.0, 0.0, 0.0
+        if e < 4:
+            dy = (0.5 if e < 2 else -0.5) * shape[1] - p[1]
+            bearing = math.atan2(dy, dx)
+            half = math.asin(min(1.0, shape[3] / math.hypot(dx, dy)))
+            if e == 0 or e == 2:
+                nx, ny = -math.sin(bearing + half), math.cos(bearing + half)
+            else:
+                nx, ny = math.sin(bearing - half), -math.cos(bearing - half)
+        elif e == 4:
+            nx, nz = -side * math.sin(elevation + bar_half), math.cos(elevation + bar_half)
+        else:
+            nx, nz = side * math.sin(elevation - bar_half), -math.cos(elevation - bar_half)
+        cx = nx * r00 + ny * r10 + nz * r20
+        cy = nx * r01 + ny * r11 + nz * r21
+        cz = nx * r02 + ny * r12 + nz * r22
+        a, b = -cy / fu, -cz / fv
+        c = cx - a * view[2] - b * view[3]
+        norm = math.hypot(a, b)
+        lines[e, 0], lines[e, 1], lines[e, 2] = a / norm, b / norm, c / norm - p[7]
+    for post in range(2):
+        dy = (0.5 if post == 0 else -0.5) * shape[1] - p[1]
+        distance = math.hypot(dx, dy)
+        ux, uy = dx / distance, dy / distance
+        for k in range(offsets.shape[0]):
+            along = math.sqrt(1.0 - offsets[k] ** 2)
+            x = dx + shape[3] * (offsets[k] * uy - along * ux)
+            y = dy + shape[3] * (-offsets[k] * ux - along * uy)
+            z = -p[5]
+            depth = x * r00 + y * r10 + z * r20
+            if depth > 1e-6:
+                feet[post, k, 0] = view[2] - fu * (x * r01 + y * r11 + z * r21) / depth
+                feet[post, k, 1] = view[3] - fv * (x * r02 + y * r12 + z * r22) / depth
+            else:
+                feet[post, k, 0] = np.nan
+                feet[post, k, 1] = np.nan
+
+
+@njit(cache=True, nogil=True)
+def goal_residuals(shape, view, p, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, residual):
+    """Signed pixel residuals of edge samples and of foot samples, in this order."""
+    lines, feet = np.empty((6, 3)), np.empty((2, offsets.shape[0], 2))
+    goal_prediction(shape, view, p, offsets, lines, feet)
+    for n in range(edge.shape[0]):
+        e = edge[n]
+        residual[n] = lines[e, 0] * uv[n, 0] + lines[e, 1] * uv[n, 1] + lines[e, 2]
+    for n in range(foot_post.shape[0]):
+        post, k = foot_post[n], foot_at[n]
+        residual[edge.shape[0] + n] = (
+            (foot_uv[n, 0] - feet[post, k, 0]) * foot_direction[n, 0]
+            + (foot_uv[n, 1] - feet[post, k, 1]) * foot_direction[n, 1]
+            - p[7]
+        )
+
+
+@njit(cache=True, nogil=True)
+def solve_symmetric(matrix, right):
+    """Solve a small positive definite system in place by Cholesky; returns False where it is not definite."""
+    n = right.shape[0]
+    for j in range(n):
+        for k in range(j):
+            matrix[j, j] -= matrix[j, k] ** 2
+        if not matrix[j, j] > 0.0:
+            return False
+        matrix[j, j] = math.sqrt(matrix[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] /= matrix[j, j]
+    for i in range(n):
+        for k in range(i):
+            right[i] -= matrix[i, k] * right[k]
+        right[i] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            right[i] -= matrix[k, i] * right[k]
+        right[i] /= matrix[i, i]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def robust_cost(residual, sigma, scale, p, prior, weight):
+    """Cauchy cost of residuals at a pixel scale, plus the priors' squares; infinite where a residual is NaN."""
+    cost = 0.0
+    for n in range(residual.shape[0]):
+        if math.isnan(residual[n]):
+            return np.inf
+        cost += (scale / sigma[n]) ** 2 * math.log1p((residual[n] / scale) ** 2)
+    for i in range(p.shape[0]):
+        if not math.isinf(weight[i]):
+            cost += weight[i] * (p[i] - prior[i]) ** 2
+    return cost
+
+
+@njit(cache=True, nogil=True)
+def fit_goal(
+    shape, view, p, prior, weight, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, sigma, scales, normal
+):
+    """Gauss-Newton on the eight unknowns under priors, robust by Cauchy weights whose scale shrinks step by step.
+
+    Parameters
+    ----------
+    shape, view, offsets : see `goal_prediction`
+    p : (8,) float64
+        Start, overwritten with the result.
+    prior, weight : (8,) float64
+        Expected unknowns and their inverse variances; a weight of infinity holds the unknown at its start.
+    edge, uv, foot_post, foot_at, foot_uv, foot_direction, sigma
+        Edge samples (N) and foot samples (M), with the noise (N + M) of both, pixels.
+    scales : (K,) float64
+        Cauchy scale of each iteration, pixels.
+    normal : (8, 8) float64
+        Result: the last iteration's normal matrix, priors included.
+
+    Returns
+    -------
+    float
+        The last iteration's `robust_cost`, or infinity where the fit broke down.
+    """
+    count = edge.shape[0] + foot_post.shape[0]
+    base, moved = np.empty(count), np.empty(count)
+    jacobian = np.empty((count, 8))
+    step = np.array([1e-5, 1e-5, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4])
+    work, right = np.empty((8, 8)), np.empty(8)
+    trial = np.empty(8)
+    cost = np.inf
+    for iteration in range(scales.shape[0]):
+        goal_residuals(shape, view, p, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, base)
+        for k in range(8):
+            if math.isinf(weight[k]):
+                continue
+            trial[:] = p
+            trial[k] += step[k]
+            goal_residuals(shape, view, trial, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, moved)
+            for n in range(count):
+                jacobian[n, k] = (moved[n] - base[n]) / step[k]
+        normal[:, :] = 0.0
+        right[:] = 0.0
+        for n in range(count):
+            if math.isnan(base[n]):
+                return np.inf
+            w = 1.0 / (sigma[n] ** 2 * (1.0 + (base[n] / scales[iteration]) ** 2))
+            for i in range(8):
+                if math.isinf(weight[i]):
+                    continue
+                wj = w * jacobian[n, i]
+                right[i] -= wj * base[n]
+                for j in range(i + 1):
+                    if not math.isinf(weight[j]):
+                        normal[i, j] += wj * jacobian[n, j]
+        for i in range(8):
+            if math.isinf(weight[i]):
+                normal[i, i] = 1.0
+            else:
+                normal[i, i] += weight[i] + 1e-9
+                right[i] -= weight[i] * (p[i] - prior[i])
+            for j in range(i):
+                normal[j, i] = normal[i, j]
+        work[:, :] = normal
+        if not solve_symmetric(work, right):
+            return np.inf
+        # one step never goes further than the linear picture can hold, nor uphill
+        limit = 1.0
+        for i in range(8):
+            bound = 1.0 if i < 2 else 0.3
+            if i != 7 and abs(right[i]) > bound:
+                limit = min(limit, bound / abs(right[i]))
+        before = robust_cost(base, sigma, scales[iteration], p, prior, weight)
+        for _ in range(5):
+            for i in range(8):
+                trial[i] = p[i] + limit * right[i]
+            goal_residuals(shape, view, trial, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, moved)
+            cost = robust_cost(moved, sigma, scales[iteration], trial, prior, weight)
+            if cost <= before:
+                p[:] = trial
+                break
+            limit *= 0.4
+            cost = before
+    return cost
+
+
