@@ -58,22 +58,13 @@ def outer_boundary(llr, valid, window, threshold, gap, least_strip, out):
 
 
 @njit(cache=True, nogil=True)
-def _bilinear(frame, u, v, out, i):
-    x, y = int(u), int(v)
-    fx, fy = u - x, v - y
-    for c in range(3):
-        top = frame[y, x, c] * (1.0 - fx) + frame[y, x + 1, c] * fx
-        bottom = frame[y + 1, x, c] * (1.0 - fx) + frame[y + 1, x + 1, c] * fx
-        out[i, c] = top * (1.0 - fy) + bottom * fy
-
-
-@njit(cache=True, nogil=True)
-def radial_edges(frame, center_u, center_v, step_u, step_v, start_px, column_step_px, least_contrast, out_radius):
+def radial_edges(frame, center_u, center_v, step_u, step_v, start_px, column_step_px, half_width, least_contrast, out):
     """Locate the edge between two colours along each bearing to a fraction of a pixel.
 
-    Around the coarse edge the frame is sampled every half pixel; the steepest place splits the samples into the inner
-    and the outer colour, and the edge is where the projection on their difference crosses one half. A cast, a shadow or
-    the floor's own brightness so cannot bias it.
+    Around the coarse edge the frame is sampled every half pixel, averaged over three neighbouring lines of sight; the
+    steepest place splits the samples into the inner and the outer colour, and the edge is where the projection on their
+    difference crosses one half, by least squares against a smooth step. A cast, a shadow or the floor's own brightness
+    so cannot bias it; channels that the outer side drives into saturation would, and are left out.
 
     Parameters
     ----------
@@ -85,31 +76,54 @@ def radial_edges(frame, center_u, center_v, step_u, step_v, start_px, column_ste
         Image radius of the last floor sample; NaN: skip.
     column_step_px : float
         Uncertainty of start_px outwards.
+    half_width : float
+        Angle between neighbouring lines of sight, radians.
     least_contrast : float
         Smallest colour difference (counts) that is an edge.
-    out_radius : (K,) float64
+    out : (K,) float64
         Filled with the edge's image radius, NaN where there is none.
     """
     height, width = frame.shape[0], frame.shape[1]
-    reach = int(math.ceil(2 * (1.5 * column_step_px + 3.0)))
+    # blur takes the last sample that looks like floor about a column and a pixel inside the edge
+    search = int(math.ceil(2 * (column_step_px + 1.0)))
+    reach = search + 6
     count = 2 * reach + 1
     profile = np.empty((count, 3))
     inner = np.empty(3)
     outer = np.empty(3)
+    gain = np.empty(3)
     for k in range(start_px.shape[0]):
-        out_radius[k] = np.nan
+        out[k] = np.nan
         if not start_px[k] > 0:
             continue
-        middle = start_px[k] + 0.5 * column_step_px
-        near, far = middle - 0.5 * reach, middle + 0.5 * reach
-        u0, u1 = center_u + near * step_u[k], center_u + far * step_u[k]
-        v0, v1 = center_v + near * step_v[k], center_v + far * step_v[k]
-        if min(u0, u1) < 0 or max(u0, u1) >= width - 1 or min(v0, v1) < 0 or max(v0, v1) >= height - 1:
+        near = start_px[k] + column_step_px + 0.5 - 0.5 * reach
+        far = near + reach
+        aside = half_width * start_px[k] + 1.0
+        left = center_u + min(near * step_u[k], far * step_u[k]) - aside
+        right = center_u + max(near * step_u[k], far * step_u[k]) + aside
+        top = center_v + min(near * step_v[k], far * step_v[k]) - aside
+        bottom = center_v + max(near * step_v[k], far * step_v[k]) + aside
+        if left < 0 or right >= width - 1 or top < 0 or bottom >= height - 1:
             continue
-        for i in range(count):
-            radius = near + 0.5 * i
-            _bilinear(frame, center_u + radius * step_u[k], center_v + radius * step_v[k], profile, i)
-        search = int(math.ceil(2 * column_step_px)) + 1
+        profile[:] = 0.0
+        for side in range(-1, 2):
+            du = step_u[k] - side * half_width * step_v[k]
+            dv = step_v[k] + side * half_width * step_u[k]
+            for i in range(count):
+                radius = near + 0.5 * i
+                u, v = center_u + radius * du, center_v + radius * dv
+                x, y = int(u), int(v)
+                fx, fy = u - x, v - y
+                w11 = fx * fy
+                w10, w01 = fy - w11, fx - w11
+                w00 = 1.0 - fx - fy + w11
+                for c in range(3):
+                    profile[i, c] += (
+                        frame[y, x, c] * w00
+                        + frame[y, x + 1, c] * w01
+                        + frame[y + 1, x, c] * w10
+                        + frame[y + 1, x + 1, c] * w11
+                    )
         steepest, place = -1.0, reach
         for i in range(reach - search, reach + search + 1):
             slope = 0.0
@@ -118,27 +132,39 @@ def radial_edges(frame, center_u, center_v, step_u, step_v, start_px, column_ste
                 slope += d * d
             if slope > steepest:
                 steepest, place = slope, i
-        contrast2 = 0.0
+        contrast2, unsaturated2 = 0.0, 0.0
         for c in range(3):
-            inner[c] = 0.25 * (
-                profile[place - 5, c] + profile[place - 4, c] + profile[place - 3, c] + profile[place - 2, c]
-            )
-            outer[c] = 0.25 * (
-                profile[place + 5, c] + profile[place + 4, c] + profile[place + 3, c] + profile[place + 2, c]
-            )
-            contrast2 += (outer[c] - inner[c]) ** 2
+            inner[c] = profile[place - 5, c] + profile[place - 4, c] + profile[place - 3, c]
+            outer[c] = profile[place + 5, c] + profile[place + 4, c] + profile[place + 3, c]
+            inner[c] /= 9.0
+            outer[c] /= 9.0
+            gain[c] = outer[c] - inner[c]
+            contrast2 += gain[c] ** 2
+            if outer[c] < 245.0:
+                unsaturated2 += gain[c] ** 2
         if contrast2 < least_contrast * least_contrast:
             continue
-        last = 0.0
-        for i in range(place - 3, place + 5):
-            value = 0.0
+        if unsaturated2 > 0.1 * contrast2 and unsaturated2 > least_contrast * least_contrast:
+            contrast2 = unsaturated2
             for c in range(3):
-                value += (profile[i, c] - inner[c]) * (outer[c] - inner[c])
-            value = value / contrast2 - 0.5
-            if i > place - 3 and last < 0.0 <= value:
-                out_radius[k] = near + 0.5 * (i - value / (value - last))
-                break
-            last = value
+                if outer[c] >= 245.0:
+                    gain[c] = 0.0
+        edge = float(place)
+        for _ in range(3):
+            numerator, denominator = 0.0, 0.0
+            for i in range(max(0, int(edge) - 3), min(count, int(edge) + 5)):
+                x = (i - edge) / 3.5
+                if abs(x) >= 1.0:
+                    continue
+                value = 0.0
+                for c in range(3):
+                    value += (profile[i, c] / 3.0 - inner[c]) * gain[c]
+                slope = 1.0 - x * x
+                numerator += slope * (0.5 + 0.75 * x - 0.25 * x * x * x - value / contrast2)
+                denominator += slope * slope
+            edge += max(-1.5, min(1.5, numerator / denominator * 3.5 / 0.75))
+        if abs(edge - place) < 4.0:
+            out[k] = near + 0.5 * edge
 
 
 # ---- the floor's outline against the field's walls ------------------------------------------------------------------
@@ -957,7 +983,7 @@ def choose_direction(
     side : float
         -1, 0 or 1: the side on which obstacles are being passed.
     limits : (float,) * 7
-        Top speed, acceleration, dead time, period, threshold (negative: derived), sample distance (SI), levels of speed.
+        Top speed, acceleration, dead time, period, threshold (negative: derived), sample distance; levels of speed.
     use_velocity : bool
         False: the present velocity is taken to be each direction's own.
     directions, units : (J,), (J, 2) float64
@@ -991,6 +1017,11 @@ def choose_direction(
         slower = speed * 0.5**level
         chosen, nearest, longest, toward = -1, np.inf, 0.0, 0.0
         for j in range(count):
+            turned = (directions[j] - goal_bearing + math.pi) % turn - math.pi
+            ahead = abs(turned) <= same
+            away = turn - abs(turned) if turned * side < 0.0 and not ahead else abs(turned)
+            if level > 0 and away > nearest + 1e-9:
+                continue
             target = (slower * units[j, 0], slower * units[j, 1])
             present = velocity if use_velocity else target
             settle = math.hypot(target[0] - present[0], target[1] - present[1]) / acceleration
@@ -999,17 +1030,13 @@ def choose_direction(
             t = contact_time(present, target, acceleration, dead_time, horizon, step_m, profile, coarse, smallest)
             if level == 0:
                 time_to_contact[j] = t
-            turned = (directions[j] - goal_bearing + math.pi) % turn - math.pi
-            away = abs(turned)
             if t < needed:
                 beyond = False
-                if away <= same and goal_distance < np.inf:
+                if ahead and goal_distance < np.inf:
                     x, y = predict_position(present, target, acceleration, dead_time, t)
                     beyond = math.hypot(x, y) >= goal_distance + 0.5 * slower * slower / acceleration
                 if not beyond:
                     continue
-            if turned * side < 0.0 and away > same:
-                away = turn - away
             if away < nearest - 1e-9 or (away < nearest + 1e-9 and t > longest):
                 chosen, nearest, longest, toward = j, min(away, nearest), t, turned
         if chosen >= 0:
