@@ -141,7 +141,7 @@ def evaluate(
     if jobs < 1:
         raise ArgumentError(f"jobs must be at least 1, got {jobs}")
     out = _prepare(Path(out))
-    notes = []
+    notes = list(dataset.notes)
     missing = report.missing_packages()
     if missing:
         notes.append(f"no report.html: {' and '.join(missing)} not installed (pip install 'robocup-vision[report]')")
