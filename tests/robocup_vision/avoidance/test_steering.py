@@ -132,7 +132,7 @@ def test_position_and_velocity_are_continuous_and_acceleration_is_limited(vx, vy
 
 
 def plain_contacts(velocity, target, horizon, profile, spacing_m):
-    """Times and whether each is blocked, sampled finely with the uncompiled functions."""
+    """Return times and whether each is blocked, sampled finely with the uncompiled functions."""
     times = np.arange(0.0, horizon, spacing_m / max(math.hypot(*velocity), math.hypot(*target), 1e-9))
     points = [kernels.predict_position.py_func(velocity, target, 1.2, 0.03, t) for t in times]
     return times, np.array(
