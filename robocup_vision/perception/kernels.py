@@ -303,6 +303,33 @@ def predict_walls(pose, walls, offset_x, offset_y, height, robot_to_camera, cos_
 
 
 @njit(cache=True, nogil=True)
+def score_bank(bank, radius, width_px, out):
+    """Compare a measured outline with the outlines expected at many places, at every heading.
+
+    Parameters
+    ----------
+    bank : (P, B) float64
+        Expected image radius at B evenly spaced bearings, for heading 0.
+    radius : (B,) float64
+        Measured image radius, NaN where none.
+    width_px : float
+        Differences beyond this count as this.
+    out : (P, B) float64
+        Filled with the mean cost, 0 to 1, of place p with the heading of minus shift times the bearings' step.
+    """
+    places, count = bank.shape
+    for p in range(places):
+        for shift in range(count):
+            cost, used = 0.0, 0
+            for b in range(count):
+                if radius[b] > 0:
+                    e = radius[b] - bank[p, (b - shift) % count]
+                    used += 1
+                    cost += min(abs(e), width_px)
+            out[p, shift] = cost / (max(used, 1) * width_px)
+
+
+@njit(cache=True, nogil=True)
 def fit_walls(
     poses,
     walls,
@@ -317,7 +344,7 @@ def fit_walls(
     q_step,
     radius_of_q,
     scales,
-    prior_information,
+    unit_px,
     out_pose,
     out_information,
     out_scatter,
@@ -337,8 +364,8 @@ def fit_walls(
         Image radius tabulated over the inverse range 0, q_step, 2 q_step ...
     scales : (I,) float64
         Width of the weights in pixels, one iteration each.
-    prior_information : (3, 3) float64
-        Information of poses[0] taken as a prior (zeros: none).
+    unit_px : float
+        Half the residual at which the cost is truncated.
     out_pose : (3,) float64
     out_information : (3, 3) float64
         Sum of w J^T J at the winner.
@@ -372,14 +399,8 @@ def fit_walls(
             predict_walls(
                 pose, walls, offset_x, offset_y, height, robot_to_camera, cos_b, sin_b, best_q, best_wall, planes
             )
-            a[:] = prior_information
-            if prior_information[0, 0] > 0.0:
-                for i in range(3):
-                    g[i] = 0.0
-                    for j in range(3):
-                        g[i] += prior_information[i, j] * (poses[0, j] - pose[j])
-            else:
-                g[:] = 0.0
+            a[:] = 0.0
+            g[:] = 0.0
             cost, used = 0.0, 0
             scatter = np.zeros((3, 3))
             group[:] = 0.0
@@ -407,10 +428,11 @@ def fit_walls(
                 for p in range(3):
                     d = planes[w, p + 1, 0] * cos_b[k] + planes[w, p + 1, 1] * sin_b[k]
                     jacobian[p] = slope * (d - q * height * planes[w, p + 1, 2]) / nz * oblique
-                ratio = e / scale
+                # an obstacle hides floor, so an edge nearer than the wall says little; floor beyond a wall cannot be
+                ratio = e / scale if e < 0 else e / (3.0 * scale)
                 weight = 1.0 / (1.0 + ratio * ratio) ** 2
-                # an obstacle hides floor, so edges nearer than the wall are common; floor beyond a wall is not
-                cost += min(1.0, (e / 2.0) ** 2) if e < 0 else min(2.0, (e / 2.0) ** 2)
+                loss = (e / (2.0 * unit_px)) ** 2
+                cost += min(1.0, loss) if e < 0 else min(2.0, loss)
                 for i in range(3):
                     g[i] += weight * e * jacobian[i]
                     group[i] += weight * e * jacobian[i]
@@ -493,7 +515,7 @@ def floor_mask_by_tone(smooth, seen, tone):
 
 @njit(cache=True, nogil=True)
 def _half_crossing(whiteness, x, y, dx, dy, reach, level):
-    """Steps from (x, y) along (dx, dy) at which whiteness falls to the level; -1 if it does not within reach."""
+    """Count the steps from (x, y) along (dx, dy) until whiteness falls to the level; -1 if not within reach."""
     before = float(whiteness[y, x])
     for step in range(1, reach + 1):
         here = float(whiteness[y + step * dy, x + step * dx])
@@ -538,14 +560,10 @@ def line_ridge_points(whiteness, green, floor, width_units, threshold, limit):
                 units = width_units[k, y, x]
                 if units == 0:
                     continue
-                dx = 1 - k if k < 3 else -1
-                if k == 1:
-                    dx = 1
-                elif k == 2:
-                    dx = 0
+                dx = 1 if k < 2 else (0 if k == 2 else -1)
                 dy = 0 if k == 0 else 1
                 step_px = 1.0 if k == 0 or k == 2 else 1.4142135623730951
-                reach = int(math.ceil((0.7 * units / 16.0 + 1.8) / step_px))
+                reach = math.ceil((0.7 * units / 16.0 + 1.8) / step_px)
                 xa, ya, xb, yb = x + reach * dx, y + reach * dy, x - reach * dx, y - reach * dy
                 if xa < 0 or xa >= width or xb < 0 or xb >= width or ya >= height or yb < 0:
                     continue
@@ -661,8 +679,8 @@ def score_pose_grid(points, headings, table, origin_x, origin_y, cell, first_x, 
     for k in range(headings.shape[0]):
         c, s = math.cos(headings[k]), math.sin(headings[k])
         for i in range(number):
-            px = int(math.floor((c * points[i, 0] - s * points[i, 1] - origin_x) / cell + 0.5)) + first_x
-            py = int(math.floor((s * points[i, 0] + c * points[i, 1] - origin_y) / cell + 0.5)) + first_y
+            px = math.floor((c * points[i, 0] - s * points[i, 1] - origin_x) / cell + 0.5) + first_x
+            py = math.floor((s * points[i, 0] + c * points[i, 1] - origin_y) / cell + 0.5) + first_y
             for iy in range(count_y):
                 y = py + iy * step
                 if y < 0 or y >= rows:
