@@ -25,25 +25,29 @@ def classify(samples, packing, floor_llr, valid, out):
 
 
 @njit(cache=True, nogil=True)
-def outer_boundary(llr, valid, window, threshold, gap, least_strip, out):
+def outer_boundary(llr, valid, certain, gap, least_strip, out):
     """Find the outermost floor sample of each bearing.
 
-    It is the outer end of the outermost window of samples whose sum reaches a threshold. From there a strip of floor
-    behind a painted line still counts: two samples, not more than `gap` samples on, whose sum reaches `least_strip`.
+    Floor is five samples in a row, or three in a row on three neighbouring bearings (a far strip of floor is thin but
+    long), whose mean reaches `certain`. From there a strip of floor behind a painted line still counts: two samples, not
+    more than `gap` samples on, whose sum reaches `least_strip`.
 
     Writes out (K,) int64: its column, or -1 where a bearing has no floor, or where what follows cannot be seen.
     """
     rows, columns = llr.shape
     for k in range(rows):
         out[k] = -1
-        total = 0
-        for m in range(columns - 1, -1, -1):
-            total += llr[k, m]
-            if m + window < columns:
-                total -= llr[k, m + window]
-            if m + window > columns or total < threshold:
+        before, after = k - 1, (k + 1) % rows
+        for m in range(columns - 3, -1, -1):
+            own = llr[k, m] + llr[k, m + 1] + llr[k, m + 2]
+            if own < 2 * certain:
                 continue
-            edge = m + window - 1
+            beside = llr[before, m] + llr[before, m + 1] + llr[before, m + 2]
+            beside += llr[after, m] + llr[after, m + 1] + llr[after, m + 2]
+            if own + beside < 9 * certain:
+                if m < 2 or own + llr[k, m - 1] + llr[k, m - 2] < 5 * certain:
+                    continue
+            edge = m + 2
             while edge > m and llr[k, edge] <= 0:
                 edge -= 1
             ahead = edge + 1
