@@ -7,7 +7,7 @@ loss that narrows: in metres, good enough for `localization.lines` to refine in 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from robocup_vision.perception.line_points import LinePoints
 # One point per patch of floor, so that a near line does not outvote a far one; patches grow until the points are few.
 PATCH_M = 0.12
 MOST_SEARCH_POINTS = 150
+POINTS_PER_PATCH = 3
 # Fewer patches than this show less than about 2 m of line, which fits in many places of any field.
 LEAST_SEARCH_POINTS = 18
 GRID_STEP_M = 0.2
@@ -123,9 +124,11 @@ def one_per_patch(points: LinePoints, reach_m: float) -> LinePoints:
     patch_m = PATCH_M
     while True:
         cells = np.floor(points.floor_m[order] / patch_m).astype(np.int64)
-        _, first = np.unique(cells[:, 0] * 100_003 + cells[:, 1], return_index=True)
+        _, first, count = np.unique(cells[:, 0] * 100_003 + cells[:, 1], return_index=True, return_counts=True)
         if len(first) <= MOST_SEARCH_POINTS:
-            return points.take(order[np.sort(first)])
+            # a line crosses a patch in several points; a point on its own is more likely a speck
+            thin = points.take(order[first])
+            return replace(thin, weight=thin.weight * np.minimum(1.0, count / POINTS_PER_PATCH))
         patch_m *= max(1.1, math.sqrt(len(first) / MOST_SEARCH_POINTS) * 0.95)
 
 

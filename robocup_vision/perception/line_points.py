@@ -284,7 +284,7 @@ class LineFinder:
 
 def _line_width_units(floor_m: FloatArray, seen: npt.NDArray[np.bool_], line_width_m: float) -> npt.NDArray[np.uint16]:
     """How wide a line that is crossed along each of `AXES_PX` looks, (4, H, W), in 1/16 px; 0 where not looked at."""
-    by_v, by_u = np.gradient(floor_m, axis=(0, 1))
+    by_v, by_u = (np.asarray(slope) for slope in np.gradient(floor_m, axis=(0, 1)))
     area = np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
     widths = np.zeros((len(AXES_PX), *seen.shape), dtype=np.uint16)
     for k, (du, dv) in enumerate(AXES_PX):
