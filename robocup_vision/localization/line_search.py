@@ -57,7 +57,7 @@ class LineCandidate:
     residual_m: float
 
 
-def search_by_lines(points: LinePoints, line_map: LineMap, most: int = 6) -> list[LineCandidate]:
+def search_by_lines(points: LinePoints, line_map: LineMap, most: int = 12) -> list[LineCandidate]:
     """Search the whole field for poses that put the line points on the field's lines.
 
     Parameters

@@ -147,13 +147,10 @@ class LineLocalizer:
         best = found[0]
         if best.inlier_share < LEAST_INLIER_SHARE:
             return NotLocated(f"only {best.inlier_share:.0%} of the line points lie on lines of the best pose")
-        other = self._rival(found, points)
-        if other is not None:
-            return NotLocated(
-                f"the lines fit two poses about equally well: ({best.pose.x_m:.2f}, {best.pose.y_m:.2f}) "
-                f"and ({other.x_m:.2f}, {other.y_m:.2f})"
-            )
-        refined = refine_by_lines(best.pose, points, self.line_map)
+        start = self._choose(found, points)
+        if isinstance(start, NotLocated):
+            return start
+        refined = refine_by_lines(start, points, self.line_map)
         if not refined:
             return refined
         if refined.inlier_share < LEAST_INLIER_SHARE:
@@ -165,26 +162,29 @@ class LineLocalizer:
             return NotLocated("the lines in view do not fix the pose")
         return self._with_candidates(refined, prior)
 
-    def _rival(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | None:
-        """Another pose that explains the points about as well as the first and does not refine to the same."""
-        doubtful = [c for c in found[1:] if c.cost < RIVAL_RATIO * found[0].cost + RIVAL_EXCESS]
-        if not doubtful:
-            return None
+    def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
+        """Refine the candidates that the search cannot tell apart in pixels, and take the best if it stands alone."""
+        doubtful = [c.pose for c in found if c.cost <= RIVAL_RATIO * found[0].cost + RIVAL_EXCESS]
+        if len(doubtful) == 1:
+            return doubtful[0]
         thin = one_per_patch(points, math.inf)
-        best = refine_by_lines(found[0].pose, thin, self.line_map)
-        if not best:
-            return doubtful[0].pose
-        for candidate in doubtful:
-            other = refine_by_lines(candidate.pose, thin, self.line_map)
-            if not other or same_pose(other.pose, best.pose, self.line_map.is_point_symmetric):
-                continue
-            losses = [self._pixel_loss(pose, thin) for pose in (best.pose, other.pose)]
-            if (
-                losses[1] < RIVAL_RATIO * losses[0] + RIVAL_EXCESS
-                and self._support(other.pose, points) >= LEAST_SUPPORT
+        answers = [refine_by_lines(pose, thin, self.line_map) for pose in doubtful]
+        poses = [answer.pose if answer else pose for answer, pose in zip(answers, doubtful, strict=True)]
+        ranked = sorted((self._pixel_loss(pose, thin), i) for i, pose in enumerate(poses))
+        ranked = [(loss, i) for loss, i in ranked if self._support(poses[i], points) >= LEAST_SUPPORT]
+        if not ranked:
+            return NotLocated("most of the lines that should be in plain sight were not seen")
+        best = poses[ranked[0][1]]
+        for loss, i in ranked[1:]:
+            other = poses[i]
+            if loss < RIVAL_RATIO * ranked[0][0] + RIVAL_EXCESS and not same_pose(
+                other, best, self.line_map.is_point_symmetric
             ):
-                return other.pose
-        return None
+                return NotLocated(
+                    f"the lines fit two poses about equally well: ({best.x_m:.2f}, {best.y_m:.2f}) "
+                    f"and ({other.x_m:.2f}, {other.y_m:.2f})"
+                )
+        return best
 
     def _support(self, pose: Pose2, points: LinePoints) -> float:
         """Share of the predicted line points that were seen, of all that were seen or are bare floor instead."""
@@ -200,7 +200,8 @@ class LineLocalizer:
         u, v = pixels[((pixels >= 0) & (pixels < (width, height))).all(axis=1)].astype(int).T
         agreed = seen[v, u] > 0
         missed = points.bare_floor[v, u] & ~agreed
-        return int(agreed.sum()) / max(int(agreed.sum() + missed.sum()), 1)
+        spoken = int(agreed.sum() + missed.sum())
+        return int(agreed.sum()) / spoken if spoken else 1.0
 
     def _pixel_loss(self, pose: Pose2, points: LinePoints) -> float:
         residual = _pixel_residuals(pose.array, points, self.line_map)[0]
