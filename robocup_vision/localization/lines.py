@@ -167,6 +167,9 @@ class LineLocalizer:
         doubtful = [c.pose for c in found if c.cost <= RIVAL_RATIO * found[0].cost + RIVAL_EXCESS]
         if len(doubtful) == 1:
             return doubtful[0]
+        if len(doubtful) == len(found):
+            # where even the last of the list fits, poses that are not on it may fit as well
+            return NotLocated("the lines in view fit many poses about equally well")
         thin = one_per_patch(points, math.inf)
         answers = [refine_by_lines(pose, thin, self.line_map) for pose in doubtful]
         poses = [answer.pose if answer else pose for answer, pose in zip(answers, doubtful, strict=True)]
