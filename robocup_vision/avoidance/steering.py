@@ -2,7 +2,7 @@
 
 The way of Sekimori et al. (2001), section 3.2: obstacles grown by the robot's radius, a trajectory predicted for each
 direction under the limit of acceleration and the dead time, the time to contact of each, and the safe direction nearest
-to the goal. The loops are compiled (perception/kernels.py); here they get their meaning.
+to the goal. The loops are compiled (`robocup_vision.kernels.steering`); here they get their meaning.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray
-from robocup_vision.perception import kernels
+from robocup_vision.kernels import steering as kernels
 
 # Bins of the grown profile (0.45 to 0.9 degrees) and groups of them over which trajectories take long steps.
 _BINS = 512

@@ -17,7 +17,7 @@ from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
-from robocup_vision.perception import kernels
+from robocup_vision.kernels import walls as kernels
 from robocup_vision.perception.polar_view import PolarView
 
 # widths of the redescending weights, in units of 1/86 of the usable radius (a pixel of the paper's 256 x 220 image): from
@@ -122,35 +122,39 @@ class FloorLocalizer:
         )
         return Pose2(x, y, axis).inverse()
 
-    def locate(self, radius_px: FloatArray, prior: PoseEstimate | None = None) -> PoseEstimate | NotLocated:
+    def locate(self, radius_px: FloatArray, prior: Pose2 | None = None) -> tuple[PoseEstimate | NotLocated, FloatArray]:
         """Fit the outline.
 
         Parameters
         ----------
         radius_px : (K,) float64
             Image radius of the floor's edge at each of the view's bearings, NaN where none.
-        prior : PoseEstimate, optional
+        prior : Pose2, optional
             Where the robot probably is: a start, and, if the outline agrees with it, the only one.
 
         Returns
         -------
         PoseEstimate or NotLocated
             With both half-turn candidates, since the outline alone cannot tell which is right.
+        (K,) float64
+            Image radius at which the pose expects the walls; NaN where it does not say.
         """
         known = int(np.count_nonzero(radius_px > 0))
         if known < _LEAST_BEARINGS:
-            return NotLocated(f"the floor's edge is seen in only {known} of {len(radius_px)} directions")
+            reason = f"the floor's edge is seen in only {known} of {len(radius_px)} directions"
+            return NotLocated(reason), np.full(len(radius_px), np.nan)
         fit = None
         if prior is not None:
-            fit = self._fit(prior.pose.array[None], radius_px, 1, self._scales(_PRIOR_SCALES))
+            fit = self._fit(prior.array[None], radius_px, 1, self._scales(_PRIOR_SCALES))
         if fit is None or fit.cost > _GOOD_COST:
             guess = self.first_guess(radius_px)
             if guess is None:
-                return NotLocated("the floor's edge encloses no area")
+                return NotLocated("the floor's edge encloses no area"), np.full(len(radius_px), np.nan)
             fit = self._fit(guess.array[None], radius_px, 1, self._scales(_SCALES))
         if fit.cost > _GOOD_COST:
             fit = self._fit_from_anywhere(fit, radius_px)
-        return self._judge(fit)
+        estimate = self._judge(fit)
+        return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
 
     def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray) -> _Fit:
         """Look for a better fit over the whole field, and by sliding along the walls that already agree."""
@@ -217,32 +221,33 @@ class FloorLocalizer:
 
     def _fit(self, starts: FloatArray, radius_px: FloatArray, stride: int, scales: FloatArray) -> _Fit:
         pose, information, scatter = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-        residual = np.full(len(radius_px), np.nan)
+        residual, predicted = np.full(len(radius_px), np.nan), np.empty(len(radius_px))
         q_step, radius_of_q = self._radius_of_q
         cost = kernels.fit_walls(
             starts, *self._geometry, self._cos, self._sin, radius_px, stride, q_step, radius_of_q, scales,
-            self._unit_px, pose, information, scatter, residual,
+            self._unit_px, pose, information, scatter, residual, predicted,
         )  # fmt: skip
-        return _Fit(cost, pose, information, scatter, residual)
+        return _Fit(cost, pose, information, scatter, residual, predicted)
 
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
-        residual = fit.residual_px[np.isfinite(fit.residual_px)]
-        inliers = residual[np.abs(residual) < _INLIER * self._unit_px]
-        share = len(inliers) / max(len(residual), 1)
+        covariance = np.empty((3, 3))
+        share, rms, along = kernels.summarise_fit(
+            fit.residual_px,
+            _INLIER * self._unit_px,
+            fit.information,
+            fit.scatter,
+            _FEW_GROUPS,
+            _SYSTEMATIC_PX**2 * _SYSTEMATIC_BEARINGS,
+            covariance,
+        )
         if share < _LEAST_INLIER_SHARE:
             return NotLocated(f"only {share:.0%} of the floor's edge agrees with the field's walls")
-        if not np.linalg.cond(fit.information) < 1e12:
-            return NotLocated("the part of the floor's edge in view fixes only one direction")
-        inverse = np.linalg.inv(fit.information)
-        scatter = _FEW_GROUPS * fit.scatter + _SYSTEMATIC_PX**2 * _SYSTEMATIC_BEARINGS * fit.information
-        covariance = inverse @ scatter @ inverse
-        along = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[1]))
         if along > _LARGEST_STD_M:
-            return NotLocated(f"the part of the floor's edge in view leaves {along:.2f} m of play in one direction")
-        pose = Pose2(*(float(v) for v in fit.pose))
-        if not self.field.contains(np.array([[pose.x_m, pose.y_m]]))[0]:
-            return NotLocated(f"the best fit puts the robot outside the field, at ({pose.x_m:.2f}, {pose.y_m:.2f}) m")
-        rms = math.sqrt(float(np.mean(inliers**2)))
+            return NotLocated("the part of the floor's edge in view does not fix the pose in every direction")
+        x, y, theta = fit.pose.tolist()
+        pose = Pose2(x, y, theta)
+        if not self.field.is_on_floor(x, y):
+            return NotLocated(f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m")
         return PoseEstimate(pose, covariance, share, rms, (pose, pose.half_turn()))
 
 
@@ -258,3 +263,4 @@ class _Fit:
     information: FloatArray
     scatter: FloatArray
     residual_px: FloatArray
+    predicted_px: FloatArray

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.geometry import FloatArray
-from robocup_vision.perception.kernels import nearest_lines
+from robocup_vision.kernels.lines import nearest_lines
 
 
 @dataclass(frozen=True, eq=False)

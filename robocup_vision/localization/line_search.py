@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.kernels.lines import refine_line_poses, score_pose_grid
 from robocup_vision.localization.line_map import LineMap
-from robocup_vision.perception.kernels import refine_line_poses, score_pose_grid
 from robocup_vision.perception.line_points import LinePoints
 
 # One point per patch of floor, so that a near line does not outvote a far one; patches grow until the points are few.

@@ -19,7 +19,7 @@ from field_models.errors import FileError
 from field_models.field import COLOR_NAMES, Field
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.perception.floor_color import LEVELS, FloorColor, learn_floor_color
+from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor, learn_floor_color
 
 UInt8Array = npt.NDArray[np.uint8]
 Int8Array = npt.NDArray[np.int8]
@@ -30,20 +30,6 @@ CLASS_NAMES = ("other", "floor", "line", "ball", "goal_positive_x", "goal_negati
 # log-likelihood ratios are stored as int8 in these units, clipped so that no single sample outvotes its neighbours
 LLR_PER_UNIT = 1.0 / 16
 LLR_CLIP = 4.0
-
-
-@dataclass(frozen=True, slots=True)
-class PaintColor:
-    """A painted thing's colour as this frame shows it: its ratios to green.
-
-    Parameters
-    ----------
-    red_ratio, blue_ratio : float
-        R/G and B/G.
-    """
-
-    red_ratio: float
-    blue_ratio: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,20 @@ _DRIFT = 0.45
 _SPREAD = 0.05
 
 
+@dataclass(frozen=True, slots=True)
+class PaintColor:
+    """A painted thing's colour as this frame shows it: its ratios to green.
+
+    Parameters
+    ----------
+    red_ratio, blue_ratio : float
+        R/G and B/G.
+    """
+
+    red_ratio: float
+    blue_ratio: float
+
+
 @dataclass(frozen=True, eq=False)
 class FloorColor:
     """The floor's colour as learnt from one frame.
@@ -52,6 +66,11 @@ class FloorColor:
     red_ratio: FloatArray
     blue_ratio: FloatArray
     spread: FloatArray
+
+    @property
+    def lit(self) -> PaintColor:
+        """The floor's colour at its usual brightness."""
+        return PaintColor(float(self.red_ratio[_CENTER]), float(self.blue_ratio[_CENTER]))
 
     def log_likelihood_ratio(self, blue: FloatArray, green: FloatArray, red: FloatArray) -> FloatArray:
         """Floor against any colour at all, in nats, for colours of any shape (counts)."""

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance import Steering, SteeringCommand
 from robocup_vision.avoidance.steering import profile_edges
-from robocup_vision.perception import kernels
+from robocup_vision.kernels import steering as kernels
 
 RADIUS = 0.09
 BINS, GROUPS = 512, 16

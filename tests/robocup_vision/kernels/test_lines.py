@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.perception.kernels import (
+from robocup_vision.kernels.lines import (
     floor_mask_by_tone,
     line_ridge_points,
     nearest_lines,
