@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import FloatArray
 from robocup_vision.vision import View, Vision
 
@@ -47,7 +48,8 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
         A new picture, a whole number s times as large as the frame.
     """
     scale = max(1, math.ceil(_LEAST_WIDTH / frame.shape[1]))
-    canvas: UInt8Array = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+    enlarged = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+    canvas: UInt8Array = np.asarray(enlarged, dtype=np.uint8)
     _draw_free_space(canvas, view, vision, scale)
     if view.pose:
         to_robot = view.pose.pose.inverse()
@@ -65,7 +67,7 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     if view.ball is not None:
         angle = np.linspace(0.0, math.tau, 25)
         rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * vision.field.ball_radius_m
-        pixels = vision.camera.floor_to_pixel(rim + (view.ball.x_m, view.ball.y_m))
+        pixels = vision.camera.floor_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m]))
         _draw_path(canvas, pixels, vision, scale, BALL_COLOR, 2)
     _write(canvas, _summary(view))
     return canvas
@@ -106,11 +108,9 @@ def _draw_path(
 ) -> None:
     radius = np.hypot(*(pixels - vision.camera.center_px).T)
     shown = np.isfinite(radius) & (radius <= vision.camera.usable_radius_px[1] * 1.05)
-    for (first, second), (a, b) in zip(
-        zip(pixels[:-1], pixels[1:], strict=True), zip(shown[:-1], shown[1:], strict=True), strict=True
-    ):
-        if a and b:
-            cv2.line(canvas, _fixed(*first, scale), _fixed(*second, scale), color, thickness, cv2.LINE_AA, _SHIFT)
+    for i in np.flatnonzero(shown[:-1] & shown[1:]):
+        (u0, v0), (u1, v1) = pixels[i : i + 2]
+        cv2.line(canvas, _fixed(u0, v0, scale), _fixed(u1, v1, scale), color, thickness, cv2.LINE_AA, _SHIFT)
 
 
 def _fixed(u: float, v: float, scale: int) -> tuple[int, int]:
@@ -120,7 +120,7 @@ def _fixed(u: float, v: float, scale: int) -> tuple[int, int]:
 
 
 def _summary(view: View) -> list[str]:
-    if not view.pose:
+    if isinstance(view.pose, NotLocated):
         return ["not located:", view.pose.reason]
     pose, std = view.pose.pose, view.pose.std
     both = "  or its half turn" if len(view.pose.candidates) > 1 else ""

@@ -56,8 +56,8 @@ def outer_boundary(
     """Find the outermost floor sample of each bearing.
 
     Floor is five samples in a row, or three in a row on three neighbouring bearings (a far strip of floor is thin but
-    long), whose mean reaches `certain`. From there a strip of floor behind a painted line still counts: two samples, not
-    more than `gap` samples on, whose sum reaches `least_strip`.
+    long), whose mean reaches `certain`. From there a strip of floor behind a painted line still counts: two samples,
+    not more than `gap` samples on, whose sum reaches `least_strip`.
 
     Writes out (K,) int64: its column, or -1 where a bearing has no floor, or where what follows cannot be seen.
     """
@@ -195,14 +195,14 @@ def radial_edges(
         for _ in range(3):
             numerator, denominator = 0.0, 0.0
             for i in range(max(0, int(edge) - 3), min(count, int(edge) + 5)):
-                x = (i - edge) / 3.5
-                if abs(x) >= 1.0:
+                off = (i - edge) / 3.5
+                if abs(off) >= 1.0:
                     continue
                 value = 0.0
                 for c in range(3):
                     value += (profile[i, c] / 3.0 - inner[c]) * gain[c]
-                slope = 1.0 - x * x
-                numerator += slope * (0.5 + 0.75 * x - 0.25 * x * x * x - value / contrast2)
+                slope = 1.0 - off * off
+                numerator += slope * (0.5 + 0.75 * off - 0.25 * off * off * off - value / contrast2)
                 denominator += slope * slope
             edge += max(-1.5, min(1.5, numerator / denominator * 3.5 / 0.75))
         if abs(edge - place) < 4.0:

@@ -20,8 +20,8 @@ from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
 from robocup_vision.kernels import walls as kernels
 from robocup_vision.perception.polar_view import PolarView
 
-# widths of the redescending weights, in units of 1/86 of the usable radius (a pixel of the paper's 256 x 220 image): from
-# the first guess down to the edges' own accuracy; a last one in pixels proper
+# widths of the redescending weights, in units of 1/86 of the usable radius (a pixel of the paper's 256 x 220 image):
+# from the first guess down to the edges' own accuracy; a last one in pixels proper
 _SCALES = (8.0, 8.0, 5.0, 3.0, 2.0, 1.0, 1.0)
 _COARSE_SCALES = (8.0, 6.0, 4.0, 2.0)
 _PRIOR_SCALES = (2.0, 1.0)

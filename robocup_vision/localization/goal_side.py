@@ -13,7 +13,8 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.kernels.goal_colors import vote_goal_colors
-from robocup_vision.perception.color_table import Colors, PaintColor
+from robocup_vision.perception.color_table import Colors
+from robocup_vision.perception.floor_color import PaintColor
 
 # votes of one side that decide, and how far they must outnumber the other's
 _LEAST_VOTES = 4

@@ -1,8 +1,8 @@
 """The floor's colour, learnt from what surrounds the robot in one frame.
 
 The floor's chromaticity (R/G, B/G) is followed over brightness, starting from the ring around the robot's body and
-going step by step into darker and brighter samples of the same frame. So the same rule survives a colour cast and a dark
-hall (everything is relative to the ring), a hard shadow (darker, a little bluer), and noise (which widens the
+going step by step into darker and brighter samples of the same frame. So the same rule survives a colour cast and a
+dark hall (everything is relative to the ring), a hard shadow (darker, a little bluer), and noise (which widens the
 chromaticity of dark samples by a known amount). Fixed hue bounds fail in the dark, a single Gaussian in a shadow.
 """
 
@@ -90,7 +90,7 @@ class FloorColor:
         background = -np.log(4 * expected_green**2)
         llr = -0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau) - background
         outside = np.maximum(LEVELS[0] - level, 0.0) + np.maximum(level - LEVELS[-2], 0.0)
-        return llr - 0.5 * (outside / 0.2) ** 2
+        return np.asarray(llr - 0.5 * (outside / 0.2) ** 2)
 
 
 def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | None:
@@ -146,7 +146,7 @@ def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tupl
     histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
     pooled = sum(np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1))
     top_i, top_j = np.unravel_index(int(np.argmax(pooled)), (count, count))
-    red, blue = low + (top_i + 0.5) * step, low + (top_j + 0.5) * step
+    red, blue = low + (float(top_i) + 0.5) * step, low + (float(top_j) + 0.5) * step
     member = np.ones(len(log_red), dtype=bool)
     for _ in range(3):
         member = np.hypot(log_red - red, log_blue - blue) < 0.3
@@ -185,7 +185,7 @@ def _follow(
         red_ratio[here] = red0 * math.exp(float(np.clip(math.log(last_red / red0) + drift[0], -_DRIFT, _DRIFT)))
         blue_ratio[here] = blue0 * math.exp(float(np.clip(math.log(last_blue / blue0) + drift[1], -_DRIFT, _DRIFT)))
         if here == _CENTER:
-            red0, blue0 = red_ratio[here], blue_ratio[here]
+            red0, blue0 = float(red_ratio[here]), float(blue_ratio[here])
             red_ratio[:], blue_ratio[:] = red0, blue0
             mean_green2 = float(np.mean(g[member] ** 2))
             for channel, (d, ratio) in enumerate(((r - red0 * g, red0), (b - blue0 * g, blue0))):
