@@ -114,7 +114,7 @@ def _print_summary(name: str, summary: Summary) -> None:
     from robocup_vision.evaluation.report import degrees, millimetres, percent
 
     figures = summary.figures
-    ms = "–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms"
+    ms = "-" if figures.median_ms is None else f"{figures.median_ms:.2f} ms"
     lines = [
         ("located", f"{figures.located}/{figures.images}"),
         ("within 5 cm / 3 deg", percent(figures.within_5cm_3deg)),
@@ -126,7 +126,8 @@ def _print_summary(name: str, summary: Summary) -> None:
     ]
     print(name)
     for label, value in lines:
-        print(f"  {label:<22} {value}")
+        # the report's signs are not in every terminal's character set
+        print(f"  {label:<22} {value.replace('°', ' deg').replace('–', '-')}")
     for note in summary.notes:
         print(f"note: {note}")
 

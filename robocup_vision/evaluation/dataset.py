@@ -88,6 +88,8 @@ class Dataset:
         Non-zero where pixels are never to be looked at.
     symmetry : {"none", "point"}
         "point": errors count modulo a half turn about the field's centre.
+    notes : tuple of str
+        Lines the user should see, such as that a video ends early.
     """
 
     name: str
@@ -101,6 +103,7 @@ class Dataset:
     truth: Mapping[str, Truth]
     mask: npt.NDArray[np.uint8] | None
     symmetry: Symmetry
+    notes: tuple[str, ...] = ()
 
     @property
     def is_video(self) -> bool:
@@ -182,7 +185,7 @@ def load_dataset(
     loaded_camera = load_camera(camera if camera is not None else folder / description.camera)
     colors_path = colors if colors is not None else _beside(folder, description.colors)
     mask_path = _beside(folder, description.mask)
-    image_names = _image_names(description_path, source, mask_path)
+    image_names, notes = _find_images(description_path, source, mask_path)
     chosen = _method(description_path, method or description.method, loaded_field)
     return Dataset(
         name=folder.resolve().name if folder.is_dir() else folder.stem,
@@ -196,6 +199,7 @@ def load_dataset(
         truth=_truth(_beside(folder, description.truth), image_names),
         mask=_mask(mask_path, loaded_camera.size_px),
         symmetry=_one_of(description_path, "symmetry", description.symmetry, SYMMETRIES),
+        notes=notes,
     )
 
 
@@ -231,7 +235,7 @@ def _method(path: Path, method: str | None, field: Field) -> Method:
     return chosen
 
 
-def _image_names(path: Path, source: Path, mask_path: Path | None) -> tuple[str, ...]:
+def _find_images(path: Path, source: Path, mask_path: Path | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
     key = "images" if path.suffix == ".toml" else None
     value: object = source.name if key else ...
     if not source.exists():
@@ -246,13 +250,16 @@ def _image_names(path: Path, source: Path, mask_path: Path | None) -> tuple[str,
         if not names:
             kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
             raise FileError(path, f"no images found in this folder ({kinds})", key=key, value=value)
-        return tuple(names)
+        return tuple(names), ()
     if source.suffix.lower() in IMAGE_SUFFIXES:
         raise FileError(path, "is a single image, must be a folder of images or a video", key=key, value=value)
-    count = count_video_frames(source)
+    count, announced = count_video_frames(source)
     if count == 0:
         raise FileError(path, "is neither a folder of images nor a video that can be read", key=key, value=value)
-    return tuple(f"frame_{index:06d}" for index in range(count))
+    note = f"{source.name}: {count} frames can be decoded, its header announces {announced}: is it cut off?"
+    # a header may be off by a frame or by rounding
+    notes = (note,) if announced - count > 1 + announced // 50 else ()
+    return tuple(f"frame_{index:06d}" for index in range(count)), notes
 
 
 def _truth(path: Path | None, image_names: tuple[str, ...]) -> dict[str, Truth]:

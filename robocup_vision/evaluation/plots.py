@@ -21,6 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _INK, _BLUE, _RED, _GREY, _FLOOR, _LINE = "#1f2933", "#1f6feb", "#d1242f", "#8a94a0", "#eef4ee", "#b7c4b7"
+_MAP_CAPTION = (
+    "Where the robot was (grey) and where it was said to be (blue; red beyond 10 cm, with a line from the truth). "
+    "Crosses: not located."
+)
+_HISTOGRAM_CAPTION = (
+    "Errors of the located images along the field's axes and in heading; the outermost bars hold all that lies beyond."
+)
 _GOAL_COLORS = {"yellow": "#d4a72c", "blue": "#0969da", "cyan": "#1b9ebd"}
 
 
@@ -31,11 +38,11 @@ def data_uri(kind: str, data: bytes) -> str:
 
 def draw_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
     """Draw what there is to draw; return the image as a data URI and the caption of each plot."""
-    plots = [(_map(field, rows), "Where the robot was (grey) and where it was said to be (blue; red beyond 10 cm).")]
+    plots = [(_map(field, rows), _MAP_CAPTION)]
     errors = [row.error for row in rows if row.error is not None]
     if errors:
         plots.append((_error_cdf(rows), "Share of all images, the not located ones included, up to each error."))
-        plots.append((_error_histogram(rows), "Errors of the located images along the field's axes and in heading."))
+        plots.append((_error_histogram(rows), _HISTOGRAM_CAPTION))
     elif any(row.estimate is not None for row in rows):
         plots.append((_residual_histogram(rows), "Residual of the fit: there is no truth to compare with."))
     return plots
@@ -66,7 +73,7 @@ def _map(field: Field, rows: Sequence[Row]) -> str:
     from matplotlib.patches import Polygon
 
     extent = np.ptp(np.vstack([field.floor_polygon, field.walls.reshape(-1, 2)]), axis=0)
-    figure = _figure(8.0, float(np.clip(8.0 * extent[1] / extent[0] + 1.0, 3.0, 9.0)))
+    figure = _figure(8.0, float(np.clip(7.4 * extent[1] / extent[0] + 0.7, 3.0, 9.0)))
     axes = figure.subplots()
     axes.add_patch(Polygon(field.floor_polygon, facecolor=_FLOOR, edgecolor="none"))
     if field.is_bounded:
@@ -98,10 +105,9 @@ def _map(field: Field, rows: Sequence[Row]) -> str:
     for points, color in ((near, _BLUE), (far, _RED)):
         drawn = np.array(points).reshape(-1, 2)
         axes.plot(drawn[:, 0], drawn[:, 1], ".", color=color, markersize=4, zorder=5)
-    lost = np.array([[r.truth.x_m, r.truth.y_m] for r in rows if r.truth is not None and r.estimate is None])
-    if len(lost):
-        axes.plot(lost[:, 0], lost[:, 1], "x", color=_RED, markersize=7, label="not located")
-        axes.legend(loc="upper right", frameon=False)
+    lost = [[row.truth.x_m, row.truth.y_m] for row in rows if row.truth is not None and row.estimate is None]
+    crosses = np.array(lost).reshape(-1, 2)
+    axes.plot(crosses[:, 0], crosses[:, 1], "x", color=_RED, markersize=7, zorder=6)
     axes.set_aspect("equal")
     axes.autoscale_view()
     _tidy(axes, "x (m)", "y (m)")

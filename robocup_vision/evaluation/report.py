@@ -122,6 +122,10 @@ def degrees(angle_rad: float | None) -> str:
     return "–" if angle_rad is None else f"{math.degrees(angle_rad):.2f}°"
 
 
+def _plain(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
+
+
 def _summary(figures: Figures) -> list[tuple[str, str]]:
     return [
         ("Images", str(figures.images)),
@@ -133,7 +137,9 @@ def _summary(figures: Figures) -> list[tuple[str, str]]:
         ("RMS error in x", millimetres(figures.rms_x_m)),
         ("RMS error in y", millimetres(figures.rms_y_m)),
         ("RMS error in heading", degrees(figures.rms_theta_rad)),
-        ("Mean NEES (3 degrees of freedom)", "–" if figures.nees_mean is None else f"{figures.nees_mean:.2f}"),
+        ("NEES, 3 degrees of freedom: mean", _plain(figures.nees_mean)),
+        ("NEES: median", _plain(figures.nees_median)),
+        ("NEES: inside the 95 % bound", percent(figures.nees_inside_95)),
         ("Median time per frame", "–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms"),
     ]
 

@@ -12,7 +12,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import cv2
 import numpy as np
@@ -58,9 +58,11 @@ DrawOverlay = Callable[[Any, ImageArray, Any], ImageArray]
 
 def make_default_vision(dataset: Dataset) -> VisionLike:
     """Build the library's own `Vision` for a dataset."""
-    from robocup_vision.vision import Vision
+    from robocup_vision import vision
 
-    return Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
+    # any other method is refused there, with the reason
+    method = cast("vision.Method", dataset.method)
+    return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=method, mask=dataset.mask)
 
 
 def draw_default_overlay(view: Any, frame: ImageArray, vision: Any) -> ImageArray:
@@ -141,7 +143,7 @@ def evaluate(
     if jobs < 1:
         raise ArgumentError(f"jobs must be at least 1, got {jobs}")
     out = _prepare(Path(out))
-    notes = []
+    notes = list(dataset.notes)
     missing = report.missing_packages()
     if missing:
         notes.append(f"no report.html: {' and '.join(missing)} not installed (pip install 'robocup-vision[report]')")

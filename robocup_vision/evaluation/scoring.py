@@ -18,6 +18,7 @@ from robocup_vision.geometry import Pose2, wrap_angle
 
 NEAR_M, NEAR_RAD = 0.05, math.radians(3.0)
 FAIR_M, FAIR_RAD = 0.10, math.radians(5.0)
+NEES_95 = 7.8147  # 95 % quantile of chi-squared with 3 degrees of freedom
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +141,8 @@ class Figures:
         Over the located images with truth.
     nees_mean : float or None
         Over the located images whose truth has a heading, 3 degrees of freedom; None also if a covariance is singular.
+    nees_median, nees_inside_95 : float or None
+        Likewise: the median, and the share inside the 95 % bound, which an honest covariance puts at 0.95.
     median_ms : float or None
         Over the images that the localiser saw.
     """
@@ -154,6 +157,8 @@ class Figures:
     rms_y_m: float | None
     rms_theta_rad: float | None
     nees_mean: float | None
+    nees_median: float | None
+    nees_inside_95: float | None
     median_ms: float | None
 
 
@@ -161,6 +166,7 @@ def figures(rows: Sequence[Row]) -> Figures:
     """Compute the figures over all images."""
     errors = [row.error for row in rows if row.error is not None]
     headings = [error.theta_rad for error in errors if error.theta_rad is not None]
+    nees = [error.nees for error in errors if error.nees is not None]
     judged = any(row.truth is not None and row.truth.theta_rad is not None for row in rows)
 
     def share(position_m: float, heading_rad: float) -> float | None:
@@ -176,7 +182,9 @@ def figures(rows: Sequence[Row]) -> Figures:
         rms_x_m=_rms([error.x_m for error in errors]),
         rms_y_m=_rms([error.y_m for error in errors]),
         rms_theta_rad=_rms(headings),
-        nees_mean=_mean([error.nees for error in errors if error.nees is not None]),
+        nees_mean=_mean(nees),
+        nees_median=_median(nees) if all(map(math.isfinite, nees)) else None,
+        nees_inside_95=_mean([float(value <= NEES_95) for value in nees]),
         median_ms=_median([1e3 * row.time_s for row in rows if row.time_s is not None]),
     )
 

@@ -12,14 +12,17 @@ from field_models.errors import FrameError
 from robocup_vision.evaluation.image_file import ImageArray
 
 
-def count_video_frames(path: str | Path) -> int:
-    """Count the frames by decoding them, because containers only estimate their number; 0 if it is no video."""
+def count_video_frames(path: str | Path) -> tuple[int, int]:
+    """Return how many frames can be decoded, 0 if it is no video, and how many its header announces.
+
+    They are counted by decoding, because containers only estimate their number.
+    """
     capture = cv2.VideoCapture(str(path))
     try:
         count = 0
         while capture.isOpened() and capture.grab():
             count += 1
-        return count
+        return count, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if count else 0
     finally:
         capture.release()
 

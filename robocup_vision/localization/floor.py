@@ -16,20 +16,32 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
-from robocup_vision.perception import kernels
+from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.kernels import walls as kernels
 from robocup_vision.perception.polar_view import PolarView
 
-# pixels: from the hull's first guess down to the edges' own accuracy
-_SCALES_PX = np.array([8.0, 8.0, 5.0, 3.0, 2.0, 1.0, 1.0, 1.0])
-_COARSE_SCALES_PX = np.array([8.0, 8.0, 6.0, 4.0, 2.0])
-_PRIOR_SCALES_PX = np.array([2.0, 1.0, 1.0])
-_INLIER_PX = 1.5
+# widths of the redescending weights, in units of 1/86 of the usable radius (a pixel of the paper's 256 x 220 image):
+# from the first guess down to the edges' own accuracy; a last one in pixels proper
+_SCALES = (8.0, 8.0, 5.0, 3.0, 2.0, 1.0, 1.0)
+_COARSE_SCALES = (8.0, 6.0, 4.0, 2.0)
+_PRIOR_SCALES = (2.0, 1.0)
+_REFINE_SCALES = (3.0, 2.0, 1.0, 1.0)
+_UNITS = 86.0
+_LAST_SCALE_PX = 1.0
+_INLIER = 1.5
+# truncated mean cost up to which a first fit is taken without looking for a better one: three bearings in four fit
 _GOOD_COST = 0.25
 _LEAST_INLIER_SHARE = 0.3
 _LEAST_BEARINGS = 20
-# what no image tells: the camera file's own error, in pixels common to neighbouring edges
-_SYSTEMATIC_PX = 0.03
+_BANK_BEARINGS = 80
+_BANK_STARTS = 30
+_REFINED = 6
+# what no image tells: the camera file's own error, in pixels, common to an eighth of the circle
+_SYSTEMATIC_PX = 0.02
+_SYSTEMATIC_BEARINGS = 20
+# a sandwich covariance from some forty groups of bearings comes out low
+_FEW_GROUPS = 1.5
+_LARGEST_STD_M = 0.10
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,70 +122,138 @@ class FloorLocalizer:
         )
         return Pose2(x, y, axis).inverse()
 
-    def locate(self, radius_px: FloatArray, prior: PoseEstimate | None = None) -> PoseEstimate | NotLocated:
+    def locate(self, radius_px: FloatArray, prior: Pose2 | None = None) -> tuple[PoseEstimate | NotLocated, FloatArray]:
         """Fit the outline.
 
         Parameters
         ----------
         radius_px : (K,) float64
             Image radius of the floor's edge at each of the view's bearings, NaN where none.
-        prior : PoseEstimate, optional
+        prior : Pose2, optional
             Where the robot probably is: a start, and, if the outline agrees with it, the only one.
 
         Returns
         -------
         PoseEstimate or NotLocated
-            With both half-turn candidates in no particular order: the outline alone cannot tell them apart.
+            With both half-turn candidates, since the outline alone cannot tell which is right.
+        (K,) float64
+            Image radius at which the pose expects the walls; NaN where it does not say.
         """
         known = int(np.count_nonzero(radius_px > 0))
         if known < _LEAST_BEARINGS:
-            return NotLocated(f"the floor's edge is seen in only {known} of {len(radius_px)} directions")
+            reason = f"the floor's edge is seen in only {known} of {len(radius_px)} directions"
+            return NotLocated(reason), np.full(len(radius_px), np.nan)
         fit = None
         if prior is not None:
-            fit = self._fit(prior.pose.array[None], radius_px, 1, _PRIOR_SCALES_PX)
+            fit = self._fit(prior.array[None], radius_px, 1, self._scales(_PRIOR_SCALES))
         if fit is None or fit.cost > _GOOD_COST:
             guess = self.first_guess(radius_px)
             if guess is None:
-                return NotLocated("the floor's edge encloses no area")
-            fit = self._fit(guess.array[None], radius_px, 1, _SCALES_PX)
-            if fit.cost > _GOOD_COST:
-                coarse = self._fit(self._alternatives(guess), radius_px, 3, _COARSE_SCALES_PX)
-                retry = self._fit(coarse.pose[None], radius_px, 1, _SCALES_PX)
-                fit = retry if retry.cost < fit.cost else fit
-        return self._judge(fit)
+                return NotLocated("the floor's edge encloses no area"), np.full(len(radius_px), np.nan)
+            fit = self._fit(guess.array[None], radius_px, 1, self._scales(_SCALES))
+        if fit.cost > _GOOD_COST:
+            fit = self._fit_from_anywhere(fit, radius_px)
+        estimate = self._judge(fit)
+        return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
 
-    def _alternatives(self, guess: Pose2) -> FloatArray:
-        along, across = np.ptp(self.field.floor_polygon, axis=0) / 4
-        starts = [guess.array + (0.0, 0.0, turn) for turn in np.radians([-40.0, -20.0, 20.0, 40.0, 90.0])]
-        starts += [guess.array + (dx, dy, 0.0) for dx in (-along, 0.0, along) for dy in (-across, 0.0, across)]
+    def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray) -> _Fit:
+        """Look for a better fit over the whole field, and by sliding along the walls that already agree."""
+        starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
+        coarse = [self._fit(start[None], radius_px, 3, self._scales(_COARSE_SCALES)) for start in starts]
+        tried: list[FloatArray] = []
+        for candidate in sorted(coarse, key=lambda c: c.cost):
+            if not _is_new(candidate.pose, tried, 0.03):
+                continue
+            tried.append(candidate.pose)
+            retry = self._fit(candidate.pose[None], radius_px, 1, self._scales(_REFINE_SCALES))
+            fit = retry if retry.cost < fit.cost else fit
+            if len(tried) == _REFINED:
+                break
+        return fit
+
+    def _slides(self, pose: FloatArray) -> FloatArray:
+        low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
+        along = [np.array([x, pose[1], pose[2]]) for x in np.linspace(low[0], high[0], 15)[1:-1]]
+        across = [np.array([pose[0], y, pose[2]]) for y in np.linspace(low[1], high[1], 9)[1:-1]]
+        return np.array(along + across)
+
+    @cached_property
+    def _unit_px(self) -> float:
+        inner, outer = self.camera.usable_radius_px
+        return max(1.0, (outer - inner) / _UNITS)
+
+    def _scales(self, units: tuple[float, ...]) -> FloatArray:
+        return np.array([*(unit * self._unit_px for unit in units), _LAST_SCALE_PX])
+
+    @cached_property
+    def _bank(self) -> tuple[FloatArray, FloatArray]:
+        spacing = float(np.ptp(self.field.floor_polygon, axis=0).min()) / 15
+        low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
+        # half the places do: the outline of the other half is the same, turned
+        x, y = np.meshgrid(np.arange(spacing / 2, high[0], spacing), np.arange(low[1] + spacing / 2, high[1], spacing))
+        places = np.stack([x.ravel(), y.ravel()], axis=1)
+        places = places[self.field.contains(places)]
+        bearings = np.arange(_BANK_BEARINGS) * (math.tau / _BANK_BEARINGS)
+        cos_b, sin_b = np.cos(bearings), np.sin(bearings)
+        q, wall = np.empty(_BANK_BEARINGS), np.empty(_BANK_BEARINGS, dtype=np.int64)
+        planes = np.empty((len(self.field.walls), 4, 3))
+        profiles = np.empty((len(places), _BANK_BEARINGS))
+        for place, profile in zip(places, profiles, strict=True):
+            kernels.predict_walls(np.array([*place, 0.0]), *self._geometry, cos_b, sin_b, q, wall, planes)
+            profile[:] = np.interp(q, np.arange(len(self._radius_of_q[1])) * self._radius_of_q[0], self._radius_of_q[1])
+        return places, profiles
+
+    def _search(self, radius_px: FloatArray) -> FloatArray:
+        """Poses (N, 3) whose expected outline is most like the measured one, over the whole field and all headings."""
+        places, profiles = self._bank
+        nearest = np.rint(np.arange(_BANK_BEARINGS) * (len(radius_px) / _BANK_BEARINGS)).astype(int)
+        cost = np.empty_like(profiles)
+        kernels.score_bank(profiles, radius_px[nearest], 12.0 * self._unit_px, cost)
+        starts: list[FloatArray] = []
+        for index in np.argsort(cost, axis=None)[: 10 * _BANK_STARTS]:
+            place, shift = divmod(int(index), _BANK_BEARINGS)
+            start = np.array([*places[place], -shift * math.tau / _BANK_BEARINGS])
+            if _is_new(start, starts, 0.15):
+                starts.append(start)
+            if len(starts) == _BANK_STARTS:
+                break
         return np.array(starts)
 
     def _fit(self, starts: FloatArray, radius_px: FloatArray, stride: int, scales: FloatArray) -> _Fit:
         pose, information, scatter = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-        residual = np.full(len(radius_px), np.nan)
+        residual, predicted = np.full(len(radius_px), np.nan), np.empty(len(radius_px))
         q_step, radius_of_q = self._radius_of_q
         cost = kernels.fit_walls(
             starts, *self._geometry, self._cos, self._sin, radius_px, stride, q_step, radius_of_q, scales,
-            np.zeros((3, 3)), pose, information, scatter, residual,
+            self._unit_px, pose, information, scatter, residual, predicted,
         )  # fmt: skip
-        return _Fit(cost, pose, information, scatter, residual)
+        return _Fit(cost, pose, information, scatter, residual, predicted)
 
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
-        residual = fit.residual_px[np.isfinite(fit.residual_px)]
-        inliers = residual[np.abs(residual) < _INLIER_PX]
-        share = len(inliers) / max(len(residual), 1)
+        covariance = np.empty((3, 3))
+        share, rms, along = kernels.summarise_fit(
+            fit.residual_px,
+            _INLIER * self._unit_px,
+            fit.information,
+            fit.scatter,
+            _FEW_GROUPS,
+            _SYSTEMATIC_PX**2 * _SYSTEMATIC_BEARINGS,
+            covariance,
+        )
         if share < _LEAST_INLIER_SHARE:
             return NotLocated(f"only {share:.0%} of the floor's edge agrees with the field's walls")
-        spread = np.linalg.eigvalsh(fit.information)
-        if spread[0] < 1e-3 * spread[1] or spread[0] <= 0:
-            return NotLocated("the part of the floor's edge in view fixes only one direction")
-        inverse = np.linalg.inv(fit.information)
-        covariance = inverse @ fit.scatter @ inverse + _SYSTEMATIC_PX**2 * len(inliers) * inverse
-        pose = Pose2(*(float(v) for v in fit.pose))
-        if not self.field.contains(np.array([[pose.x_m, pose.y_m]]))[0]:
-            return NotLocated(f"the best fit puts the robot outside the field, at ({pose.x_m:.2f}, {pose.y_m:.2f}) m")
-        rms = math.sqrt(float(np.mean(inliers**2)))
+        if along > _LARGEST_STD_M:
+            return NotLocated("the part of the floor's edge in view does not fix the pose in every direction")
+        x, y, theta = fit.pose.tolist()
+        pose = Pose2(x, y, theta)
+        if not self.field.is_on_floor(x, y):
+            return NotLocated(f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m")
         return PoseEstimate(pose, covariance, share, rms, (pose, pose.half_turn()))
+
+
+def _is_new(pose: FloatArray, others: list[FloatArray], apart: float) -> bool:
+    """Whether a pose differs from all others by more than `apart`, metres and radians added up."""
+    return all(math.hypot(*(pose - o)[:2]) + abs(wrap_angle(pose[2] - o[2])) > apart for o in others)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,3 +263,4 @@ class _Fit:
     information: FloatArray
     scatter: FloatArray
     residual_px: FloatArray
+    predicted_px: FloatArray

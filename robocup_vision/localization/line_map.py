@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.geometry import FloatArray
-from robocup_vision.perception.kernels import nearest_lines
+from robocup_vision.kernels.lines import nearest_lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class LineMap:
         return np.round(units).astype(np.uint8).reshape(rows, columns)
 
     def rough_distance_m(self, points_m: npt.ArrayLike) -> FloatArray:
-        """Truncated distance (...,) of field points (..., 2), bilinear in the table; `truncate_m` outside of it."""
+        """Look up the truncated distance (...,) of field points (..., 2), bilinear; `truncate_m` outside the table."""
         points = np.asarray(points_m, dtype=np.float64)
         at = (points - self.table_origin_m) / self.cell_m
         rows, columns = self.table.shape

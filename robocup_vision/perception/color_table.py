@@ -1,7 +1,8 @@
 """Colour classes of a frame, looked up per sample in one table over packed colours; and colors.toml.
 
-The floor's likelihood is learnt (`floor_color`). Every other class is a chromaticity relative to the frame's white, which
-the brightest things beside the floor show: walls and lines. So one description of "orange" serves warm light and cold.
+The floor's likelihood is learnt (`floor_color`). Every other class is a chromaticity relative to the frame's white,
+which the brightest things beside the floor show: walls and lines. So one description of "orange" serves warm light and
+cold.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from field_models.errors import FileError
 from field_models.field import COLOR_NAMES, Field
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.perception.floor_color import LEVELS, FloorColor, learn_floor_color
+from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor, learn_floor_color
 
 UInt8Array = npt.NDArray[np.uint8]
 Int8Array = npt.NDArray[np.int8]
@@ -30,20 +31,6 @@ CLASS_NAMES = ("other", "floor", "line", "ball", "goal_positive_x", "goal_negati
 # log-likelihood ratios are stored as int8 in these units, clipped so that no single sample outvotes its neighbours
 LLR_PER_UNIT = 1.0 / 16
 LLR_CLIP = 4.0
-
-
-@dataclass(frozen=True, slots=True)
-class PaintColor:
-    """A painted thing's colour as this frame shows it: its ratios to green.
-
-    Parameters
-    ----------
-    red_ratio, blue_ratio : float
-        R/G and B/G.
-    """
-
-    red_ratio: float
-    blue_ratio: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +164,8 @@ def build_color_table(colors: Colors) -> ColorTable:
 def _packed_colors(packing: UInt16Array) -> tuple[FloatArray, FloatArray, FloatArray]:
     # the mean of the values that share a bin stands for it; the last bin's own start, as it holds all that is brighter
     channels = []
-    for row, bits in zip(packing, (5, 6, 5), strict=True):
-        bins = (row >> {0: 11, 1: 5, 2: 0}[len(channels)]).astype(int)
+    for row, bits, shift in zip(packing, (5, 6, 5), (11, 5, 0), strict=True):
+        bins = (row >> shift).astype(int)
         count = np.bincount(bins, minlength=1 << bits)
         center = np.bincount(bins, np.arange(256.0), minlength=1 << bits) / np.maximum(count, 1)
         empty = count == 0

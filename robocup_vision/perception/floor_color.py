@@ -1,8 +1,8 @@
 """The floor's colour, learnt from what surrounds the robot in one frame.
 
 The floor's chromaticity (R/G, B/G) is followed over brightness, starting from the ring around the robot's body and
-going step by step into darker and brighter samples of the same frame. So the same rule survives a colour cast and a dark
-hall (everything is relative to the ring), a hard shadow (darker, a little bluer), and noise (which widens the
+going step by step into darker and brighter samples of the same frame. So the same rule survives a colour cast and a
+dark hall (everything is relative to the ring), a hard shadow (darker, a little bluer), and noise (which widens the
 chromaticity of dark samples by a known amount). Fixed hue bounds fail in the dark, a single Gaussian in a shadow.
 """
 
@@ -19,16 +19,30 @@ from robocup_vision.geometry import FloatArray
 UInt8Array = npt.NDArray[np.uint8]
 
 RING_COLUMNS = 10
+RING_WEIGHT = 2.0
 # log brightness relative to the ring: from a deep shadow to a highlight
 _LEVEL_STEP = 0.25
 LEVELS = np.arange(-7, 6) * _LEVEL_STEP
 _CENTER = 7
-# how far chromaticity may drift from one brightness step to the next, and in all (a sky-lit shadow is some 20 % bluer;
-# a highlight mixes in white, and so does the edge of a white wall, hence the tighter bound)
-_DRIFT_PER_STEP = 0.10
-_DRIFT_DARKER = 0.40
-_DRIFT_BRIGHTER = 0.20
+# how far the log of a ratio may drift from one brightness step to the next, and in all: a sky-lit shadow is some 20 %
+# bluer, a highlight mixes in white until green is half-way to it
+_DRIFT_PER_STEP = 0.15
+_DRIFT = 0.45
 _SPREAD = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class PaintColor:
+    """A painted thing's colour as this frame shows it: its ratios to green.
+
+    Parameters
+    ----------
+    red_ratio, blue_ratio : float
+        R/G and B/G.
+    """
+
+    red_ratio: float
+    blue_ratio: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +67,11 @@ class FloorColor:
     blue_ratio: FloatArray
     spread: FloatArray
 
+    @property
+    def lit(self) -> PaintColor:
+        """The floor's colour at its usual brightness."""
+        return PaintColor(float(self.red_ratio[_CENTER]), float(self.blue_ratio[_CENTER]))
+
     def log_likelihood_ratio(self, blue: FloatArray, green: FloatArray, red: FloatArray) -> FloatArray:
         """Floor against any colour at all, in nats, for colours of any shape (counts)."""
         level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / self.level)
@@ -71,7 +90,7 @@ class FloorColor:
         background = -np.log(4 * expected_green**2)
         llr = -0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau) - background
         outside = np.maximum(LEVELS[0] - level, 0.0) + np.maximum(level - LEVELS[-2], 0.0)
-        return llr - 0.5 * (outside / 0.2) ** 2
+        return np.asarray(llr - 0.5 * (outside / 0.2) ** 2)
 
 
 def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | None:
@@ -95,6 +114,10 @@ def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | No
     if len(colors) < 50:
         return None
     noise = _noise(ring.astype(np.float64), usable)
+    # the ring alone may lie in a highlight or beside a robot: what is around it has a say, too
+    near = samples[:, RING_COLUMNS : samples.shape[1] // 2]
+    colors = np.concatenate([colors, near[valid[:, RING_COLUMNS : samples.shape[1] // 2] > 0].astype(np.float64)])
+    weight = np.where(np.arange(len(colors)) < np.count_nonzero(usable), RING_WEIGHT, 1.0)
     blue, green, red = colors.T
     level = (red + 2 * green + blue) / 4
     bright = (level > 4) & (green > 2)
@@ -102,7 +125,7 @@ def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | No
         return None
     log_red = np.log((red[bright] + 1) / (green[bright] + 1))
     log_blue = np.log((blue[bright] + 1) / (green[bright] + 1))
-    red0, blue0, member = _mode(log_red, log_blue)
+    red0, blue0, member = _mode(log_red, log_blue, weight[bright])
     level0 = float(np.median(level[bright][member]))
     red_ratio, blue_ratio, spread = _follow(samples, valid, level0, noise, math.exp(red0), math.exp(blue0))
     return FloorColor(level0, noise, red_ratio, blue_ratio, spread)
@@ -116,14 +139,14 @@ def _noise(ring: FloatArray, usable: npt.NDArray[np.bool_]) -> float:
     return float(np.percentile(difference, 25)) / (0.83 * math.sqrt(2.0)) if len(difference) else 1.0
 
 
-def _mode(log_red: FloatArray, log_blue: FloatArray) -> tuple[float, float, npt.NDArray[np.bool_]]:
+def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tuple[float, float, npt.NDArray[np.bool_]]:
     step, low, count = 0.1, -3.0, 60
     i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
     j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
-    histogram = np.bincount(i * count + j, minlength=count * count).reshape(count, count)
+    histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
     pooled = sum(np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1))
     top_i, top_j = np.unravel_index(int(np.argmax(pooled)), (count, count))
-    red, blue = low + (top_i + 0.5) * step, low + (top_j + 0.5) * step
+    red, blue = low + (float(top_i) + 0.5) * step, low + (float(top_j) + 0.5) * step
     member = np.ones(len(log_red), dtype=bool)
     for _ in range(3):
         member = np.hypot(log_red - red, log_blue - blue) < 0.3
@@ -159,11 +182,10 @@ def _follow(
         sums = np.maximum([r[member].sum(), b[member].sum()], 1.0)
         drift = np.log(sums / sum_green / [last_red, last_blue])
         drift = np.clip(drift, -_DRIFT_PER_STEP, _DRIFT_PER_STEP)
-        bound = _DRIFT_DARKER if here <= _CENTER else _DRIFT_BRIGHTER
-        red_ratio[here] = red0 * math.exp(float(np.clip(math.log(last_red / red0) + drift[0], -bound, bound)))
-        blue_ratio[here] = blue0 * math.exp(float(np.clip(math.log(last_blue / blue0) + drift[1], -bound, bound)))
+        red_ratio[here] = red0 * math.exp(float(np.clip(math.log(last_red / red0) + drift[0], -_DRIFT, _DRIFT)))
+        blue_ratio[here] = blue0 * math.exp(float(np.clip(math.log(last_blue / blue0) + drift[1], -_DRIFT, _DRIFT)))
         if here == _CENTER:
-            red0, blue0 = red_ratio[here], blue_ratio[here]
+            red0, blue0 = float(red_ratio[here]), float(blue_ratio[here])
             red_ratio[:], blue_ratio[:] = red0, blue0
             mean_green2 = float(np.mean(g[member] ** 2))
             for channel, (d, ratio) in enumerate(((r - red0 * g, red0), (b - blue0 * g, blue0))):

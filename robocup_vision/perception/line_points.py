@@ -19,7 +19,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.perception.kernels import floor_mask_by_tone, line_ridge_points
+from robocup_vision.kernels.lines import floor_mask_by_tone, line_ridge_points
 
 # Image steps of the four axes a line may be crossed along, u right, v down.
 AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
@@ -83,7 +83,7 @@ class LinePoints:
     weight : (N,) float64
         1 for points with floor on both sides, less for others.
     bare_floor : (H, W) bool or None
-        Pixels that surely show floor and no line; what a pose predicts there and is not seen speaks against it.
+        Pixels that, with their neighbours, show floor and no line: a line predicted there speaks against a pose.
     """
 
     pixels: FloatArray
@@ -184,7 +184,7 @@ class LineFinder:
             raise ArgumentError(f"mask must be {width}x{height}, got {mask.shape[1]}x{mask.shape[0]}")
         v, u = np.mgrid[:height, :width].astype(np.float64)
         floor = camera.pixel_to_floor(np.stack([u, v], axis=-1))
-        seen = np.isfinite(floor).all(axis=-1)
+        seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(floor).all(axis=-1))
         if isinstance(camera, OmniCamera):
             radius = np.hypot(u - camera.center_px[0], v - camera.center_px[1])
             inner, outer = camera.usable_radius_px
@@ -193,6 +193,8 @@ class LineFinder:
             seen &= np.asarray(mask).reshape(height, width, -1)[..., 0] == 0
         self._width_units = _line_width_units(floor, seen, line_width_m)
         self._seen = np.ascontiguousarray((seen & (self._width_units > 0).any(axis=0)).astype(np.uint8))
+        # where a line would be too wide for the floor's tone to hide it
+        self._resolved = (self._width_units.min(axis=0) >= 1.5 * WIDTH_UNITS_PER_PX).astype(np.uint8)
         range_m = np.where(self._seen > 0, np.hypot(floor[..., 0], floor[..., 1]), np.inf)
         flat = np.flatnonzero(self._seen)
         # the nearest quarter of the visible floor: hardly anything but carpet stands that close
@@ -201,7 +203,7 @@ class LineFinder:
 
     def learn_tone(self, frame: npt.NDArray[np.uint8]) -> FloorTone | None:
         """Learn the floor's colour from what lies nearest to the robot; None if nothing there has a colour."""
-        return self._tone(cv2.blur(frame, (3, 3)))
+        return self._tone(np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8))
 
     def find(self, frame: npt.NDArray[np.uint8], tone: FloorTone | None = None) -> LinePoints:
         """Find line points.
@@ -222,7 +224,7 @@ class LineFinder:
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
             got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
             raise FrameError(f"frame must be uint8 ({height}, {width}, 3), got {got}")
-        smooth = cv2.blur(frame, (3, 3))
+        smooth = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
         tone = tone or self._tone(smooth)
         if tone is None:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
@@ -230,7 +232,7 @@ class LineFinder:
             smooth, self._seen, np.array([*tone.red_ratio, *tone.blue_ratio, *tone.green, tone.slack], dtype=np.float32)
         )
         blue, green, red = cv2.split(frame)
-        whiteness = cv2.min(blue, red)
+        whiteness = np.asarray(cv2.min(blue, red), dtype=np.uint8)
         limit = int(MAX_POINT_SHARE * np.count_nonzero(self._seen)) + 1
         found = line_ridge_points(
             whiteness, green, floor, self._width_units, self._noise_threshold(whiteness, floor), limit
@@ -240,9 +242,8 @@ class LineFinder:
         contrast, two_sided = found[:, 2], found[:, 3] > 0
         # paint has one whiteness: whatever reaches less than a third of the clear lines' contrast is dirt or glare
         strong = contrast >= 0.35 * np.percentile(contrast[two_sided] if two_sided.any() else contrast, 80)
-        return LinePoints.from_pixels(
-            self.camera, found[strong, :2], np.where(two_sided[strong], 1.0, 0.5), floor.view(np.bool_)
-        )
+        bare = cv2.erode(floor & self._resolved, np.ones((9, 9), dtype=np.uint8)).view(np.bool_)
+        return LinePoints.from_pixels(self.camera, found[strong, :2], np.where(two_sided[strong], 1.0, 0.5), bare)
 
     def _tone(self, smooth: npt.NDArray[np.uint8]) -> FloorTone | None:
         near = smooth.reshape(-1, 3)[self._near].astype(np.float64)
@@ -254,14 +255,16 @@ class LineFinder:
         edges = np.arange(-span, span + bin_size / 2, bin_size)
         histogram = np.histogram2d(log_ratio[:, 0], log_ratio[:, 1], [edges, edges])[0]
         smoothed = cv2.blur(histogram, (3, 3), borderType=cv2.BORDER_CONSTANT)
-        peak = np.unravel_index(int(np.argmax(smoothed)), smoothed.shape)
-        mode = edges[list(peak)] + bin_size / 2
+        # a robot at the carpet's edge sees the hall's floor as near as the carpet: of tones that both cover much of
+        # the ring the carpet is the greener one, under any light
+        tones = edges[np.argwhere(smoothed >= 0.25 * smoothed.max())] + bin_size / 2
+        mode = tones[np.argmin(tones.max(axis=1))]
         spread = np.full(2, bin_size)
         for _ in range(3):
             members = (np.abs(log_ratio - mode) < 4 * spread).all(axis=1)
             if np.count_nonzero(members) < 50:
                 return None
-            mode = np.median(log_ratio[members], axis=0)
+            mode = np.asarray(np.median(log_ratio[members], axis=0))
             spread = np.maximum(1.48 * np.median(np.abs(log_ratio[members] - mode), axis=0), 0.04)
         green = float(np.median(near[members, 1]))
         low, high = np.exp(mode - 4 * spread), np.exp(mode + 4 * spread)
@@ -281,7 +284,7 @@ class LineFinder:
 
 def _line_width_units(floor_m: FloatArray, seen: npt.NDArray[np.bool_], line_width_m: float) -> npt.NDArray[np.uint16]:
     """How wide a line that is crossed along each of `AXES_PX` looks, (4, H, W), in 1/16 px; 0 where not looked at."""
-    by_v, by_u = np.gradient(floor_m, axis=(0, 1))
+    by_v, by_u = (np.asarray(slope) for slope in np.gradient(floor_m, axis=(0, 1)))
     area = np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
     widths = np.zeros((len(AXES_PX), *seen.shape), dtype=np.uint16)
     for k, (du, dv) in enumerate(AXES_PX):

@@ -21,6 +21,8 @@ UInt8Array = npt.NDArray[np.uint8]
 
 BEARINGS = 160
 RADII = 83
+# the 3 x 3 blur and the lens mix the robot's own body into the innermost columns: no obstacle is told from them
+BODY_COLUMNS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +46,12 @@ class PolarView:
     @cached_property
     def bearing_rad(self) -> FloatArray:
         """(K,) float64: camera-frame bearings of the rows, from 0 counter-clockwise."""
-        return np.arange(self.bearings) * (math.tau / self.bearings)
+        return np.asarray(np.arange(self.bearings) * (math.tau / self.bearings), dtype=np.float64)
 
     @cached_property
     def radius_px(self) -> FloatArray:
         """(M,) float64: image radii of the columns, inside out."""
-        return np.linspace(*self.camera.usable_radius_px, RADII)
+        return np.asarray(np.linspace(*self.camera.usable_radius_px, RADII), dtype=np.float64)
 
     @cached_property
     def step_px(self) -> float:
@@ -88,10 +90,9 @@ class PolarView:
         fixed, fraction = cv2.convertMaps(
             np.ascontiguousarray(points[..., 0]), np.ascontiguousarray(points[..., 1]), cv2.CV_16SC2
         )
-        return fixed, fraction
+        return np.asarray(fixed, dtype=np.int16), np.asarray(fraction, dtype=np.uint16)
 
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8, bilinear."""
         fixed, fraction = self._maps
-        unrolled: UInt8Array = cv2.remap(frame, fixed, fraction, cv2.INTER_LINEAR)
-        return unrolled
+        return np.asarray(cv2.remap(frame, fixed, fraction, cv2.INTER_LINEAR), dtype=np.uint8)

@@ -67,7 +67,7 @@ def test_evaluate_prints_a_table(folder: Path, capsys: pytest.CaptureFixture[str
     lines = [line.split("  ", 2)[1:] for line in out.splitlines()[1:]]
     table = {label.strip(): value.strip() for label, value in ((line[0], line[1]) for line in lines)}
     assert table["located"] == "2/3"
-    assert table["within 5 cm / 3 deg"] == "–"
+    assert table["within 5 cm / 3 deg"] == "-"
     assert table["report"] == "out/drive/report.html"
     assert list(table) == [
         "located", "within 5 cm / 3 deg", "within 10 cm / 5 deg", "median position error", "median heading error",

@@ -30,8 +30,10 @@ images = "images"
 truth = "truth.csv"
 symmetry = "point"
 """
-# The pose stands in the image's first pixels; the three kinds of failure in the fourth.
+# The pose stands in the image's first pixels; the kinds of failure in the fourth.
 FAKE = """
+import os
+
 import numpy as np
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -54,6 +56,8 @@ class FakeVision:
         if kind == 2:
             raise RuntimeError("a bug,\\n in two lines")
         pose = Pose2((x - 128) / 100, (y - 128) / 100, (theta - 128) / 40)
+        if kind == 9:
+            os._exit(3)
         if kind == 3:
             pose = Pose2(float("nan"), 0.0, 0.0)
         return View(PoseEstimate(pose, np.diag([1e-4, 1e-4, 1e-4]), 0.9, 0.5, (pose, pose.half_turn())))

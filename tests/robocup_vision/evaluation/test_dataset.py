@@ -103,6 +103,21 @@ def test_a_video(folder: Path, tmp_path: Path) -> None:
     assert isinstance(frames[-1], FrameError)
 
 
+def test_a_video_that_is_cut_off_is_told(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "drive.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 56))
+    for frame in np.random.default_rng(2).integers(0, 255, (20, 56, 64, 3), dtype=np.uint8):
+        writer.write(frame)
+    writer.release()
+    assert load_dataset(path, field="ssl_2001", camera=folder / "camera.toml").notes == ()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    dataset = load_dataset(path, field="ssl_2001", camera=folder / "camera.toml")
+    assert 0 < len(dataset.image_names) < 20
+    assert dataset.notes == (
+        f"drive.avi: {len(dataset.image_names)} frames can be decoded, its header announces 20: is it cut off?",
+    )
+
+
 def test_a_sequence(folder: Path) -> None:
     add(folder, 'frames = "frames.csv"')
     (folder / "frames.csv").write_text(FRAMES)

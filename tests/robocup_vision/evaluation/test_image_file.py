@@ -106,3 +106,14 @@ def test_a_mask_is_whatever_is_not_zero(tmp_path: Path) -> None:
         mask = read_mask(tmp_path / f"{name}.png")
         assert mask[3, 4] == 255
         assert np.count_nonzero(mask) == 1
+
+
+def test_an_image_is_read_as_the_sensor_saw_it(tmp_path: Path) -> None:
+    """An orientation tag must not turn it: the camera file describes the sensor."""
+    exif = (
+        b"Exif\x00\x00II*\x00\x08\x00\x00\x00\x01\x00\x12\x01\x03\x00\x01\x00\x00\x00\x06\x00\x00\x00\x00\x00\x00\x00"
+    )
+    data = encode(".jpg")
+    app1 = b"\xff\xe1" + struct.pack(">H", 2 + len(exif)) + exif
+    (tmp_path / "a.jpg").write_bytes(data[:2] + app1 + data[2:])
+    assert read_image(tmp_path / "a.jpg", (WIDTH, HEIGHT)).shape == (HEIGHT, WIDTH, 3)

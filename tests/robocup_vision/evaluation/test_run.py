@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from field_models import ArgumentError, FileError
+from field_models import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import load_dataset
 from robocup_vision.evaluation.result_files import RESULT_COLUMNS
@@ -186,6 +186,12 @@ def test_a_video_in_several_processes(folder: Path, fake: ModuleType, tmp_path: 
     assert rows == without_times(tmp_path / "2")
     assert [row["image"] for row in rows] == [f"frame_{i:06d}" for i in range(10)]
     assert len({row["x_m"] for row in rows}) > 5
+
+
+def test_a_process_that_dies_is_told(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    code(folder / "images" / "2.png", 9)
+    with pytest.raises(RobocupVisionError, match="a worker process ended abruptly; run again with --jobs 1"):
+        evaluate(load_dataset(folder), tmp_path / "out", 2, make_vision=fake.FakeVision, draw_overlay=fake.draw)
 
 
 def test_a_picture_that_cannot_be_drawn_costs_no_figure(folder: Path, fake: ModuleType, tmp_path: Path) -> None:

@@ -74,8 +74,10 @@ def test_nees_of_honest_errors_averages_three() -> None:
         said = Pose2(*(true.array + lower @ rng.standard_normal(3)))
         one, truth = estimate(said, lower @ lower.T), truth_of(true)
         rows.append(Row("a", one, truth, pose_error(one, truth, symmetric=False)))
-    mean = figures(rows).nees_mean
-    assert mean == pytest.approx(3.0, abs=0.2)
+    got = figures(rows)
+    assert got.nees_mean == pytest.approx(3.0, abs=0.2)
+    assert got.nees_median == pytest.approx(2.37, abs=0.2)
+    assert got.nees_inside_95 == pytest.approx(0.95, abs=0.015)
 
 
 def test_a_truth_without_heading_is_judged_by_position_alone() -> None:
@@ -134,7 +136,8 @@ def test_a_singular_covariance_makes_no_mean() -> None:
     row = Row("a", one, truth, pose_error(one, truth, symmetric=False))
     assert row.error is not None
     assert row.error.nees == math.inf
-    assert figures([row]).nees_mean is None
+    got = figures([row])
+    assert (got.nees_mean, got.nees_median, got.nees_inside_95) == (None, None, 0.0)
 
 
 def test_the_worst_come_first() -> None:

@@ -1,0 +1,280 @@
+"""From free ranges around the robot, its velocity and the goal's bearing to a motion command that does not collide.
+
+The way of Sekimori et al. (2001), section 3.2: obstacles grown by the robot's radius, a trajectory predicted for each
+direction under the limit of acceleration and the dead time, the time to contact of each, and the safe direction nearest
+to the goal. The loops are compiled (`robocup_vision.kernels.steering`); here they get their meaning.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels import steering as kernels
+
+# Bins of the grown profile (0.45 to 0.9 degrees) and groups of them over which trajectories take long steps.
+_BINS = 512
+_GROUPS = 16
+# Full speed, half and a quarter: what is blocked at one speed may be open at a lower one.
+_SPEED_LEVELS = 3
+_REASONS = (
+    "no safe direction: braking",
+    "no safe direction, braking would touch: latest contact",
+)
+
+
+class FreeRanges(Protocol):
+    """What steering needs of a free space: bearings (J,) in radians, ascending, and ranges (J,) in metres."""
+
+    @property
+    def bearing_rad(self) -> FloatArray:
+        """(J,) float64, radians, robot frame."""
+
+    @property
+    def range_m(self) -> FloatArray:
+        """(J,) float64, metres from the robot's centre to the first thing that is not floor."""
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringCommand:
+    """What the robot is told to do, and why.
+
+    Parameters
+    ----------
+    velocity_mps : (2,) float64
+        Velocity to command, robot frame, m/s.
+    safe : bool
+        The trajectory of this command and the stop after it are free. False: an emergency command (mostly zero).
+    bearing_rad : float or None
+        Chosen direction, robot frame; None when braking.
+    time_to_contact_s : (J,) float64
+        T_j of each direction at the speed asked for (eq. 15); inf where nothing is touched within the horizon.
+    directions_rad : (J,) float64
+        The directions.
+    reason : str
+        ``towards goal``, ``around obstacle``, or why there is no safe direction.
+    """
+
+    velocity_mps: FloatArray
+    safe: bool
+    bearing_rad: float | None
+    time_to_contact_s: FloatArray
+    directions_rad: FloatArray
+    reason: str
+
+
+class Steering:
+    """Chooses velocity commands; one object per robot, not to be shared between threads (two objects may run in two).
+
+    Parameters
+    ----------
+    robot_radius_m : float
+        By which obstacles are grown. Add here whatever clearance sensing and slip call for.
+    acceleration_mps2 : float
+        Limit alpha of eq. 10.
+    dead_time_s : float
+        From the decision until the robot obeys; it goes on with its present velocity.
+    speed_mps : float
+        Speed v_c of eq. 11.
+    time_threshold_s : float, optional
+        The paper's T_th, one for all directions. None derives it per direction: a command is safe when it can be
+        carried out to its end and the robot can then still stop. The end is reached after |dv_j| / alpha, the stopping
+        distance v^2 / (2 alpha) takes v / (2 alpha) at speed v, and the next decision comes a period and again a dead
+        time later: T_j >= 2 dead_time + period + |dv_j| / alpha + v / (2 alpha). Then the command given now stays
+        safe until it is reached, and braking is safe after that, so that a standing world is never touched. (The
+        paper's 2.75 s is the time 2 v / alpha of a full reversal plus the dead time.)
+    directions : int
+        Number J of directions that are tried.
+    period_s : float
+        Time between two commands.
+    step_m : float
+        Largest distance by which the robot moves between two samples of a trajectory close to an obstacle.
+    use_velocity : bool
+        False: the paper's comparison, which takes the present velocity to be the commanded one (v_a = v_b).
+    keep_side : bool
+        Once an obstacle is passed on one side, stay on it until the goal's direction is free again, so that two
+        equally good ways round do not make the robot waver between them. `forget` drops the memory.
+
+    Notes
+    -----
+    Each measured bearing stands for its whole sector, halfway to its neighbours, blocked from its range on, so nothing
+    slips between bearings. A measured range below the robot's radius counts as contact: away from it is free. An
+    unmeasured bearing (NaN range, or outside what the camera sees) is blocked at range 0: the robot's centre may not
+    enter it, but nothing is known to stand there, so it is not grown.
+
+    A lower speed, half and then a quarter, is tried where no direction is safe at the speed asked for. If none is safe
+    at any, the robot brakes; if even that ends in contact, the command with the latest contact is given.
+
+    Raises
+    ------
+    ArgumentError
+        An argument is out of its range.
+    """
+
+    def __init__(
+        self,
+        robot_radius_m: float,
+        acceleration_mps2: float,
+        dead_time_s: float,
+        speed_mps: float,
+        *,
+        time_threshold_s: float | None = None,
+        directions: int = 48,
+        period_s: float = 1 / 30,
+        step_m: float = 0.004,
+        use_velocity: bool = True,
+        keep_side: bool = True,
+    ) -> None:
+        for name, value, least in (
+            ("robot_radius_m", robot_radius_m, 1e-6),
+            ("acceleration_mps2", acceleration_mps2, 1e-6),
+            ("dead_time_s", dead_time_s, 0.0),
+            ("speed_mps", speed_mps, 1e-6),
+            ("time_threshold_s", 0.0 if time_threshold_s is None else time_threshold_s, 0.0),
+            ("period_s", period_s, 0.0),
+            ("step_m", step_m, 1e-4),
+        ):
+            if not (math.isfinite(value) and value >= least):
+                raise ArgumentError(f"{name} must be at least {least:g}, got {value!r}")
+        if directions < 4:
+            raise ArgumentError(f"directions must be at least 4, got {directions!r}")
+        self._radius_m = float(robot_radius_m)
+        threshold = -1.0 if time_threshold_s is None else float(time_threshold_s)
+        self._limits = (
+            float(speed_mps),
+            float(acceleration_mps2),
+            float(dead_time_s),
+            float(period_s),
+            threshold,
+            float(step_m),
+            float(_SPEED_LEVELS),
+        )
+        self._use_velocity = bool(use_velocity)
+        self._keep_side = bool(keep_side)
+        self._side = 0.0
+        self._directions: FloatArray = np.arange(directions, dtype=np.float64) * (math.tau / directions)
+        self._directions.flags.writeable = False
+        # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
+        self._kernel_directions = self._directions.copy()
+        self._units = np.stack([np.cos(self._directions), np.sin(self._directions)], axis=1)
+        self._near_goal_rad = math.pi / directions * 1.001
+        self._edges = profile_edges(_BINS)
+        self._profile = np.empty(_BINS)
+        self._coarse = np.empty(_GROUPS)
+        self._times = np.empty(directions)
+        self._resize(3)
+
+    def forget(self) -> None:
+        """Drop the memory of the side on which obstacles are being passed: the next decision stands alone."""
+        self._side = 0.0
+
+    def steer(
+        self,
+        free_space: FreeRanges,
+        velocity_mps: Sequence[float] | FloatArray,
+        goal_bearing_rad: float,
+        goal_distance_m: float | None = None,
+    ) -> SteeringCommand:
+        """Choose the next command (the paper's Steps 1 to 5).
+
+        Parameters
+        ----------
+        free_space : FreeRanges
+            Bearings (J,), ascending within one turn, at least 3, and free ranges (J,); robot frame.
+        velocity_mps : (2,) float64 or pair of float
+            Present velocity v_a, robot frame.
+        goal_bearing_rad : float
+            Direction of the goal, robot frame.
+        goal_distance_m : float, optional
+            Lets the robot arrive at rest: speed at most sqrt(2 alpha d), less what it travels before it obeys.
+            Contacts beyond the goal and the stopping distance then do not count towards the goal.
+
+        Returns
+        -------
+        SteeringCommand
+
+        Raises
+        ------
+        ArgumentError
+            Shapes do not fit, or velocity, goal bearing or goal distance are not finite.
+        """
+        bearing = np.array(free_space.bearing_rad, dtype=np.float64)
+        range_m = np.array(free_space.range_m, dtype=np.float64)
+        if bearing.ndim != 1 or range_m.shape != bearing.shape or bearing.shape[0] < 3:
+            raise ArgumentError(
+                "free space needs (J,) bearings and ranges, J at least 3,"
+                f" got bearing_rad {bearing.shape} and range_m {range_m.shape}"
+            )
+        try:
+            velocity_x, velocity_y = velocity_mps
+            velocity = (float(velocity_x), float(velocity_y))
+        except (TypeError, ValueError):
+            raise ArgumentError(f"velocity_mps must be two numbers, got {velocity_mps!r}") from None
+        if not (math.isfinite(velocity[0]) and math.isfinite(velocity[1])):
+            raise ArgumentError(f"velocity_mps must be finite, got {velocity!r}")
+        if not math.isfinite(goal_bearing_rad):
+            raise ArgumentError(f"goal_bearing_rad must be finite, got {goal_bearing_rad!r}")
+        distance = math.inf if goal_distance_m is None else float(goal_distance_m)
+        if not distance >= 0.0:
+            raise ArgumentError(f"goal_distance_m must not be negative, got {goal_distance_m!r}")
+        if bearing.shape[0] != self._known_bearing.shape[0]:
+            self._resize(bearing.shape[0])
+        time_to_contact = np.empty(self._directions.shape[0])
+        outcome, index, speed, side = kernels.steer(
+            velocity,
+            float(goal_bearing_rad),
+            distance,
+            self._side,
+            self._limits,
+            self._use_velocity,
+            self._kernel_directions,
+            self._units,
+            bearing,
+            range_m,
+            self._known_bearing,
+            self._sectors,
+            self._sector_bins,
+            self._edges,
+            self._radius_m,
+            self._profile,
+            self._coarse,
+            self._times,
+            time_to_contact,
+        )
+        if outcome < 0:
+            raise ArgumentError("bearing_rad must be finite and ascend within one turn")
+        if self._keep_side:
+            self._side = side
+        time_to_contact.flags.writeable = False
+        command = np.zeros(2) if index < 0 else speed * self._units[index]
+        command.flags.writeable = False
+        chosen = None if index < 0 else float(self._directions[index])
+        if outcome > 0:
+            reason = _REASONS[outcome - 1]
+        else:
+            turned = abs(math.remainder(self._directions[index] - goal_bearing_rad, math.tau))
+            reason = "towards goal" if turned <= self._near_goal_rad else "around obstacle"
+        return SteeringCommand(command, outcome == 0, chosen, time_to_contact, self._directions, reason)
+
+    def _resize(self, bearings: int) -> None:
+        # NaN equals nothing, so the kernel measures the sectors at the first call.
+        self._known_bearing = np.full(bearings, np.nan)
+        self._sectors = np.empty((bearings, 4))
+        self._sector_bins = np.empty((bearings, 4), dtype=np.int64)
+
+
+def profile_edges(bins: int) -> FloatArray:
+    """Return the unit vectors (bins + 1, 2) of the grown profile's bin edges, evenly spaced in the diamond angle.
+
+    The diamond angle of (x, y) is y / (abs(x) + abs(y)), continued over the four quadrants to [0, 4).
+    """
+    quadrant, along = np.divmod(np.arange(bins + 1) * (4.0 / bins), 1.0)
+    points = (1.0 - along + 1j * along) * 1j**quadrant
+    points /= np.abs(points)
+    return np.ascontiguousarray(np.stack([points.real, points.imag], axis=1))

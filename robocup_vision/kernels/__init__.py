@@ -1,0 +1,5 @@
+"""Compiled loops: what NumPy and OpenCV cannot do in the time a frame has; each has a NumPy twin in the tests.
+
+Everything here is a plain function of arrays, one file per concept it serves. The wrappers that give the arrays meaning
+live beside that concept.
+"""

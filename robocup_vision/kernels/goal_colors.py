@@ -1,0 +1,95 @@
+"""Compiled vote on which goal is which: whether the frame shows the right colour where a pose says a goal must be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+UInt8Array = npt.NDArray[np.uint8]
+
+
+@njit(cache=True, nogil=True)
+def vote_goal_colors(
+    frame: UInt8Array,
+    pose: FloatArray,
+    points: FloatArray,
+    sides: FloatArray,
+    viewpoint: FloatArray,
+    robot_to_camera: FloatArray,
+    center_u: float,
+    center_v: float,
+    heading: float,
+    mirrored: bool,
+    usable: tuple[float, float],
+    q_step: float,
+    radius_of_q: FloatArray,
+    hues: FloatArray,
+) -> tuple[int, int]:
+    """Count points on the goals that have their own goal's colour, and those that have the other goal's.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+    pose : (3,) float64
+        x, y, theta of the robot.
+    points : (N, 3) float64
+        On the goals' inner walls, field frame, metres.
+    sides : (N,) float64
+        +1 or -1: which goal each point is on.
+    viewpoint : (3,) float64
+        Of the camera in the robot frame.
+    robot_to_camera : (3, 3) float64
+    center_u, center_v, heading, mirrored, usable
+        Of the camera.
+    q_step, radius_of_q : float, (Q,) float64
+        Image radius tabulated over inverse range.
+    hues : (3,) float64
+        (B - R) / (B + G + R) of the goal at +x, the goal at -x, and white.
+
+    Returns
+    -------
+    (int, int)
+        Votes for this pose and for its half turn.
+    """
+    height, width = frame.shape[0], frame.shape[1]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    flip = 1.0 if mirrored else -1.0
+    right, wrong = 0, 0
+    for n in range(points.shape[0]):
+        dx, dy = points[n, 0] - pose[0], points[n, 1] - pose[1]
+        x = c * dx + s * dy - viewpoint[0]
+        y = -s * dx + c * dy - viewpoint[1]
+        z = points[n, 2] - viewpoint[2]
+        px = robot_to_camera[0, 0] * x + robot_to_camera[0, 1] * y + robot_to_camera[0, 2] * z
+        py = robot_to_camera[1, 0] * x + robot_to_camera[1, 1] * y + robot_to_camera[1, 2] * z
+        pz = robot_to_camera[2, 0] * x + robot_to_camera[2, 1] * y + robot_to_camera[2, 2] * z
+        place = -pz / (math.sqrt(px * px + py * py) * viewpoint[2]) / q_step
+        if place < 0.0 or place >= radius_of_q.shape[0] - 1:
+            continue
+        radius = radius_of_q[int(place)]
+        if radius < usable[0] or radius > usable[1]:
+            continue
+        angle = math.atan2(py, px) - heading
+        u = int(center_u + radius * math.cos(angle) + 0.5)
+        v = int(center_v + flip * radius * math.sin(angle) + 0.5)
+        if u < 1 or v < 1 or u >= width - 1 or v >= height - 1:
+            continue
+        blue, red, total = 0.0, 0.0, 1.0
+        for j in range(-1, 2):
+            for i in range(-1, 2):
+                blue += frame[v + j, u + i, 0]
+                red += frame[v + j, u + i, 2]
+                total += float(frame[v + j, u + i, 0]) + frame[v + j, u + i, 1] + frame[v + j, u + i, 2]
+        hue = (blue - red) / total
+        to_positive, to_negative, to_white = abs(hue - hues[0]), abs(hue - hues[1]), abs(hue - hues[2])
+        if to_white <= min(to_positive, to_negative):
+            continue
+        if (to_positive < to_negative) == (sides[n] > 0):
+            right += 1
+        else:
+            wrong += 1
+    return right, wrong

@@ -1,0 +1,299 @@
+"""Compiled loops over white lines: ridges in the image, nearest field lines, poses scored and refined by them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def floor_mask_by_tone(smooth, seen, tone):
+    """Tell which pixels have the floor's tone. Returns (H, W) uint8 of 0 and 1.
+
+    tone is (7,): least and greatest R/G, B/G and G, then the slack of each channel in grey levels.
+    """
+    height, width = seen.shape
+    out = np.zeros((height, width), dtype=np.uint8)
+    for y in range(height):
+        for x in range(width):
+            if seen[y, x] == 0:
+                continue
+            b = np.float32(smooth[y, x, 0])
+            g = np.float32(smooth[y, x, 1])
+            r = np.float32(smooth[y, x, 2])
+            if (
+                g >= tone[4]
+                and g <= tone[5]
+                and r >= tone[0] * g - tone[6]
+                and r <= tone[1] * g + tone[6]
+                and b >= tone[2] * g - tone[6]
+                and b <= tone[3] * g + tone[6]
+            ):
+                out[y, x] = 1
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _half_crossing(whiteness, x, y, dx, dy, reach, level):
+    """Count the steps from (x, y) along (dx, dy) until whiteness falls to the level; -1 if not within reach."""
+    before = float(whiteness[y, x])
+    for step in range(1, reach + 1):
+        here = float(whiteness[y + step * dy, x + step * dx])
+        if here <= level:
+            return step - (level - here) / (before - here)
+        before = here
+    return -1.0
+
+
+@njit(cache=True, nogil=True)
+def line_ridge_points(whiteness, green, floor, width_units, threshold, limit):
+    """Find ridges as wide as a line should be, with floor beside them.
+
+    Parameters
+    ----------
+    whiteness, green : (H, W) uint8
+        min(R, B) and G.
+    floor : (H, W) uint8
+        1 where a pixel has the floor's tone.
+    width_units : (4, H, W) uint16
+        Expected width along the axes (1, 0), (1, 1), (0, 1), (-1, 1), in 1/16 px; 0 where not to be looked at.
+    threshold : int
+        Least height of a ridge over both its sides, grey levels.
+    limit : int
+        At most so many points are returned.
+
+    Returns
+    -------
+    (N, 4) float64
+        Sub-pixel u, v, contrast (height over the floor's G) and 1 for floor on both sides, 0 for one.
+    """
+    height, width = whiteness.shape
+    out = np.empty((limit, 4))
+    count = 0
+    for y in range(height):
+        for x in range(width):
+            value = np.int64(whiteness[y, x])
+            if value < threshold:
+                continue
+            best, best_axis, best_reach, best_two = 0.0, -1, 0, 0
+            for k in range(4):
+                units = width_units[k, y, x]
+                if units == 0:
+                    continue
+                dx = 1 if k < 2 else (0 if k == 2 else -1)
+                dy = 0 if k == 0 else 1
+                step_px = 1.0 if k == 0 or k == 2 else 1.4142135623730951
+                reach = math.ceil((0.7 * units / 16.0 + 1.8) / step_px)
+                xa, ya, xb, yb = x + reach * dx, y + reach * dy, x - reach * dx, y - reach * dy
+                if xa < 0 or xa >= width or xb < 0 or xb >= width or ya >= height or yb < 0:
+                    continue
+                rise = value - max(np.int64(whiteness[ya, xa]), np.int64(whiteness[yb, xb]))
+                if rise < threshold:
+                    continue
+                two = np.int64(floor[ya, xa]) + np.int64(floor[yb, xb])
+                # a ridge with floor on both sides goes before a higher one with floor on one
+                if two == 0 or two < best_two or (two == best_two and rise <= best):
+                    continue
+                best, best_axis, best_reach, best_two = float(rise), k, reach, two
+            if best_axis < 0:
+                continue
+            k, reach = best_axis, best_reach
+            dx = 1 if k < 2 else (0 if k == 2 else -1)
+            dy = 0 if k == 0 else 1
+            side_a = np.int64(whiteness[y + reach * dy, x + reach * dx])
+            side_b = np.int64(whiteness[y - reach * dy, x - reach * dx])
+            to_a = _half_crossing(whiteness, x, y, dx, dy, reach, 0.5 * (value + side_a))
+            to_b = _half_crossing(whiteness, x, y, -dx, -dy, reach, 0.5 * (value + side_b))
+            if to_a < 0.0 or to_b < 0.0:
+                continue
+            shift = 0.5 * (to_a - to_b)
+            if shift > 0.5 or shift <= -0.5:
+                continue
+            step_px = 1.0 if k == 0 or k == 2 else 1.4142135623730951
+            seen_px = (to_a + to_b) * step_px
+            expected_px = width_units[k, y, x] / 16.0
+            if seen_px < 0.5 * expected_px or seen_px > 1.5 * expected_px + 1.5:
+                continue
+            if count == limit:
+                return out[:count]
+            ground = 0.0
+            if floor[y + reach * dy, x + reach * dx]:
+                ground = float(green[y + reach * dy, x + reach * dx])
+            if floor[y - reach * dy, x - reach * dx]:
+                ground = max(ground, float(green[y - reach * dy, x - reach * dx]))
+            out[count, 0] = x + shift * dx
+            out[count, 1] = y + shift * dy
+            out[count, 2] = best / max(ground, 1.0)
+            out[count, 3] = 1.0 if best_two == 2 else 0.0
+            count += 1
+    return out[:count]
+
+
+@njit(cache=True, nogil=True)
+def _nearest_line(x, y, lines, arcs):
+    """Nearest point of the field's lines and arcs: distance, unit normal (from the line towards the point), index."""
+    best, foot_x, foot_y, index = 1e30, 0.0, 0.0, -1
+    for i in range(lines.shape[0]):
+        x0, y0 = lines[i, 0], lines[i, 1]
+        dx, dy = lines[i, 2] - x0, lines[i, 3] - y0
+        length2 = dx * dx + dy * dy
+        t = ((x - x0) * dx + (y - y0) * dy) / length2 if length2 > 0.0 else 0.0
+        t = min(1.0, max(0.0, t))
+        fx, fy = x0 + t * dx, y0 + t * dy
+        d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy)
+        if d2 < best:
+            best, foot_x, foot_y, index = d2, fx, fy, i
+    for j in range(arcs.shape[0]):
+        cx, cy, radius, start, sweep = arcs[j, 0], arcs[j, 1], arcs[j, 2], arcs[j, 3], arcs[j, 4]
+        if sweep < 0.0:
+            start, sweep = start + sweep, -sweep
+        angle = math.atan2(y - cy, x - cx)
+        if sweep < 2.0 * math.pi:
+            past = (angle - start) % (2.0 * math.pi)
+            if past > sweep:
+                # beyond the arc: the nearer of its two ends
+                angle = start + sweep if past - sweep < 2.0 * math.pi - past else start
+        fx, fy = cx + radius * math.cos(angle), cy + radius * math.sin(angle)
+        d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy)
+        if d2 < best:
+            best, foot_x, foot_y, index = d2, fx, fy, lines.shape[0] + j
+    distance = math.sqrt(best)
+    if distance > 1e-9:
+        return distance, (x - foot_x) / distance, (y - foot_y) / distance, index
+    # on the line itself: any unit vector across it
+    if index < lines.shape[0]:
+        dx, dy = lines[index, 2] - lines[index, 0], lines[index, 3] - lines[index, 1]
+        length = math.sqrt(dx * dx + dy * dy)
+        if length > 0.0:
+            return distance, -dy / length, dx / length, index
+        return distance, 1.0, 0.0, index
+    j = index - lines.shape[0]
+    dx, dy = foot_x - arcs[j, 0], foot_y - arcs[j, 1]
+    length = max(1e-12, math.sqrt(dx * dx + dy * dy))
+    return distance, dx / length, dy / length, index
+
+
+@njit(cache=True, nogil=True)
+def nearest_lines(points, lines, arcs):
+    """Nearest field line of each point (N, 2).
+
+    Returns distance (N,), unit normal (N, 2) from the line towards the point, and index (N,): lines first, then arcs.
+    """
+    count = points.shape[0]
+    distance, normal, index = np.empty(count), np.empty((count, 2)), np.empty(count, dtype=np.int64)
+    for i in range(count):
+        distance[i], normal[i, 0], normal[i, 1], index[i] = _nearest_line(points[i, 0], points[i, 1], lines, arcs)
+    return distance, normal, index
+
+
+@njit(cache=True, nogil=True)
+def score_pose_grid(points, headings, table, origin_x, origin_y, cell, first_x, first_y, step, count_x, count_y, far):
+    """Sum the tabulated distances of points seen from every pose of a grid. Returns (K, count_y, count_x) int32.
+
+    Positions are first + i * step in cells of the table, so that a pose only shifts the points' cells. Points that fall
+    outside the table count as far.
+    """
+    rows, columns = table.shape
+    number = points.shape[0]
+    cost = np.zeros((headings.shape[0], count_y, count_x), dtype=np.int32)
+    for k in range(headings.shape[0]):
+        c, s = math.cos(headings[k]), math.sin(headings[k])
+        for i in range(number):
+            px = math.floor((c * points[i, 0] - s * points[i, 1] - origin_x) / cell + 0.5) + first_x
+            py = math.floor((s * points[i, 0] + c * points[i, 1] - origin_y) / cell + 0.5) + first_y
+            for iy in range(count_y):
+                y = py + iy * step
+                if y < 0 or y >= rows:
+                    for ix in range(count_x):
+                        cost[k, iy, ix] += far
+                    continue
+                for ix in range(count_x):
+                    x = px + ix * step
+                    cost[k, iy, ix] += table[y, x] if 0 <= x < columns else far
+    return cost
+
+
+@njit(cache=True, nogil=True)
+def _solve3(a, b):
+    """Solve a symmetric positive definite 3x3 system by LDL'; NaN where it is singular."""
+    d0 = a[0, 0]
+    l10, l20 = a[1, 0] / d0, a[2, 0] / d0
+    d1 = a[1, 1] - l10 * l10 * d0
+    l21 = (a[2, 1] - l20 * l10 * d0) / d1
+    d2 = a[2, 2] - l20 * l20 * d0 - l21 * l21 * d1
+    y0 = b[0]
+    y1 = b[1] - l10 * y0
+    y2 = b[2] - l20 * y0 - l21 * y1
+    x2 = y2 / d2
+    x1 = y1 / d1 - l21 * x2
+    x0 = y0 / d0 - l10 * x1 - l20 * x2
+    return x0, x1, x2
+
+
+@njit(cache=True, nogil=True)
+def refine_line_poses(poses, points, noise_m, weight, lines, arcs, scales_m):
+    """Gauss-Newton of several poses by point-to-line distances with a Cauchy loss that narrows step by step.
+
+    Parameters
+    ----------
+    poses : (K, 3) float64
+        Starts x, y, theta; refined in place.
+    points : (N, 2) float64
+        Line points in the robot frame, metres.
+    noise_m, weight : (N,) float64
+        What each point is uncertain by on the floor, added to the loss's scale in quadrature, and its weight.
+    lines, arcs : (L, 4), (M, 5) float64
+        Of the field.
+    scales_m : (T,) float64
+        Scale of the loss at each step.
+
+    Returns
+    -------
+    (K,) float64
+        Mean loss at the last scale: weighted mean of log(1 + (d/scale)^2).
+    """
+    total = max(weight.sum(), 1e-12)
+    loss = np.empty(poses.shape[0])
+    a, b = np.empty((3, 3)), np.empty(3)
+    for k in range(poses.shape[0]):
+        for turn in range(scales_m.shape[0] + 1):
+            scale = scales_m[min(turn, scales_m.shape[0] - 1)]
+            c, s = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+            a[:] = 0.0
+            b[:] = 0.0
+            loss[k] = 0.0
+            for i in range(points.shape[0]):
+                rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
+                d, nx, ny, _ = _nearest_line(poses[k, 0] + rx, poses[k, 1] + ry, lines, arcs)
+                v2 = scale * scale + noise_m[i] * noise_m[i]
+                loss[k] += weight[i] * math.log(1.0 + d * d / v2)
+                w = weight[i] / (v2 + d * d)
+                jt = ny * rx - nx * ry
+                a[0, 0] += w * nx * nx
+                a[1, 0] += w * nx * ny
+                a[1, 1] += w * ny * ny
+                a[2, 0] += w * nx * jt
+                a[2, 1] += w * ny * jt
+                a[2, 2] += w * jt * jt
+                b[0] -= w * nx * d
+                b[1] -= w * ny * d
+                b[2] -= w * jt * d
+            if turn == scales_m.shape[0]:
+                break
+            damping = 1e-3 * (a[0, 0] + a[1, 1]) + 1e-9
+            a[0, 0] += damping
+            a[1, 1] += damping
+            a[2, 2] += damping
+            dx, dy, dt = _solve3(a, b)
+            reach = math.sqrt(dx * dx + dy * dy)
+            if not (reach < 1e3 and abs(dt) < 1e3):
+                break
+            shrink = min(1.0, 0.5 / max(reach, 1e-12), 0.2 / max(abs(dt), 1e-12))
+            poses[k, 0] += shrink * dx
+            poses[k, 1] += shrink * dy
+            poses[k, 2] += shrink * dt
+        loss[k] /= total
+    return loss

@@ -1,0 +1,209 @@
+"""Compiled loops over a frame's polar samples: colours, the floor's outline, and its edges to a fraction of a pixel."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+Int8Array = npt.NDArray[np.int8]
+Int64Array = npt.NDArray[np.int64]
+UInt8Array = npt.NDArray[np.uint8]
+UInt16Array = npt.NDArray[np.uint16]
+
+
+@njit(cache=True, nogil=True)
+def classify(
+    samples: UInt8Array,
+    packing: UInt16Array,
+    floor_llr: Int8Array,
+    valid: UInt8Array,
+    ring_columns: int,
+    out: Int8Array,
+) -> float:
+    """Look samples up in a colour table; 0 where not valid.
+
+    Parameters
+    ----------
+    samples : (K, M, 3) uint8
+    packing, floor_llr
+        The colour table.
+    valid : (K, M) uint8
+    ring_columns : int
+        Number of innermost columns whose mean is returned.
+    out : (K, M) int8
+        Filled with the likelihood ratios.
+    """
+    rows, columns = valid.shape
+    ring, count = 0, 0
+    for k in range(rows):
+        for m in range(columns):
+            index = packing[0, samples[k, m, 0]] + packing[1, samples[k, m, 1]] + packing[2, samples[k, m, 2]]
+            out[k, m] = floor_llr[index] if valid[k, m] else np.int8(0)
+        for m in range(ring_columns):
+            ring += out[k, m]
+            count += valid[k, m]
+    return ring / max(count, 1)
+
+
+@njit(cache=True, nogil=True)
+def outer_boundary(
+    llr: Int8Array, valid: UInt8Array, certain: int, gap: int, least_strip: int, out: Int64Array
+) -> None:
+    """Find the outermost floor sample of each bearing.
+
+    Floor is five samples in a row, or three in a row on three neighbouring bearings (a far strip of floor is thin but
+    long), whose mean reaches `certain`. From there a strip of floor behind a painted line still counts: two samples,
+    not more than `gap` samples on, whose sum reaches `least_strip`.
+
+    Writes out (K,) int64: its column, or -1 where a bearing has no floor, or where what follows cannot be seen.
+    """
+    rows, columns = llr.shape
+    for k in range(rows):
+        out[k] = -1
+        before, after = k - 1, (k + 1) % rows
+        for m in range(columns - 3, -1, -1):
+            own = llr[k, m] + llr[k, m + 1] + llr[k, m + 2]
+            if own < 2 * certain:
+                continue
+            beside = llr[before, m] + llr[before, m + 1] + llr[before, m + 2]
+            beside += llr[after, m] + llr[after, m + 1] + llr[after, m + 2]
+            if own + beside < 9 * certain:
+                if m < 2 or own + llr[k, m - 1] + llr[k, m - 2] < 5 * certain:
+                    continue
+            edge = m + 2
+            while edge > m and llr[k, edge] <= 0:
+                edge -= 1
+            ahead = edge + 1
+            while ahead + 1 < columns and ahead <= edge + gap + 1:
+                if llr[k, ahead] > 0 and llr[k, ahead] + llr[k, ahead + 1] >= least_strip:
+                    edge = ahead + 1 if llr[k, ahead + 1] > 0 else ahead
+                    ahead = edge
+                ahead += 1
+            if edge + 2 < columns and valid[k, edge + 1] and valid[k, edge + 2]:
+                out[k] = edge
+            break
+
+
+@njit(cache=True, nogil=True)
+def radial_edges(
+    frame: UInt8Array,
+    center_u: float,
+    center_v: float,
+    step_u: FloatArray,
+    step_v: FloatArray,
+    start_px: FloatArray,
+    column_step_px: float,
+    half_width: float,
+    least_contrast: float,
+    out: FloatArray,
+) -> None:
+    """Locate the edge between two colours along each bearing to a fraction of a pixel.
+
+    Around the coarse edge the frame is sampled every half pixel, averaged over three neighbouring lines of sight; the
+    steepest place splits the samples into the inner and the outer colour, and the edge is where the projection on their
+    difference crosses one half, by least squares against a smooth step. A cast, a shadow or the floor's own brightness
+    so cannot bias it; channels that the outer side drives into saturation would, and are left out.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+    center_u, center_v : float
+    step_u, step_v : (K,) float64
+        Image direction of each bearing.
+    start_px : (K,) float64
+        Image radius of the last floor sample; NaN: skip.
+    column_step_px : float
+        Uncertainty of start_px outwards.
+    half_width : float
+        Angle between neighbouring lines of sight, radians.
+    least_contrast : float
+        Smallest colour difference (counts) that is an edge.
+    out : (K,) float64
+        Filled with the edge's image radius, NaN where there is none.
+    """
+    height, width = frame.shape[0], frame.shape[1]
+    # blur takes the last sample that looks like floor about a column and a pixel inside the edge
+    search = int(math.ceil(2 * (column_step_px + 1.0)))
+    reach = search + 6
+    count = 2 * reach + 1
+    profile = np.empty((count, 3))
+    inner = np.empty(3)
+    outer = np.empty(3)
+    gain = np.empty(3)
+    for k in range(start_px.shape[0]):
+        out[k] = np.nan
+        if not start_px[k] > 0:
+            continue
+        near = start_px[k] + column_step_px + 0.5 - 0.5 * reach
+        far = near + reach
+        aside = half_width * start_px[k] + 1.0
+        left = center_u + min(near * step_u[k], far * step_u[k]) - aside
+        right = center_u + max(near * step_u[k], far * step_u[k]) + aside
+        top = center_v + min(near * step_v[k], far * step_v[k]) - aside
+        bottom = center_v + max(near * step_v[k], far * step_v[k]) + aside
+        if left < 0 or right >= width - 1 or top < 0 or bottom >= height - 1:
+            continue
+        profile[:] = 0.0
+        for side in range(-1, 2):
+            du = step_u[k] - side * half_width * step_v[k]
+            dv = step_v[k] + side * half_width * step_u[k]
+            for i in range(count):
+                radius = near + 0.5 * i
+                u, v = center_u + radius * du, center_v + radius * dv
+                x, y = int(u), int(v)
+                fx, fy = u - x, v - y
+                w11 = fx * fy
+                w10, w01 = fy - w11, fx - w11
+                w00 = 1.0 - fx - fy + w11
+                for c in range(3):
+                    profile[i, c] += (
+                        frame[y, x, c] * w00
+                        + frame[y, x + 1, c] * w01
+                        + frame[y + 1, x, c] * w10
+                        + frame[y + 1, x + 1, c] * w11
+                    )
+        steepest, place = -1.0, reach
+        for i in range(reach - search, reach + search + 1):
+            slope = 0.0
+            for c in range(3):
+                d = profile[i + 1, c] + profile[i + 2, c] - profile[i - 1, c] - profile[i - 2, c]
+                slope += d * d
+            if slope > steepest:
+                steepest, place = slope, i
+        contrast2, unsaturated2 = 0.0, 0.0
+        for c in range(3):
+            inner[c] = profile[place - 5, c] + profile[place - 4, c] + profile[place - 3, c]
+            outer[c] = profile[place + 5, c] + profile[place + 4, c] + profile[place + 3, c]
+            inner[c] /= 9.0
+            outer[c] /= 9.0
+            gain[c] = outer[c] - inner[c]
+            contrast2 += gain[c] ** 2
+            if outer[c] < 245.0:
+                unsaturated2 += gain[c] ** 2
+        if contrast2 < least_contrast * least_contrast:
+            continue
+        if unsaturated2 > 0.1 * contrast2 and unsaturated2 > least_contrast * least_contrast:
+            contrast2 = unsaturated2
+            for c in range(3):
+                if outer[c] >= 245.0:
+                    gain[c] = 0.0
+        edge = float(place)
+        for _ in range(3):
+            numerator, denominator = 0.0, 0.0
+            for i in range(max(0, int(edge) - 3), min(count, int(edge) + 5)):
+                off = (i - edge) / 3.5
+                if abs(off) >= 1.0:
+                    continue
+                value = 0.0
+                for c in range(3):
+                    value += (profile[i, c] / 3.0 - inner[c]) * gain[c]
+                slope = 1.0 - off * off
+                numerator += slope * (0.5 + 0.75 * off - 0.25 * off * off * off - value / contrast2)
+                denominator += slope * slope
+            edge += max(-1.5, min(1.5, numerator / denominator * 3.5 / 0.75))
+        if abs(edge - place) < 4.0:
+            out[k] = near + 0.5 * edge

@@ -1,0 +1,394 @@
+"""Compiled loops that fit the floor's outline to a field's walls: hull, prediction, search and Gauss-Newton."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def hull_radius(cos_b: FloatArray, sin_b: FloatArray, radius: FloatArray, out: FloatArray) -> int:
+    """Image radius of the convex hull of the points at (bearing, radius) along every bearing.
+
+    `radius` is NaN where a bearing has no point. Writes out (K,) float64; returns how many bearings had points.
+    """
+    count = radius.shape[0]
+    stack = np.empty(count + 1, np.int64)
+    farthest, top, known = -1, 0, 0
+    for k in range(count):
+        if radius[k] > 0:
+            known += 1
+            if farthest < 0 or radius[k] > radius[farthest]:
+                farthest = k
+    if known < 3:
+        return known
+    for step in range(count + 1):
+        k = (farthest + step) % count
+        if not radius[k] > 0:
+            continue
+        x, y = radius[k] * cos_b[k], radius[k] * sin_b[k]
+        while top >= 2:
+            a, b = stack[top - 2], stack[top - 1]
+            ax, ay = radius[a] * cos_b[a], radius[a] * sin_b[a]
+            bx, by = radius[b] * cos_b[b], radius[b] * sin_b[b]
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+                break
+            top -= 1
+        stack[top] = k
+        top += 1
+    for i in range(top - 1):
+        a, b = stack[i], stack[i + 1]
+        ax, ay = radius[a] * cos_b[a], radius[a] * sin_b[a]
+        dx, dy = radius[b] * cos_b[b] - ax, radius[b] * sin_b[b] - ay
+        span = (b - a) % count
+        if span == 0:
+            span = count
+        for step in range(span + 1):
+            k = (a + step) % count
+            across = cos_b[k] * dy - sin_b[k] * dx
+            out[k] = (ax * dy - ay * dx) / across if across > 1e-9 else radius[a]
+    return known
+
+
+@njit(cache=True, nogil=True)
+def star_moments(cos_b: FloatArray, sin_b: FloatArray, range_m: FloatArray) -> tuple[float, float, float]:
+    """Centroid x, y and the principal axis's direction of the star-shaped polygon with corners at (bearing, range)."""
+    area, mx, my, sxx, sxy, syy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    count = range_m.shape[0]
+    for k in range(count):
+        n = (k + 1) % count
+        x0, y0 = range_m[k] * cos_b[k], range_m[k] * sin_b[k]
+        x1, y1 = range_m[n] * cos_b[n], range_m[n] * sin_b[n]
+        cross = x0 * y1 - x1 * y0
+        area += cross / 2
+        mx += cross * (x0 + x1) / 6
+        my += cross * (y0 + y1) / 6
+        sxx += cross * (x0 * x0 + x0 * x1 + x1 * x1) / 12
+        syy += cross * (y0 * y0 + y0 * y1 + y1 * y1) / 12
+        sxy += cross * (2 * x0 * y0 + x0 * y1 + x1 * y0 + 2 * x1 * y1) / 24
+    mx, my = mx / area, my / area
+    sxx, syy, sxy = sxx / area - mx * mx, syy / area - my * my, sxy / area - mx * my
+    return mx, my, 0.5 * math.atan2(2 * sxy, sxx - syy)
+
+
+@njit(cache=True, nogil=True)
+def predict_walls(
+    pose: FloatArray,
+    walls: FloatArray,
+    offset_x: float,
+    offset_y: float,
+    height: float,
+    robot_to_camera: FloatArray,
+    cos_b: FloatArray,
+    sin_b: FloatArray,
+    best_q: FloatArray,
+    best_wall: Int64Array,
+    planes: FloatArray,
+) -> None:
+    """Inverse range at which each bearing meets the nearest wall's foot, from a pose.
+
+    A wall's foot and the viewpoint span a plane with normal n; the ray (cos, sin, -q h) of a bearing lies in it where
+    q = (n_x cos + n_y sin) / (h n_z): walls are straight in q, whatever the mirror and its tilt.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        x, y, theta of the robot.
+    walls : (W, 4) float64
+        Feet, field frame.
+    robot_to_camera : (3, 3) float64
+    cos_b, sin_b : (K,) float64
+        Evenly spaced camera-frame bearings from 0 counter-clockwise.
+    best_q : (K,) float64
+        Filled with the inverse range; 0 where no wall is met.
+    best_wall : (K,) int64
+        Filled with the wall's index, -1 where none.
+    planes : (W, 4, 3) float64
+        Filled with each wall's normal and its derivatives by x, y and theta.
+    """
+    count = cos_b.shape[0]
+    per_rad = count / (2 * math.pi)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    end = np.empty((2, 4, 3))
+    best_q[:] = 0.0
+    best_wall[:] = -1
+    for w in range(walls.shape[0]):
+        for e in range(2):
+            dx, dy = walls[w, 2 * e] - pose[0], walls[w, 2 * e + 1] - pose[1]
+            x, y = c * dx + s * dy, -s * dx + c * dy
+            for i in range(3):
+                t0, t1, t2 = robot_to_camera[i, 0], robot_to_camera[i, 1], robot_to_camera[i, 2]
+                end[e, 0, i] = t0 * (x - offset_x) + t1 * (y - offset_y) - t2 * height
+                end[e, 1, i] = -t0 * c + t1 * s
+                end[e, 2, i] = -t0 * s - t1 * c
+                end[e, 3, i] = t0 * y - t1 * x
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            planes[w, 0, i] = end[0, 0, j] * end[1, 0, k] - end[0, 0, k] * end[1, 0, j]
+            for p in range(1, 4):
+                planes[w, p, i] = (
+                    end[0, p, j] * end[1, 0, k]
+                    + end[0, 0, j] * end[1, p, k]
+                    - end[0, p, k] * end[1, 0, j]
+                    - end[0, 0, k] * end[1, p, j]
+                )
+        nx, ny, nz = planes[w, 0, 0], planes[w, 0, 1], planes[w, 0, 2] * height
+        if abs(nz) < 1e-12:
+            continue
+        first = math.atan2(end[0, 0, 1], end[0, 0, 0])
+        span = math.atan2(end[1, 0, 1], end[1, 0, 0]) - first
+        span -= 2 * math.pi * math.floor(span / (2 * math.pi) + 0.5)
+        if span < 0:
+            first, span = first + span, -span
+        low = int(math.ceil(first * per_rad))
+        high = int(math.floor((first + span) * per_rad))
+        for step in range(low, high + 1):
+            b = step % count
+            q = (nx * cos_b[b] + ny * sin_b[b]) / nz
+            if q > best_q[b]:
+                best_q[b] = q
+                best_wall[b] = w
+
+
+@njit(cache=True, nogil=True)
+def score_bank(bank: FloatArray, radius: FloatArray, width_px: float, out: FloatArray) -> None:
+    """Compare a measured outline with the outlines expected at many places, at every heading.
+
+    Parameters
+    ----------
+    bank : (P, B) float64
+        Expected image radius at B evenly spaced bearings, for heading 0.
+    radius : (B,) float64
+        Measured image radius, NaN where none.
+    width_px : float
+        Differences beyond this count as this.
+    out : (P, B) float64
+        Filled with the mean cost, 0 to 1, of place p with the heading of minus shift times the bearings' step.
+    """
+    places, count = bank.shape
+    for p in range(places):
+        for shift in range(count):
+            cost, used = 0.0, 0
+            for b in range(count):
+                if radius[b] > 0:
+                    e = radius[b] - bank[p, (b - shift) % count]
+                    used += 1
+                    cost += min(abs(e), width_px)
+            out[p, shift] = cost / (max(used, 1) * width_px)
+
+
+@njit(cache=True, nogil=True)
+def fit_walls(
+    poses: FloatArray,
+    walls: FloatArray,
+    offset_x: float,
+    offset_y: float,
+    height: float,
+    robot_to_camera: FloatArray,
+    cos_b: FloatArray,
+    sin_b: FloatArray,
+    radius: FloatArray,
+    stride: int,
+    q_step: float,
+    radius_of_q: FloatArray,
+    scales: FloatArray,
+    unit_px: float,
+    out_pose: FloatArray,
+    out_information: FloatArray,
+    out_scatter: FloatArray,
+    out_residual: FloatArray,
+    out_predicted: FloatArray,
+) -> float:
+    """Fit poses to a measured floor outline by Gauss-Newton on the image radius, with annealed redescending weights.
+
+    Parameters
+    ----------
+    poses : (N, 3) float64
+        Starts; the one that ends with the least truncated cost wins.
+    radius : (K,) float64
+        Measured image radius of the floor's edge, NaN where none.
+    stride : int
+        Use every stride-th bearing.
+    q_step, radius_of_q : float, (Q,) float64
+        Image radius tabulated over the inverse range 0, q_step, 2 q_step ...
+    scales : (I,) float64
+        Width of the weights in pixels, one iteration each.
+    unit_px : float
+        Half the residual at which the cost is truncated.
+    out_pose : (3,) float64
+    out_information : (3, 3) float64
+        Sum of w J^T J at the winner.
+    out_scatter : (3, 3) float64
+        Sum over groups of neighbouring bearings of g g^T, g the group's sum of w e J: the residuals' true scatter.
+    out_residual : (K,) float64
+        Residual in pixels along the edge's normal, positive where floor is seen beyond the wall; NaN where none.
+    out_predicted : (K,) float64
+        Image radius of the nearest wall's foot at the winner, NaN where none.
+
+    Returns
+    -------
+    float
+        The winner's truncated mean cost, 0 (all fits) to 1 (nothing fits).
+    """
+    count = cos_b.shape[0]
+    best_q = np.empty(count)
+    best_wall = np.empty(count, np.int64)
+    planes = np.empty((walls.shape[0], 4, 3))
+    jacobian = np.empty(3)
+    pose = np.empty(3)
+    group = np.empty(3)
+    a = np.empty((3, 3))
+    g = np.empty(3)
+    residual = np.empty(count)
+    last_q = radius_of_q.shape[0] - 2
+    best_cost = 2.0
+    for n in range(poses.shape[0]):
+        pose[:] = poses[n]
+        for iteration in range(scales.shape[0] + 1):
+            final = iteration == scales.shape[0]
+            scale = scales[min(iteration, scales.shape[0] - 1)]
+            predict_walls(
+                pose, walls, offset_x, offset_y, height, robot_to_camera, cos_b, sin_b, best_q, best_wall, planes
+            )
+            a[:] = 0.0
+            g[:] = 0.0
+            cost, used = 0.0, 0
+            scatter = np.zeros((3, 3))
+            group[:] = 0.0
+            in_group = 0
+            for k in range(0, count, stride):
+                residual[k] = np.nan
+                if not radius[k] > 0:
+                    continue
+                used += 1
+                w = best_wall[k]
+                if w < 0:
+                    cost += 1.0
+                    continue
+                q = best_q[k]
+                place = min(q / q_step, last_q + 0.999)
+                cell = int(place)
+                slope = (radius_of_q[cell + 1] - radius_of_q[cell]) / q_step
+                predicted = radius_of_q[cell] + (q - cell * q_step) * slope
+                nz = planes[w, 0, 2] * height
+                turn = slope * (planes[w, 0, 1] * cos_b[k] - planes[w, 0, 0] * sin_b[k]) / nz / predicted
+                # the edge is oblique to the ray: what is uniform in the image is the distance along its normal
+                oblique = 1.0 / math.sqrt(1.0 + turn * turn)
+                e = (radius[k] - predicted) * oblique
+                residual[k] = e
+                for p in range(3):
+                    d = planes[w, p + 1, 0] * cos_b[k] + planes[w, p + 1, 1] * sin_b[k]
+                    jacobian[p] = slope * (d - q * height * planes[w, p + 1, 2]) / nz * oblique
+                # an obstacle hides floor, so an edge nearer than the wall says little; floor beyond a wall cannot be
+                ratio = e / scale if e < 0 else e / (3.0 * scale)
+                weight = 1.0 / (1.0 + ratio * ratio) ** 2
+                loss = (e / (2.0 * unit_px)) ** 2
+                cost += min(1.0, loss) if e < 0 else min(2.0, loss)
+                for i in range(3):
+                    g[i] += weight * e * jacobian[i]
+                    group[i] += weight * e * jacobian[i]
+                    for j in range(3):
+                        a[i, j] += weight * jacobian[i] * jacobian[j]
+                in_group += 1
+                if in_group == 4:
+                    for i in range(3):
+                        for j in range(3):
+                            scatter[i, j] += group[i] * group[j]
+                    group[:] = 0.0
+                    in_group = 0
+            if final:
+                cost = cost / max(used, 1)
+                if cost < best_cost:
+                    best_cost = cost
+                    out_pose[:] = pose
+                    out_information[:] = a
+                    out_scatter[:] = scatter
+                    out_residual[:] = residual
+                    for k in range(count):
+                        out_predicted[k] = np.nan
+                        if best_wall[k] >= 0:
+                            place = min(best_q[k] / q_step, last_q + 0.999)
+                            cell = int(place)
+                            step = radius_of_q[cell + 1] - radius_of_q[cell]
+                            out_predicted[k] = radius_of_q[cell] + (place - cell) * step
+                break
+            for i in range(3):
+                a[i, i] += 1e-6
+            # 3 x 3 by Cramer's rule: no LAPACK call in the loop
+            c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
+            c01 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
+            c02 = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
+            det = a[0, 0] * c00 + a[0, 1] * c01 + a[0, 2] * c02
+            if not det > 0.0:
+                continue
+            x = (g[0] * c00 + g[1] * c01 + g[2] * c02) / det
+            y = (
+                g[0] * (a[0, 2] * a[2, 1] - a[0, 1] * a[2, 2])
+                + g[1] * (a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0])
+                + g[2] * (a[0, 1] * a[2, 0] - a[0, 0] * a[2, 1])
+            ) / det
+            t = (
+                g[0] * (a[0, 1] * a[1, 2] - a[0, 2] * a[1, 1])
+                + g[1] * (a[0, 2] * a[1, 0] - a[0, 0] * a[1, 2])
+                + g[2] * (a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
+            ) / det
+            # a step is trusted as far as the linearised wall stays near
+            length = math.sqrt(x * x + y * y)
+            shrink = min(1.0, 0.5 / max(length, 1e-9), 0.5 / max(abs(t), 1e-9))
+            pose[0] += shrink * x
+            pose[1] += shrink * y
+            pose[2] += shrink * t
+    return best_cost
+
+
+@njit(cache=True, nogil=True)
+def summarise_fit(
+    residual: FloatArray,
+    inlier_px: float,
+    information: FloatArray,
+    scatter: FloatArray,
+    inflate: float,
+    systematic: float,
+    out: FloatArray,
+) -> tuple[float, float, float]:
+    """Share of inliers, their root mean square residual (px), and the largest standard deviation of the position (m).
+
+    Fills out (3, 3) with the sandwich covariance A^-1 (inflate S + systematic A) A^-1 of the information A and the
+    scatter S. The standard deviation is infinite where A is singular.
+    """
+    used, inliers, squares = 0, 0, 0.0
+    for k in range(residual.shape[0]):
+        e = residual[k]
+        if e == e:
+            used += 1
+            if abs(e) < inlier_px:
+                inliers += 1
+                squares += e * e
+    share = inliers / max(used, 1)
+    rms = math.sqrt(squares / max(inliers, 1))
+    a = information
+    inverse = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            r0, r1, c0, c1 = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            inverse[i, j] = a[r0, c0] * a[r1, c1] - a[r0, c1] * a[r1, c0]
+    det = a[0, 0] * inverse[0, 0] + a[0, 1] * inverse[1, 0] + a[0, 2] * inverse[2, 0]
+    if not det > 1e-12 * a[0, 0] * a[1, 1] * a[2, 2] or not det > 0.0:
+        return share, rms, math.inf
+    inverse /= det
+    for i in range(3):
+        for j in range(3):
+            total = systematic * inverse[i, j]
+            for p in range(3):
+                for q in range(3):
+                    total += inflate * inverse[i, p] * scatter[p, q] * inverse[q, j]
+            out[i, j] = total
+    mean = 0.5 * (out[0, 0] + out[1, 1])
+    half = math.sqrt((0.5 * (out[0, 0] - out[1, 1])) ** 2 + out[0, 1] ** 2)
+    return share, rms, math.sqrt(mean + half)

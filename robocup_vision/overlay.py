@@ -1,0 +1,138 @@
+"""The overlay a team wants in its first hour: what the robot sees, drawn over the frame it saw it in."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.estimates import NotLocated
+from robocup_vision.geometry import FloatArray
+from robocup_vision.vision import View, Vision
+
+UInt8Array = npt.NDArray[np.uint8]
+Bgr = tuple[int, int, int]
+
+FIELD_COLOR: Bgr = (255, 255, 0)
+BOUNDARY_COLOR: Bgr = (40, 40, 255)
+FREE_COLOR: Bgr = (120, 255, 120)
+OBSTACLE_COLOR: Bgr = (0, 160, 255)
+BALL_COLOR: Bgr = (255, 0, 255)
+LINE_POINT_COLOR: Bgr = (255, 160, 60)
+
+# smaller pictures are enlarged, so that thin lines and the text stay readable
+_LEAST_WIDTH = 640
+_SHIFT = 4
+
+
+def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
+    """Draw a view over its frame.
+
+    The fitted field in cyan, the floor's detected edge in red, the free space as a green fan, obstacles in orange, the
+    ball in magenta, and the pose with its standard deviations as text.
+
+    Parameters
+    ----------
+    view : View
+        What `vision` saw.
+    frame : (H, W, 3) uint8
+        In this frame.
+    vision : Vision
+        The object that looked.
+
+    Returns
+    -------
+    (s H, s W, 3) uint8
+        A new picture, a whole number s times as large as the frame.
+    """
+    scale = max(1, math.ceil(_LEAST_WIDTH / frame.shape[1]))
+    enlarged = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+    canvas: UInt8Array = np.asarray(enlarged, dtype=np.uint8)
+    _draw_free_space(canvas, view, vision, scale)
+    if view.pose:
+        to_robot = view.pose.pose.inverse()
+        for line in _field_outlines(vision):
+            pixels = vision.camera.floor_to_pixel(to_robot.transform(line))
+            _draw_path(canvas, pixels, vision, scale, FIELD_COLOR)
+    for points, color in ((view.line_points_px, LINE_POINT_COLOR), (view.boundary_px, BOUNDARY_COLOR)):
+        for u, v in points[np.isfinite(points).all(axis=1)]:
+            cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
+    for obstacle in view.obstacles:
+        across = np.array([-math.sin(obstacle.bearing_rad), math.cos(obstacle.bearing_rad)]) * obstacle.width_m / 2
+        middle = np.array([obstacle.x_m, obstacle.y_m])
+        ends = middle + np.linspace(-1.0, 1.0, 7)[:, None] * across
+        _draw_path(canvas, vision.camera.floor_to_pixel(ends), vision, scale, OBSTACLE_COLOR, 2)
+    if view.ball is not None:
+        angle = np.linspace(0.0, math.tau, 25)
+        rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * vision.field.ball_radius_m
+        pixels = vision.camera.floor_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m]))
+        _draw_path(canvas, pixels, vision, scale, BALL_COLOR, 2)
+    _write(canvas, _summary(view))
+    return canvas
+
+
+def _field_outlines(vision: Vision) -> list[FloatArray]:
+    field = vision.field
+    spacing = max(field.length_m, field.width_m) / 100
+    paths = []
+    for x0, y0, x1, y1 in np.vstack([field.lines, field.walls] if field.is_bounded else [field.lines]):
+        count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / spacing))
+        paths.append(np.linspace([x0, y0], [x1, y1], count))
+    for x, y, radius, start, sweep in field.arcs:
+        angles = start + np.linspace(0.0, sweep, max(8, math.ceil(abs(sweep) * radius / spacing)))
+        paths.append(np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles)], axis=1))
+    return paths
+
+
+def _draw_free_space(canvas: UInt8Array, view: View, vision: Vision, scale: int) -> None:
+    bearing, range_m = view.free_space.bearing_rad, view.free_space.range_m
+    half = math.pi / len(bearing)
+    inner = vision.grid.ring_bounds_m[0]
+    corners = []
+    for b, r in zip(bearing, range_m, strict=True):
+        turn = b + np.linspace(-half, half, 4)
+        corners.append(np.stack([max(r, inner) * np.cos(turn), max(r, inner) * np.sin(turn)], axis=1))
+    pixels = vision.camera.floor_to_pixel(np.vstack(corners))
+    pixels = pixels[np.isfinite(pixels).all(axis=1)]
+    shape = np.array([_fixed(u, v, scale) for u, v in pixels], dtype=np.int32)
+    tint = canvas.copy()
+    cv2.fillPoly(tint, [shape], FREE_COLOR, cv2.LINE_AA, _SHIFT)
+    cv2.addWeighted(tint, 0.25, canvas, 0.75, 0.0, canvas)
+    cv2.polylines(canvas, [shape], True, FREE_COLOR, 1, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_path(
+    canvas: UInt8Array, pixels: FloatArray, vision: Vision, scale: int, color: Bgr, thickness: int = 1
+) -> None:
+    radius = np.hypot(*(pixels - vision.camera.center_px).T)
+    shown = np.isfinite(radius) & (radius <= vision.camera.usable_radius_px[1] * 1.05)
+    for i in np.flatnonzero(shown[:-1] & shown[1:]):
+        (u0, v0), (u1, v1) = pixels[i : i + 2]
+        cv2.line(canvas, _fixed(u0, v0, scale), _fixed(u1, v1, scale), color, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def _fixed(u: float, v: float, scale: int) -> tuple[int, int]:
+    # pixel centres at integers, also in the enlarged picture
+    unit = 1 << _SHIFT
+    return round(((u + 0.5) * scale - 0.5) * unit), round(((v + 0.5) * scale - 0.5) * unit)
+
+
+def _summary(view: View) -> list[str]:
+    if isinstance(view.pose, NotLocated):
+        return ["not located:", view.pose.reason]
+    pose, std = view.pose.pose, view.pose.std
+    both = "  or its half turn" if len(view.pose.candidates) > 1 else ""
+    return [
+        f"x {pose.x_m:+.3f} m  y {pose.y_m:+.3f} m  {math.degrees(pose.theta_rad):+.1f} deg{both}",
+        f"+- {std[0] * 1e3:.0f} mm  {std[1] * 1e3:.0f} mm  {math.degrees(std[2]):.2f} deg  "
+        f"{view.pose.inlier_share:.0%} agree",
+    ]
+
+
+def _write(canvas: UInt8Array, lines: list[str]) -> None:
+    for row, text in enumerate(lines):
+        place = (6, 16 + 16 * row)
+        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.42, (0, 0, 0), 3, cv2.LINE_AA)
+        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.42, (255, 255, 255), 1, cv2.LINE_AA)

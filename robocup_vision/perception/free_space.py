@@ -1,0 +1,211 @@
+"""How far the floor is free in each direction, from polar cells of floor (Sekimori et al. 2001, section 3.1).
+
+A cell is free when at least a share r_th of it is floor; the free range of a direction ends at its first cell that is
+not. Counting floor samples per cell gives the same as the paper's way, an AND with a template of cells and labelling,
+which stays here as the reference.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.kernels import free_floor
+from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
+
+UInt8Array = npt.NDArray[np.uint8]
+Int32Array = npt.NDArray[np.int32]
+
+# farther than this the floor is at most a few pixels from the horizon, whatever the mirror
+_FARTHEST_HEIGHTS = 40.0
+# how far the lens and the sampling spread an edge, pixels
+_BLUR_PX = 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeSpace:
+    """Free floor around the robot.
+
+    Parameters
+    ----------
+    bearing_rad : (J,) float64
+        Directions in the robot frame, ascending, radians.
+    range_m : (J,) float64
+        Distance from the robot's centre to the first thing that is not floor, on the safe side by up to a cell, metres.
+    """
+
+    bearing_rad: FloatArray
+    range_m: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSpaceGrid:
+    """The polar cells of one camera: I rings times J directions on the floor around the robot.
+
+    Parameters
+    ----------
+    view : PolarView
+        The samples that fill the cells.
+    directions : int
+        Number J of directions.
+    rings : int or (I + 1,) sequence of float
+        Number I of rings between image radii of equal steps (the paper's choice), or the rings' own bounds, metres.
+    threshold : float
+        The paper's r_th: the share of a cell that must be floor.
+
+    Raises
+    ------
+    ArgumentError
+        If there are no directions or rings, the bounds do not increase, or the threshold is not within 0 to 1.
+    """
+
+    view: PolarView
+    directions: int = 64
+    rings: int | tuple[float, ...] = 20
+    threshold: float = 0.8
+
+    def __post_init__(self) -> None:
+        if self.directions < 3:
+            raise ArgumentError(f"directions must be at least 3, got {self.directions}")
+        if not 0 < self.threshold <= 1:
+            raise ArgumentError(f"threshold must be within 0 to 1, got {self.threshold}")
+        if isinstance(self.rings, int):
+            if self.rings < 1:
+                raise ArgumentError(f"rings must be at least 1, got {self.rings}")
+        elif len(self.rings) < 2 or not np.all(np.diff(self.rings) > 0) or self.rings[0] < 0:
+            raise ArgumentError(f"rings must be at least two increasing ranges in metres, got {list(self.rings)}")
+
+    @cached_property
+    def ring_bounds_m(self) -> FloatArray:
+        """(I + 1,) float64: floor ranges between which the rings lie, metres."""
+        if not isinstance(self.rings, int):
+            return read_only(self.rings)
+        camera = self.view.camera
+        farthest = _FARTHEST_HEIGHTS * (camera.height_m if camera.height_m is not None else 0.5)
+        inner, outer = self.view.radius_px[BODY_COLUMNS] - self.view.step_px / 2, self.view.radius_px[-1]
+        horizon = float(np.nan_to_num(camera.floor_range.radius_px(1.0 / farthest), nan=outer))
+        q = camera.floor_range.inverse_range_per_m(np.linspace(inner, min(outer, horizon), self.rings + 1))
+        return read_only(1.0 / q)
+
+    @cached_property
+    def bearing_rad(self) -> FloatArray:
+        """(J,) float64: the directions' middles in the robot frame, from -pi upwards, radians."""
+        return read_only((np.arange(self.directions) + 0.5) * (math.tau / self.directions) - math.pi)
+
+    @cached_property
+    def cell(self) -> Int32Array:
+        """(K, M) int32: each sample's cell, ring * J + direction; -1 outside all of them."""
+        valid = self.view.valid.copy()
+        valid[:, :BODY_COLUMNS] = 0
+        return self.cells_of(self.view.floor_m, valid)
+
+    def cells_of(self, floor_m: FloatArray, valid: UInt8Array) -> Int32Array:
+        """Cell (...,) int32 of floor points (..., 2) in the robot frame, metres; -1: none."""
+        x, y = floor_m[..., 0], floor_m[..., 1]
+        with np.errstate(invalid="ignore"):
+            ring = np.searchsorted(self.ring_bounds_m, np.hypot(x, y), side="right") - 1
+            direction = np.floor((np.arctan2(y, x) + math.pi) * (self.directions / math.tau))
+        direction = np.nan_to_num(direction).astype(int) % self.directions
+        known = np.isfinite(x) & (valid > 0) & (ring >= 0) & (ring < len(self.ring_bounds_m) - 1)
+        cell = np.where(known, ring * self.directions + direction, -1).astype(np.int32)
+        cell.flags.writeable = False
+        return cell
+
+    @cached_property
+    def _count(self) -> int:
+        return (len(self.ring_bounds_m) - 1) * self.directions
+
+    @cached_property
+    def _needed(self) -> npt.NDArray[np.float32]:
+        # a cell that no sample sees asks for none: it hides nothing that its neighbours would not show
+        total = np.bincount(self.cell[self.cell >= 0], minlength=self._count)
+        return (total * self.threshold - 1e-6).astype(np.float32)
+
+    @cached_property
+    def _seen(self) -> npt.NDArray[np.int64]:
+        """(J,) int64: rings of each direction up to the last one that any sample sees."""
+        total = np.bincount(self.cell[self.cell >= 0], minlength=self._count).reshape(-1, self.directions)
+        rings = np.arange(1, total.shape[0] + 1)[:, None]
+        return np.asarray((rings * (total > 0)).max(axis=0))
+
+    def measure(self, passable: UInt8Array) -> FreeSpace:
+        """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
+        free = np.empty(self._count, dtype=np.int32)
+        free_floor.count_cells(passable, self.cell, free)
+        return self._first_blocked(free >= self._needed)
+
+    def measure_by_labelling(self, passable: UInt8Array) -> FreeSpace:
+        """Do the same the paper's way: AND with the template of cells, label, add up areas per cell (eqs. 7-9).
+
+        The template keeps neighbouring cells apart by giving every second one a pass of its own.
+        """
+        free = np.zeros(self._count, dtype=np.int32)
+        ring, direction = np.divmod(self.cell, self.directions)
+        # three colours around, so that an odd number of directions closes, and two across
+        around = np.where(direction == self.directions - 1, 2, direction % 2)
+        for across in range(2):
+            for color in range(3):
+                template = (self.cell >= 0) & (ring % 2 == across) & (around == color)
+                pieces = (template & (passable > 0)).astype(np.uint8)
+                count, labels = cv2.connectedComponents(pieces, connectivity=4)
+                area = np.bincount(labels.ravel(), minlength=count)
+                where = np.zeros(count, dtype=np.int64)
+                where[labels.ravel()] = self.cell.ravel()
+                np.add.at(free, where[1:], area[1:].astype(np.int32))
+        return self._first_blocked(free >= self._needed)
+
+    def _first_blocked(self, is_free: npt.NDArray[np.bool_]) -> FreeSpace:
+        blocked = ~is_free.reshape(-1, self.directions)
+        rings = np.where(blocked.any(axis=0), blocked.argmax(axis=0), self._seen)
+        return FreeSpace(self.bearing_rad, self.ring_bounds_m[np.minimum(rings, self._seen)])
+
+
+@dataclass(frozen=True, eq=False)
+class FloorMarking:
+    """Tells the samples that may be driven over: floor, and painted lines between floor.
+
+    Parameters
+    ----------
+    view : PolarView
+        The samples.
+    line_width_m : float
+        Width of the field's lines.
+    obstacle_width_m : float
+        Nothing half as wide as this is taken for a line seen along its length.
+    """
+
+    view: PolarView
+    line_width_m: float
+    obstacle_width_m: float
+
+    @cached_property
+    def columns_in_use(self) -> int:
+        """Number of columns on which the level camera sees floor."""
+        q = self.view.camera.floor_range.inverse_range_per_m(self.view.radius_px)
+        return int(np.count_nonzero(q > 0))
+
+    @cached_property
+    def _widest(self) -> tuple[Int32Array, Int32Array]:
+        radius = self.view.radius_px
+        range_m = 1.0 / np.maximum(self.view.camera.floor_range.inverse_range_per_m(radius), 1e-3)
+        per_column = np.gradient(range_m)
+        # half as wide again for lines crossed obliquely; a sample's blur and the lens's reach on both sides
+        per_row = range_m * (math.tau / self.view.bearings)
+        columns = np.ceil(1.5 * self.line_width_m / per_column + 2 * (1 + _BLUR_PX / self.view.step_px))
+        rows = np.ceil((1.5 * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row) + 2
+        # but never as wide as a robot
+        rows = np.maximum(np.minimum(rows, np.floor(self.obstacle_width_m / 2 / per_row)), 1)
+        return columns.astype(np.int32), rows.astype(np.int32)
+
+    def mark(self, samples: UInt8Array, llr: npt.NDArray[np.int8]) -> UInt8Array:
+        """(K, M) uint8: 0 blocked, 1 floor, 2 line, from colours (K, M, 3) and floor likelihoods (K, M) int8."""
+        out = np.empty(llr.shape, dtype=np.uint8)
+        free_floor.passable(samples, llr, self.view.valid, *self._widest, self.columns_in_use, out)
+        return out

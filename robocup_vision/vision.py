@@ -1,0 +1,321 @@
+"""Vision, the one object a robot embeds: a camera frame in; pose, free floor, obstacles and the ball out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from time import perf_counter
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError, FrameError
+from field_models.field import Field
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.kernels import free_floor, polar
+from robocup_vision.localization.floor import FloorLocalizer
+from robocup_vision.localization.goal_side import GoalSide
+from robocup_vision.localization.lines import LineLocalizer
+from robocup_vision.perception.ball import Ball, BallFinder
+from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable, build_color_table, learn_colors
+from robocup_vision.perception.floor_color import RING_COLUMNS
+from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
+from robocup_vision.perception.obstacles import Obstacle, find_obstacles
+from robocup_vision.perception.polar_view import BEARINGS, BODY_COLUMNS, PolarView
+
+UInt8Array = npt.NDArray[np.uint8]
+Int64Array = npt.NDArray[np.int64]
+Method = Literal["floor", "field"]
+
+# mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
+_CERTAIN_NATS = 3.0
+_STRIP_NATS = 5.0
+# columns that a painted line may hide
+_LINE_GAP = 3
+# an edge is a colour difference of this many standard deviations of the noise
+_LEAST_CONTRAST = 5.0
+# the ring's mean likelihood ratio below this share of what it was when learnt: the light has changed
+_DRIFT_SHARE = 0.6
+# blocked samples in a row that make an obstacle
+_BLOCKED_RUN = 2
+# a blocked sample within this many columns of the wall that the pose predicts is that wall
+_WALL_COLUMNS = 3.0
+
+
+@dataclass(frozen=True)
+class View:
+    """What one frame shows.
+
+    Parameters
+    ----------
+    pose : PoseEstimate or NotLocated
+        The robot on the field.
+    free_space : FreeSpace
+        Free range in each direction.
+    ball : Ball or None
+        The ball, robot frame.
+    timings_s : mapping of str to float
+        Seconds each stage took, and ``total``.
+    boundary_radius_px : (K,) float64
+        Image radius of the floor's edge at each of the polar view's bearings, NaN where none.
+    marks : (K, M) uint8
+        Polar samples: 0 blocked, 1 floor, 2 line.
+    blocked_column : (K,) int64
+        First blocked column of each bearing.
+    wall_radius_px : (K,) float64
+        Where the pose puts the walls; NaN where it does not say.
+    polar : PolarView
+        Where those samples lie.
+    """
+
+    pose: PoseEstimate | NotLocated
+    free_space: FreeSpace
+    ball: Ball | None
+    timings_s: Mapping[str, float]
+    boundary_radius_px: FloatArray
+    marks: UInt8Array
+    blocked_column: Int64Array
+    wall_radius_px: FloatArray
+    polar: PolarView
+
+    @cached_property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
+        place = np.minimum(self.blocked_column, len(self.polar.radius_px) - 1)
+        beyond = self.polar.radius_px[place] - self.wall_radius_px
+        with np.errstate(invalid="ignore"):
+            is_wall = beyond > -_WALL_COLUMNS * self.polar.step_px
+        return find_obstacles(self.polar.floor_m, self.blocked_column, is_wall, gap_m=0.05)
+
+    @cached_property
+    def boundary_px(self) -> FloatArray:
+        """(K, 2) float64: the floor's edge at each bearing, pixels; NaN rows where none."""
+        return self.polar.camera.polar_to_pixel(self.polar.bearing_rad, self.boundary_radius_px)
+
+    @cached_property
+    def line_points_px(self) -> FloatArray:
+        """(N, 2) float64: polar samples on painted lines, pixels."""
+        return np.asarray(self.polar.pixels[self.marks == free_floor.LINE])
+
+
+class Vision:
+    """Turns camera frames into views; one object a camera and thread.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera
+        The camera.
+    colors : Colors, optional
+        Fixed colours. Without them they are learnt from the first frame, and again when the light has changed.
+    method : {"field", "floor"}
+        "floor": by the floor's outline, which walls or boards must bound. "field": by the outline where there is one,
+        else, or where it does not tell, by the white lines, with no prior.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    directions : int
+        Number J of directions of the free space.
+    rings : int or tuple of float
+        Its rings, as in `FreeSpaceGrid`.
+
+    Raises
+    ------
+    ArgumentError
+        If the mask's size is not the camera's, or the method does not fit the field.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        colors: Colors | None = None,
+        *,
+        method: Method = "field",
+        mask: UInt8Array | None = None,
+        directions: int = 64,
+        rings: int | tuple[float, ...] = 20,
+    ) -> None:
+        if method not in ("floor", "field"):
+            raise ArgumentError(f"method must be 'floor' or 'field' for a mirror camera, got {method!r}")
+        width, height = camera.size_px
+        if mask is not None and (mask.shape != (height, width) or mask.dtype != np.uint8):
+            raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
+        self.field = field
+        self.camera = camera
+        self.method = method
+        self._fixed = None if colors is None else build_color_table(colors)
+        self._table = self._fixed
+        self._learnt_ring = 0.0
+        self._last_pose: Pose2 | None = None
+        # whole cells: as many bearings a direction as come nearest to the usual number from above
+        bearings = directions * -(-BEARINGS // directions)
+        self.polar = PolarView(camera, bearings, mask)
+        self.grid = FreeSpaceGrid(self.polar, directions, rings)
+        self._marking = FloorMarking(self.polar, field.line_width_m, 2 * field.robot_radius_m)
+        self._floor = FloorLocalizer(field, camera, self.polar) if field.is_bounded or method == "floor" else None
+        self._lines = LineLocalizer(field, camera, mask) if method == "field" else None
+        self._goal_side = GoalSide(field, camera)
+        self._ball = BallFinder(field, camera, mask)
+        rays = camera.polar_to_pixel(self.polar.bearing_rad, 1.0) - camera.center_px
+        self._ray_u, self._ray_v = np.ascontiguousarray(rays[:, 0]), np.ascontiguousarray(rays[:, 1])
+        self._radius_or_none = np.append(self.polar.radius_px, np.nan)
+        self._nothing = np.full(bearings, np.nan)
+        self._warm_up()
+
+    def forget(self) -> None:
+        """Forget learnt colours and the last pose: the next frame stands alone."""
+        self._table = self._fixed
+        self._last_pose = None
+
+    @property
+    def colors(self) -> Colors | None:
+        """The colours in use, None before the first frame."""
+        return None if self._table is None else self._table.colors
+
+    def look(
+        self,
+        frame: UInt8Array,
+        t_s: float | None = None,
+        odometry: Pose2 | None = None,
+        prior: PoseEstimate | Pose2 | None = None,
+    ) -> View:
+        """See what a frame shows.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR, of the camera's size.
+        t_s : float, optional
+            When it was taken.
+        odometry : Pose2, optional
+            The robot's motion since the frame before, in its frame then; with the last pose it makes a prior.
+        prior : PoseEstimate or Pose2, optional
+            Where the robot probably is: saves time, and orders candidates that the frame itself cannot tell apart.
+
+        Raises
+        ------
+        FrameError
+            If the frame has another size or type.
+        """
+        begin = perf_counter()
+        self._check(frame)
+        start = prior.pose if isinstance(prior, PoseEstimate) else prior
+        if start is None and odometry is not None and self._last_pose is not None:
+            start = self._last_pose.compose(odometry)
+        samples = cv2.blur(self.polar.sample(frame), (3, 3))
+        table, llr = self._classify(samples)
+        if table is None:
+            return self._blind(begin)
+        colored = perf_counter()
+        edge = self._outline(frame, llr, table)
+        outlined = perf_counter()
+        pose, walls = self._locate(frame, edge, table, start)
+        located = perf_counter()
+        marks = self._marking.mark(samples, llr)
+        free_space = self.grid.measure(marks)
+        blocked = np.empty(self.polar.bearings, dtype=np.int64)
+        columns = self._marking.columns_in_use
+        free_floor.first_blocked(marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
+        freed = perf_counter()
+        ball = self._ball.find(frame, table)
+        end = perf_counter()
+        self._last_pose = pose.pose if pose else None
+        timings = {
+            "colors": colored - begin,
+            "outline": outlined - colored,
+            "pose": located - outlined,
+            "free_space": freed - located,
+            "ball": end - freed,
+            "total": end - begin,
+        }
+        return View(pose, free_space, ball, timings, edge, marks, blocked, walls, self.polar)
+
+    def _check(self, frame: UInt8Array) -> None:
+        width, height = self.camera.size_px
+        if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
+            raise FrameError(f"frame must be a uint8 array, got {getattr(frame, 'dtype', type(frame).__name__)}")
+        if frame.shape != (height, width, 3):
+            raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
+
+    def _classify(self, samples: UInt8Array) -> tuple[ColorTable | None, npt.NDArray[np.int8]]:
+        llr = np.empty(samples.shape[:2], dtype=np.int8)
+        if self._table is not None:
+            ring = self._look_up(samples, self._table, llr)
+            if self._fixed is not None or ring >= _DRIFT_SHARE * self._learnt_ring:
+                return self._table, llr
+        colors = learn_colors(samples, self.polar.valid, self.field)
+        if colors is None:
+            return self._table, llr
+        self._table = build_color_table(colors)
+        self._learnt_ring = self._look_up(samples, self._table, llr)
+        return self._table, llr
+
+    def _look_up(self, samples: UInt8Array, table: ColorTable, llr: npt.NDArray[np.int8]) -> float:
+        return float(polar.classify(samples, table.packing, table.floor_llr, self.polar.valid, RING_COLUMNS, llr))
+
+    def _outline(self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable) -> FloatArray:
+        column = np.empty(self.polar.bearings, dtype=np.int64)
+        certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
+        polar.outer_boundary(llr, self.polar.valid, certain, _LINE_GAP, strip, column)
+        edge = np.empty(self.polar.bearings)
+        polar.radial_edges(
+            frame,
+            *self.camera.center_px,
+            self._ray_u,
+            self._ray_v,
+            self._radius_or_none[column],
+            self.polar.step_px,
+            2 * np.pi / self.polar.bearings / 3,
+            _LEAST_CONTRAST * table.colors.floor.noise,
+            edge,
+        )
+        return edge
+
+    def _locate(
+        self, frame: UInt8Array, edge: FloatArray, table: ColorTable, start: Pose2 | None
+    ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
+        reason = ""
+        if self._floor is not None:
+            estimate, walls = self._floor.locate(edge, start)
+            if isinstance(estimate, PoseEstimate):
+                return self._goal_side.choose(frame, estimate, table.colors, start), walls
+            reason = estimate.reason
+        if self._lines is not None:
+            by_lines = self._lines.locate(frame)
+            if isinstance(by_lines, PoseEstimate):
+                return self._goal_side.choose(frame, by_lines, table.colors, start), self._nothing
+            reason = f"{reason}; by lines: {by_lines.reason}" if reason else by_lines.reason
+        return NotLocated(reason), self._nothing
+
+    def _blind(self, begin: float) -> View:
+        self._last_pose = None
+        shape = self.polar.valid.shape
+        free_space = FreeSpace(self.grid.bearing_rad, np.full(len(self.grid.bearing_rad), self.grid.ring_bounds_m[0]))
+        return View(
+            NotLocated("no floor can be told around the robot: too dark, or nothing of it in view"),
+            free_space,
+            None,
+            {"total": perf_counter() - begin},
+            self._nothing,
+            np.zeros(shape, dtype=np.uint8),
+            np.zeros(shape[0], dtype=np.int64),
+            self._nothing,
+            self.polar,
+        )
+
+    def _warm_up(self) -> None:
+        """Compile, or load from the disk's cache, everything a frame needs, so that no frame pays for it."""
+        width, height = self.camera.size_px
+        v, u = np.mgrid[:height, :width]
+        far = (
+            np.hypot(u - self.camera.center_px[0], v - self.camera.center_px[1]) > 0.7 * self.camera.usable_radius_px[1]
+        )
+        frame = np.where(far[..., None], np.uint8(220), np.array([45, 130, 50], dtype=np.uint8))
+        self.look(np.ascontiguousarray(frame, dtype=np.uint8))
+        self.forget()

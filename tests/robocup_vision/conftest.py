@@ -1,0 +1,35 @@
+"""A painter of mirror-camera pictures that shares no code with the simulator: green, white, nothing upright."""
+
+import numpy as np
+import pytest
+
+from robocup_vision.camera import OmniCamera, Tangent
+from robocup_vision.localization.line_map import LineMap
+
+CARPET_BGR, PAINT_BGR, HALL_BGR = (50, 130, 45), (225, 230, 225), (90, 100, 110)
+
+
+@pytest.fixture(scope="session")
+def mirror_camera():
+    return OmniCamera((320, 240), (160.3, 118.6), (20.0, 110.0), Tangent(2.1456, 0.0114))
+
+
+@pytest.fixture(scope="session")
+def paint_field():
+    def paint(camera, field, pose, *, margin_m=0.3, gain=1.0, noise=0.0, rng=None):
+        width, height = camera.size_px
+        fine = 3
+        v, u = (np.mgrid[: height * fine, : width * fine] + 0.5) / fine - 0.5
+        floor = camera.pixel_to_floor(np.stack([u, v], axis=-1)).reshape(-1, 2)
+        points = pose.transform(np.nan_to_num(floor, nan=1e3))
+        image = np.full((len(points), 3), HALL_BGR, dtype=np.float32)
+        on_carpet = (np.abs(points) <= (field.length_m / 2 + margin_m, field.width_m / 2 + margin_m)).all(axis=1)
+        image[on_carpet] = CARPET_BGR
+        painted = LineMap(field).nearest(points).distance_m <= field.line_width_m / 2
+        image[on_carpet & painted] = PAINT_BGR
+        image = gain * image.reshape(height, fine, width, fine, 3).mean(axis=(1, 3))
+        if noise:
+            image = image + rng.normal(0.0, noise, image.shape)
+        return np.clip(np.round(image), 0, 255).astype(np.uint8)
+
+    return paint

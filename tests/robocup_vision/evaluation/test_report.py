@@ -1,0 +1,97 @@
+"""The page needs nothing but itself, and shows what images and localisers say as text, never as markup."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from field_models import field_names, load_field
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.evaluation import report
+from robocup_vision.evaluation.dataset import Truth, load_dataset
+from robocup_vision.evaluation.plots import draw_plots
+from robocup_vision.evaluation.scoring import Row, figures, pose_error
+from robocup_vision.geometry import Pose2
+
+PNG = re.compile(r"^data:image/png;base64,[A-Za-z0-9+/]+=*$")
+
+
+def located(image: str, truth: Truth | None, offset_m: float = 0.01) -> Row:
+    estimate = PoseEstimate(Pose2(0.5 + offset_m, 0.2, 0.1), np.eye(3) * 1e-4, 0.9, 0.5)
+    return Row(image, estimate, truth, truth and pose_error(estimate, truth, symmetric=True), 0.004)
+
+
+TRUTH = Truth(0.5, 0.2, 0.1)
+ROWS = [
+    located("a.png", TRUTH),
+    located("far.png", TRUTH, 0.3),
+    located("position_only.png", Truth(0.5, 0.2, None)),
+    located("nobody_knows.png", None),
+    Row("dark.png", truth=TRUTH, time_s=0.002, reason="<script>alert(1)</script> too dark"),
+    Row("torn & lost.png", reason="is a truncated PNG", failed=True),
+]
+
+
+@pytest.fixture
+def page(folder: Path) -> str:
+    spread = {0: b"spread", 1: b"both"}
+    worst = [(1, b"both"), (4, b"worst")]
+    return report.render_report(load_dataset(folder), ROWS, figures(ROWS), ["a <note>"], spread, worst)
+
+
+def test_the_page_stands_alone(page: str) -> None:
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert len(sources) == 3 + 3
+    assert all(source.startswith("data:image/") for source in sources)
+    assert "http" not in page
+
+
+def test_the_page_is_escaped(page: str) -> None:
+    assert "<script" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; too dark" in page
+    assert "a &lt;note&gt;" in page
+    assert "torn &amp; lost.png" in page
+
+
+def test_the_page_shows_each_image(page: str) -> None:
+    everything = page[page.index("<details") :]
+    assert len(re.findall(r"<tr class=", everything)) == len(ROWS)
+    first_worst = page[page.index("Worst images") :]
+    names = re.findall(r"<tr class=\"[a-z-]+\"><td>([^<]+)</td>", first_worst)[:3]
+    assert names == ["torn &amp; lost.png", "dark.png", "far.png"]
+    for text in ("ssl_2001", "64 × 56 px", "errors modulo a half turn", "4/6", "16.7 %", "300.0 mm"):
+        assert text in page
+
+
+@pytest.mark.parametrize(
+    ("rows", "count"),
+    [
+        (ROWS, 3),
+        ([row for row in ROWS if row.truth is None], 2),
+        ([ROWS[2]], 3),
+        ([ROWS[4]], 1),
+        ([ROWS[5]], 1),
+        ([located("exact.png", TRUTH, 0.0)], 3),
+    ],
+)
+def test_whatever_there_is_gets_drawn(rows: list[Row], count: int) -> None:
+    plots = draw_plots(load_field("ssl_2001"), rows)
+    assert len(plots) == count
+    assert all(PNG.match(source) and caption for source, caption in plots)
+
+
+@pytest.mark.parametrize("name", field_names())
+def test_every_field_has_a_map(name: str) -> None:
+    ((source, _),) = draw_plots(load_field(name), [ROWS[4]])
+    assert PNG.match(source)
+
+
+def test_missing_figures_are_dashes() -> None:
+    assert (report.percent(None), report.millimetres(None), report.degrees(None)) == ("–", "–", "–")
+    assert (report.percent(0.5), report.millimetres(0.0123), report.degrees(math.pi)) == (
+        "50.0 %",
+        "12.3 mm",
+        "180.00°",
+    )

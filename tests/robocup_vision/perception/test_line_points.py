@@ -1,0 +1,126 @@
+"""Line points found in painted pictures lie on the lines; what is no line yields none."""
+
+import math
+
+import numpy as np
+import pytest
+
+from field_models import ArgumentError, FrameError, load_field
+from robocup_vision.camera import OmniCamera, Tangent
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.line_map import LineMap
+from robocup_vision.perception.line_points import LineFinder, LinePoints, find_line_points
+
+FIELD = load_field("msl_6x4")
+POSE = Pose2(-0.7, 0.4, 0.5)
+
+
+@pytest.fixture(scope="module")
+def finder(mirror_camera):
+    return LineFinder(mirror_camera, FIELD.line_width_m)
+
+
+def errors_m(points, pose):
+    return LineMap(FIELD).nearest(pose.transform(points.floor_m)).distance_m
+
+
+@pytest.mark.parametrize(("gain", "noise"), [(1.0, 0.0), (1.0, 8.0), (0.4, 4.0)])
+def test_points_lie_on_the_lines(finder, mirror_camera, paint_field, gain, noise):
+    frame = paint_field(mirror_camera, FIELD, POSE, gain=gain, noise=noise, rng=np.random.default_rng(1))
+    points = finder.find(frame)
+    assert len(points) > 300
+    error = errors_m(points, POSE)
+    assert np.median(error) < 0.006
+    assert np.mean(error < 0.05) > 0.97
+
+
+def test_every_line_in_view_is_found(finder, mirror_camera, paint_field):
+    points = finder.find(paint_field(mirror_camera, FIELD, POSE))
+    found = POSE.transform(points.floor_m)
+    model = FIELD.line_points(0.1)
+    pixel = mirror_camera.floor_to_pixel(POSE.inverse().transform(model))
+    radius = np.hypot(*(pixel - mirror_camera.center_px).T)
+    model = model[(radius > 30) & (radius < 80)]
+    gap = np.linalg.norm(model[:, None] - found[None], axis=-1).min(axis=1)
+    assert np.mean(gap < 0.1) > 0.9
+
+
+def test_a_line_where_the_carpet_ends_is_found_and_weighs_less(finder, mirror_camera, paint_field):
+    points = finder.find(paint_field(mirror_camera, FIELD, POSE, margin_m=FIELD.line_width_m / 2))
+    on_edge = (np.abs(np.abs(POSE.transform(points.floor_m)) - (3.0, 2.0)) < 0.04).any(axis=1)
+    assert np.count_nonzero(on_edge) > 50
+    assert np.mean(points.weight[on_edge] < 1) > 0.8
+    off_edge = (np.abs(np.abs(POSE.transform(points.floor_m)) - (3.0, 2.0)) > 0.2).all(axis=1)
+    assert np.mean(points.weight[off_edge] == 1) > 0.7
+
+
+def test_the_carpet_is_told_from_a_grey_hall_floor_that_fills_more_of_the_ring(finder, mirror_camera, paint_field):
+    pose = Pose2(-2.9, 2.0, 0.3)
+    points = finder.find(paint_field(mirror_camera, FIELD, pose, margin_m=0.15))
+    assert len(points) > 100
+    assert np.median(errors_m(points, pose)) < 0.01
+
+
+def test_bare_floor_holds_no_line(finder, mirror_camera, paint_field):
+    points = finder.find(paint_field(mirror_camera, FIELD, POSE))
+    v, u = np.nonzero(points.bare_floor)
+    bare = POSE.transform(mirror_camera.pixel_to_floor(np.stack([u, v], axis=1)))
+    assert len(bare) > 1000
+    assert LineMap(FIELD).nearest(bare).distance_m.min() > FIELD.line_width_m / 2
+
+
+def test_masked_pixels_are_never_points(mirror_camera, paint_field):
+    mask = np.zeros((240, 320), dtype=np.uint8)
+    mask[:, 160:] = 255
+    points = find_line_points(paint_field(mirror_camera, FIELD, POSE), mirror_camera, FIELD.line_width_m, mask)
+    assert len(points) > 100
+    assert points.pixels[:, 0].max() < 161
+
+
+def test_a_given_tone_is_used(finder, mirror_camera, paint_field):
+    frame = paint_field(mirror_camera, FIELD, POSE)
+    learnt = finder.find(frame, finder.learn_tone(frame))
+    np.testing.assert_array_equal(learnt.pixels, finder.find(frame).pixels)
+    hall = finder.learn_tone(np.full_like(frame, (110, 100, 90)))
+    assert len(finder.find(frame, hall)) < len(learnt) / 4
+
+
+@pytest.mark.parametrize("kind", ["black", "white", "grey", "noise"])
+def test_frames_without_lines_yield_no_points_or_few(finder, kind):
+    rng = np.random.default_rng(0)
+    level = {"black": 0, "white": 255, "grey": 128}.get(kind)
+    frame = rng.integers(0, 256, (240, 320, 3), dtype=np.uint8)
+    if level is not None:
+        frame[:] = level
+    assert len(finder.find(frame)) <= 5
+
+
+@pytest.mark.parametrize(
+    "frame", [np.zeros((100, 100, 3), np.uint8), np.zeros((240, 320), np.uint8), np.zeros((240, 320, 3)), None]
+)
+def test_frames_of_another_kind_are_refused(finder, frame):
+    with pytest.raises(FrameError, match=r"frame must be uint8 \(240, 320, 3\), got"):
+        finder.find(frame)
+
+
+def test_a_mask_of_another_size_is_refused(mirror_camera):
+    with pytest.raises(ArgumentError, match="mask must be 320x240, got 10x20"):
+        LineFinder(mirror_camera, 0.05, np.zeros((20, 10)))
+
+
+def test_line_points_of_unequal_length_are_refused():
+    with pytest.raises(ArgumentError, match="floor_m must be"):
+        LinePoints(np.zeros((2, 2)), np.zeros((3, 2)), np.zeros((2, 2, 2)), np.ones(2))
+
+
+def test_from_pixels_gives_floor_and_its_derivative(mirror_camera):
+    pixels = np.array([[100.0, 90.0], [200.0, 150.0], [5.0, 5.0]])
+    camera = OmniCamera((320, 240), (160.0, 120.0), (20.0, 110.0), Tangent(2.0, 0.0114))
+    points = LinePoints.from_pixels(camera, pixels)
+    assert len(points) == 2  # the last one lies beyond the horizon
+    moved = camera.pixel_to_floor(points.pixels + np.array([0.1, -0.2]))
+    expected = points.floor_m + points.floor_per_px @ (0.1, -0.2)
+    np.testing.assert_allclose(moved, expected, atol=1e-4)
+    assert not points.floor_m.flags.writeable
+    assert len(points.take(np.array([1]))) == 1
+    assert math.isclose(points.weight.sum(), 2.0)
