@@ -218,5 +218,3 @@ def fit_goal(
             limit *= 0.4
             cost = before
     return cost
-
-

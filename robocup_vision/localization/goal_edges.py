@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.goal_edges import measure_edges
 from robocup_vision.localization.goal_geometry import (
     BAR_BOTTOM,
     BAR_TOP,
@@ -27,7 +28,6 @@ from robocup_vision.localization.goal_geometry import (
     foot_points,
     silhouette_normals,
 )
-from robocup_vision.kernels.goal_edges import measure_edges
 
 FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
 # the floor in front of a foot is told by its greenness: brightness steps at sun patches and lines as well

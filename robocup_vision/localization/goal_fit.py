@@ -7,7 +7,7 @@ Gauss-Newton to sub-pixel edges of posts, bar and feet (see kernels.goal_fit.fit
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.goal_fit import fit_goal, goal_residuals
 from robocup_vision.localization.goal_edges import FOOT_OFFSETS, EdgeSamples, Look, measure, to_ideal
 from robocup_vision.localization.goal_geometry import (
     BAR_BOTTOM,
@@ -34,7 +35,6 @@ from robocup_vision.localization.goal_geometry import (
     project,
 )
 from robocup_vision.perception.goal_region import Strip
-from robocup_vision.kernels.goal_fit import fit_goal, goal_residuals
 
 INLIER_PX = 0.5
 # feet alone tell the two branches apart, and are few
@@ -127,8 +127,10 @@ class GoalFit:
 
     @property
     def score(self) -> float:
-        """How well the goal agrees with the fit, 0 to 1, at an absolute scale: one that adapted to the residuals would
-        take the mirror branch, whose edges lie half a pixel off, for a noisy picture of the right one.
+        """How well the goal agrees with the fit, 0 to 1, at an absolute scale.
+
+        A scale that adapted to the residuals would take the mirror branch, whose edges lie half a pixel off, for a
+        noisy picture of the right one.
         """
         n = len(self.samples.edge)
         worth = np.maximum(0.0, 1.0 - (self.residual_px / INLIER_PX) ** 2)
@@ -160,7 +162,8 @@ def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | N
         weakest = ("left post", "right post", "bar")[int(np.argmin(shares))]
         return f"only {min(shares):.0%} of the {weakest}'s edges are where they should be"
     if np.any(np.abs(found.unknowns[:2]) > extent_m):
-        return f"what looks like one would put the camera off the pitch, at x = {found.unknowns[X]:.1f}, y = {found.unknowns[Y]:.1f} m"
+        x, y = found.unknowns[:2]
+        return f"what looks like one would put the camera off the pitch, at x = {x:.1f}, y = {y:.1f} m"
     strain = np.abs(found.unknowns - model.prior) * np.sqrt(np.where(np.isinf(model.weight), 0.0, model.weight))
     if float(strain.max()) > MOST_STRAIN:
         what = ("x", "y", "heading", "tilt", "roll", "height", "focal length", "bleeding")[int(np.argmax(strain))]
@@ -172,10 +175,10 @@ def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | N
     return None
 
 
-def strip_samples(camera: PinholeCamera, left: Strip, right: Strip) -> EdgeSamples:
-    """Rough samples of both posts' edges and feet from the strips they were found as."""
+def strip_samples(camera: PinholeCamera, posts: Sequence[tuple[int, Strip]]) -> EdgeSamples:
+    """Take rough samples of posts' edges and feet from the strips they were found as (0 the left post, 1 the right)."""
     edge, uv, feet = [], [], []
-    for post, strip in enumerate((left, right)):
+    for post, strip in posts:
         for v in np.linspace(strip.top + 0.3 * (strip.bottom - strip.top), strip.bottom, 5):
             edge += [2 * post, 2 * post + 1]
             uv += [(u, v) for u in strip.edges_at(v)]
@@ -278,7 +281,7 @@ def with_bar(samples: EdgeSamples, bar_px: FloatArray) -> EdgeSamples:
 
 
 def weigh(samples: EdgeSamples) -> EdgeSamples:
-    """Samples whose noise includes what their edge as a whole may be off."""
+    """Let the samples' noise include what their edge as a whole may be off."""
     per_edge = np.bincount(samples.edge, minlength=EDGES)[samples.edge]
     per_foot = np.bincount(samples.foot_post, minlength=2)[samples.foot_post]
     shared = np.concatenate([_EDGE_ERROR_PX**2 * per_edge, _FOOT_ERROR_PX**2 * per_foot])
@@ -287,7 +290,7 @@ def weigh(samples: EdgeSamples) -> EdgeSamples:
 
 
 def without(samples: EdgeSamples, edge: int) -> EdgeSamples:
-    """Samples less those of one edge."""
+    """Drop the samples of one edge."""
     keep = samples.edge != edge
     both = np.concatenate([keep, np.ones(len(samples.foot_post), bool)])
     return replace(

@@ -58,7 +58,7 @@ class GoalShape:
 
 
 def goal_shape(field: Field) -> GoalShape:
-    """Posts and bar of a field's goals.
+    """Return posts and bar of a field's goals.
 
     Raises
     ------

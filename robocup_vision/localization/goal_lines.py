@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.goal_edges import measure_ridges
 from robocup_vision.localization.goal_edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal_fit import GoalModel, residuals
 from robocup_vision.localization.goal_geometry import (
@@ -32,7 +33,6 @@ from robocup_vision.localization.goal_geometry import (
     camera_rotation,
 )
 from robocup_vision.localization.line_map import LineMap
-from robocup_vision.kernels.goal_edges import measure_ridges
 from robocup_vision.perception.line_points import LineFinder, LinePoints
 
 LINE_INLIER_PX = 3.0
@@ -217,7 +217,7 @@ def _line_rows(
 
 
 def _as_built(model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
-    """Samples whose noise includes that goals are built, and stood on their line, to about a centimetre."""
+    """Let the samples' noise include that goals are built, and stood on their line, to about a centimetre."""
     shared = _BUILT_TO_M * model.view.focal_px[0] / math.hypot(model.shape.line_x_m - p[X], p[Y])
     count = np.concatenate(
         [
@@ -297,6 +297,28 @@ def line_ridges(
     Places are a few pixels apart along each line; where two lines run so close that either could be meant, the nearer
     one is taken and the fit's robust loss has the last word.
     """
+    place, normal, seen_width = _ridge_places(camera, unknowns, line_map, line_width_m)
+    start, across_px = np.ascontiguousarray(from_ideal(camera, place)), np.ascontiguousarray(normal)
+    offset, contrast = np.empty(len(place)), np.empty(len(place))
+    measure_ridges(frame, start, across_px, np.full(len(place), reach_px), seen_width, offset, contrast)
+    good = np.isfinite(offset)
+    if good.any():
+        good &= contrast > 0.25 * np.median(contrast[good])
+    return Ridges(start[good] + across_px[good] * offset[good, None], len(place))
+
+
+def expected_ridges(camera: PinholeCamera, unknowns: FloatArray, line_map: LineMap, line_width_m: float) -> int:
+    """How many places along field lines a camera should have in view."""
+    return len(_ridge_places(camera, unknowns, line_map, line_width_m)[0])
+
+
+def _ridge_places(
+    camera: PinholeCamera,
+    unknowns: FloatArray,
+    line_map: LineMap,
+    line_width_m: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places (N, 2) in the ideal image where lines are due, normals (N, 2) across them, and their widths (N,), pixels."""
     field_points, directions = _along_lines(line_map)
     rotation = camera_rotation(unknowns[HEADING], unknowns[TILT], unknowns[ROLL])
     eye = np.array([unknowns[X], unknowns[Y], unknowns[HEIGHT]])
@@ -322,20 +344,11 @@ def line_ridges(
         seen_width = np.abs(((side - pixel) * normal).sum(axis=1))
     inside &= (seen_width > 0.7) & (seen_width < 40)
     pick = np.flatnonzero(inside)
-    if not len(pick):
-        return Ridges(np.empty((0, 2)), 0)
     # one place every few pixels, however the points crowd in the distance
     cell = np.floor(pixel[pick] / _RIDGE_SPACING_PX).astype(np.int64)
     _, first = np.unique(cell[:, 0] * 100_003 + cell[:, 1], return_index=True)
     pick = pick[np.sort(first)]
-    start = np.ascontiguousarray(from_ideal(camera, pixel[pick]))
-    across_px = np.ascontiguousarray(normal[pick])
-    offset, contrast = np.empty(len(pick)), np.empty(len(pick))
-    measure_ridges(frame, start, across_px, np.full(len(pick), reach_px), seen_width[pick], offset, contrast)
-    good = np.isfinite(offset)
-    if good.any():
-        good &= contrast > 0.25 * np.median(contrast[good])
-    return Ridges(start[good] + across_px[good] * offset[good, None], len(pick))
+    return pixel[pick], normal[pick], seen_width[pick]
 
 
 def fit_ridges(

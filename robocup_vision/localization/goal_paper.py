@@ -89,8 +89,8 @@ def axes_by_regression(region: ByteImage) -> GoalAxes | None:
         if len(gaps) == 1:
             first, second = run[: gaps[0] + 1], run[gaps[0] + 1 :]
             if first[-1] < middle < second[0]:
-                left.append((v, first.mean()))
-                right.append((v, second.mean()))
+                left.append((float(v), float(first.mean())))
+                right.append((float(v), float(second.mean())))
     if len(left) < 6:
         return None
     inner = (max(u for _, u in left), min(u for _, u in right))
@@ -99,11 +99,11 @@ def axes_by_regression(region: ByteImage) -> GoalAxes | None:
     for u in range(math.ceil(inner[0] + margin), math.floor(inner[1] - margin) + 1):
         run = np.flatnonzero(region[:, u])
         if len(run):
-            bar.append((u, run.mean()))
+            bar.append((float(u), float(run.mean())))
     if len(bar) < 4:
         return None
 
-    def regress(points: list[tuple[int, float]]) -> tuple[float, float]:
+    def regress(points: list[tuple[float, float]]) -> tuple[float, float]:
         lean, at = np.polyfit([p[0] for p in points], [p[1] for p in points], 1)
         return float(at), float(lean)
 
@@ -132,7 +132,7 @@ class PaperMethod:
         self._table = theoretical_angles(shape, self._x, self._y, camera.height_m).astype(np.float32)
 
     def angles(self, axes: GoalAxes) -> tuple[GoalAngles, FloatArray, FloatArray]:
-        """The three angles of measured axes, and the planes' normals R and L in the camera frame."""
+        """Compute the three angles of measured axes, and the planes' normals R and L in the camera frame."""
         ray = self.camera.pixel_to_camera_ray(axes.pixels(self.camera.size_px[1]))
         left, right, bar = (np.cross(ray[k], ray[k + 1]) for k in (0, 2, 4))
         gamma, phi_right, phi_left = (float(a) for a in angles_between(right, left, bar))

@@ -50,7 +50,7 @@ class Strip:
         return self.left[0] + self.left[1] * v, self.right[0] + self.right[1] * v
 
     def axis_at(self, v: float) -> float:
-        """The middle (u, pixels) in a row."""
+        """Middle (u, pixels) in a row."""
         left, right = self.edges_at(v)
         return (left + right) / 2
 
@@ -169,7 +169,7 @@ def strips(
     certain : bool
         The runs are paint of the right hue: short strips and long gaps of glare are forgiven.
     """
-    row, left, right, contrast = runs
+    row, left, right, _ = runs
     chain = np.empty(len(row), np.int64)
     chains = link_runs(row, left, right, _LEAN, 4.0 * row_step, chain)
     order = np.argsort(chain, kind="stable")
@@ -280,3 +280,21 @@ def _foot_row(strip: Strip, carpet: ByteImage) -> float:
     if split == len(rows) or len(below) < 3 or float(below.mean()) < 0.6:
         return float("nan")
     return float(rows[0] + split) - 0.5
+
+
+def enlarged(strip: Strip, factor: int) -> Strip:
+    """Return the same strip in an image `factor` times larger; pixel centres are at integers."""
+    shift = (factor - 1) / 2
+
+    def edge(line: tuple[float, float]) -> tuple[float, float]:
+        at, lean = line
+        return factor * at + shift - lean * shift, lean
+
+    return Strip(
+        edge(strip.left),
+        edge(strip.right),
+        strip.top * factor + shift,
+        strip.bottom * factor + shift,
+        strip.foot * factor + shift,
+        strip.strength,
+    )

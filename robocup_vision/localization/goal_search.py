@@ -1,0 +1,268 @@
+"""From a frame to goals that may be in it: posts as strips, pairs of them, the bar between, each fitted to its edges."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import COLOR_NAMES, Field
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.localization.goal_edges import Look
+from robocup_vision.localization.goal_fit import (
+    LEAST_ELEMENT_SHARE,
+    GoalFit,
+    GoalModel,
+    bar_rows,
+    fit,
+    goal_model,
+    objection,
+    refine,
+    starts,
+    strip_samples,
+    swung,
+    with_bar,
+)
+from robocup_vision.localization.goal_geometry import HEADING, TILT, X, Y, goal_shape
+from robocup_vision.perception.goal_color import hue_families, hue_masks, is_chromatic, narrower
+from robocup_vision.perception.goal_region import Strip, carpet_mask, enlarged, mask_runs, strips, white_runs
+
+ByteImage = npt.NDArray[np.uint8]
+
+PRIOR_STD_M, PRIOR_STD_RAD = 0.4, 0.15
+# how far paint bleeds: the white of a goal in the sun by a pixel, paint of a hue hardly
+_BLOOM_STD_PX = {"white": 0.7, "hue": 0.15}
+_START_SCALES = np.full(8, 100.0)
+_GLARE = 235.0
+_SEARCH_WIDTH_PX = 208  # posts of the leagues' goals are still 3 px wide there from the far end of the field
+_CLEAR_SCORE = 0.9  # nothing better will come
+_SWINGS = (-1.0, 0.0)  # obliqueness of further starts, in shares of the first fit's
+_LEAST_CANDIDATE_SCORE = 0.3
+_SAME_PLACE_M = 0.03
+_BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A goal that may be in the picture.
+
+    Parameters
+    ----------
+    fit : GoalFit
+        For the goal at +x.
+    sides : tuple of int
+        Which goals it can be: (1,), (-1,), or both.
+    model : GoalModel
+        What it was fitted with.
+    objection : str or None
+        Why it cannot be one after all.
+    """
+
+    fit: GoalFit
+    sides: tuple[int, ...]
+    model: GoalModel
+    objection: str | None
+
+
+class _Proposal(NamedTuple):
+    """Strips that may be posts, with what to fit them by; a last resort is tried only if nothing else was found."""
+
+    last_resort: bool
+    sides: tuple[int, ...]
+    found: list[Strip]
+    pairs: list[tuple[Strip, Strip]]
+    paint: ByteImage
+    scale: int
+    model: GoalModel
+    look: Look
+
+
+class GoalSearch:
+    """Finds goals of one field in the frames of one camera.
+
+    Parameters
+    ----------
+    field : Field
+        With goals of posts and a bar.
+    camera : PinholeCamera
+        Pan, tilt and roll may be unknown.
+
+    Raises
+    ------
+    ArgumentError
+        If the field has no such goals.
+    """
+
+    def __init__(self, field: Field, camera: PinholeCamera) -> None:
+        self.field = field
+        self.camera = camera
+        self.shape = goal_shape(field)
+        self.extent_m = np.abs(field.floor_polygon).max(axis=0) + _BEYOND_M
+        self.families = hue_families(field)
+        self.colored_model = goal_model(self.shape, camera, _BLOOM_STD_PX["hue"])
+        self.white_model = goal_model(self.shape, camera, _BLOOM_STD_PX["white"])
+        self._has_white = any(not is_chromatic(goal.color) for goal in field.goals)
+
+    def candidates(self, frame: ByteImage) -> tuple[list[Candidate], str]:
+        """Goals that may be in a frame, distinct ones, best first; and why there is none if there is none."""
+        found: list[Candidate] = []
+        reason = ""
+        for proposal in self._proposals(frame):
+            if proposal.last_resort and any(c.objection is None for c in found):
+                break
+            for left, right in proposal.pairs:
+                fits = self._fits(frame, left, right, proposal)
+                if not fits:
+                    reason = "no goal: two posts may be there, but no bar that fits them"
+                found += [
+                    Candidate(f, proposal.sides, proposal.model, objection(proposal.model, f, self.extent_m))
+                    for f in fits
+                    if f.score > _LEAST_CANDIDATE_SCORE
+                ]
+                if fits and fits[0].score > _CLEAR_SCORE:
+                    break
+        found.sort(key=lambda c: (c.objection is not None, -c.fit.score))
+        distinct: list[Candidate] = []
+        for candidate in found:
+            place = candidate.fit.unknowns[:2]
+            if all(math.dist(place, other.fit.unknowns[:2]) > _SAME_PLACE_M for other in distinct):
+                distinct.append(candidate)
+        if distinct and distinct[0].objection is not None:
+            reason = f"no whole goal: {distinct[0].objection}"
+        return distinct, reason or "no goal: nothing in the picture looks like two posts"
+
+    def partial(self, frame: ByteImage, prior: Pose2) -> Candidate | None:
+        """One post and the bar, or two posts without it, fitted under a prior pose; None where less is in view.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        prior : Pose2
+            Known to `PRIOR_STD_M` and `PRIOR_STD_RAD`.
+        """
+        best: Candidate | None = None
+        for proposal in self._proposals(frame):
+            if proposal.last_resort:
+                continue
+            for side in proposal.sides:
+                held = under_prior(proposal.model, prior if side > 0 else prior.half_turn())
+                for strip, post in itertools.product(proposal.found[:6], (0, 1)):
+                    seen = self._fit_one_post(frame, strip, post, held, proposal.look)
+                    if seen is None or sum(s >= LEAST_ELEMENT_SHARE for s in seen.element_shares) < 2:
+                        continue
+                    strain = (seen.unknowns - held.prior)[[X, Y, HEADING]]
+                    if np.any(np.abs(strain) > 3 * np.array([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD])):
+                        continue
+                    if best is None or seen.score > best.fit.score:
+                        best = Candidate(seen, (side,), held, None)
+        return best
+
+    def _fit_one_post(self, frame: ByteImage, strip: Strip, post: int, held: GoalModel, look: Look) -> GoalFit | None:
+        samples = strip_samples(self.camera, ((post, strip),))
+        start = held.prior.copy()
+        # the strip's foot tells the tilt, and where the post stands the heading
+        distance = math.hypot(self.shape.line_x_m - start[X], self.shape.post_y_m[post] - start[Y])
+        low = strip.foot if math.isfinite(strip.foot) else strip.bottom
+        start[TILT] = -math.atan(self.camera.height_m / distance) + math.atan(
+            (low - held.view.center_px[1]) / held.view.focal_px[1]
+        )
+        rough, cost, _ = fit(held, samples, start, _START_SCALES)
+        return refine(frame, self.camera, held, rough, look, 4.0) if math.isfinite(cost) else None
+
+    def _proposals(self, frame: ByteImage) -> Iterator[_Proposal]:
+        """Where goals may be: by each goal's hue, then for white goals by their edges, then by half of each hue."""
+        factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
+        halves: list[dict[str, tuple[float, float]]] = []
+        small = carpet = np.empty((0, 0), np.uint8)
+        if self.families:
+            small = frame if factor == 1 else _reduced(frame, factor)
+            masks = hue_masks(small, self.families)
+            painted = np.bitwise_or.reduce(list(masks.values()))
+            carpet = carpet_mask(small, painted)
+            halves = narrower(self.families)
+            for color, mask in masks.items():
+                yield self._colored(color, mask, carpet, factor, False)
+        if self._has_white:
+            found = strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False)
+            sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
+            paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
+            look = Look(np.full(3, 3**-0.5), math.inf, 1.0)
+            pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 20)
+            yield _Proposal(False, sides, found, pairs, paint, 1, self.white_model, look)
+        for half in halves:
+            for color, mask in hue_masks(small, half).items():
+                yield self._colored(color, mask, carpet, factor, True)
+
+    def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int, last_resort: bool) -> _Proposal:
+        found = [enlarged(s, factor) for s in strips(mask_runs(mask, 2), 2, carpet, certain=True)]
+        sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
+        paint = np.array(COLOR_NAMES[color], dtype=np.float64)
+        away = paint - paint.mean()
+        look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0)
+        return _Proposal(last_resort, sides, found, self._pairs(found, 6), mask, factor, self.colored_model, look)
+
+    def _pairs(self, found: list[Strip], most: int) -> list[tuple[Strip, Strip]]:
+        """Pairs of strips that can be the posts of one goal, the strongest first."""
+        wide = self.shape.width_m / (2 * self.shape.radius_m)
+        pairs = []
+        for a, b in itertools.permutations(found, 2):
+            apart = b.axis_at(b.bottom) - a.axis_at(a.bottom)
+            width_a, width_b = max(a.width_at(a.bottom), 1.0), max(b.width_at(b.bottom), 1.0)
+            # the posts' distance is at most as many post widths as in the goal, and fewer seen from the side
+            if not 0.25 * wide * min(width_a, width_b) < apart < 1.5 * wide * max(width_a, width_b):
+                continue
+            if not 0.45 < width_a / width_b < 2.2 or abs(a.bottom - b.bottom) > apart:
+                continue
+            pairs.append((a.strength * b.strength, a, b))
+        pairs.sort(key=lambda pair: -pair[0])
+        return [(a, b) for _, a, b in pairs[:most]]
+
+    def _fits(self, frame: ByteImage, left: Strip, right: Strip, proposal: _Proposal) -> list[GoalFit]:
+        """Fits to a pair of strips, best first: for each row the bar may be in, from several obliquenesses."""
+        model, look = proposal.model, proposal.look
+        samples = strip_samples(self.camera, ((0, left), (1, right)))
+        rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
+        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - 0.2]
+        if not rough:
+            return []
+        found: list[GoalFit] = []
+        posts_only = min(rough, key=lambda r: r[1])[0]
+        for bar in bar_rows(proposal.paint, proposal.scale, model, posts_only, 3):
+            joint = with_bar(samples, bar)
+            tried = [fit(model, joint, start, _START_SCALES) for start, _, _ in rough]
+            start, cost, _ = min(tried, key=lambda r: r[1])
+            if not math.isfinite(cost):
+                continue
+            straight = refine(frame, self.camera, model, start, look, 3.0 * max(1.0, proposal.scale / 1.5))
+            if straight is None:
+                continue
+            found.append(straight)
+            for share in _SWINGS:
+                other, cost, _ = fit(model, straight.samples, swung(model, straight.unknowns, share), _START_SCALES[:5])
+                known = any(math.dist(other[:2], f.unknowns[:2]) < _SAME_PLACE_M for f in found)
+                turned = refine(frame, self.camera, model, other, look) if math.isfinite(cost) and not known else None
+                if turned is not None:
+                    found.append(turned)
+        return sorted(found, key=lambda f: -f.score)
+
+
+def under_prior(model: GoalModel, prior: Pose2) -> GoalModel:
+    """The model with a prior on the pose added."""
+    expected, weight = model.prior.copy(), model.weight.copy()
+    expected[[X, Y, HEADING]] = prior.array
+    weight[X] = weight[Y] = PRIOR_STD_M**-2
+    weight[HEADING] = PRIOR_STD_RAD**-2
+    return replace(model, prior=expected, weight=weight)
+
+
+def _reduced(frame: ByteImage, factor: int) -> ByteImage:
+    scale = 1 / factor
+    return np.asarray(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
