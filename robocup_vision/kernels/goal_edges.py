@@ -144,7 +144,7 @@ def measure_edges(image, starts, normals, reach, inside, towards, glare, grey, o
 
 @njit(cache=True, nogil=True)
 def link_runs(row, left, right, lean, max_gap, chain):
-    """Number the runs that stack into one upright strip; runs come sorted by row.
+    """Give each run the number of its chain: the runs that stack into one upright strip. They come sorted by row.
 
     A run continues the chain whose last run's ends are nearest, within one pixel plus what a strip leaning by `lean`
     (pixels per row) moves; `max_gap` rows may be missing. Returns the number of chains; `chain` (N,) holds each run's.

@@ -43,7 +43,7 @@ from robocup_vision.perception.goal_color import hue_masks
 ByteImage = npt.NDArray[np.uint8]
 Method = Literal["edges", "paper", "angles"]
 
-_MOST_LINE_TRIALS = 3
+_MOST_LINE_TRIALS = 2
 _LEAST_LINE_POINTS = 20
 # so many places along lines in view, and lines that are not there speak against a white goal
 _TELLING_RIDGES = 60
@@ -244,7 +244,7 @@ class GoalLocalizer:
 
 def _goal_alone(candidate: Candidate) -> GoalSight:
     covariance = np.linalg.inv(candidate.fit.information)
-    return GoalSight(candidate.fit.unknowns, covariance, candidate.sides, candidate.fit, None)
+    return GoalSight(candidate.fit.unknowns, np.asarray(covariance, np.float64), candidate.sides, candidate.fit, None)
 
 
 def _estimate(sight: GoalSight) -> PoseEstimate:

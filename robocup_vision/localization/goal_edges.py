@@ -156,7 +156,7 @@ def measure(
     rotation = camera_rotation(unknowns[HEADING], unknowns[TILT], unknowns[ROLL])
     eye = np.array([unknowns[X], unknowns[Y], unknowns[HEIGHT]])
     feet = foot_points(shape, unknowns, FOOT_OFFSETS).reshape(-1, 3)
-    above = feet + (0.0, 0.0, 0.5 * shape.radius_m)
+    above = feet + np.array([0.0, 0.0, 0.5 * shape.radius_m])
     points = np.concatenate([edge_segments(shape, unknowns).reshape(-1, 3), feet, above])
     ray = (points - eye) @ rotation
     if not (ray[:, 0] > 0.05).all():

@@ -1,7 +1,7 @@
-"""What a goal of two posts and a bar looks like from a camera: silhouette planes, corners, and the paper's three angles.
+"""How a camera sees a goal of two posts and a bar: silhouette planes, corners, and the paper's three angles.
 
-Everything is written for the goal at +x, whose frame is the field's own; the goal at -x is the same picture after a half
-turn about the field's centre. Lines are compared in the ideal image: pixels with the lens distortion taken out.
+Everything is written for the goal at +x, whose frame is the field's own; the goal at -x is the same picture after a
+half turn about the field's centre. Lines are compared in the ideal image: pixels with the lens distortion taken out.
 """
 
 from __future__ import annotations
@@ -208,9 +208,9 @@ def angles_between(right: npt.ArrayLike, left: npt.ArrayLike, bar: npt.ArrayLike
     r, l_, b = (np.asarray(n, dtype=np.float64) for n in (right, left, bar))
 
     def angle(p: FloatArray, q: FloatArray) -> FloatArray:
-        return np.arctan2(np.linalg.norm(np.cross(p, q), axis=-1), np.sum(p * q, axis=-1))
+        return np.asarray(np.arctan2(np.linalg.norm(np.cross(p, q), axis=-1), np.sum(p * q, axis=-1)), np.float64)
 
-    return np.stack([angle(r, l_), angle(r, b), angle(l_, b)], axis=-1)
+    return np.asarray(np.stack([angle(r, l_), angle(r, b), angle(l_, b)], axis=-1), np.float64)
 
 
 def theoretical_angles(shape: GoalShape, x_m: npt.ArrayLike, y_m: npt.ArrayLike, height_m: float) -> FloatArray:

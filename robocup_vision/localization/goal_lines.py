@@ -41,6 +41,7 @@ _BUILT_TO_M = 0.01
 _RIDGE_SPACING_PX = 8.0
 _RIDGE_REACHES_PX = (12.0, 6.0, 4.0)
 _LEAST_RIDGE_SHARE = 0.75
+_WORTH = 0.1
 _PATCH_M = 0.15  # neighbours on a line err together: one point counts for so much floor
 _MOST_POINTS = 400
 _LEAST_POINTS = 20
@@ -140,7 +141,7 @@ def fit_goal_and_lines(
     if samples is not None:
         samples = _as_built(model, samples, start)
     p = start.copy()
-    normal = np.eye(UNKNOWNS)
+    normal, of_lines = np.eye(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS))
     scale = first_scale_px
     for _ in range(iterations):
         residual, jacobian = _line_rows(p, slopes, camera.focal_px, line_map)
@@ -148,7 +149,8 @@ def fit_goal_and_lines(
         weight[~np.isfinite(residual)] = 0.0
         residual = np.where(np.isfinite(residual), residual, 0.0)
         jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)
-        normal = (jacobian.T * weight) @ jacobian
+        of_lines = (jacobian.T * weight) @ jacobian
+        normal = of_lines.copy()
         gradient = jacobian.T @ (weight * residual)
         if samples is not None:
             goal_residual = residuals(model, samples, p)
@@ -170,7 +172,10 @@ def fit_goal_and_lines(
         scale = max(0.7 * scale, 2.0)
     residual, _ = _line_rows(p, slopes, camera.focal_px, line_map)
     good = np.isfinite(residual) & (np.abs(residual) < LINE_INLIER_PX)
-    covariance = np.linalg.inv(normal)
+    # points along a stretch of line err together, so that they are worth fewer than they are
+    covariance = np.asarray(
+        np.linalg.inv(normal - np.where(np.outer(free, free), (1 - _WORTH) * of_lines, 0.0)), np.float64
+    )
     covariance[~free] = 0.0
     covariance[:, ~free] = 0.0
     return LineFit(p, covariance, float(thin.weight[good].sum() / thin.weight.sum()), residual[good])
@@ -201,10 +206,11 @@ def _line_rows(
 ) -> tuple[FloatArray, FloatArray]:
     """Pixel distances (N,) across the nearest lines, and their derivative (N, 8)."""
     floor = _on_floor(p, slopes)
-    seen = np.isfinite(floor).all(axis=1)
+    seen = np.isfinite(np.sum(floor, axis=1))
+    half_u, half_v = np.array([0.5 / focal_px[0], 0.0]), np.array([0.0, 0.5 / focal_px[1]])
     near = line_map.nearest(np.where(seen[:, None], floor, 0.0))
-    by_u = _on_floor(p, slopes + (0.5 / focal_px[0], 0.0)) - _on_floor(p, slopes - (0.5 / focal_px[0], 0.0))
-    by_v = _on_floor(p, slopes + (0.0, 0.5 / focal_px[1])) - _on_floor(p, slopes - (0.0, 0.5 / focal_px[1]))
+    by_u = _on_floor(p, slopes + half_u) - _on_floor(p, slopes - half_u)
+    by_v = _on_floor(p, slopes + half_v) - _on_floor(p, slopes - half_v)
     across = np.hypot((near.normal * by_u).sum(axis=1), (near.normal * by_v).sum(axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
         per_m = np.where(seen & (across > 0), 1.0 / across, np.nan)
@@ -318,7 +324,7 @@ def _ridge_places(
     line_map: LineMap,
     line_width_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Places (N, 2) in the ideal image where lines are due, normals (N, 2) across them, and their widths (N,), pixels."""
+    """Where lines are due (N, 2) in the ideal image, normals (N, 2) across them and their widths (N,), pixels."""
     field_points, directions = _along_lines(line_map)
     rotation = camera_rotation(unknowns[HEADING], unknowns[TILT], unknowns[ROLL])
     eye = np.array([unknowns[X], unknowns[Y], unknowns[HEIGHT]])

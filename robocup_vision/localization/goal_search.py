@@ -1,4 +1,4 @@
-"""From a frame to goals that may be in it: posts as strips, pairs of them, the bar between, each fitted to its edges."""
+"""From a frame to goals that may be in it: posts as strips, their pairs, the bar between, fitted to edges."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal_edges import Look
 from robocup_vision.localization.goal_fit import (
     LEAST_ELEMENT_SHARE,
@@ -195,7 +195,7 @@ class GoalSearch:
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
             paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
             look = Look(np.full(3, 3**-0.5), math.inf, 1.0)
-            pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 20)
+            pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 14)
             yield _Proposal(False, sides, found, pairs, paint, 1, self.white_model, look)
         for half in halves:
             for color, mask in hue_masks(small, half).items():
@@ -255,7 +255,7 @@ class GoalSearch:
 
 
 def under_prior(model: GoalModel, prior: Pose2) -> GoalModel:
-    """The model with a prior on the pose added."""
+    """Add a prior on the pose to a model."""
     expected, weight = model.prior.copy(), model.weight.copy()
     expected[[X, Y, HEADING]] = prior.array
     weight[X] = weight[Y] = PRIOR_STD_M**-2

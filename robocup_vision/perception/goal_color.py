@@ -52,7 +52,7 @@ def white_gains(image: ByteImage) -> npt.NDArray[np.float64]:
     coarse = image[::4, ::4].reshape(-1, 3)
     bright = np.array([np.partition(coarse[:, c], -len(coarse) // 20)[-len(coarse) // 20] for c in range(3)], float)
     gains = bright.max() / np.maximum(bright, 1.0)
-    return np.minimum(gains, _CAST)
+    return np.asarray(np.minimum(gains, _CAST), np.float64)
 
 
 def narrower(families: dict[str, tuple[float, float]]) -> list[dict[str, tuple[float, float]]]:
@@ -80,7 +80,7 @@ def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dic
             if wrapped_low <= wrapped_high and (wrapped_low > 90.0 if low < 0 else high > 179.0):
                 least[0], most[0] = wrapped_low, wrapped_high
                 mask = cv2.bitwise_or(mask, cv2.inRange(hsv, least, most))
-        masks[color] = _filled(mask, shine)
+        masks[color] = _filled(np.asarray(mask, np.uint8), np.asarray(shine, np.uint8))
     return masks
 
 
@@ -89,8 +89,8 @@ def _filled(mask: ByteImage, shine: ByteImage) -> ByteImage:
     longest = max(3, mask.shape[1] // 8)
     for kernel in (np.ones((1, longest), np.uint8), np.ones((longest, 1), np.uint8)):
         closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel)
-        mask = cv2.bitwise_or(mask, cv2.bitwise_and(closed, shine))
-    return np.asarray(mask)
+        mask = np.asarray(cv2.bitwise_or(mask, cv2.bitwise_and(closed, shine)), np.uint8)
+    return mask
 
 
 def _gain_table(gains: npt.NDArray[np.float64]) -> ByteImage:

@@ -92,7 +92,8 @@ def white_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray,
     profile = cv2.resize(
         np.ascontiguousarray(darkest[: bands * row_step]), (image.shape[1], bands), interpolation=cv2.INTER_AREA
     ).astype(np.float32)
-    gradient = cv2.sepFilter2D(profile, cv2.CV_32F, np.array([-1, -2, 0, 2, 1], np.float32) / 8, np.ones(1, np.float32))
+    kernel = np.array([-1, -2, 0, 2, 1], np.float32) / 8
+    gradient = np.asarray(cv2.sepFilter2D(profile, cv2.CV_32F, kernel, np.ones(1, np.float32)), np.float32)
     noise = 1.4826 * float(np.median(np.abs(gradient))) + 0.25
     inner = gradient[:, 1:-1]
     before, after = gradient[:, :-2], gradient[:, 2:]
@@ -132,7 +133,7 @@ def white_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray,
 def _vertex(gradient: npt.NDArray[np.float32], row: npt.NDArray[np.int64], column: npt.NDArray[np.int64]) -> FloatArray:
     low, mid, high = (np.abs(gradient[row, column + d]).astype(np.float64) for d in (-1, 0, 1))
     bend = np.maximum(2 * mid - low - high, 1e-6)
-    return np.clip((high - low) / (2 * bend), -0.5, 0.5)
+    return np.asarray(np.clip((high - low) / (2 * bend), -0.5, 0.5), np.float64)
 
 
 def mask_runs(mask: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
