@@ -329,7 +329,9 @@ def refine(
     residual = residuals(model, samples, p)
     inlier = np.abs(residual[: len(samples.edge)]) < INLIER_PX
     share = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
-    return GoalFit(p, information, samples, residual, share)
+    # what an edge is off as a whole grows with what its samples scatter: blur, compression and glare do both
+    scatter = float(np.mean(residual[: len(samples.edge)][inlier] ** 2)) if inlier.any() else 0.0
+    return GoalFit(p, information / max(1.0, scatter / _EDGE_ERROR_PX**2), samples, residual, share)
 
 
 def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:

@@ -26,7 +26,9 @@ seeds = st.integers(0, 2**32 - 1)
 def some_camera(rng):
     x, y = rng.uniform(-2.5, 1.8), rng.uniform(-1.2, 1.2)
     heading = np.arctan2(-y, SHAPE.line_x_m - x) + rng.uniform(-0.1, 0.1)
-    return np.array([x, y, heading, *rng.uniform(-0.1, 0.1, 2), 0.185, rng.uniform(-0.02, 0.02), rng.uniform(-0.5, 0.5)])
+    return np.array(
+        [x, y, heading, *rng.uniform(-0.1, 0.1, 2), 0.185, rng.uniform(-0.02, 0.02), rng.uniform(-0.5, 0.5)]
+    )
 
 
 def perfect_samples(p, per_edge=10):

@@ -58,9 +58,7 @@ def test_angles_do_not_depend_on_how_the_camera_is_held(x, y, pan, tilt, roll):
     assume(np.isfinite(pixels).all())
     slopes = (pixels - VIEW.center_px) / VIEW.focal_px
     foot_left, top_left, top_right, foot_right = np.column_stack([np.ones(4), -slopes])
-    seen = angles_between(
-        np.cross(foot_right, top_right), np.cross(foot_left, top_left), np.cross(top_left, top_right)
-    )
+    seen = angles_between(np.cross(foot_right, top_right), np.cross(foot_left, top_left), np.cross(top_left, top_right))
     np.testing.assert_allclose(seen, theoretical_angles(SHAPE, x, y, 0.185), atol=1e-9)
     left, right = (math.atan2(post_y - y, SHAPE.line_x_m - x) for post_y in SHAPE.post_y_m)
     assert seen[0] == pytest.approx(left - right, abs=1e-9)

@@ -1,0 +1,94 @@
+"""Strips, carpet and goal paint in small drawn pictures."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from field_models import COLOR_NAMES, load_field
+from robocup_vision.perception.goal_color import hue_families, hue_masks, hue_of, is_chromatic, narrower, white_gains
+from robocup_vision.perception.goal_region import carpet_mask, enlarged, mask_runs, strips, white_runs
+
+FIELD = load_field("four_legged_2007")
+
+
+def drawn(color, left=60, width=8, top=30, foot=90, behind=(70, 70, 70)):
+    """A post on green carpet that begins at row 70."""
+    frame = np.full((120, 160, 3), behind, np.uint8)
+    frame[70:] = COLOR_NAMES["green"]
+    frame[top:foot, left : left + width] = COLOR_NAMES[color]
+    noise = np.random.default_rng(0).normal(0, 2, frame.shape)
+    return np.clip(frame + noise, 0, 255).astype(np.uint8)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(20, 120), st.integers(5, 14), st.sampled_from(["cyan", "yellow"]))
+def test_colored_post_is_one_strip_on_its_foot(left, width, color):
+    frame = drawn(color, left, width)
+    masks = hue_masks(frame, hue_families(FIELD))
+    found = strips(mask_runs(masks[color], 2), 2, carpet_mask(frame, masks[color]), certain=True)
+    assert len(found) == 1
+    assert found[0].edges_at(60) == pytest.approx((left - 0.5, left + width - 0.5), abs=0.6)
+    assert found[0].foot == pytest.approx(89.5, abs=1.1)
+
+
+def test_white_post_before_clutter_stands_on_the_carpet():
+    frame = drawn("white")
+    frame[10:60, 100:104] = 220  # hangs in the air
+    found = strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False)
+    standing = [s for s in found if np.isfinite(s.foot)]
+    assert len(standing) == 1
+    assert standing[0].edges_at(60) == pytest.approx((59.5, 67.5), abs=0.6)
+    assert standing[0].foot == pytest.approx(89.5, abs=2.1)
+
+
+def test_glare_cuts_no_post_apart():
+    frame = drawn("cyan", width=10)
+    frame[45:60, 61:69] = 255  # enclosed by paint
+    frame[62:68, 55:75] = 70  # and something in front of it
+    masks = hue_masks(frame, hue_families(FIELD))
+    assert masks["cyan"][50, 65] == 255
+    found = strips(mask_runs(masks["cyan"], 2), 2, carpet_mask(frame, masks["cyan"]), certain=True)
+    assert len(found) == 1
+    assert found[0].top < 36
+    assert found[0].bottom > 84
+
+
+def test_families_part_the_pitch_s_colours():
+    families = hue_families(FIELD)
+    assert list(families) == ["cyan", "yellow"]
+    for color, (low, high) in families.items():
+        assert low < hue_of(color) < high
+        for other in ("green", "orange", "pink"):
+            assert not low <= hue_of(other) <= high
+        halves = narrower(families)
+        assert halves[0][color][0] == low
+        assert halves[1][color][1] == high
+    assert hue_families(load_field("spl_2020")) == {}
+    assert is_chromatic("orange")
+    assert not is_chromatic("white")
+
+
+def test_a_colour_cast_is_taken_out():
+    frame = drawn("cyan", behind=(200, 200, 200))
+    warm = np.clip(frame * np.array([0.8, 0.95, 1.0]), 0, 255).astype(np.uint8)
+    gains = white_gains(warm)
+    assert gains[0] > gains[2]
+    assert gains.max() <= 1.3
+    mask = hue_masks(warm, hue_families(FIELD))["cyan"]
+    assert mask[40:80, 62:66].mean() > 250
+
+
+def test_enlarging_keeps_pixel_centres():
+    frame = drawn("cyan")
+    masks = hue_masks(frame, hue_families(FIELD))
+    small = strips(mask_runs(masks["cyan"], 2), 2, carpet_mask(frame, masks["cyan"]), certain=True)[0]
+    large = enlarged(small, 2)
+    assert large.axis_at(large.foot) == pytest.approx(2 * small.axis_at(small.foot) + 0.5)
+    assert enlarged(small, 1) is small or enlarged(small, 1) == small
+
+
+def test_nothing_comes_of_nothing():
+    frame = np.zeros((120, 160, 3), np.uint8)
+    assert strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False) == []
+    assert all(not mask.any() for mask in hue_masks(frame, hue_families(FIELD)).values())
