@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import Pose2
-from robocup_vision.localization.goal_edges import Look
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.localization.goal_edges import Look, to_ideal
 from robocup_vision.localization.goal_fit import (
     LEAST_ELEMENT_SHARE,
     GoalFit,
@@ -71,7 +71,7 @@ class Candidate:
     objection: str | None
 
 
-class _Proposal(NamedTuple):
+class Proposal(NamedTuple):
     """Strips that may be posts, with what to fit them by; a last resort is tried only if nothing else was found."""
 
     last_resort: bool
@@ -114,7 +114,7 @@ class GoalSearch:
         """Goals that may be in a frame, distinct ones, best first; and why there is none if there is none."""
         found: list[Candidate] = []
         reason = ""
-        for proposal in self._proposals(frame):
+        for proposal in self.proposals(frame):
             if proposal.last_resort and any(c.objection is None for c in found):
                 break
             for left, right in proposal.pairs:
@@ -149,7 +149,7 @@ class GoalSearch:
             Known to `PRIOR_STD_M` and `PRIOR_STD_RAD`.
         """
         best: Candidate | None = None
-        for proposal in self._proposals(frame):
+        for proposal in self.proposals(frame):
             if proposal.last_resort:
                 continue
             for side in proposal.sides:
@@ -165,6 +165,36 @@ class GoalSearch:
                         best = Candidate(seen, (side,), held, None)
         return best
 
+    def corners(self, frame: ByteImage) -> FloatArray | None:
+        """Corners of the strongest pair of posts with a bar, as solvers of perspective want them.
+
+        Returns
+        -------
+        (4, 2) float64 or None
+            Left foot, left top, right top, right foot, ideal pixels: where the posts' axes meet the carpet and the
+            bar's upper edge.
+        """
+        for proposal in self.proposals(frame):
+            for left, right in proposal.pairs:
+                samples = strip_samples(self.camera, ((0, left), (1, right)))
+                rough = [fit(proposal.model, samples, s, _START_SCALES) for s in starts(proposal.model, left, right)]
+                p, cost, _ = min(rough, key=lambda r: r[1])
+                bars = bar_rows(proposal.paint, proposal.scale, proposal.model, p, 1) if math.isfinite(cost) else []
+                if not bars:
+                    continue
+                a, b = bars[0][0], bars[0][-1]
+                slope = (b[1] - a[1]) / (b[0] - a[0])
+                tops, feet = [], []
+                for strip in (left, right):
+                    low = strip.foot if math.isfinite(strip.foot) else strip.bottom
+                    v = strip.top
+                    for _ in range(5):  # the axis leans little: this converges at once
+                        v = a[1] + slope * (strip.axis_at(v) - a[0])
+                    tops.append((strip.axis_at(v), v))
+                    feet.append((strip.axis_at(low), low))
+                return to_ideal(self.camera, np.array([feet[0], tops[0], tops[1], feet[1]]))
+        return None
+
     def _fit_one_post(self, frame: ByteImage, strip: Strip, post: int, held: GoalModel, look: Look) -> GoalFit | None:
         samples = strip_samples(self.camera, ((post, strip),))
         start = held.prior.copy()
@@ -177,7 +207,7 @@ class GoalSearch:
         rough, cost, _ = fit(held, samples, start, _START_SCALES)
         return refine(frame, self.camera, held, rough, look, 4.0) if math.isfinite(cost) else None
 
-    def _proposals(self, frame: ByteImage) -> Iterator[_Proposal]:
+    def proposals(self, frame: ByteImage) -> Iterator[Proposal]:
         """Where goals may be: by each goal's hue, then for white goals by their edges, then by half of each hue."""
         factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
         halves: list[dict[str, tuple[float, float]]] = []
@@ -196,18 +226,18 @@ class GoalSearch:
             paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
             look = Look(np.full(3, 3**-0.5), math.inf, 1.0)
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 14)
-            yield _Proposal(False, sides, found, pairs, paint, 1, self.white_model, look)
+            yield Proposal(False, sides, found, pairs, paint, 1, self.white_model, look)
         for half in halves:
             for color, mask in hue_masks(small, half).items():
                 yield self._colored(color, mask, carpet, factor, True)
 
-    def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int, last_resort: bool) -> _Proposal:
+    def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int, last_resort: bool) -> Proposal:
         found = [enlarged(s, factor) for s in strips(mask_runs(mask, 2), 2, carpet, certain=True)]
         sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
         paint = np.array(COLOR_NAMES[color], dtype=np.float64)
         away = paint - paint.mean()
         look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0)
-        return _Proposal(last_resort, sides, found, self._pairs(found, 6), mask, factor, self.colored_model, look)
+        return Proposal(last_resort, sides, found, self._pairs(found, 6), mask, factor, self.colored_model, look)
 
     def _pairs(self, found: list[Strip], most: int) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
@@ -225,7 +255,7 @@ class GoalSearch:
         pairs.sort(key=lambda pair: -pair[0])
         return [(a, b) for _, a, b in pairs[:most]]
 
-    def _fits(self, frame: ByteImage, left: Strip, right: Strip, proposal: _Proposal) -> list[GoalFit]:
+    def _fits(self, frame: ByteImage, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
         """Fits to a pair of strips, best first: for each row the bar may be in, from several obliquenesses."""
         model, look = proposal.model, proposal.look
         samples = strip_samples(self.camera, ((0, left), (1, right)))

@@ -75,7 +75,7 @@ def test_grey_clutter_beside_paint_does_not_pull():
 @settings(deadline=None, max_examples=30)
 @given(st.floats(-4.0, 4.0), st.floats(1.5, 9.0))
 def test_ridge_lies_where_it_was_drawn(shift, width):
-    v, u = np.mgrid[:240, :240] / 4.0 - 0.375
+    v = np.mgrid[:240, :240][0] / 4.0 - 0.375
     share = (np.abs(v - 30 - shift) < width / 2).astype(np.float64)
     share = cv2.GaussianBlur(cv2.resize(share, (60, 60), interpolation=cv2.INTER_AREA), (0, 0), 0.5)[..., None]
     image = np.rint(np.array([220.0, 225, 220]) * share + np.array([50.0, 130, 45]) * (1 - share)).astype(np.uint8)
@@ -97,7 +97,7 @@ def test_ridge_needs_green_on_both_sides():
 
 
 def plain_chains(row, left, right, lean, max_gap):
-    """What link_runs does, with every earlier chain looked at each time."""
+    """Do what link_runs does, with every earlier chain looked at each time."""
     ends, chain = [], []
     for n in range(len(row)):
         scores = []

@@ -1,4 +1,4 @@
-"""Laws of the goal's picture: tangents touch, angles do not depend on how the camera is held, the closed form inverts."""
+"""Laws of the goal's picture: tangents touch, angles do not depend on the camera's pose, the closed form inverts."""
 
 import math
 

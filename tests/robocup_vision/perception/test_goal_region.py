@@ -13,7 +13,7 @@ FIELD = load_field("four_legged_2007")
 
 
 def drawn(color, left=60, width=8, top=30, foot=90, behind=(70, 70, 70)):
-    """A post on green carpet that begins at row 70."""
+    """Draw a post on green carpet that begins at row 70."""
     frame = np.full((120, 160, 3), behind, np.uint8)
     frame[70:] = COLOR_NAMES["green"]
     frame[top:foot, left : left + width] = COLOR_NAMES[color]

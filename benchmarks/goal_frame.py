@@ -1,0 +1,75 @@
+"""Time of one goal frame, by stages, as a ratio to cv2.cvtColor(BGR2HSV) of the same frame on one thread."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable
+from functools import partial
+
+import cv2
+import numpy as np
+from harness import Table, finish, parse_arguments, verdict
+
+from field_models import load_field
+from robocup_vision.localization.goal import GoalLocalizer
+from robocup_vision.localization.goal_fit import refine
+from robocup_vision.localization.goal_search import GoalSearch
+from robocup_vision.perception.goal_color import hue_masks
+from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, paper_places, sample_goal
+
+FIELD = load_field("four_legged_2007")
+MOST_RATIO = 25.0
+
+
+def median_s(call: Callable[[], object], repeats: int) -> float:
+    """Median time of a call, seconds."""
+    call()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    cv2.setNumThreads(1)
+    repeats = 5 if arguments.quick else 30
+    all_ok = True
+    for name in ("clean_416x320", "heavy_glare_416x320", "mild_glare_208x160", "white_640x480"):
+        field = load_field("spl_2020") if name.startswith("white") else FIELD
+        condition = GOAL_CONDITIONS[name]
+        places = None if name.startswith("white") else paper_places(FIELD)
+        indices = [10, 25, 40] if places else [0, 1, 2]
+        samples = list(sample_goal(field, condition, arguments.seed, 66, places=places, indices=indices, supersample=3))
+        localizer, search = GoalLocalizer(field, condition.camera), GoalSearch(field, condition.camera)
+        table = Table(("stage                ", "ms", "x cvtColor", "verdict"), name)
+        frames = [s.frame for s in samples]
+        unit = float(np.mean([median_s(lambda f=f: cv2.cvtColor(f, cv2.COLOR_BGR2HSV), 5 * repeats) for f in frames]))
+        stages: list[tuple[str, Callable[[np.ndarray], object]]] = []
+        if search.families:
+            stages.append(("masks of both hues", lambda f, s=search: hue_masks(f, s.families)))
+        stages.append(("posts, pairs", lambda f, s=search: list(itertools.islice(s.proposals(f), 2))))
+        stages.append(("goal search", search.candidates))
+        stages.append(("whole locate()", localizer.locate))
+        for stage, call in stages:
+            mean = float(np.mean([median_s(lambda f=f, call=call: call(f), repeats) for f in frames]))
+            judged = stage == "whole locate()" and name == "clean_416x320"
+            ok = mean / unit <= MOST_RATIO
+            all_ok &= ok or not judged
+            table.row(stage, 1e3 * mean, mean / unit, verdict(ok) if judged else None)
+        found = search.candidates(frames[0])[0]
+        if found:
+            c = found[0]
+            look = next(iter(search.proposals(frames[0]))).look
+            refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, look)
+            once = median_s(refining, repeats)
+            table.row("one refinement", 1e3 * once, once / unit, None)
+    finish(arguments.check, all_ok)
+
+
+if __name__ == "__main__":
+    main()
