@@ -250,3 +250,131 @@ def measure_ridges(image, starts, normals, reach, width, offset, contrast):
         if 0.35 * width[n] - 0.5 < seen < 1.8 * width[n] + 2.0:
             offset[n] = 0.5 * (ends[0] + ends[1])
             contrast[n] = best
+
+
+@njit(cache=True, nogil=True)
+def goal_points(shape, view, p, offsets, points):
+    """Ideal pixels of where to measure: both ends of each free edge, feet, and points above the feet.
+
+    Parameters
+    ----------
+    shape, view, p, offsets
+        See `kernels.goal_fit.goal_prediction`.
+    points : (12 + 4 * K, 2) float64
+        Results: ends of the six edges, the feet of the left, then of the right post, and as many half a radius higher.
+
+    Returns
+    -------
+    bool
+        Whether all of it is in front of the camera.
+    """
+    cp, sp = math.cos(p[2]), math.sin(p[2])
+    ct, st = math.cos(p[3]), math.sin(p[3])
+    cr, sr = math.cos(p[4]), math.sin(p[4])
+    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
+    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
+    r20, r21, r22 = st, ct * sr, ct * cr
+    line_x, half, top, radius = shape[0], 0.5 * shape[1], shape[2], shape[3]
+    dx, dz = line_x - p[0], top - p[5]
+    side = -1.0 if dx < 0 else 1.0
+    elevation, bar_half = math.atan2(dz, abs(dx)), math.asin(min(1.0, radius / math.hypot(dx, dz)))
+    count = offsets.shape[0]
+    for n in range(12 + 4 * count):
+        x, y, z = line_x, 0.0, 0.0
+        if n < 8:
+            e = n // 2
+            y = half if e < 2 else -half
+            z = 0.7 * radius if n % 2 == 0 else (top + 0.5 * radius if e == 0 or e == 3 else top - 2.0 * radius)
+            bearing = math.atan2(y - p[1], dx)
+            wide = math.asin(min(1.0, radius / math.hypot(dx, y - p[1])))
+            if e == 0 or e == 2:
+                x -= radius * math.sin(bearing + wide)
+                y += radius * math.cos(bearing + wide)
+            else:
+                x += radius * math.sin(bearing - wide)
+                y -= radius * math.cos(bearing - wide)
+        elif n < 12:
+            trim = 0.0 if n < 10 else 2.0 * radius
+            y = half - trim if n % 2 == 0 else trim - half
+            if n < 10:
+                x -= side * radius * math.sin(elevation + bar_half)
+                z = top + radius * math.cos(elevation + bar_half)
+            else:
+                x += side * radius * math.sin(elevation - bar_half)
+                z = top - radius * math.cos(elevation - bar_half)
+        else:
+            k = (n - 12) % (2 * count)
+            post_y = half if k < count else -half
+            offset = offsets[k % count]
+            along = math.sqrt(1.0 - offset**2)
+            distance = math.hypot(dx, post_y - p[1])
+            ux, uy = dx / distance, (post_y - p[1]) / distance
+            x = line_x + radius * (offset * uy - along * ux)
+            y = post_y + radius * (-offset * ux - along * uy)
+            z = 0.0 if n < 12 + 2 * count else 0.5 * radius
+        x, y, z = x - p[0], y - p[1], z - p[5]
+        depth = x * r00 + y * r10 + z * r20
+        if depth <= 0.05:
+            return False
+        points[n, 0] = view[2] - view[0] * (x * r01 + y * r11 + z * r21) / depth
+        points[n, 1] = view[3] - view[1] * (x * r02 + y * r12 + z * r22) / depth
+    return True
+
+
+@njit(cache=True, nogil=True)
+def spread_samples(points, feet, width, height, spacing, most, starts, normals, edge, inside, expected):
+    """Places along the edges and at the feet, with outward normals.
+
+    Parameters
+    ----------
+    points : (12 + 2 * feet, 2) float64
+        Of `goal_points`, in image pixels.
+    feet : int
+        How many of them are feet.
+    width, height : int
+        Of the image.
+    spacing, most : float, int
+        Pixels between places on an edge, and their greatest number.
+    starts, normals, edge, inside : (6 * most + feet, ...) float64, float64, int64, float64
+        Results: places, normals, which edge (6: a foot) and how far the object goes on behind it.
+    expected : (6,) int64
+        Result: places on each edge that lie inside the image.
+
+    Returns
+    -------
+    int
+        How many places there are; the last `feet` are the feet.
+    """
+    n = 0
+    for e in range(6):
+        expected[e] = 0
+        ax, ay, bx, by = points[2 * e, 0], points[2 * e, 1], points[2 * e + 1, 0], points[2 * e + 1, 1]
+        length = math.hypot(bx - ax, by - ay)
+        if not (1.0 < length < 1e4):
+            continue
+        partner = e ^ 1
+        px = 0.5 * (points[2 * partner, 0] + points[2 * partner + 1, 0]) - ax
+        py = 0.5 * (points[2 * partner, 1] + points[2 * partner + 1, 1]) - ay
+        nx, ny = (by - ay) / length, -(bx - ax) / length
+        across = nx * px + ny * py
+        if across > 0:
+            nx, ny = -nx, -ny
+        count = int(min(max(length / spacing, 4.0), most))
+        for k in range(count):
+            t = (k + 0.5) / count
+            u, v = ax + t * (bx - ax), ay + t * (by - ay)
+            if 3 < u < width - 4 and 3 < v < height - 4:
+                starts[n, 0], starts[n, 1], normals[n, 0], normals[n, 1] = u, v, nx, ny
+                edge[n] = e
+                inside[n] = 0.5 * abs(across)
+                expected[e] += 1
+                n += 1
+    for k in range(feet):
+        u, v = points[12 + k, 0], points[12 + k, 1]
+        du, dv = u - points[12 + feet + k, 0], v - points[12 + feet + k, 1]
+        length = max(math.hypot(du, dv), 1e-9)
+        starts[n, 0], starts[n, 1], normals[n, 0], normals[n, 1] = u, v, du / length, dv / length
+        edge[n] = 6
+        inside[n] = 4.0
+        n += 1
+    return n

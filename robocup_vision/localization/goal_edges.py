@@ -9,23 +9,15 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.goal_edges import measure_edges
+from robocup_vision.kernels.goal_edges import goal_points, measure_edges, spread_samples
 from robocup_vision.localization.goal_geometry import (
     BAR_BOTTOM,
     BAR_TOP,
     EDGES,
-    HEADING,
-    HEIGHT,
     LEFT_INNER,
     LEFT_OUTER,
-    ROLL,
-    TILT,
     GoalShape,
     IdealView,
-    X,
-    Y,
-    camera_rotation,
-    foot_points,
     silhouette_normals,
 )
 
@@ -153,61 +145,32 @@ def measure(
     EdgeSamples or None
         None where the goal is not in front of the camera.
     """
-    rotation = camera_rotation(unknowns[HEADING], unknowns[TILT], unknowns[ROLL])
-    eye = np.array([unknowns[X], unknowns[Y], unknowns[HEIGHT]])
-    feet = foot_points(shape, unknowns, FOOT_OFFSETS).reshape(-1, 3)
-    above = feet + np.array([0.0, 0.0, 0.5 * shape.radius_m])
-    points = np.concatenate([edge_segments(shape, unknowns).reshape(-1, 3), feet, above])
-    ray = (points - eye) @ rotation
-    if not (ray[:, 0] > 0.05).all():
+    feet = 2 * len(FOOT_OFFSETS)
+    points = np.empty((2 * EDGES + 2 * feet, 2))
+    shape_array = np.array([shape.line_x_m, shape.width_m, shape.height_m, shape.radius_m])
+    if not goal_points(shape_array, np.array([*view.focal_px, *view.center_px]), unknowns, FOOT_OFFSETS, points):
         return None
-    ideal = np.array(view.center_px) - np.array(view.focal_px) * ray[:, 1:] / ray[:, :1]
-    pixels = from_ideal(camera, ideal)
-    ends = pixels[: 2 * EDGES].reshape(EDGES, 2, 2)
+    points = from_ideal(camera, points)
+    room = EDGES * _MOST_SAMPLES + feet
+    start, normal, along = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 3))
+    edge, inside_px, expected = np.empty(room, np.int64), np.empty(room), np.empty(EDGES, np.int64)
     width, height = camera.size_px
-    starts, normals, edges, expected = [], [], [], np.zeros(EDGES, np.int64)
-    thickness = np.empty(EDGES)
-    for e in range(EDGES):
-        a, b = ends[e]
-        length = float(np.hypot(*(b - a)))
-        if not 1.0 < length < 1e4:
-            continue
-        count = int(np.clip(length / _SPACING_PX, 4, _MOST_SAMPLES))
-        at = a + (b - a) * ((np.arange(count) + 0.5) / count)[:, None]
-        direction = (b - a) / length
-        normal = np.array([direction[1], -direction[0]])
-        partner = ends[e ^ 1].mean(axis=0)
-        if normal @ (partner - a) > 0:
-            normal = -normal
-        thickness[e] = abs(normal @ (partner - a))
-        inside = (at[:, 0] > 3) & (at[:, 0] < width - 4) & (at[:, 1] > 3) & (at[:, 1] < height - 4)
-        at = at[inside]
-        starts.append(at)
-        normals.append(np.broadcast_to(normal, at.shape))
-        edges.append(np.full(len(at), e))
-        expected[e] = len(at)
-    foot_pixels = pixels[2 * EDGES : 2 * EDGES + 2 * len(FOOT_OFFSETS)]
-    down = foot_pixels - pixels[2 * EDGES + 2 * len(FOOT_OFFSETS) :]
-    down /= np.linalg.norm(down, axis=1, keepdims=True)
-    starts.append(foot_pixels)
-    normals.append(down)
-    edge = np.concatenate(edges) if edges else np.empty(0, np.int64)
-    start = np.ascontiguousarray(np.concatenate(starts))
-    normal_all = np.ascontiguousarray(np.concatenate(normals))
-    n = len(edge)
-    inside_px = np.full(len(start), 4.0)
-    inside_px[:n] = 0.5 * thickness[edge]
-    along = np.empty((len(start), 3))
+    count = spread_samples(
+        points, feet, width, height, _SPACING_PX, _MOST_SAMPLES, start, normal, edge, inside_px, expected
+    )
+    start, normal, along = start[:count], normal[:count], along[:count]
+    n = count - feet
+    edge = edge[:n]
     along[:n], along[n:] = look.towards, _FOOT_TOWARDS
-    keep = np.ones(len(start))
+    keep = np.ones(count)
     keep[:n] = look.grey
-    offset, contrast, sigma = np.empty(len(start)), np.empty(len(start)), np.empty(len(start))
+    offset, contrast, sigma = np.empty(count), np.empty(count), np.empty(count)
     measure_edges(
         image,
         start,
-        normal_all,
-        np.full(len(start), reach_px),
-        inside_px,
+        normal,
+        np.full(count, reach_px),
+        inside_px[:count],
         along,
         look.glare,
         keep,
@@ -217,8 +180,8 @@ def measure(
     )
     found = np.isfinite(offset)
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
-    where = to_ideal(camera, start[found] + normal_all[found] * offset[found, None])
-    is_edge = np.arange(len(start)) < n
+    where = to_ideal(camera, start[found] + normal[found] * offset[found, None])
+    is_edge = np.arange(count) < n
     edge_found, foot_found = found[:n], found[n:]
     return EdgeSamples(
         edge[edge_found].astype(np.int64),
@@ -226,7 +189,7 @@ def measure(
         np.repeat([0, 1], len(FOOT_OFFSETS))[foot_found],
         np.tile(np.arange(len(FOOT_OFFSETS)), 2)[foot_found],
         np.ascontiguousarray(where[~is_edge[found]]),
-        np.ascontiguousarray(normal_all[n:][foot_found]),
+        np.ascontiguousarray(normal[n:][foot_found]),
         sigma[found],
         expected,
     )

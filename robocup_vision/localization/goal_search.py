@@ -281,6 +281,8 @@ class GoalSearch:
                 turned = refine(frame, self.camera, model, other, look) if math.isfinite(cost) and not known else None
                 if turned is not None:
                     found.append(turned)
+            if max(f.score for f in found) > _CLEAR_SCORE:
+                break  # a better bar will not come
         return sorted(found, key=lambda f: -f.score)
 
 
