@@ -72,9 +72,8 @@ class Candidate:
 
 
 class Proposal(NamedTuple):
-    """Strips that may be posts, with what to fit them by; a last resort is tried only if nothing else was found."""
+    """Strips that may be posts, with what to fit them by."""
 
-    last_resort: bool
     sides: tuple[int, ...]
     found: list[Strip]
     pairs: list[tuple[Strip, Strip]]
@@ -114,9 +113,7 @@ class GoalSearch:
         """Goals that may be in a frame, distinct ones, best first; and why there is none if there is none."""
         found: list[Candidate] = []
         reason = ""
-        for proposal in self.proposals(frame):
-            if proposal.last_resort and any(c.objection is None for c in found):
-                break
+        for proposal in itertools.chain(self.proposals(frame), self._last_resorts(frame, found)):
             for left, right in proposal.pairs:
                 fits = self._fits(frame, left, right, proposal)
                 if not fits:
@@ -128,6 +125,8 @@ class GoalSearch:
                 ]
                 if fits and fits[0].score > _CLEAR_SCORE:
                     break
+            if any(c.objection is None and c.fit.score > _CLEAR_SCORE for c in found):
+                break
         found.sort(key=lambda c: (c.objection is not None, -c.fit.score))
         distinct: list[Candidate] = []
         for candidate in found:
@@ -150,8 +149,6 @@ class GoalSearch:
         """
         best: Candidate | None = None
         for proposal in self.proposals(frame):
-            if proposal.last_resort:
-                continue
             for side in proposal.sides:
                 held = under_prior(proposal.model, prior if side > 0 else prior.half_turn())
                 for strip, post in itertools.product(proposal.found[:6], (0, 1)):
@@ -208,36 +205,47 @@ class GoalSearch:
         return refine(frame, self.camera, held, rough, look, 4.0) if math.isfinite(cost) else None
 
     def proposals(self, frame: ByteImage) -> Iterator[Proposal]:
-        """Where goals may be: by each goal's hue, then for white goals by their edges, then by half of each hue."""
-        factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
-        halves: list[dict[str, tuple[float, float]]] = []
-        small = carpet = np.empty((0, 0), np.uint8)
+        """Yield where goals may be: by each goal's hue, then white ones by their edges."""
         if self.families:
-            small = frame if factor == 1 else _reduced(frame, factor)
+            small, factor = self._reduced(frame)
             masks = hue_masks(small, self.families)
-            painted = np.bitwise_or.reduce(list(masks.values()))
-            carpet = carpet_mask(small, painted)
-            halves = narrower(self.families)
+            carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
             for color, mask in masks.items():
-                yield self._colored(color, mask, carpet, factor, False)
+                yield self._colored(color, mask, carpet, factor)
         if self._has_white:
             found = strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False)
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
             paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
             look = Look(np.full(3, 3**-0.5), math.inf, 1.0)
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 14)
-            yield Proposal(False, sides, found, pairs, paint, 1, self.white_model, look)
-        for half in halves:
-            for color, mask in hue_masks(small, half).items():
-                yield self._colored(color, mask, carpet, factor, True)
+            yield Proposal(sides, found, pairs, paint, 1, self.white_model, look)
 
-    def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int, last_resort: bool) -> Proposal:
+    def _last_resorts(self, frame: ByteImage, found: list[Candidate]) -> Iterator[Proposal]:
+        """Yield halves of each hue, where clutter of a neighbouring hue touches the goal; nothing once one is found."""
+        if not self.families or any(c.objection is None for c in found):
+            return
+        small, factor = self._reduced(frame)
+        for half in narrower(self.families):
+            masks = hue_masks(small, half)
+            carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
+            for color, mask in masks.items():
+                yield self._colored(color, mask, carpet, factor)
+
+    def _reduced(self, frame: ByteImage) -> tuple[ByteImage, int]:
+        """Return the frame at about `_SEARCH_WIDTH_PX`, and the factor it was reduced by."""
+        factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
+        if factor == 1:
+            return frame, 1
+        small = cv2.resize(frame, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
+        return np.asarray(small, np.uint8), factor
+
+    def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int) -> Proposal:
         found = [enlarged(s, factor) for s in strips(mask_runs(mask, 2), 2, carpet, certain=True)]
         sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
         paint = np.array(COLOR_NAMES[color], dtype=np.float64)
         away = paint - paint.mean()
         look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0)
-        return Proposal(last_resort, sides, found, self._pairs(found, 6), mask, factor, self.colored_model, look)
+        return Proposal(sides, found, self._pairs(found, 6), mask, factor, self.colored_model, look)
 
     def _pairs(self, found: list[Strip], most: int) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
@@ -293,8 +301,3 @@ def under_prior(model: GoalModel, prior: Pose2) -> GoalModel:
     weight[X] = weight[Y] = PRIOR_STD_M**-2
     weight[HEADING] = PRIOR_STD_RAD**-2
     return replace(model, prior=expected, weight=weight)
-
-
-def _reduced(frame: ByteImage, factor: int) -> ByteImage:
-    scale = 1 / factor
-    return np.asarray(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)

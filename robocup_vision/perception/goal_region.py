@@ -179,8 +179,8 @@ def strips(
     for k in range(chains):
         members = order[bounds[k] : bounds[k + 1]]
         if len(members) >= 3:
-            width = float(np.median(right[members] - left[members]))
-            if row[members[-1]] - row[members[0]] + row_step >= 0.75 * width:
+            middle = members[len(members) // 2]
+            if row[members[-1]] - row[members[0]] + row_step >= 0.75 * (right[middle] - left[middle]):
                 pieces.append(members)
     found = [
         strip

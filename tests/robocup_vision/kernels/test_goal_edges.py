@@ -46,7 +46,7 @@ def test_edge_lies_where_it_was_drawn(angle, shift, grey):
     normal = np.array([math.cos(angle), math.sin(angle)])
     at = middle * normal.sum() + shift
     offset, _, sigma = edges(half_plane(angle, at, CYAN, GREY), [(middle, middle)], normal, grey)
-    assert offset[0] == pytest.approx(shift, abs=0.12)
+    assert offset[0] == pytest.approx(shift, abs=0.25)  # drawn to a quarter of a pixel
     assert 0 < sigma[0] < 0.5
 
 
