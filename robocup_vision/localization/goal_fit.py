@@ -45,7 +45,7 @@ LEAST_EDGE_SHARE = 0.2  # a post has two edges
 LEAST_SCORE = 0.5
 MOST_STRAIN = 3.5  # standard deviations that a prior may be off
 # what an edge as a whole may be off, however many samples it has: paint, shading, posts that are no perfect cylinders
-_EDGE_ERROR_PX = 0.08
+_EDGE_ERROR_PX = 0.075
 _FOOT_ERROR_PX = 0.25
 _SAMPLE_ERROR_PX = 0.05
 _UPRIGHT_STD_RAD = 0.1  # a robot's camera is roughly upright even where the file says nothing

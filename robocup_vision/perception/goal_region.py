@@ -106,7 +106,7 @@ def white_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray,
     flat_ends = fall_rows * stride + ends
     first = np.searchsorted(flat_ends, rows * stride + starts)
     found: list[FloatArray] = []
-    for skip in (0, 1):  # a speck on the paint must not end the run: the second falling edge is a run as well
+    for skip in (0, 1, 2):  # a speck on the paint must not end the run: the second falling edge is a run as well
         pick = first + skip
         good = pick < len(flat_ends)
         pick = np.minimum(pick, max(len(flat_ends) - 1, 0))
@@ -185,7 +185,7 @@ def strips(
     found = [
         strip
         for members in _join(pieces, row, left, right, 7.0 if certain else _LONGEST_GAP_WIDTHS)
-        if (strip := _strip(members, runs, carpet, 1.0 if certain else 2.0))
+        if (strip := _strip(members, runs, carpet, 1.0 if certain else 1.3))
     ]
     return sorted(found, key=lambda s: -s.strength)
 
