@@ -18,8 +18,9 @@ from field_models.field import Field
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
-from robocup_vision.localization.goal_fit import INLIER_PX, GoalFit
-from robocup_vision.localization.goal_geometry import HEADING, TILT, X, Y, pose_of
+from robocup_vision.localization.goal_edges import measure
+from robocup_vision.localization.goal_fit import INLIER_PX, LEAST_ELEMENT_SHARE, GoalFit, residuals
+from robocup_vision.localization.goal_geometry import HEADING, LOG_FOCAL, TILT, IdealView, X, Y, pose_of
 from robocup_vision.localization.goal_lines import (
     LineFit,
     expected_ridges,
@@ -45,6 +46,7 @@ Method = Literal["edges", "paper", "angles"]
 
 _MOST_LINE_TRIALS = 2
 _LEAST_LINE_POINTS = 20
+_POST_REACH_PX = 3.0
 # so many places along lines in view, and lines that are not there speak against a white goal
 _TELLING_RIDGES = 60
 
@@ -185,7 +187,23 @@ class GoalLocalizer:
         joined = fit_ridges(frame, self.camera, model, start, samples, self._lines, self.field.line_width_m)
         if joined is None or np.any(np.abs(joined.unknowns[:2]) > self._search.extent_m):
             return None
+        if candidate.objection is not None and not self._both_posts_stand(frame, candidate, joined.unknowns):
+            return None
         return GoalSight(joined.unknowns, joined.covariance, candidate.sides, candidate.fit, joined)
+
+    def _both_posts_stand(self, frame: ByteImage, candidate: Candidate, unknowns: FloatArray) -> bool:
+        """Whether both posts are near where the lines put them, as near as goals are built."""
+        scale = math.exp(float(unknowns[LOG_FOCAL]))
+        fu, fv = self.camera.focal_px
+        view = IdealView((fu * scale, fv * scale), self.camera.center_px)
+        model = candidate.model
+        samples = measure(frame, self.camera, view, model.shape, unknowns, _POST_REACH_PX, candidate.look)
+        if samples is None:
+            return False
+        near = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)]) < _POST_REACH_PX
+        share = np.bincount(samples.edge[near], minlength=6) / np.maximum(samples.expected, 4)
+        # before a bright wall one edge of a post may be all there is
+        return bool(min(max(share[0], share[1]), max(share[2], share[3])) >= LEAST_ELEMENT_SHARE)
 
     def _contradicted(self, candidate: Candidate) -> bool:
         """Whether a white goal, found among clutter, promises many lines: had they been there, they had been found."""

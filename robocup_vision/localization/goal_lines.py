@@ -384,7 +384,9 @@ def fit_ridges(
             return None
         p = found.unknowns
     assert found is not None
-    share = found.line_share * len(ridges.pixels) / ridges.expected
+    # the last word: what is seen within reach of where the final camera puts it
+    ridges = line_ridges(frame, camera, p, line_map, line_width_m, LINE_INLIER_PX)
+    share = len(ridges.pixels) / max(ridges.expected, 1)
     return replace(found, line_share=share) if share >= _LEAST_RIDGE_SHARE else None
 
 

@@ -61,6 +61,8 @@ class Candidate:
         Which goals it can be: (1,), (-1,), or both.
     model : GoalModel
         What it was fitted with.
+    look : Look
+        Of its paint.
     objection : str or None
         Why it cannot be one after all.
     """
@@ -68,6 +70,7 @@ class Candidate:
     fit: GoalFit
     sides: tuple[int, ...]
     model: GoalModel
+    look: Look
     objection: str | None
 
 
@@ -119,7 +122,9 @@ class GoalSearch:
                 if not fits:
                     reason = "no goal: two posts may be there, but no bar that fits them"
                 found += [
-                    Candidate(f, proposal.sides, proposal.model, objection(proposal.model, f, self.extent_m))
+                    Candidate(
+                        f, proposal.sides, proposal.model, proposal.look, objection(proposal.model, f, self.extent_m)
+                    )
                     for f in fits
                     if f.score > _LEAST_CANDIDATE_SCORE
                 ]
@@ -159,7 +164,7 @@ class GoalSearch:
                     if np.any(np.abs(strain) > 3 * np.array([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD])):
                         continue
                     if best is None or seen.score > best.fit.score:
-                        best = Candidate(seen, (side,), held, None)
+                        best = Candidate(seen, (side,), held, proposal.look, None)
         return best
 
     def corners(self, frame: ByteImage) -> FloatArray | None:
