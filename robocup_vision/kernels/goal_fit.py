@@ -217,4 +217,10 @@ def fit_goal(
                 break
             limit *= 0.4
             cost = before
+        if scales[iteration] == scales[-1]:
+            still = True
+            for i in range(8):
+                still = still and abs(limit * right[i]) < (1e-4 if i < 2 or i == 7 else 1e-5)
+            if still:
+                break
     return cost
