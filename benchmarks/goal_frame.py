@@ -51,8 +51,8 @@ def main() -> None:
         unit = float(np.median([median_s(lambda f=f: cv2.cvtColor(f, cv2.COLOR_BGR2HSV), 5 * repeats) for f in frames]))
         stages: list[tuple[str, Callable[[np.ndarray], object]]] = []
         if search.families:
-            stages.append(("masks of both hues", lambda f, s=search: hue_masks(f, s.families)))
-        stages.append(("posts, pairs", lambda f, s=search: list(itertools.islice(s.proposals(f), 2))))
+            stages.append(("masks of both hues", lambda f, s=search: hue_masks(s.reduced(f)[0], s.families)))
+        stages.append(("masks, posts, pairs", lambda f, s=search: list(itertools.islice(s.proposals(f), 2))))
         stages.append(("goal search", search.candidates))
         stages.append(("whole locate()", localizer.locate))
         for stage, call in stages:

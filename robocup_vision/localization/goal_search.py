@@ -17,6 +17,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.localization.goal_edges import Look, to_ideal
 from robocup_vision.localization.goal_fit import (
+    INLIER_PX,
     LEAST_ELEMENT_SHARE,
     GoalFit,
     GoalModel,
@@ -25,6 +26,7 @@ from robocup_vision.localization.goal_fit import (
     goal_model,
     objection,
     refine,
+    residuals,
     starts,
     strip_samples,
     swung,
@@ -212,7 +214,7 @@ class GoalSearch:
     def proposals(self, frame: ByteImage) -> Iterator[Proposal]:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""
         if self.families:
-            small, factor = self._reduced(frame)
+            small, factor = self.reduced(frame)
             masks = hue_masks(small, self.families)
             carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
             for color, mask in masks.items():
@@ -229,14 +231,14 @@ class GoalSearch:
         """Yield halves of each hue, where clutter of a neighbouring hue touches the goal; nothing once one is found."""
         if not self.families or any(c.objection is None for c in found):
             return
-        small, factor = self._reduced(frame)
+        small, factor = self.reduced(frame)
         for half in narrower(self.families):
             masks = hue_masks(small, half)
             carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
             for color, mask in masks.items():
                 yield self._colored(color, mask, carpet, factor)
 
-    def _reduced(self, frame: ByteImage) -> tuple[ByteImage, int]:
+    def reduced(self, frame: ByteImage) -> tuple[ByteImage, int]:
         """Return the frame at about `_SEARCH_WIDTH_PX`, and the factor it was reduced by."""
         factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
         if factor == 1:
@@ -291,7 +293,12 @@ class GoalSearch:
             for share in _SWINGS:
                 other, cost, _ = fit(model, straight.samples, swung(model, straight.unknowns, share), _START_SCALES[:5])
                 known = any(math.dist(other[:2], f.unknowns[:2]) < _SAME_PLACE_M for f in found)
-                turned = refine(frame, self.camera, model, other, look) if math.isfinite(cost) and not known else None
+                if known or not math.isfinite(cost):
+                    continue
+                # edges that already lie so far off will not come back
+                if float(np.median(np.abs(residuals(model, straight.samples, other)))) > 2 * INLIER_PX:
+                    continue
+                turned = refine(frame, self.camera, model, other, look)
                 if turned is not None:
                     found.append(turned)
             if max(f.score for f in found) > _CLEAR_SCORE:

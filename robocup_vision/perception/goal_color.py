@@ -86,10 +86,14 @@ def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dic
 
 def _filled(mask: ByteImage, shine: ByteImage) -> ByteImage:
     """Paint plus the shine that paint encloses, along rows (posts), then along columns (the bar)."""
+    u, v, width, height = cv2.boundingRect(mask)
+    part, light = mask[v : v + height, u : u + width], shine[v : v + height, u : u + width]
+    if cv2.countNonZero(light) == 0:
+        return mask
     longest = max(3, mask.shape[1] // 8)
     for kernel in (np.ones((1, longest), np.uint8), np.ones((longest, 1), np.uint8)):
-        closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel)
-        mask = np.asarray(cv2.bitwise_or(mask, cv2.bitwise_and(closed, shine)), np.uint8)
+        # what is enclosed lies within the paint's own box
+        part |= np.asarray(cv2.bitwise_and(cv2.morphologyEx(part, cv2.MORPH_CLOSE, kernel), light), np.uint8)
     return mask
 
 
