@@ -64,7 +64,7 @@ class View:
     boundary_radius_px : (K,) float64
         Image radius of the floor's edge at each of the polar view's bearings, NaN where none.
     marks : (K, M) uint8
-        Polar samples: 0 blocked, 1 floor, 2 line.
+        Polar samples: 0 blocked, 1 floor, 2 line, 3 ball.
     blocked_column : (K,) int64
         First blocked column of each bearing.
     wall_radius_px : (K,) float64
@@ -208,7 +208,7 @@ class Vision:
         start = prior.pose if isinstance(prior, PoseEstimate) else prior
         if start is None and odometry is not None and self._last_pose is not None:
             start = self._last_pose.compose(odometry)
-        samples = cv2.blur(self.polar.sample(frame), (3, 3))
+        samples = np.asarray(cv2.blur(self.polar.sample(frame), (3, 3)), dtype=np.uint8)
         table, llr = self._classify(samples)
         if table is None:
             return self._blind(begin)
@@ -217,21 +217,23 @@ class Vision:
         outlined = perf_counter()
         pose, walls = self._locate(frame, edge, table, start)
         located = perf_counter()
+        ball = self._ball.find(frame, table)
+        balled = perf_counter()
         marks = self._marking.mark(samples, llr)
+        if ball is not None:
+            self._ball.clear(ball, self.polar, marks)
         free_space = self.grid.measure(marks)
         blocked = np.empty(self.polar.bearings, dtype=np.int64)
         columns = self._marking.columns_in_use
         free_floor.first_blocked(marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
-        freed = perf_counter()
-        ball = self._ball.find(frame, table)
         end = perf_counter()
         self._last_pose = pose.pose if pose else None
         timings = {
             "colors": colored - begin,
             "outline": outlined - colored,
             "pose": located - outlined,
-            "free_space": freed - located,
-            "ball": end - freed,
+            "ball": balled - located,
+            "free_space": end - balled,
             "total": end - begin,
         }
         return View(pose, free_space, ball, timings, edge, marks, blocked, walls, self.polar)

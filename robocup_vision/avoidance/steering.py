@@ -18,9 +18,6 @@ from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels import steering as kernels
 
-# Bins of the grown profile (0.45 to 0.9 degrees) and groups of them over which trajectories take long steps.
-_BINS = 512
-_GROUPS = 16
 # Full speed, half and a quarter: what is blocked at one speed may be open at a lower one.
 _SPEED_LEVELS = 3
 _REASONS = (
@@ -164,10 +161,10 @@ class Steering:
         self._kernel_directions = self._directions.copy()
         self._units = np.stack([np.cos(self._directions), np.sin(self._directions)], axis=1)
         self._near_goal_rad = math.pi / directions * 1.001
-        self._edges = profile_edges(_BINS)
-        self._profile = np.empty(_BINS)
-        self._coarse = np.empty(_GROUPS)
-        self._times = np.empty(directions)
+        self._edges = profile_edges(kernels.BINS)
+        self._profile = np.empty(kernels.BINS)
+        self._fine = np.empty(kernels.FINE)
+        self._coarse = np.empty(kernels.COARSE)
         self._resize(3)
 
     def forget(self) -> None:
@@ -243,8 +240,8 @@ class Steering:
             self._edges,
             self._radius_m,
             self._profile,
+            self._fine,
             self._coarse,
-            self._times,
             time_to_contact,
         )
         if outcome < 0:

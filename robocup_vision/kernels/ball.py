@@ -29,6 +29,7 @@ def find_ball(
     from_white: FloatArray,
     from_floor: FloatArray,
     least_level: float,
+    sure: float,
     radial_half_px: FloatArray,
     tangential_half_px: FloatArray,
     packing: UInt16Array,
@@ -55,12 +56,15 @@ def find_ball(
         A pixel is of the ball's colour if both dot products with its B, G, R are positive.
     least_level : float
         Darker pixels (sum of B, G, R) have no colour.
+    sure : float
+        From this dot product with `from_floor` on a pixel is ball all over.
     radial_half_px, tangential_half_px : (R,) float64
         Half the ball's size in the image, by image radius in whole pixels.
     packing, floor_llr
         The colour table.
     out : (4,) float64
-        Filled with the blob's centre u, v, its half sizes' mean ratio to the expected, and its share of floor before and beside it.
+        Filled with the blob's centre u, v, its half sizes' mean ratio to the expected, and its share of floor before
+        and beside it.
 
     Returns
     -------
@@ -95,15 +99,16 @@ def find_ball(
                 top -= 1
                 v, u = stack[top] // width, stack[top] % width
                 b, g, r = frame[v, u, 0], frame[v, u, 1], frame[v, u, 2]
-                weight = min(f0 * b + f1 * g + f2 * r, w0 * b + w1 * g + w2 * r)
+                # a mixed pixel at the rim counts in part, a shaded one inside as a whole
+                weight = min(1.0, (f0 * b + f1 * g + f2 * r) / sure)
                 area += 1
                 total += weight
                 du, dv = float(u - u0), float(v - v0)
                 sum_u += weight * du
                 sum_v += weight * dv
-                sum_uu += du * du
-                sum_uv += du * dv
-                sum_vv += dv * dv
+                sum_uu += weight * du * du
+                sum_uv += weight * du * dv
+                sum_vv += weight * dv * dv
                 for side in range(4):
                     nu = u + (1 if side == 0 else -1 if side == 1 else 0)
                     nv = v + (1 if side == 2 else -1 if side == 3 else 0)
@@ -129,9 +134,9 @@ def find_ball(
                 continue
             # second moments along and across the ray: a quarter of the squared half sizes for an ellipse
             ex, ey = x / radius, y / radius
-            uu = sum_uu / area - cu * cu + 1.0 / 12
-            uv = sum_uv / area - cu * cv
-            vv = sum_vv / area - cv * cv + 1.0 / 12
+            uu = sum_uu / total - cu * cu + 1.0 / 12
+            uv = sum_uv / total - cu * cv
+            vv = sum_vv / total - cv * cv + 1.0 / 12
             radial = 2.0 * math.sqrt(max(0.0, ex * ex * uu + 2 * ex * ey * uv + ey * ey * vv))
             across = 2.0 * math.sqrt(max(0.0, ey * ey * uu - 2 * ex * ey * uv + ex * ex * vv))
             if radial > 1.6 * a + 1.0 or across > 1.6 * t + 1.0 or radial < 0.5 * a - 0.5 or across < 0.5 * t - 0.5:

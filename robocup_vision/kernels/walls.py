@@ -247,7 +247,7 @@ def fit_walls(
     g = np.empty(3)
     residual = np.empty(count)
     last_q = radius_of_q.shape[0] - 2
-    best_cost = 2.0
+    best_cost = math.inf
     for n in range(poses.shape[0]):
         pose[:] = poses[n]
         for iteration in range(scales.shape[0] + 1):

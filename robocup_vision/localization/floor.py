@@ -220,8 +220,8 @@ class FloorLocalizer:
         return np.array(starts)
 
     def _fit(self, starts: FloatArray, radius_px: FloatArray, stride: int, scales: FloatArray) -> _Fit:
-        pose, information, scatter = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-        residual, predicted = np.full(len(radius_px), np.nan), np.empty(len(radius_px))
+        pose, information, scatter = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+        residual, predicted = np.full(len(radius_px), np.nan), np.full(len(radius_px), np.nan)
         q_step, radius_of_q = self._radius_of_q
         cost = kernels.fit_walls(
             starts, *self._geometry, self._cos, self._sin, radius_px, stride, q_step, radius_of_q, scales,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -34,10 +35,13 @@ class GoalSide:
         Says where the goals are and which colours they have.
     camera : OmniCamera
         Its height must be known, since goals are upright.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
     """
 
     field: Field
     camera: OmniCamera
+    mask: npt.NDArray[np.uint8] | None = None
 
     @cached_property
     def is_able(self) -> bool:
@@ -62,6 +66,13 @@ class GoalSide:
         q = np.linspace(0.0, float(self.camera.floor_range.inverse_range_per_m(inner)), _TABLE_SIZE)
         # zero lies inside the usable radius: what a curve does not reach is not looked at
         return float(q[1]), np.nan_to_num(self.camera.floor_range.radius_px(q))
+
+    @cached_property
+    def _hidden(self) -> npt.NDArray[np.uint8]:
+        if self.mask is None:
+            return np.empty((0, 0), dtype=np.uint8)
+        # a vote is a mean over 3 x 3 pixels
+        return np.asarray(cv2.dilate(self.mask, np.ones((3, 3), np.uint8)), dtype=np.uint8)
 
     @cached_property
     def _geometry(self) -> tuple[FloatArray, FloatArray]:
@@ -114,6 +125,7 @@ class GoalSide:
             camera.usable_radius_px,
             *self._radius_of_q,
             hues,
+            self._hidden,
         )
         return int(right), int(wrong)
 

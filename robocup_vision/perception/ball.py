@@ -13,12 +13,17 @@ from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import FloatArray, read_only
 from robocup_vision.kernels import ball as kernel
-from robocup_vision.perception.color_table import ColorTable, PaintColor
+from robocup_vision.kernels import free_floor
+from robocup_vision.perception.color_table import ColorTable
+from robocup_vision.perception.floor_color import PaintColor
+from robocup_vision.perception.polar_view import PolarView
 
 UInt8Array = npt.NDArray[np.uint8]
 
 # share of floor before and beside it, less what has its own colour
-_LEAST_SCORE = 0.6
+_LEAST_SCORE = 0.5
+# the ball's shaded side, sum of its channels, by the brightness of the lit floor
+_LEAST_LEVEL = 0.6
 # of the blob's centre, pixels
 _CENTER_STD_PX = 0.3
 
@@ -33,11 +38,15 @@ class Ball:
         Its centre in the robot frame, metres.
     covariance : (2, 2) float64
         Of its position, square metres.
+    u_px, v_px : float
+        Its centre in the frame.
     """
 
     x_m: float
     y_m: float
     covariance: FloatArray
+    u_px: float
+    v_px: float
 
 
 class BallFinder:
@@ -105,6 +114,8 @@ class BallFinder:
         colors = table.colors
         radii, stride = self._search
         self._stamp += 1
+        from_floor = _between(colors.ball, colors.floor.lit)
+        ball = np.array([colors.ball.blue_ratio, 1.0, colors.ball.red_ratio])
         out = np.empty(4)
         score = kernel.find_ball(
             frame,
@@ -116,14 +127,27 @@ class BallFinder:
             radii,
             stride,
             _between(colors.ball, colors.line),
-            _between(colors.ball, colors.floor.lit),
-            1.2 * colors.floor.level,
+            from_floor,
+            _LEAST_LEVEL * colors.floor.level,
+            _LEAST_LEVEL * colors.floor.level * float(from_floor @ ball / ball.sum()),
             *self._half_sizes_px,
             table.packing,
             table.floor_llr,
             out,
         )
         return self._place(out[:2]) if score >= _LEAST_SCORE else None
+
+    def clear(self, ball: Ball, view: PolarView, marks: UInt8Array) -> None:
+        """Let the ball and its shadow block nothing: it is what one drives to. Changes `marks` (K, M) in place."""
+        u, v = ball.u_px - self.camera.center_px[0], ball.v_px - self.camera.center_px[1]
+        radius = math.hypot(u, v)
+        along, across = (float(sizes[round(radius)]) for sizes in self._half_sizes_px)
+        bearing = math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad
+        row = bearing / math.tau * view.bearings
+        # the shadow reaches about half a radius beyond the ball, the samples' blur a column
+        half_px = 1.5 * along + view.step_px + 1.5
+        half_rows = (1.5 * across + 1.5) / radius / math.tau * view.bearings + 1
+        free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)
 
     def _place(self, pixel: FloatArray) -> Ball:
         scale = 1.0 if self.camera.height_m is None else 1.0 - self.radius_m / self.camera.height_m
@@ -133,11 +157,11 @@ class BallFinder:
         places = offset + scale * (self.camera.pixel_to_floor(pixel + steps) - offset)
         jacobian = np.stack([places[1] - places[2], places[3] - places[4]], axis=1)
         covariance = _CENTER_STD_PX**2 * jacobian @ jacobian.T
-        return Ball(float(places[0, 0]), float(places[0, 1]), read_only(covariance))
+        return Ball(float(places[0, 0]), float(places[0, 1]), read_only(covariance), float(pixel[0]), float(pixel[1]))
 
 
 def _between(color: PaintColor, other: PaintColor) -> FloatArray:
-    """Normal (3,) of the plane through black half-way between two colours: positive on the side of the first."""
+    """Return the normal (3,) of the plane through black half-way between two colours: positive on the first's side."""
     first = np.array([color.blue_ratio, 1.0, color.red_ratio])
     second = np.array([other.blue_ratio, 1.0, other.red_ratio])
     return np.asarray(first / np.linalg.norm(first) - second / np.linalg.norm(second))

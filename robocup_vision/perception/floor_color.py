@@ -28,6 +28,7 @@ _CENTER = 7
 # bluer, a highlight mixes in white until green is half-way to it
 _DRIFT_PER_STEP = 0.15
 _DRIFT = 0.45
+_DRIFT_TO_GREY = 0.2
 _SPREAD = 0.05
 
 
@@ -178,12 +179,15 @@ def _follow(
         red_ratio[here], blue_ratio[here] = last_red, last_blue
         if np.count_nonzero(member) < enough:
             continue
-        sum_green = g[member].sum()
+        sum_green = max(g[member].sum(), 1.0)
         sums = np.maximum([r[member].sum(), b[member].sum()], 1.0)
         drift = np.log(sums / sum_green / [last_red, last_blue])
         drift = np.clip(drift, -_DRIFT_PER_STEP, _DRIFT_PER_STEP)
-        red_ratio[here] = red0 * math.exp(float(np.clip(math.log(last_red / red0) + drift[0], -_DRIFT, _DRIFT)))
-        blue_ratio[here] = blue0 * math.exp(float(np.clip(math.log(last_blue / blue0) + drift[1], -_DRIFT, _DRIFT)))
+        total = np.clip(np.log([last_red / red0, last_blue / blue0]) + drift, -_DRIFT, _DRIFT)
+        if here < _CENTER:
+            # a shadow changes the light's colour, it does not turn paint grey: what does is something black
+            total -= max(0.0, float(total.sum()) - _DRIFT_TO_GREY) / 2
+        red_ratio[here], blue_ratio[here] = np.array([red0, blue0]) * np.exp(total)
         if here == _CENTER:
             red0, blue0 = float(red_ratio[here]), float(blue_ratio[here])
             red_ratio[:], blue_ratio[:] = red0, blue0

@@ -27,6 +27,8 @@ Int32Array = npt.NDArray[np.int32]
 _FARTHEST_HEIGHTS = 40.0
 # how far the lens and the sampling spread an edge, pixels
 _BLUR_PX = 1.5
+# lines that meet, or are crossed obliquely, are this many times as wide
+_CROSSING = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,10 +198,10 @@ class FloorMarking:
         radius = self.view.radius_px
         range_m = 1.0 / np.maximum(self.view.camera.floor_range.inverse_range_per_m(radius), 1e-3)
         per_column = np.gradient(range_m)
-        # half as wide again for lines crossed obliquely; a sample's blur and the lens's reach on both sides
+        # the lens reaches over on both sides
         per_row = range_m * (math.tau / self.view.bearings)
-        columns = np.ceil(1.5 * self.line_width_m / per_column + 2 * (1 + _BLUR_PX / self.view.step_px))
-        rows = np.ceil((1.5 * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row) + 2
+        columns = np.ceil(_CROSSING * self.line_width_m / per_column + 2 * _BLUR_PX / self.view.step_px)
+        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row)
         # but never as wide as a robot
         rows = np.maximum(np.minimum(rows, np.floor(self.obstacle_width_m / 2 / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)

@@ -77,9 +77,10 @@ class PolarView:
         if self.mask is not None:
             columns = np.clip(np.rint(u).astype(int), 0, width - 1)
             rows = np.clip(np.rint(v).astype(int), 0, height - 1)
-            # a bilinear sample and the blur after it reach one pixel further
-            grown = cv2.dilate((self.mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8))
-            inside &= grown[rows, columns] == 0
+            # a bilinear sample reaches one pixel further, the 3 x 3 blur after it one sample in each direction
+            hidden = self._grown_mask[rows, columns]
+            beside = np.pad(cv2.dilate(np.pad(hidden, ((1, 1), (0, 0)), "wrap"), np.ones((3, 3), np.uint8)), 0)
+            inside &= beside[1:-1] == 0
         valid = inside.astype(np.uint8)
         valid.flags.writeable = False
         return valid
