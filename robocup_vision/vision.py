@@ -16,7 +16,7 @@ from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import FloatArray, Pose2, read_only
 from robocup_vision.kernels import free_floor, polar
 from robocup_vision.localization.floor import FloorLocalizer
 from robocup_vision.localization.goal_side import GoalSide
@@ -83,6 +83,11 @@ class View:
     wall_radius_px: FloatArray
     polar: PolarView
 
+    def __post_init__(self) -> None:
+        own = (self.boundary_radius_px, self.marks, self.blocked_column, self.wall_radius_px, self.free_space.range_m)
+        for array in own:
+            array.flags.writeable = False
+
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
@@ -95,12 +100,12 @@ class View:
     @cached_property
     def boundary_px(self) -> FloatArray:
         """(K, 2) float64: the floor's edge at each bearing, pixels; NaN rows where none."""
-        return self.polar.camera.polar_to_pixel(self.polar.bearing_rad, self.boundary_radius_px)
+        return read_only(self.polar.camera.polar_to_pixel(self.polar.bearing_rad, self.boundary_radius_px))
 
     @cached_property
     def line_points_px(self) -> FloatArray:
         """(N, 2) float64: polar samples on painted lines, pixels."""
-        return np.asarray(self.polar.pixels[self.marks == free_floor.LINE])
+        return read_only(self.polar.pixels[self.marks == free_floor.LINE])
 
 
 class Vision:
@@ -144,8 +149,11 @@ class Vision:
         if method not in ("floor", "field"):
             raise ArgumentError(f"method must be 'floor' or 'field' for a mirror camera, got {method!r}")
         width, height = camera.size_px
-        if mask is not None and (mask.shape != (height, width) or mask.dtype != np.uint8):
-            raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
+        if mask is not None:
+            # a copy: the caller's array may be a view, or change
+            mask = np.array(mask)
+            if mask.shape != (height, width) or mask.dtype != np.uint8:
+                raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
         self.field = field
         self.camera = camera
         self.method = method
@@ -154,18 +162,18 @@ class Vision:
         self._learnt_ring = 0.0
         self._last_pose: Pose2 | None = None
         # whole cells: as many bearings a direction as come nearest to the usual number from above
-        bearings = directions * -(-BEARINGS // directions)
+        bearings = directions * -(-BEARINGS // max(directions, 1))
         self.polar = PolarView(camera, bearings, mask)
         self.grid = FreeSpaceGrid(self.polar, directions, rings)
         self._marking = FloorMarking(self.polar, field.line_width_m, 2 * field.robot_radius_m)
         self._floor = FloorLocalizer(field, camera, self.polar) if field.is_bounded or method == "floor" else None
         self._lines = LineLocalizer(field, camera, mask) if method == "field" else None
-        self._goal_side = GoalSide(field, camera)
+        self._goal_side = GoalSide(field, camera, mask)
         self._ball = BallFinder(field, camera, mask)
         rays = camera.polar_to_pixel(self.polar.bearing_rad, 1.0) - camera.center_px
         self._ray_u, self._ray_v = np.ascontiguousarray(rays[:, 0]), np.ascontiguousarray(rays[:, 1])
         self._radius_or_none = np.append(self.polar.radius_px, np.nan)
-        self._nothing = np.full(bearings, np.nan)
+        self._nothing = read_only(np.full(bearings, np.nan))
         self._warm_up()
 
     def forget(self) -> None:
@@ -204,7 +212,7 @@ class Vision:
             If the frame has another size or type.
         """
         begin = perf_counter()
-        self._check(frame)
+        frame = self._checked(frame)
         start = prior.pose if isinstance(prior, PoseEstimate) else prior
         if start is None and odometry is not None and self._last_pose is not None:
             start = self._last_pose.compose(odometry)
@@ -238,12 +246,14 @@ class Vision:
         }
         return View(pose, free_space, ball, timings, edge, marks, blocked, walls, self.polar)
 
-    def _check(self, frame: UInt8Array) -> None:
+    def _checked(self, frame: UInt8Array) -> UInt8Array:
         width, height = self.camera.size_px
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
             raise FrameError(f"frame must be a uint8 array, got {getattr(frame, 'dtype', type(frame).__name__)}")
         if frame.shape != (height, width, 3):
             raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
+        # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled for anew
+        return np.require(frame, requirements=("C", "W"))
 
     def _classify(self, samples: UInt8Array) -> tuple[ColorTable | None, npt.NDArray[np.int8]]:
         llr = np.empty(samples.shape[:2], dtype=np.int8)
@@ -268,6 +278,7 @@ class Vision:
         edge = np.empty(self.polar.bearings)
         polar.radial_edges(
             frame,
+            self.polar.hidden_px,
             *self.camera.center_px,
             self._ray_u,
             self._ray_v,

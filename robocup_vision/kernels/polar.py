@@ -91,6 +91,7 @@ def outer_boundary(
 @njit(cache=True, nogil=True)
 def radial_edges(
     frame: UInt8Array,
+    hidden: UInt8Array,
     center_u: float,
     center_v: float,
     step_u: FloatArray,
@@ -111,6 +112,8 @@ def radial_edges(
     Parameters
     ----------
     frame : (H, W, 3) uint8
+    hidden : (H, W) uint8, or (0, 0)
+        Non-zero where no bilinear sample may be taken: a bearing that needs one has no edge.
     center_u, center_v : float
     step_u, step_v : (K,) float64
         Image direction of each bearing.
@@ -126,6 +129,7 @@ def radial_edges(
         Filled with the edge's image radius, NaN where there is none.
     """
     height, width = frame.shape[0], frame.shape[1]
+    masked = hidden.shape[0] == height
     # blur takes the last sample that looks like floor about a column and a pixel inside the edge
     search = int(math.ceil(2 * (column_step_px + 1.0)))
     reach = search + 6
@@ -148,6 +152,7 @@ def radial_edges(
         if left < 0 or right >= width - 1 or top < 0 or bottom >= height - 1:
             continue
         profile[:] = 0.0
+        seen = True
         for side in range(-1, 2):
             du = step_u[k] - side * half_width * step_v[k]
             dv = step_v[k] + side * half_width * step_u[k]
@@ -155,6 +160,9 @@ def radial_edges(
                 radius = near + 0.5 * i
                 u, v = center_u + radius * du, center_v + radius * dv
                 x, y = int(u), int(v)
+                if masked and hidden[y, x] != 0:
+                    seen = False
+                    break
                 fx, fy = u - x, v - y
                 w11 = fx * fy
                 w10, w01 = fy - w11, fx - w11
@@ -166,6 +174,8 @@ def radial_edges(
                         + frame[y + 1, x, c] * w10
                         + frame[y + 1, x + 1, c] * w11
                     )
+        if not seen:
+            continue
         steepest, place = -1.0, reach
         for i in range(reach - search, reach + search + 1):
             slope = 0.0
