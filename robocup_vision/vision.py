@@ -19,6 +19,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, read_only
 from robocup_vision.kernels import free_floor, polar
 from robocup_vision.localization.floor import FloorLocalizer
+from robocup_vision.localization.floor_hull import HullLocalizer
 from robocup_vision.localization.goal_side import GoalSide
 from robocup_vision.localization.lines import LineLocalizer
 from robocup_vision.perception.ball import Ball, BallFinder
@@ -30,7 +31,7 @@ from robocup_vision.perception.polar_view import BEARINGS, BODY_COLUMNS, PolarVi
 
 UInt8Array = npt.NDArray[np.uint8]
 Int64Array = npt.NDArray[np.int64]
-Method = Literal["floor", "field"]
+Method = Literal["floor", "field", "hull"]
 
 # mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
 _CERTAIN_NATS = 3.0
@@ -119,9 +120,10 @@ class Vision:
         The camera.
     colors : Colors, optional
         Fixed colours. Without them they are learnt from the first frame, and again when the light has changed.
-    method : {"field", "floor"}
+    method : {"field", "floor", "hull"}
         "floor": by the floor's outline, which walls or boards must bound. "field": by the outline where there is one,
-        else, or where it does not tell, by the white lines, with no prior.
+        else, or where it does not tell, by the white lines, with no prior. "hull": as the paper prints it, by the
+        convex hull of the whole floor mask; the published reference, for comparison.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     directions : int
@@ -146,8 +148,8 @@ class Vision:
         directions: int = 64,
         rings: int | tuple[float, ...] = 20,
     ) -> None:
-        if method not in ("floor", "field"):
-            raise ArgumentError(f"method must be 'floor' or 'field' for a mirror camera, got {method!r}")
+        if method not in ("floor", "field", "hull"):
+            raise ArgumentError(f"method must be 'floor', 'field' or 'hull' for a mirror camera, got {method!r}")
         width, height = camera.size_px
         if mask is not None:
             # a copy: the caller's array may be a view, or change
@@ -166,7 +168,9 @@ class Vision:
         self.polar = PolarView(camera, bearings, mask)
         self.grid = FreeSpaceGrid(self.polar, directions, rings)
         self._marking = FloorMarking(self.polar, field.line_width_m, 2 * field.robot_radius_m)
-        self._floor = FloorLocalizer(field, camera, self.polar) if field.is_bounded or method == "floor" else None
+        by_outline = method == "floor" or (method == "field" and field.is_bounded)
+        self._floor = FloorLocalizer(field, camera, self.polar) if by_outline else None
+        self._hull = HullLocalizer(field, camera, mask) if method == "hull" else None
         self._lines = LineLocalizer(field, camera, mask) if method == "field" else None
         self._goal_side = GoalSide(field, camera, mask)
         self._ball = BallFinder(field, camera, mask)
@@ -294,6 +298,11 @@ class Vision:
         self, frame: UInt8Array, edge: FloatArray, table: ColorTable, start: Pose2 | None
     ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
         reason = ""
+        if self._hull is not None:
+            by_hull = self._hull.locate(frame, table)
+            if isinstance(by_hull, PoseEstimate):
+                return self._goal_side.choose(frame, by_hull, table.colors, start), self._nothing
+            reason = by_hull.reason
         if self._floor is not None:
             estimate, walls = self._floor.locate(edge, start)
             if isinstance(estimate, PoseEstimate):

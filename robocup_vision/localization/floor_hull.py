@@ -1,8 +1,8 @@
 """Pose from the convex hull of the whole floor mask: Sekimori et al. 2001, section 4, as printed.
 
 The published reference beside `localization.floor`, for comparison; nothing else builds on it. Errata heeded: the two
-headings of eq. 23 are -psi' and pi - psi', and eqs. 20-21 turn by psi'. Left open by the paper and chosen here: the blur
-and the sizes of Step 1's erosions and dilations, what becomes of points at the end of the view, and the covariance.
+headings of eq. 23 are -psi' and pi - psi', and eqs. 20-21 turn by psi'. Left open by the paper and chosen here: blur,
+erosions and dilations of Step 1, what becomes of points at the end of the view, and the covariance.
 """
 
 from __future__ import annotations
@@ -25,11 +25,10 @@ from robocup_vision.perception.color_table import ColorTable
 UInt8Array = npt.NDArray[np.uint8]
 BoolArray = npt.NDArray[np.bool_]
 
-# half-widths of Step 1's opening and closing, in units of 1/86 of the usable radius (a pixel of the paper's image)
-_OPENING, _CLOSING = 1.0, 2.0
+# Step 1's blur and morphology and what an inlier is scale with 1/86 of the usable radius: a pixel of the paper's image
 _UNITS = 86.0
 # pieces of floor with less than this share of it all are something green elsewhere
-_LEAST_PIECE = 0.01
+_LEAST_PIECE = 0.05
 _LEAST_POINTS = 8
 _ROUNDS = 30
 _CONVERGED = 1e-9
@@ -39,7 +38,7 @@ _LARGEST_STD_M = 0.10
 # a principal axis says nothing where the moments along and across it are closer than this
 _LEAST_ELONGATION = 1.05
 # nearest a point comes to the end of the view and still counts as floor's edge, pixels
-_MARGIN_PX = 1.5
+_MARGIN_PX = 2
 # floor is believed to reach at most this many times as far as the field is long
 _FARTHEST = 1.2
 
@@ -121,11 +120,13 @@ class HullLocalizer:
     def floor_mask(self, frame: UInt8Array, colors: ColorTable) -> UInt8Array:
         """Step 1: floor (H, W) uint8, 1 or 0, of a frame (H, W, 3), freed of specks, joined across painted lines."""
         usable = self._view[0]
-        size = 2 * round(self._unit_px) + 1
-        smooth = np.asarray(cv2.blur(frame, (size, size)), dtype=np.uint8)
+        reach = round(self._unit_px)
+        smooth: UInt8Array = np.asarray(cv2.blur(frame, (2 * reach + 1, 2 * reach + 1)), dtype=np.uint8)
         floor = (colors.floor_llr[colors.pack(smooth)] > 0).astype(np.uint8) & usable
-        floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_CLOSE, _disc(_CLOSING * self._unit_px)), dtype=np.uint8)
-        floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_OPEN, _disc(_OPENING * self._unit_px)), dtype=np.uint8)
+        floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_CLOSE, _disc(2 * reach)), dtype=np.uint8)
+        floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_OPEN, _disc(reach)), dtype=np.uint8)
+        # the blur mixed the wall into the outermost floor, which was refused for it: give it back
+        floor = np.asarray(cv2.dilate(floor, _disc(reach)), dtype=np.uint8)
         return _without_specks(floor & usable)
 
     def locate(self, frame: UInt8Array, colors: ColorTable) -> PoseEstimate | NotLocated:
@@ -226,8 +227,8 @@ class _Fit:
     information: FloatArray
 
 
-def _disc(radius_px: float) -> UInt8Array:
-    size = 2 * round(radius_px) + 1
+def _disc(radius_px: int) -> UInt8Array:
+    size = 2 * radius_px + 1
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
 
 
