@@ -160,6 +160,8 @@ class Steering:
         # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
         self._kernel_directions = self._directions.copy()
         self._units = np.stack([np.cos(self._directions), np.sin(self._directions)], axis=1)
+        # Plain numbers are read faster than elements of arrays. The last one, index -1, is braking.
+        self._moves = [*zip(self._directions.tolist(), *self._units.T.tolist(), strict=True), (math.nan, 0.0, 0.0)]
         self._near_goal_rad = math.pi / directions * 1.001
         self._edges = profile_edges(kernels.BINS)
         self._profile = np.empty(kernels.BINS)
@@ -249,15 +251,18 @@ class Steering:
         if self._keep_side:
             self._side = side
         time_to_contact.flags.writeable = False
-        command = np.zeros(2) if index < 0 else speed * self._units[index]
+        direction, unit_x, unit_y = self._moves[index]
+        command = np.array((speed * unit_x, speed * unit_y))
         command.flags.writeable = False
-        chosen = None if index < 0 else float(self._directions[index])
         if outcome > 0:
             reason = _REASONS[outcome - 1]
+        elif abs(math.remainder(direction - goal_bearing_rad, math.tau)) <= self._near_goal_rad:
+            reason = "towards goal"
         else:
-            turned = abs(math.remainder(self._directions[index] - goal_bearing_rad, math.tau))
-            reason = "towards goal" if turned <= self._near_goal_rad else "around obstacle"
-        return SteeringCommand(command, outcome == 0, chosen, time_to_contact, self._directions, reason)
+            reason = "around obstacle"
+        return SteeringCommand(
+            command, outcome == 0, None if index < 0 else direction, time_to_contact, self._directions, reason
+        )
 
     def _resize(self, bearings: int) -> None:
         # NaN equals nothing, so the kernel measures the sectors at the first call.
