@@ -392,6 +392,8 @@ def choose_direction(
     present = velocity if use_velocity else standing
     stop = dead_time + math.hypot(present[0], present[1]) / acceleration
     latest = contact_time(present, standing, acceleration, dead_time, stop, step_m, profile, fine, coarse, smallest)
+    # Later by less than contacts are told apart is no later, and braking then touches more softly.
+    latest += 0.1 * step_m / max(speed, math.hypot(present[0], present[1]), step_m)
     chosen = -1
     for j in range(count):
         if time_to_contact[j] > latest:
