@@ -141,7 +141,8 @@ def _noise(ring: FloatArray, usable: npt.NDArray[np.bool_]) -> float:
 
 
 def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tuple[float, float, npt.NDArray[np.bool_]]:
-    step, low, count = 0.1, -3.0, 60
+    # wide enough for every ratio of two bytes: beyond its ends no sample would be near the mode
+    step, low, count = 0.1, -6.0, 120
     i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
     j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
     histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
