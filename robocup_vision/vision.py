@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
 from typing import Literal
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -30,7 +30,6 @@ from robocup_vision.perception.obstacles import Obstacle, find_obstacles
 from robocup_vision.perception.polar_view import BEARINGS, BODY_COLUMNS, PolarView
 
 UInt8Array = npt.NDArray[np.uint8]
-Int64Array = npt.NDArray[np.int64]
 Method = Literal["floor", "field", "hull"]
 
 # mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
@@ -66,8 +65,6 @@ class View:
         Image radius of the floor's edge at each of the polar view's bearings, NaN where none.
     marks : (K, M) uint8
         Polar samples: 0 blocked, 1 floor, 2 line, 3 ball.
-    blocked_column : (K,) int64
-        First blocked column of each bearing.
     wall_radius_px : (K,) float64
         Where the pose puts the walls; NaN where it does not say.
     polar : PolarView
@@ -80,23 +77,25 @@ class View:
     timings_s: Mapping[str, float]
     boundary_radius_px: FloatArray
     marks: UInt8Array
-    blocked_column: Int64Array
     wall_radius_px: FloatArray
     polar: PolarView
 
     def __post_init__(self) -> None:
-        own = (self.boundary_radius_px, self.marks, self.blocked_column, self.wall_radius_px, self.free_space.range_m)
+        own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)
         for array in own:
             array.flags.writeable = False
 
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
-        place = np.minimum(self.blocked_column, len(self.polar.radius_px) - 1)
+        blocked = np.empty(self.polar.bearings, dtype=np.int64)
+        columns = self.polar.columns_in_use
+        free_floor.first_blocked(self.marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
+        place = np.minimum(blocked, len(self.polar.radius_px) - 1)
         beyond = self.polar.radius_px[place] - self.wall_radius_px
         with np.errstate(invalid="ignore"):
             is_wall = beyond > -_WALL_COLUMNS * self.polar.step_px
-        return find_obstacles(self.polar.floor_m, self.blocked_column, is_wall, gap_m=0.05)
+        return find_obstacles(self.polar.floor_m, blocked, is_wall, gap_m=0.05)
 
     @cached_property
     def boundary_px(self) -> FloatArray:
@@ -145,7 +144,7 @@ class Vision:
         *,
         method: Method = "field",
         mask: UInt8Array | None = None,
-        directions: int = 64,
+        directions: int = 80,
         rings: int | tuple[float, ...] = 20,
     ) -> None:
         if method not in ("floor", "field", "hull"):
@@ -220,7 +219,7 @@ class Vision:
         start = prior.pose if isinstance(prior, PoseEstimate) else prior
         if start is None and odometry is not None and self._last_pose is not None:
             start = self._last_pose.compose(odometry)
-        samples = np.asarray(cv2.blur(self.polar.sample(frame), (3, 3)), dtype=np.uint8)
+        samples = self.polar.sample(frame)
         table, llr = self._classify(samples)
         if table is None:
             return self._blind(begin)
@@ -230,14 +229,13 @@ class Vision:
         pose, walls = self._locate(frame, edge, table, start)
         located = perf_counter()
         ball = self._ball.find(frame, table)
+        if ball is not None and pose and self.field.is_bounded and not self._is_on_floor(ball, pose.pose):
+            ball = None
         balled = perf_counter()
         marks = self._marking.mark(samples, llr)
         if ball is not None:
             self._ball.clear(ball, self.polar, marks)
         free_space = self.grid.measure(marks)
-        blocked = np.empty(self.polar.bearings, dtype=np.int64)
-        columns = self._marking.columns_in_use
-        free_floor.first_blocked(marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
         end = perf_counter()
         self._last_pose = pose.pose if pose else None
         timings = {
@@ -248,7 +246,12 @@ class Vision:
             "free_space": end - balled,
             "total": end - begin,
         }
-        return View(pose, free_space, ball, timings, edge, marks, blocked, walls, self.polar)
+        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar)
+
+    def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        x, y = pose.x_m + c * ball.x_m - s * ball.y_m, pose.y_m + s * ball.x_m + c * ball.y_m
+        return self.field.is_on_floor(x, y)
 
     def _checked(self, frame: UInt8Array) -> UInt8Array:
         width, height = self.camera.size_px
@@ -326,7 +329,6 @@ class Vision:
             {"total": perf_counter() - begin},
             self._nothing,
             np.zeros(shape, dtype=np.uint8),
-            np.zeros(shape[0], dtype=np.int64),
             self._nothing,
             self.polar,
         )

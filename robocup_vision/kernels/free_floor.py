@@ -66,26 +66,26 @@ def passable(
                     for j in range(last + 1, m):
                         out[k, j] = LINE
             last = m
-    for m in range(columns_in_use):
-        widest = line_rows[m] + 1
-        # where two lines meet, what lies between is bounded by line; it is still the floor it has to be whiter than
-        last, floor = -1, -1
-        # once round and a little further, so that a line across row 0 is closed, too
-        for step in range(rows + widest):
-            k = step if step < rows else step - rows
+    # where two lines meet, what lies between is bounded by line; it is still the floor it has to be whiter than
+    last = np.full(columns_in_use, -1)
+    floor = np.full(columns_in_use, -1)
+    # once round and a little further, so that a line across row 0 is closed, too
+    for step in range(rows + line_rows[0] + 1):
+        k = step if step < rows else step - rows
+        for m in range(columns_in_use):
             if out[k, m] == BLOCKED:
                 continue
-            if out[k, m] == FLOOR or floor < 0:
-                floor = k
-            if last >= 0 and 1 < step - last <= widest:
+            if 1 < step - last[m] <= line_rows[m] + 1 and last[m] >= 0:
                 blue, red = 0, 0
-                for i in range(last + 1, step):
+                for i in range(last[m] + 1, step):
                     j = i if i < rows else i - rows
                     blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
-                if _is_whiter(blue, red, samples[floor, m], samples[floor, m]):
-                    for i in range(last + 1, step):
+                if _is_whiter(blue, red, samples[floor[m], m], samples[floor[m], m]):
+                    for i in range(last[m] + 1, step):
                         out[i if i < rows else i - rows, m] = LINE
-            last = step
+            last[m] = step
+            if out[k, m] == FLOOR or floor[m] < 0:
+                floor[m] = k
 
 
 @njit(cache=True, nogil=True)

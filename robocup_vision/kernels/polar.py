@@ -104,10 +104,11 @@ def radial_edges(
 ) -> None:
     """Locate the edge between two colours along each bearing to a fraction of a pixel.
 
-    Around the coarse edge the frame is sampled every half pixel, averaged over three neighbouring lines of sight; the
-    steepest place splits the samples into the inner and the outer colour, and the edge is where the projection on their
-    difference crosses one half, by least squares against a smooth step. A cast, a shadow or the floor's own brightness
-    so cannot bias it; channels that the outer side drives into saturation would, and are left out.
+    Around the coarse edge the frame is sampled every pixel along the bearing. The steepest place splits the samples
+    into an inner and an outer colour; what counts from there on is the projection on their difference, averaged over three
+    neighbouring lines of sight, and the edge is fitted to it as a smooth step whose two levels are free. A cast, a
+    shadow or the floor's own brightness so cannot bias it; channels that the outer side drives into saturation would,
+    and are left out.
 
     Parameters
     ----------
@@ -131,89 +132,125 @@ def radial_edges(
     height, width = frame.shape[0], frame.shape[1]
     masked = hidden.shape[0] == height
     # blur takes the last sample that looks like floor about a column and a pixel inside the edge
-    search = int(math.ceil(2 * (column_step_px + 1.0)))
-    reach = search + 6
+    search = int(math.ceil(column_step_px + 1.0))
+    reach = search + 3
     count = 2 * reach + 1
     profile = np.empty((count, 3))
-    inner = np.empty(3)
-    outer = np.empty(3)
-    gain = np.empty(3)
+    signal = np.empty(21)
+    offset = np.zeros(3)
     for k in range(start_px.shape[0]):
         out[k] = np.nan
         if not start_px[k] > 0:
             continue
-        near = start_px[k] + column_step_px + 0.5 - 0.5 * reach
-        far = near + reach
-        aside = half_width * start_px[k] + 1.0
-        left = center_u + min(near * step_u[k], far * step_u[k]) - aside
-        right = center_u + max(near * step_u[k], far * step_u[k]) + aside
-        top = center_v + min(near * step_v[k], far * step_v[k]) - aside
-        bottom = center_v + max(near * step_v[k], far * step_v[k]) + aside
+        near = start_px[k] + column_step_px + 0.5 - reach
+        far = near + 2 * reach + 5
+        aside = half_width * far + 1.0
+        left = center_u + min((near - 5) * step_u[k], far * step_u[k]) - aside
+        right = center_u + max((near - 5) * step_u[k], far * step_u[k]) + aside
+        top = center_v + min((near - 5) * step_v[k], far * step_v[k]) - aside
+        bottom = center_v + max((near - 5) * step_v[k], far * step_v[k]) + aside
         if left < 0 or right >= width - 1 or top < 0 or bottom >= height - 1:
             continue
-        profile[:] = 0.0
         seen = True
-        for side in range(-1, 2):
-            du = step_u[k] - side * half_width * step_v[k]
-            dv = step_v[k] + side * half_width * step_u[k]
-            for i in range(count):
-                radius = near + 0.5 * i
-                u, v = center_u + radius * du, center_v + radius * dv
-                x, y = int(u), int(v)
-                if masked and hidden[y, x] != 0:
-                    seen = False
-                    break
-                fx, fy = u - x, v - y
-                w11 = fx * fy
-                w10, w01 = fy - w11, fx - w11
-                w00 = 1.0 - fx - fy + w11
-                for c in range(3):
-                    profile[i, c] += (
-                        frame[y, x, c] * w00
-                        + frame[y, x + 1, c] * w01
-                        + frame[y + 1, x, c] * w10
-                        + frame[y + 1, x + 1, c] * w11
-                    )
-        if not seen:
-            continue
+        for i in range(count):
+            u, v = center_u + (near + i) * step_u[k], center_v + (near + i) * step_v[k]
+            x, y = int(u), int(v)
+            seen = seen and not (masked and hidden[y, x] != 0)
+            fx, fy = u - x, v - y
+            w11 = fx * fy
+            w10, w01 = fy - w11, fx - w11
+            w00 = 1.0 - fx - fy + w11
+            for c in range(3):
+                profile[i, c] = (
+                    frame[y, x, c] * w00
+                    + frame[y, x + 1, c] * w01
+                    + frame[y + 1, x, c] * w10
+                    + frame[y + 1, x + 1, c] * w11
+                )
         steepest, place = -1.0, reach
         for i in range(reach - search, reach + search + 1):
             slope = 0.0
             for c in range(3):
-                d = profile[i + 1, c] + profile[i + 2, c] - profile[i - 1, c] - profile[i - 2, c]
+                d = profile[i + 1, c] - profile[i - 1, c]
                 slope += d * d
             if slope > steepest:
                 steepest, place = slope, i
+        # channels weighted by what they tell the two sides apart
         contrast2, unsaturated2 = 0.0, 0.0
+        gain0, gain1, gain2 = 0.0, 0.0, 0.0
         for c in range(3):
-            inner[c] = profile[place - 5, c] + profile[place - 4, c] + profile[place - 3, c]
-            outer[c] = profile[place + 5, c] + profile[place + 4, c] + profile[place + 3, c]
-            inner[c] /= 9.0
-            outer[c] /= 9.0
-            gain[c] = outer[c] - inner[c]
-            contrast2 += gain[c] ** 2
-            if outer[c] < 245.0:
-                unsaturated2 += gain[c] ** 2
+            inner = 0.5 * (profile[place - 3, c] + profile[place - 2, c])
+            outer = 0.5 * (profile[place + 3, c] + profile[place + 2, c])
+            gain = outer - inner
+            contrast2 += gain * gain
+            if outer < 245.0:
+                unsaturated2 += gain * gain
+            if c == 0:
+                gain0 = gain
+            elif c == 1:
+                gain1 = gain
+            else:
+                gain2 = gain
         if contrast2 < least_contrast * least_contrast:
             continue
         if unsaturated2 > 0.1 * contrast2 and unsaturated2 > least_contrast * least_contrast:
             contrast2 = unsaturated2
-            for c in range(3):
-                if outer[c] >= 245.0:
-                    gain[c] = 0.0
-        edge = float(place)
-        for _ in range(3):
+            if profile[place + 3, 0] + profile[place + 2, 0] >= 490.0:
+                gain0 = 0.0
+            if profile[place + 3, 1] + profile[place + 2, 1] >= 490.0:
+                gain1 = 0.0
+            if profile[place + 3, 2] + profile[place + 2, 2] >= 490.0:
+                gain2 = 0.0
+        # again with a line of sight on either side, centred on the edge's first estimate, as one grey level
+        low = gain0 * profile[place - 2, 0] + gain1 * profile[place - 2, 1] + gain2 * profile[place - 2, 2]
+        high = gain0 * profile[place + 2, 0] + gain1 * profile[place + 2, 1] + gain2 * profile[place + 2, 2]
+        here = gain0 * profile[place, 0] + gain1 * profile[place, 1] + gain2 * profile[place, 2]
+        ahead = gain0 * profile[place + 1, 0] + gain1 * profile[place + 1, 1] + gain2 * profile[place + 1, 2]
+        behind = gain0 * profile[place - 1, 0] + gain1 * profile[place - 1, 1] + gain2 * profile[place - 1, 2]
+        slope = max(0.5 * (ahead - behind), 0.2 * contrast2)
+        edge = near + place + max(-1.0, min(1.0, (0.5 * (low + high) - here) / slope))
+        for side in range(2):
+            du = step_u[k] - (2 * side - 1) * half_width * step_v[k]
+            dv = step_v[k] + (2 * side - 1) * half_width * step_u[k]
+            for i in range(7):
+                radius = edge + i - 3.0
+                u, v = center_u + radius * du, center_v + radius * dv
+                x, y = int(u), int(v)
+                seen = seen and not (masked and hidden[y, x] != 0)
+                fx, fy = u - x, v - y
+                w11 = fx * fy
+                w10, w01 = fy - w11, fx - w11
+                w00 = 1.0 - fx - fy + w11
+                signal[7 * side + i] = (
+                    w00 * (gain0 * frame[y, x, 0] + gain1 * frame[y, x, 1] + gain2 * frame[y, x, 2])
+                    + w01 * (gain0 * frame[y, x + 1, 0] + gain1 * frame[y, x + 1, 1] + gain2 * frame[y, x + 1, 2])
+                    + w10 * (gain0 * frame[y + 1, x, 0] + gain1 * frame[y + 1, x, 1] + gain2 * frame[y + 1, x, 2])
+                    + w11
+                    * (gain0 * frame[y + 1, x + 1, 0] + gain1 * frame[y + 1, x + 1, 1] + gain2 * frame[y + 1, x + 1, 2])
+                )
+        middle = int(edge - near + 0.5)
+        offset[2] = near + middle - edge
+        for i in range(7):
+            j = min(max(middle + i - 3, 0), count - 1)
+            signal[14 + i] = gain0 * profile[j, 0] + gain1 * profile[j, 1] + gain2 * profile[j, 2]
+        low, high = 0.0, 0.0
+        for side in range(3):
+            low += signal[7 * side] + signal[7 * side + 1]
+            high += signal[7 * side + 5] + signal[7 * side + 6]
+        low, high = low / 6.0, high / 6.0
+        if not high > low or not seen:
+            continue
+        shift = 0.0
+        for _ in range(2):
             numerator, denominator = 0.0, 0.0
-            for i in range(max(0, int(edge) - 3), min(count, int(edge) + 5)):
-                off = (i - edge) / 3.5
-                if abs(off) >= 1.0:
-                    continue
-                value = 0.0
-                for c in range(3):
-                    value += (profile[i, c] / 3.0 - inner[c]) * gain[c]
-                slope = 1.0 - off * off
-                numerator += slope * (0.5 + 0.75 * off - 0.25 * off * off * off - value / contrast2)
-                denominator += slope * slope
-            edge += max(-1.5, min(1.5, numerator / denominator * 3.5 / 0.75))
-        if abs(edge - place) < 4.0:
-            out[k] = near + 0.5 * edge
+            for side in range(3):
+                for i in range(1, 6):
+                    x = (i - 3.0 + offset[side] - shift) / 1.75
+                    if abs(x) >= 1.0:
+                        continue
+                    weight = 1.0 - x * x
+                    expected = 0.5 + 0.75 * x - 0.25 * x * x * x
+                    numerator += weight * (expected - (signal[7 * side + i] - low) / (high - low))
+                    denominator += weight * weight
+            shift = max(-1.5, min(1.5, shift + numerator / denominator * 1.75 / 0.75))
+        out[k] = edge + shift

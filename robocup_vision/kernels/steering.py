@@ -356,14 +356,17 @@ def choose_direction(
     if goal_distance < np.inf:
         lag = acceleration * (dead_time + period)
         speed = min(speed, math.sqrt(lag * lag + 2.0 * acceleration * goal_distance) - lag)
+    best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
     for level in range(int(levels)):
         slower = speed * 0.5**level
-        chosen, nearest, longest, toward = -1, np.inf, 0.0, 0.0
+        if slower <= progress:
+            break
+        chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0
         for j in range(count):
             turned = (directions[j] - goal_bearing + math.pi) % turn - math.pi
             ahead = abs(turned) <= same
             away = turn - abs(turned) if turned * side < 0.0 and not ahead else abs(turned)
-            if level > 0 and away > nearest + 1e-9:
+            if level > 0 and away > least + 1e-9:
                 continue
             target = (slower * units[j, 0], slower * units[j, 1])
             present = velocity if use_velocity else target
@@ -380,14 +383,17 @@ def choose_direction(
                     beyond = math.hypot(x, y) >= goal_distance + 0.5 * slower * slower / acceleration
                 if not beyond:
                     continue
-            if away < nearest - 1e-9 or (away < nearest + 1e-9 and t > longest):
-                chosen, nearest, longest, toward = j, min(away, nearest), t, turned
-        if chosen >= 0:
-            if abs(toward) <= same:
-                side = 0.0
-            elif side == 0.0:
-                side = 1.0 if toward > 0.0 else -1.0
-            return 0, chosen, slower, side
+            if away < least - 1e-9 or (away < least + 1e-9 and t > longest):
+                chosen, least, longest, turned_least = j, min(away, least), t, turned
+        if chosen >= 0 and slower * math.cos(min(least, math.pi)) > progress:
+            best, nearest, toward, pace = chosen, least, turned_least, slower
+            progress = slower * math.cos(min(least, math.pi))
+    if best >= 0:
+        if abs(toward) <= same:
+            side = 0.0
+        elif side == 0.0:
+            side = 1.0 if toward > 0.0 else -1.0
+        return 0, best, pace, side
     standing = (0.0, 0.0)
     present = velocity if use_velocity else standing
     stop = dead_time + math.hypot(present[0], present[1]) / acceleration

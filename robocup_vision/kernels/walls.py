@@ -156,31 +156,31 @@ def predict_walls(
                 best_wall[b] = w
 
 
-@njit(cache=True, nogil=True)
-def score_bank(bank: FloatArray, radius: FloatArray, width_px: float, out: FloatArray) -> None:
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def score_bank(bank: FloatArray, radius: FloatArray, weight: FloatArray, width_px: float, out: FloatArray) -> None:
     """Compare a measured outline with the outlines expected at many places, at every heading.
 
     Parameters
     ----------
-    bank : (P, B) float64
-        Expected image radius at B evenly spaced bearings, for heading 0.
+    bank : (P, 2 B) float64
+        Expected image radius at B evenly spaced bearings, for heading 0, twice over.
     radius : (B,) float64
-        Measured image radius, NaN where none.
+        Measured image radius; any finite number where there is none.
+    weight : (B,) float64
+        One over the number of measured bearings where there is one, 0 elsewhere.
     width_px : float
         Differences beyond this count as this.
     out : (P, B) float64
         Filled with the mean cost, 0 to 1, of place p with the heading of minus shift times the bearings' step.
     """
-    places, count = bank.shape
-    for p in range(places):
+    count = radius.shape[0]
+    for p in range(bank.shape[0]):
         for shift in range(count):
-            cost, used = 0.0, 0
+            first = count - shift
+            cost = 0.0
             for b in range(count):
-                if radius[b] > 0:
-                    e = radius[b] - bank[p, (b - shift) % count]
-                    used += 1
-                    cost += min(abs(e), width_px)
-            out[p, shift] = cost / (max(used, 1) * width_px)
+                cost += weight[b] * min(abs(radius[b] - bank[p, first + b]), width_px)
+            out[p, shift] = cost / width_px
 
 
 @njit(cache=True, nogil=True)
@@ -262,7 +262,9 @@ def fit_walls(
             scatter = np.zeros((3, 3))
             group[:] = 0.0
             in_group = 0
-            for k in range(0, count, stride):
+            # far from the end every second bearing does
+            coarse = 2 if stride == 1 and not final and scale > 2.5 * unit_px else 1
+            for k in range(0, count, stride * coarse):
                 residual[k] = np.nan
                 if not radius[k] > 0:
                     continue
@@ -392,3 +394,49 @@ def summarise_fit(
     mean = 0.5 * (out[0, 0] + out[1, 1])
     half = math.sqrt((0.5 * (out[0, 0] - out[1, 1])) ** 2 + out[0, 1] ** 2)
     return share, rms, math.sqrt(mean + half)
+
+
+@njit(cache=True, nogil=True)
+def fit_each(
+    poses: FloatArray,
+    walls: FloatArray,
+    offset_x: float,
+    offset_y: float,
+    height: float,
+    robot_to_camera: FloatArray,
+    cos_b: FloatArray,
+    sin_b: FloatArray,
+    radius: FloatArray,
+    stride: int,
+    q_step: float,
+    radius_of_q: FloatArray,
+    scales: FloatArray,
+    unit_px: float,
+    out_poses: FloatArray,
+    out_costs: FloatArray,
+) -> None:
+    """Fit each start by itself, as `fit_walls` does; fills out_poses (N, 3) and out_costs (N,)."""
+    square, scatter = np.empty((3, 3)), np.empty((3, 3))
+    residual, predicted = np.empty(cos_b.shape[0]), np.empty(cos_b.shape[0])
+    for n in range(poses.shape[0]):
+        out_costs[n] = fit_walls(
+            poses[n : n + 1],
+            walls,
+            offset_x,
+            offset_y,
+            height,
+            robot_to_camera,
+            cos_b,
+            sin_b,
+            radius,
+            stride,
+            q_step,
+            radius_of_q,
+            scales,
+            unit_px,
+            out_poses[n],
+            square,
+            scatter,
+            residual,
+            predicted,
+        )

@@ -29,13 +29,17 @@ _REFINE_SCALES = (3.0, 2.0, 1.0, 1.0)
 _UNITS = 86.0
 _LAST_SCALE_PX = 1.0
 _INLIER = 1.5
-# truncated mean cost up to which a first fit is taken without looking for a better one: three bearings in four fit
-_GOOD_COST = 0.25
+# truncated mean cost up to which a fit is taken without looking for a better one: three bearings in five fit, or, near
+# where the robot is known to be, two; and the share of bearings that may show floor beyond a wall
+_GOOD_COST = 0.4
+_GOOD_COST_AT_PRIOR = 0.6
+_MOST_BEYOND = 0.01
 _LEAST_INLIER_SHARE = 0.3
 _LEAST_BEARINGS = 20
 _BANK_BEARINGS = 80
 _BANK_STARTS = 30
-_REFINED = 6
+_BANK_WIDTH = 12.0
+_REFINED = 8
 # what no image tells: the camera file's own error, in pixels, common to an eighth of the circle
 _SYSTEMATIC_PX = 0.02
 _SYSTEMATIC_BEARINGS = 20
@@ -146,26 +150,37 @@ class FloorLocalizer:
         fit = None
         if prior is not None:
             fit = self._fit(prior.array[None], radius_px, 1, self._scales(_PRIOR_SCALES))
-        if fit is None or fit.cost > _GOOD_COST:
+        if fit is None or not self._is_good(fit, _GOOD_COST_AT_PRIOR):
             guess = self.first_guess(radius_px)
             if guess is None:
                 return NotLocated("the floor's edge encloses no area"), np.full(len(radius_px), np.nan)
             fit = self._fit(guess.array[None], radius_px, 1, self._scales(_SCALES))
-        if fit.cost > _GOOD_COST:
-            fit = self._fit_from_anywhere(fit, radius_px)
+            if not self._is_good(fit, _GOOD_COST):
+                fit = self._fit_from_anywhere(fit, radius_px)
         estimate = self._judge(fit)
         return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
+
+    def _is_good(self, fit: _Fit, good_cost: float) -> bool:
+        """Whether a fit need not be doubted: most of the outline agrees, and hardly any floor shows beyond a wall."""
+        if fit.cost > good_cost:
+            return False
+        beyond = np.count_nonzero(fit.residual_px > 2.0 * self._unit_px)
+        return bool(beyond < _MOST_BEYOND * len(fit.residual_px))
 
     def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray) -> _Fit:
         """Look for a better fit over the whole field, and by sliding along the walls that already agree."""
         starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
-        coarse = [self._fit(start[None], radius_px, 3, self._scales(_COARSE_SCALES)) for start in starts]
+        poses, costs = np.empty_like(starts), np.empty(len(starts))
+        kernels.fit_each(
+            starts, *self._geometry, self._cos, self._sin, radius_px, 2, *self._radius_of_q,
+            self._scales(_COARSE_SCALES), self._unit_px, poses, costs,
+        )  # fmt: skip
         tried: list[FloatArray] = []
-        for candidate in sorted(coarse, key=lambda c: c.cost):
-            if not _is_new(candidate.pose, tried, 0.03):
+        for pose in poses[np.argsort(costs)]:
+            if not _is_new(pose, tried, 0.03):
                 continue
-            tried.append(candidate.pose)
-            retry = self._fit(candidate.pose[None], radius_px, 1, self._scales(_REFINE_SCALES))
+            tried.append(pose)
+            retry = self._fit(pose[None], radius_px, 1, self._scales(_REFINE_SCALES))
             fit = retry if retry.cost < fit.cost else fit
             if len(tried) == _REFINED:
                 break
@@ -201,16 +216,20 @@ class FloorLocalizer:
         for place, profile in zip(places, profiles, strict=True):
             kernels.predict_walls(np.array([*place, 0.0]), *self._geometry, cos_b, sin_b, q, wall, planes)
             profile[:] = np.interp(q, np.arange(len(self._radius_of_q[1])) * self._radius_of_q[0], self._radius_of_q[1])
-        return places, profiles
+        return places, np.hstack([profiles, profiles])
 
     def _search(self, radius_px: FloatArray) -> FloatArray:
         """Poses (N, 3) whose expected outline is most like the measured one, over the whole field and all headings."""
         places, profiles = self._bank
-        nearest = np.rint(np.arange(_BANK_BEARINGS) * (len(radius_px) / _BANK_BEARINGS)).astype(int)
-        cost = np.empty_like(profiles)
-        kernels.score_bank(profiles, radius_px[nearest], 12.0 * self._unit_px, cost)
+        nearest = np.rint(np.arange(_BANK_BEARINGS) * (len(radius_px) / _BANK_BEARINGS)).astype(int) % len(radius_px)
+        radius = radius_px[nearest]
+        weight = np.isfinite(radius) / max(np.count_nonzero(np.isfinite(radius)), 1)
+        cost = np.empty((len(places), _BANK_BEARINGS))
+        kernels.score_bank(profiles, np.nan_to_num(radius), weight, _BANK_WIDTH * self._unit_px, cost)
+        most = min(10 * _BANK_STARTS, cost.size)
+        best = np.argpartition(cost, most - 1, axis=None)[:most]
         starts: list[FloatArray] = []
-        for index in np.argsort(cost, axis=None)[: 10 * _BANK_STARTS]:
+        for index in best[np.argsort(cost.ravel()[best])]:
             place, shift = divmod(int(index), _BANK_BEARINGS)
             start = np.array([*places[place], -shift * math.tau / _BANK_BEARINGS])
             if _is_new(start, starts, 0.15):

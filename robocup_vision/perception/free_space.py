@@ -69,7 +69,7 @@ class FreeSpaceGrid:
     """
 
     view: PolarView
-    directions: int = 64
+    directions: int = 80
     rings: int | tuple[float, ...] = 20
     threshold: float = 0.8
 
@@ -188,12 +188,6 @@ class FloorMarking:
     obstacle_width_m: float
 
     @cached_property
-    def columns_in_use(self) -> int:
-        """Number of columns on which the level camera sees floor."""
-        q = self.view.camera.floor_range.inverse_range_per_m(self.view.radius_px)
-        return int(np.count_nonzero(q > 0))
-
-    @cached_property
     def _widest(self) -> tuple[Int32Array, Int32Array]:
         radius = self.view.radius_px
         range_m = 1.0 / np.maximum(self.view.camera.floor_range.inverse_range_per_m(radius), 1e-3)
@@ -209,5 +203,5 @@ class FloorMarking:
     def mark(self, samples: UInt8Array, llr: npt.NDArray[np.int8]) -> UInt8Array:
         """(K, M) uint8: 0 blocked, 1 floor, 2 line, from colours (K, M, 3) and floor likelihoods (K, M) int8."""
         out = np.empty(llr.shape, dtype=np.uint8)
-        free_floor.passable(samples, llr, self.view.valid, *self._widest, self.columns_in_use, out)
+        free_floor.passable(samples, llr, self.view.valid, *self._widest, self.view.columns_in_use, out)
         return out
