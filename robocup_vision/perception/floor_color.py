@@ -30,6 +30,8 @@ _DRIFT_PER_STEP = 0.15
 _DRIFT = 0.45
 _DRIFT_TO_GREY = 0.2
 _SPREAD = 0.05
+# share of the commonest colour's weight that makes another one a candidate for the floor
+_COMMON = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +149,9 @@ def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tupl
     j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
     histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
     pooled = sum(np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1))
-    top_i, top_j = np.unravel_index(int(np.argmax(pooled)), (count, count))
+    # a robot in a corner sees more of the hall's floor than of the carpet, which is the greener one under any light
+    common = np.argwhere(pooled >= _COMMON * pooled.max())
+    top_i, top_j = common[np.argmin(common.max(axis=1))]
     red, blue = low + (float(top_i) + 0.5) * step, low + (float(top_j) + 0.5) * step
     member = np.ones(len(log_red), dtype=bool)
     for _ in range(3):
