@@ -12,7 +12,7 @@ comparison: the published method. Right half: of the nominal images in which at 
 radius show the inside of a goal (by casting a ray through every second pixel at walls and boxes), the share whose
 first candidate is the pose and not its half turn; images not located count as wrong.
 
-FREE SPACE. A bearing is one of the 64 directions of `Vision.grid` in one image. Its truth is the least exact free
+FREE SPACE. A bearing is one of the directions of `Vision.grid` in one image. Its truth is the least exact free
 range (`Scene.free_range_m`) over 33 rays across its sector; measured and true ranges become numbers of free rings,
 the true one at most the rings that the image shows there. "within 1 cell": share of bearings whose numbers differ by
 at most 1. "false, any": share of bearings more than one ring short of the truth; "false, line/shadow": those of them
@@ -44,7 +44,7 @@ from field_models import load_field
 from robocup_vision import NotLocated, PoseEstimate, Vision
 from robocup_vision.camera import OmniCamera
 from robocup_vision.evaluation.dataset import Truth
-from robocup_vision.evaluation.scoring import Row, figures, pose_error
+from robocup_vision.evaluation.scoring import FAIR_M, FAIR_RAD, Row, figures, pose_error
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.localization.line_map import LineMap
 from robocup_vision.perception.free_space import FreeSpace
@@ -130,10 +130,10 @@ def measure(task: tuple[str, Size, int, range]) -> list[Record]:
         if name in HULL_ROWS and size == SMALL:
             by_hull = vision_for(size, "hull")
             by_hull.forget()
-            hull = _pose_row(by_hull.look(drawn.frame).pose, truth)
+            hull = _pose_row(drawn.index, by_hull.look(drawn.frame).pose, truth)
         records.append(
             Record(
-                row=_pose_row(view.pose, truth),
+                row=_pose_row(drawn.index, view.pose, truth),
                 hull=hull,
                 goal_in_view=goal_pixels(drawn.scene, truth, true_camera) >= LEAST_GOAL_PIXELS,
                 right_half=isinstance(view.pose, PoseEstimate) and _is_right_half(view.pose.pose, truth),
@@ -145,11 +145,11 @@ def measure(task: tuple[str, Size, int, range]) -> list[Record]:
     return records
 
 
-def _pose_row(estimate: PoseEstimate | NotLocated, truth: Pose2) -> Row:
+def _pose_row(index: int, estimate: PoseEstimate | NotLocated, truth: Pose2) -> Row:
     known = Truth(truth.x_m, truth.y_m, truth.theta_rad)
     if not isinstance(estimate, PoseEstimate):
-        return Row("", truth=known)
-    return Row("", estimate, known, pose_error(estimate, known, symmetric=True))
+        return Row(str(index), truth=known, reason=estimate.reason)
+    return Row(str(index), estimate, known, pose_error(estimate, known, symmetric=True))
 
 
 def _is_right_half(pose: Pose2, truth: Pose2) -> bool:
@@ -306,6 +306,18 @@ def pose_line(table: Table, label: str, rows: Sequence[Row], *, judged: bool = T
     return ok or not judged
 
 
+def print_outliers(records: dict[str, list[Record]]) -> None:
+    """Print which images, as numbered by their condition and the seed, are not located or off by 10 cm/5 deg."""
+    for label, found in records.items():
+        rows = [record.row for record in found]
+        far = [row for row in rows if row.error is None or not row.error.within(FAIR_M, FAIR_RAD)]
+        if far:
+            said = ", ".join(
+                f"{row.image} ({row.reason if row.error is None else f'{row.error.position_m:.2f} m'})" for row in far
+            )
+            print(f"not within 10 cm/5 deg in {label}: images {said}")
+
+
 def print_consistency(records: Sequence[Record]) -> bool:
     """Print what only the nominal set is held to: honest covariances, and the right half."""
     got = figures([record.row for record in records])
@@ -390,6 +402,7 @@ def main() -> None:
             by_hull = [record.hull for record in records[label] if record.hull is not None]
             if by_hull:
                 pose_line(table, label, by_hull, judged=False)
+    print_outliers(records)
     all_ok &= print_consistency(records["nominal"])
     all_ok &= print_free_space(records)
     all_ok &= print_balls(records)
