@@ -359,6 +359,7 @@ def choose_direction(
     best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
     for level in range(int(levels)):
         slower = speed * 0.5**level
+        # At best it goes straight to the goal; and a direction no nearer to the goal is not worth the lower speed.
         if slower <= progress:
             break
         chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0

@@ -96,13 +96,39 @@ def test_contact_during_the_dead_time_counts():
     assert not command.safe
 
 
-def test_a_goal_before_a_wall_is_reached_with_the_papers_threshold():
+def test_a_goal_before_a_wall_is_approached_at_speed_with_the_papers_threshold():
     scene = facing(0.6, half_width=1.0)
     papers = {"time_threshold_s": 2.75}
-    assert steering(**papers).steer(scene, (0.0, 0.0), 0.0).reason == "around obstacle"
-    command = steering(**papers).steer(scene, (0.0, 0.0), 0.0, goal_distance_m=0.2)
+    unknown = steering(**papers).steer(scene, (0.0, 0.0), 0.0)
+    known = steering(**papers).steer(scene, (0.0, 0.0), 0.0, goal_distance_m=0.2)
+    assert known.safe
+    assert known.reason == "towards goal"
+    assert unknown.velocity_mps[0] <= 0.2 + 1e-12
+    assert known.velocity_mps[0] > 0.3
+
+
+def test_a_gap_too_tight_for_full_speed_is_entered_slowly():
+    # the way back is free at any speed, the way to the goal ends in a wall
+    fast = steering(speed_mps=1.5)
+    command = fast.steer(facing(0.6, half_width=1.4), (0.0, 0.0), 0.0)
     assert command.safe
     assert command.reason == "towards goal"
+    assert 0.1 < np.hypot(*command.velocity_mps) < 0.5
+    # and where something is nearer still, slower still
+    nearer = fast.steer(facing(0.2, half_width=1.4), (0.0, 0.0), 0.0)
+    assert nearer.reason == "towards goal"
+    assert 0.0 < np.hypot(*nearer.velocity_mps) < np.hypot(*command.velocity_mps)
+
+
+def test_after_a_safe_command_braking_is_preferred_to_the_latest_contact():
+    post = np.full(64, 5.0)
+    post[1:3] = 0.25
+    robot = steering()
+    assert robot.steer(ranges(np.full(64, 5.0)), (0.4, 0.0), 0.0).safe
+    for _ in range(2):
+        assert robot.steer(ranges(post), (0.4, 0.0), 0.0).reason == "no safe direction: braking"
+    robot.forget()
+    assert robot.steer(ranges(post), (0.4, 0.0), 0.0).reason.endswith("latest contact")
 
 
 @given(st.floats(0.0, 3.0))

@@ -228,7 +228,7 @@ def plain_choice(velocity, goal_bearing, goal_distance, side, limits, use_veloci
     turned = (directions - goal_bearing + math.pi) % math.tau - math.pi
     ahead = np.abs(turned) <= math.pi / directions.shape[0] * 1.001
     away = np.where((turned * side < 0) & ~ahead, math.tau - np.abs(turned), np.abs(turned))
-    contacts = []
+    contacts, taken = [], None
     for slower in speed * 0.5 ** np.arange(levels):
         targets = slower * units
         present = np.broadcast_to(velocity, targets.shape) if use_velocity else targets
@@ -251,11 +251,17 @@ def plain_choice(velocity, goal_bearing, goal_distance, side, limits, use_veloci
         if safe.any():
             best = safe & (away <= away[safe].min() + 1e-9)
             index = int(np.argmax(np.where(best, times, -1.0)))
-            if ahead[index]:
-                side = 0.0
-            elif side == 0.0:
-                side = math.copysign(1.0, turned[index])
-            return (0, index, slower, side), contacts[0]
+            towards = slower * math.cos(min(away[index], math.pi))
+            # a lower speed only where it is nearer to the goal, and sooner
+            if taken is None or (away[index] < away[taken[0]] - 1e-9 and towards > taken[2]):
+                taken = index, slower, towards
+    if taken is not None:
+        index, slower, _ = taken
+        if ahead[index]:
+            side = 0.0
+        elif side == 0.0:
+            side = math.copysign(1.0, turned[index])
+        return (0, index, slower, side), contacts[0]
     present = velocity if use_velocity else (0.0, 0.0)
     stop = dead_time + math.hypot(*present) / acceleration
     braking = kernels.contact_time(present, (0.0, 0.0), acceleration, dead_time, stop, step_m, profile, *minima)
