@@ -120,6 +120,8 @@ def test_a_drawn_edge_is_found_to_a_small_part_of_a_pixel_under_any_light(radius
 def test_no_edge_in_a_uniform_frame_nor_below_the_contrast():
     flat = np.full((161, 161, 3), 90, dtype=np.uint8)
     assert np.isnan(edges_of(flat, 45.0)).all()
+    # a picture without any noise asks for no contrast
+    assert np.isnan(edges_of(flat, 45.0, least_contrast=0.0)).all()
     faint = disc(45.0, (50, 130, 45), (53, 133, 48), 0.7).astype(np.uint8)
     assert np.isnan(edges_of(faint, 44.0)).all()
 
