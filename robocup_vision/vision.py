@@ -9,6 +9,7 @@ from functools import cached_property
 from time import perf_counter
 from typing import Literal
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -158,6 +159,7 @@ class Vision:
         self.field = field
         self.camera = camera
         self.method = method
+        self._keep = None if mask is None else (mask == 0).astype(np.uint8)
         self._fixed = None if colors is None else build_color_table(colors)
         self._table = self._fixed
         self._learnt_ring = 0.0
@@ -260,7 +262,11 @@ class Vision:
         if frame.shape != (height, width, 3):
             raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
         # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled for anew
-        return np.require(frame, requirements=("C", "W"))
+        plain = np.require(frame, requirements=("C", "W"))
+        if self._keep is None:
+            return plain
+        # black under the mask, so that nothing there can tell whatever a stage reads beside it
+        return np.asarray(cv2.copyTo(plain, self._keep), dtype=np.uint8)
 
     def _classify(self, samples: UInt8Array) -> tuple[ColorTable | None, npt.NDArray[np.int8]]:
         llr = np.empty(samples.shape[:2], dtype=np.int8)

@@ -61,10 +61,12 @@ def passable(
             if 1 < m - last <= line_columns[m] + 1:
                 blue, red = 0, 0
                 for j in range(last + 1, m):
-                    blue, red = max(blue, int(samples[k, j, 0])), max(red, int(samples[k, j, 2]))
+                    if valid[k, j]:
+                        blue, red = max(blue, int(samples[k, j, 0])), max(red, int(samples[k, j, 2]))
                 if _is_whiter(blue, red, samples[k, last if last >= 0 else m], samples[k, m]):
                     for j in range(last + 1, m):
-                        out[k, j] = LINE
+                        if valid[k, j]:
+                            out[k, j] = LINE
             last = m
     # where two lines meet, what lies between is bounded by line; it is still the floor it has to be whiter than
     last = np.full(columns_in_use, -1)
@@ -79,10 +81,13 @@ def passable(
                 blue, red = 0, 0
                 for i in range(last[m] + 1, step):
                     j = i if i < rows else i - rows
-                    blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
+                    if valid[j, m]:
+                        blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
                 if _is_whiter(blue, red, samples[floor[m], m], samples[floor[m], m]):
                     for i in range(last[m] + 1, step):
-                        out[i if i < rows else i - rows, m] = LINE
+                        j = i if i < rows else i - rows
+                        if valid[j, m]:
+                            out[j, m] = LINE
             last[m] = step
             if out[k, m] == FLOOR or floor[m] < 0:
                 floor[m] = k
@@ -116,23 +121,35 @@ def _is_whiter(blue: int, red: int, before: UInt8Array, after: UInt8Array) -> bo
 
 
 @njit(cache=True, nogil=True)
-def count_cells(passable_mask: UInt8Array, cell: Int32Array, free: Int32Array) -> None:
-    """Count the passable samples of each cell.
+def free_rings(
+    passable_mask: UInt8Array, cell: Int32Array, needed: Int32Array, seen: Int64Array, free: Int32Array
+) -> None:
+    """Count the passable samples of each cell, and the rings of each direction before its first blocked cell.
 
     Parameters
     ----------
     passable_mask : (K, M) uint8
     cell : (K, M) int32
-        Index of each sample's cell, -1: none.
-    free : (C,) int32
-        Filled with the counts.
+        Index of each sample's cell, ring * J + direction; -1: none.
+    needed : (I, J) int32
+        Passable samples that make a cell free.
+    seen : (J,) int64
+        Rings of each direction up to the last one that any sample sees.
+    free : (J,) int32
+        Filled with the number of free rings.
     """
-    free[:] = 0
     rows, columns = cell.shape
+    rings, directions = needed.shape
+    count = np.zeros(rings * directions, np.int32)
     for k in range(rows):
         for m in range(columns):
             if cell[k, m] >= 0 and passable_mask[k, m] != 0:
-                free[cell[k, m]] += 1
+                count[cell[k, m]] += 1
+    for j in range(directions):
+        ring = 0
+        while ring < seen[j] and count[ring * directions + j] >= needed[ring, j]:
+            ring += 1
+        free[j] = ring
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,12 @@ Int64Array = npt.NDArray[np.int64]
 UInt8Array = npt.NDArray[np.uint8]
 UInt16Array = npt.NDArray[np.uint16]
 
+# bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
+ONE = 32
+# a level from which a channel may be clipped
+SATURATED = 245
+B1, B2, THREE, B4, B5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+
 
 @njit(cache=True, nogil=True)
 def classify(
@@ -105,10 +111,9 @@ def radial_edges(
     """Locate the edge between two colours along each bearing to a fraction of a pixel.
 
     Around the coarse edge the frame is sampled every pixel along the bearing. The steepest place splits the samples
-    into an inner and an outer colour; what counts from there on is the projection on their difference, averaged over three
-    neighbouring lines of sight, and the edge is fitted to it as a smooth step whose two levels are free. A cast, a
-    shadow or the floor's own brightness so cannot bias it; channels that the outer side drives into saturation would,
-    and are left out.
+    into an inner and an outer colour; what counts from there on is the projection on their difference, on three
+    neighbouring lines of sight, to which the edge is fitted as a smooth step. A cast, a shadow or the floor's own
+    brightness so cannot bias it; channels that the outer side drives into saturation would, and are left out.
 
     Parameters
     ----------
@@ -131,12 +136,15 @@ def radial_edges(
     """
     height, width = frame.shape[0], frame.shape[1]
     masked = hidden.shape[0] == height
+    flat = frame.reshape(-1)
+    row = np.uint64(3 * width)
     # blur takes the last sample that looks like floor about a column and a pixel inside the edge
     search = int(math.ceil(column_step_px + 1.0))
     reach = search + 3
     count = 2 * reach + 1
-    profile = np.empty((count, 3))
-    signal = np.empty(21)
+    profile = np.empty((count, 3), np.int64)
+    signal = np.empty(21, np.int64)
+    gain = np.empty(3, np.int64)
     offset = np.zeros(3)
     for k in range(start_px.shape[0]):
         out[k] = np.nan
@@ -156,89 +164,79 @@ def radial_edges(
             u, v = center_u + (near + i) * step_u[k], center_v + (near + i) * step_v[k]
             x, y = int(u), int(v)
             seen = seen and not (masked and hidden[y, x] != 0)
-            fx, fy = u - x, v - y
+            fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
             w11 = fx * fy
-            w10, w01 = fy - w11, fx - w11
-            w00 = 1.0 - fx - fy + w11
-            for c in range(3):
+            w10, w01 = ONE * fy - w11, ONE * fx - w11
+            w00 = ONE * (ONE - fx) - w10
+            # unsigned: a signed index would be checked for being negative at every access
+            at = np.uint64(3 * (y * width + x))
+            for c in range(np.uint64(3)):
                 profile[i, c] = (
-                    frame[y, x, c] * w00
-                    + frame[y, x + 1, c] * w01
-                    + frame[y + 1, x, c] * w10
-                    + frame[y + 1, x + 1, c] * w11
+                    flat[at + c] * w00
+                    + flat[at + c + THREE] * w01
+                    + flat[at + c + row] * w10
+                    + flat[at + c + row + THREE] * w11
                 )
-        steepest, place = -1.0, reach
+        steepest, place = -1, reach
         for i in range(reach - search, reach + search + 1):
-            slope = 0.0
+            slope = 0
             for c in range(3):
                 d = profile[i + 1, c] - profile[i - 1, c]
                 slope += d * d
             if slope > steepest:
                 steepest, place = slope, i
         # channels weighted by what they tell the two sides apart
-        contrast2, unsaturated2 = 0.0, 0.0
-        gain0, gain1, gain2 = 0.0, 0.0, 0.0
+        contrast2, unsaturated2 = 0, 0
         for c in range(3):
-            inner = 0.5 * (profile[place - 3, c] + profile[place - 2, c])
-            outer = 0.5 * (profile[place + 3, c] + profile[place + 2, c])
-            gain = outer - inner
-            contrast2 += gain * gain
-            if outer < 245.0:
-                unsaturated2 += gain * gain
-            if c == 0:
-                gain0 = gain
-            elif c == 1:
-                gain1 = gain
-            else:
-                gain2 = gain
-        if contrast2 < least_contrast * least_contrast:
+            outer = profile[place + 3, c] + profile[place + 2, c]
+            gain[c] = (outer - profile[place - 3, c] - profile[place - 2, c]) // (2 * ONE * ONE)
+            contrast2 += gain[c] * gain[c]
+            if outer < SATURATED * 2 * ONE * ONE:
+                unsaturated2 += gain[c] * gain[c]
+        if contrast2 <= least_contrast * least_contrast:
             continue
-        if unsaturated2 > 0.1 * contrast2 and unsaturated2 > least_contrast * least_contrast:
+        if 10 * unsaturated2 > contrast2 and unsaturated2 > least_contrast * least_contrast:
             contrast2 = unsaturated2
-            if profile[place + 3, 0] + profile[place + 2, 0] >= 490.0:
-                gain0 = 0.0
-            if profile[place + 3, 1] + profile[place + 2, 1] >= 490.0:
-                gain1 = 0.0
-            if profile[place + 3, 2] + profile[place + 2, 2] >= 490.0:
-                gain2 = 0.0
+            for c in range(3):
+                if profile[place + 3, c] + profile[place + 2, c] >= SATURATED * 2 * ONE * ONE:
+                    gain[c] = 0
+        gain0, gain1, gain2 = gain[0], gain[1], gain[2]
         # again with a line of sight on either side, centred on the edge's first estimate, as one grey level
         low = gain0 * profile[place - 2, 0] + gain1 * profile[place - 2, 1] + gain2 * profile[place - 2, 2]
         high = gain0 * profile[place + 2, 0] + gain1 * profile[place + 2, 1] + gain2 * profile[place + 2, 2]
         here = gain0 * profile[place, 0] + gain1 * profile[place, 1] + gain2 * profile[place, 2]
         ahead = gain0 * profile[place + 1, 0] + gain1 * profile[place + 1, 1] + gain2 * profile[place + 1, 2]
         behind = gain0 * profile[place - 1, 0] + gain1 * profile[place - 1, 1] + gain2 * profile[place - 1, 2]
-        slope = max(0.5 * (ahead - behind), 0.2 * contrast2)
-        edge = near + place + max(-1.0, min(1.0, (0.5 * (low + high) - here) / slope))
+        rise = max(0.5 * (ahead - behind), 0.2 * contrast2 * ONE * ONE)
+        edge = near + place + max(-1.0, min(1.0, (0.5 * (low + high) - here) / rise))
         for side in range(2):
             du = step_u[k] - (2 * side - 1) * half_width * step_v[k]
             dv = step_v[k] + (2 * side - 1) * half_width * step_u[k]
-            for i in range(7):
+            for i in range(1, 6):
                 radius = edge + i - 3.0
                 u, v = center_u + radius * du, center_v + radius * dv
                 x, y = int(u), int(v)
                 seen = seen and not (masked and hidden[y, x] != 0)
-                fx, fy = u - x, v - y
+                fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
                 w11 = fx * fy
-                w10, w01 = fy - w11, fx - w11
-                w00 = 1.0 - fx - fy + w11
+                w10, w01 = ONE * fy - w11, ONE * fx - w11
+                w00 = ONE * (ONE - fx) - w10
+                at = np.uint64(3 * (y * width + x))
+                below = at + row
                 signal[7 * side + i] = (
-                    w00 * (gain0 * frame[y, x, 0] + gain1 * frame[y, x, 1] + gain2 * frame[y, x, 2])
-                    + w01 * (gain0 * frame[y, x + 1, 0] + gain1 * frame[y, x + 1, 1] + gain2 * frame[y, x + 1, 2])
-                    + w10 * (gain0 * frame[y + 1, x, 0] + gain1 * frame[y + 1, x, 1] + gain2 * frame[y + 1, x, 2])
-                    + w11
-                    * (gain0 * frame[y + 1, x + 1, 0] + gain1 * frame[y + 1, x + 1, 1] + gain2 * frame[y + 1, x + 1, 2])
+                    w00 * (gain0 * flat[at] + gain1 * flat[at + B1] + gain2 * flat[at + B2])
+                    + w01 * (gain0 * flat[at + THREE] + gain1 * flat[at + B4] + gain2 * flat[at + B5])
+                    + w10 * (gain0 * flat[below] + gain1 * flat[below + B1] + gain2 * flat[below + B2])
+                    + w11 * (gain0 * flat[below + THREE] + gain1 * flat[below + B4] + gain2 * flat[below + B5])
                 )
         middle = int(edge - near + 0.5)
         offset[2] = near + middle - edge
         for i in range(7):
             j = min(max(middle + i - 3, 0), count - 1)
             signal[14 + i] = gain0 * profile[j, 0] + gain1 * profile[j, 1] + gain2 * profile[j, 2]
-        low, high = 0.0, 0.0
-        for side in range(3):
-            low += signal[7 * side] + signal[7 * side + 1]
-            high += signal[7 * side + 5] + signal[7 * side + 6]
-        low, high = low / 6.0, high / 6.0
-        if not high > low or not seen:
+        base = 0.5 * (signal[14] + signal[15])
+        span = 0.5 * (signal[19] + signal[20]) - base
+        if not span > 0.0 or not seen:
             continue
         shift = 0.0
         for _ in range(2):
@@ -250,7 +248,7 @@ def radial_edges(
                         continue
                     weight = 1.0 - x * x
                     expected = 0.5 + 0.75 * x - 0.25 * x * x * x
-                    numerator += weight * (expected - (signal[7 * side + i] - low) / (high - low))
+                    numerator += weight * (expected - (signal[7 * side + i] - base) / span)
                     denominator += weight * weight
             shift = max(-1.5, min(1.5, shift + numerator / denominator * 1.75 / 0.75))
         out[k] = edge + shift

@@ -22,15 +22,16 @@ from robocup_vision.perception.polar_view import PolarView
 
 # widths of the redescending weights, in units of 1/86 of the usable radius (a pixel of the paper's 256 x 220 image):
 # from the first guess down to the edges' own accuracy; a last one in pixels proper
-_SCALES = (8.0, 8.0, 5.0, 3.0, 2.0, 1.0, 1.0)
+_SCALES = (8.0, 5.0, 3.0, 2.0, 1.0)
 _COARSE_SCALES = (8.0, 6.0, 4.0, 2.0)
-_PRIOR_SCALES = (2.0, 1.0)
+_PRIOR_SCALES = (2.0,)
 _REFINE_SCALES = (3.0, 2.0, 1.0, 1.0)
 _UNITS = 86.0
 _LAST_SCALE_PX = 1.0
 _INLIER = 1.5
-# truncated mean cost up to which a fit is taken without looking for a better one: three bearings in five fit, or, near
-# where the robot is known to be, two; and the share of bearings that may show floor beyond a wall
+# truncated mean cost up to which a fit is taken without looking for a better one: three bearings in four fit; three in
+# five, or, near where the robot is known to be, two, while hardly any bearing shows floor beyond a wall
+_SURE_COST = 0.25
 _GOOD_COST = 0.4
 _GOOD_COST_AT_PRIOR = 0.6
 _MOST_BEYOND = 0.01
@@ -45,7 +46,7 @@ _SYSTEMATIC_PX = 0.02
 _SYSTEMATIC_BEARINGS = 20
 # a sandwich covariance from some forty groups of bearings comes out low
 _FEW_GROUPS = 1.5
-_LARGEST_STD_M = 0.10
+_LARGEST_STD_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,14 +96,19 @@ class FloorLocalizer:
         return float(q[1]), np.where(np.isfinite(radius), radius, outer)
 
     @cached_property
+    def _q_of_radius(self) -> tuple[float, float, FloatArray]:
+        inner, outer = self.camera.usable_radius_px
+        radius = np.linspace(inner, outer, 512)
+        q = self.camera.floor_range.inverse_range_per_m(radius)
+        # nothing on the field is farther away than its own length
+        nearest = 1.2 * float(np.ptp(self.field.floor_polygon, axis=0).max())
+        return inner, float(radius[1] - radius[0]), np.maximum(np.nan_to_num(q), 1.0 / nearest)
+
+    @cached_property
     def _geometry(self) -> tuple[FloatArray, float, float, float, FloatArray]:
         x, y, height = self.camera.viewpoint_m
         to_camera = np.ascontiguousarray(self.camera.camera_to_robot.T)
         return np.ascontiguousarray(self.field.walls), float(x), float(y), float(height), to_camera
-
-    @cached_property
-    def _farthest_m(self) -> float:
-        return float(np.ptp(self.field.floor_polygon, axis=0).max()) * 1.2
 
     def first_guess(self, radius_px: FloatArray) -> Pose2 | None:
         """Pose from the outline's convex hull, taken in the image, by its centroid and principal axis (paper, step 5).
@@ -117,13 +123,9 @@ class FloorLocalizer:
         Pose2 or None
             One of the two headings, or None with fewer than three points.
         """
-        hull = np.empty_like(radius_px)
-        if kernels.hull_radius(self._cos, self._sin, radius_px, hull) < 3:
+        known, x, y, axis = kernels.hull_moments(self._cos, self._sin, radius_px, *self._q_of_radius)
+        if known < 3:
             return None
-        q = np.maximum(self.camera.floor_range.inverse_range_per_m(hull), 1.0 / self._farthest_m)
-        x, y, axis = kernels.star_moments(
-            self._cos, self._sin, 1.0 / np.where(np.isfinite(q), q, 1.0 / self._farthest_m)
-        )
         return Pose2(x, y, axis).inverse()
 
     def locate(self, radius_px: FloatArray, prior: Pose2 | None = None) -> tuple[PoseEstimate | NotLocated, FloatArray]:
@@ -162,6 +164,8 @@ class FloorLocalizer:
 
     def _is_good(self, fit: _Fit, good_cost: float) -> bool:
         """Whether a fit need not be doubted: most of the outline agrees, and hardly any floor shows beyond a wall."""
+        if fit.cost <= _SURE_COST:
+            return True
         if fit.cost > good_cost:
             return False
         beyond = np.count_nonzero(fit.residual_px > 2.0 * self._unit_px)

@@ -15,7 +15,6 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.kernels.goal_colors import vote_goal_colors
 from robocup_vision.perception.color_table import Colors
-from robocup_vision.perception.floor_color import PaintColor
 
 # votes of one side that decide, and how far they must outnumber the other's
 _LEAST_VOTES = 4
@@ -54,8 +53,8 @@ class GoalSide:
         points, sides = [], []
         for goal in self.field.goals:
             for x0, y0, x1, y1 in goal.panels:
-                for along in (0.1, 0.3, 0.5, 0.7, 0.9):
-                    for up in (0.3, 0.6, 0.85):
+                for along in (0.15, 0.4, 0.6, 0.85):
+                    for up in (0.4, 0.8):
                         points.append([x0 + along * (x1 - x0), y0 + along * (y1 - y0), up * goal.height_m])
                         sides.append(float(goal.side))
         return np.array(points), np.array(sides)
@@ -110,7 +109,7 @@ class GoalSide:
         return estimate
 
     def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> tuple[int, int]:
-        hues = np.array([_hue(c) for c in (colors.goal_positive_x, colors.goal_negative_x, colors.line)])
+        hues = colors.goal_hues
         if abs(hues[0] - hues[1]) < _LEAST_HUE_DIFFERENCE:
             return 0, 0
         camera = self.camera
@@ -128,7 +127,3 @@ class GoalSide:
             self._hidden,
         )
         return int(right), int(wrong)
-
-
-def _hue(color: PaintColor) -> float:
-    return (color.blue_ratio - color.red_ratio) / (color.blue_ratio + 1.0 + color.red_ratio)

@@ -24,10 +24,10 @@ UInt8Array = npt.NDArray[np.uint8]
 _LEAST_SCORE = 0.5
 # the ball's shaded side, sum of its channels, by the brightness of the lit floor
 _LEAST_LEVEL = 0.6
-# a ball whose half size is less than this, in units of 1/86 of the usable radius (pixels of the paper's image), is too far
+# a ball whose half size is less than this, in units of 1/86 of the usable radius (the paper's pixels), is too far
 # away; its half size measures the distance between seeds
 _LEAST_HALF = 1.0
-_SEED_PITCH = 0.8
+_SEED_PITCH = 1.0
 # of the blob's centre, pixels
 _CENTER_STD_PX = 0.3
 

@@ -53,6 +53,12 @@ class Colors:
     goal_positive_x: PaintColor
     goal_negative_x: PaintColor
 
+    @cached_property
+    def goal_hues(self) -> FloatArray:
+        """(3,) float64: (B - R) / (B + G + R) of the goal at +x, the goal at -x, and white."""
+        paints = (self.goal_positive_x, self.goal_negative_x, self.line)
+        return read_only([(p.blue_ratio - p.red_ratio) / (p.blue_ratio + 1.0 + p.red_ratio) for p in paints])
+
 
 def learn_colors(samples: UInt8Array, valid: UInt8Array, field: Field) -> Colors | None:
     """Learn a frame's colours from its unrolled, slightly blurred samples.

@@ -125,23 +125,22 @@ class FreeSpaceGrid:
         return (len(self.ring_bounds_m) - 1) * self.directions
 
     @cached_property
-    def _needed(self) -> npt.NDArray[np.float32]:
-        # a cell that no sample sees asks for none: it hides nothing that its neighbours would not show
+    def _needed(self) -> Int32Array:
+        """(I, J) int32: samples that make a cell free; none where no sample sees it, so that it hides nothing."""
         total = np.bincount(self.cell[self.cell >= 0], minlength=self._count)
-        return (total * self.threshold - 1e-6).astype(np.float32)
+        return np.ceil(total * self.threshold - 1e-6).astype(np.int32).reshape(-1, self.directions)
 
     @cached_property
     def _seen(self) -> npt.NDArray[np.int64]:
         """(J,) int64: rings of each direction up to the last one that any sample sees."""
-        total = np.bincount(self.cell[self.cell >= 0], minlength=self._count).reshape(-1, self.directions)
-        rings = np.arange(1, total.shape[0] + 1)[:, None]
-        return np.asarray((rings * (total > 0)).max(axis=0))
+        rings = np.arange(1, len(self.ring_bounds_m))[:, None]
+        return np.asarray((rings * (self._needed > 0)).max(axis=0))
 
     def measure(self, passable: UInt8Array) -> FreeSpace:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
-        free = np.empty(self._count, dtype=np.int32)
-        free_floor.count_cells(passable, self.cell, free)
-        return self._first_blocked(free >= self._needed)
+        rings = np.empty(self.directions, dtype=np.int32)
+        free_floor.free_rings(passable, self.cell, self._needed, self._seen, rings)
+        return FreeSpace(self.bearing_rad, self.ring_bounds_m[rings])
 
     def measure_by_labelling(self, passable: UInt8Array) -> FreeSpace:
         """Do the same the paper's way: AND with the template of cells, label, add up areas per cell (eqs. 7-9).
@@ -161,10 +160,7 @@ class FreeSpaceGrid:
                 where = np.zeros(count, dtype=np.int64)
                 where[labels.ravel()] = self.cell.ravel()
                 np.add.at(free, where[1:], area[1:].astype(np.int32))
-        return self._first_blocked(free >= self._needed)
-
-    def _first_blocked(self, is_free: npt.NDArray[np.bool_]) -> FreeSpace:
-        blocked = ~is_free.reshape(-1, self.directions)
+        blocked = free.reshape(-1, self.directions) < self._needed
         rings = np.where(blocked.any(axis=0), blocked.argmax(axis=0), self._seen)
         return FreeSpace(self.bearing_rad, self.ring_bounds_m[np.minimum(rings, self._seen)])
 
@@ -190,8 +186,10 @@ class FloorMarking:
     @cached_property
     def _widest(self) -> tuple[Int32Array, Int32Array]:
         radius = self.view.radius_px
-        range_m = 1.0 / np.maximum(self.view.camera.floor_range.inverse_range_per_m(radius), 1e-3)
-        per_column = np.gradient(range_m)
+        # a table may end before the usable radius does
+        q = np.nan_to_num(self.view.camera.floor_range.inverse_range_per_m(radius))
+        range_m = 1.0 / np.maximum(q, 1e-3)
+        per_column = np.maximum(np.gradient(range_m), 1e-6)
         # the lens reaches over on both sides
         per_row = range_m * (math.tau / self.view.bearings)
         columns = np.ceil(_CROSSING * self.line_width_m / per_column + 2 * _BLUR_PX / self.view.step_px)

@@ -20,7 +20,7 @@ from robocup_vision.geometry import FloatArray, read_only
 UInt8Array = npt.NDArray[np.uint8]
 
 BEARINGS = 160
-RADII = 83
+RADII = 72
 # the 3 x 3 blur and the lens mix the robot's own body into the innermost columns: no obstacle is told from them
 BODY_COLUMNS = 2
 
