@@ -332,7 +332,7 @@ def choose_direction(
     use_velocity : bool
         False: the present velocity is taken to be each direction's own.
     directions, units : (J,), (J, 2) float64
-        Radians and unit vectors.
+        Radians, within [0, 2 pi), and unit vectors.
     profile, fine, coarse, smallest
         From `grow_profile`.
     time_to_contact : (J,) float64, written
@@ -353,6 +353,7 @@ def choose_direction(
     count = directions.shape[0]
     turn = 2.0 * math.pi
     same = math.pi / count * 1.001
+    goal_bearing %= turn
     if goal_distance < np.inf:
         lag = acceleration * (dead_time + period)
         speed = min(speed, math.sqrt(lag * lag + 2.0 * acceleration * goal_distance) - lag)
@@ -364,14 +365,18 @@ def choose_direction(
             break
         chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0
         for j in range(count):
-            turned = (directions[j] - goal_bearing + math.pi) % turn - math.pi
+            turned = directions[j] - goal_bearing
+            if turned >= math.pi:
+                turned -= turn
+            elif turned < -math.pi:
+                turned += turn
             ahead = abs(turned) <= same
             away = turn - abs(turned) if turned * side < 0.0 and not ahead else abs(turned)
             if level > 0 and away > least + 1e-9:
                 continue
             target = (slower * units[j, 0], slower * units[j, 1])
             present = velocity if use_velocity else target
-            settle = math.hypot(target[0] - present[0], target[1] - present[1]) / acceleration
+            settle = math.sqrt((target[0] - present[0]) ** 2 + (target[1] - present[1]) ** 2) / acceleration
             needed = threshold if threshold >= 0.0 else 2.0 * dead_time + period + settle + 0.5 * slower / acceleration
             horizon = 1.1 * needed
             t = contact_time(present, target, acceleration, dead_time, horizon, step_m, profile, fine, coarse, smallest)

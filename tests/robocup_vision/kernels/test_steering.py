@@ -225,7 +225,8 @@ def plain_choice(velocity, goal_bearing, goal_distance, side, limits, use_veloci
     if math.isfinite(goal_distance):
         lag = acceleration * (dead_time + period)
         speed = min(speed, math.sqrt(lag**2 + 2 * acceleration * goal_distance) - lag)
-    turned = (directions - goal_bearing + math.pi) % math.tau - math.pi
+    turned = directions - goal_bearing % math.tau
+    turned = np.where(turned >= math.pi, turned - math.tau, np.where(turned < -math.pi, turned + math.tau, turned))
     ahead = np.abs(turned) <= math.pi / directions.shape[0] * 1.001
     away = np.where((turned * side < 0) & ~ahead, math.tau - np.abs(turned), np.abs(turned))
     contacts, taken = [], None
