@@ -96,7 +96,9 @@ def _draw_free_space(canvas: UInt8Array, view: View, vision: Vision, scale: int)
         corners.append(np.stack([max(r, inner) * np.cos(turn), max(r, inner) * np.sin(turn)], axis=1))
     pixels = vision.camera.floor_to_pixel(np.vstack(corners))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
-    shape = np.array([_fixed(u, v, scale) for u, v in pixels], dtype=np.int32)
+    shape = np.array([_fixed(u, v, scale) for u, v in pixels], dtype=np.int32).reshape(-1, 2)
+    if not len(shape):  # a table that ends before the free floor does
+        return
     tint = canvas.copy()
     cv2.fillPoly(tint, [shape], FREE_COLOR, cv2.LINE_AA, _SHIFT)
     cv2.addWeighted(tint, 0.25, canvas, 0.75, 0.0, canvas)

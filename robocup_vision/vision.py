@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,9 +17,10 @@ from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import FloatArray, Pose2, read_only
 from robocup_vision.kernels import free_floor, polar
 from robocup_vision.localization.floor import FloorLocalizer
+from robocup_vision.localization.floor_hull import HullLocalizer
 from robocup_vision.localization.goal_side import GoalSide
 from robocup_vision.localization.lines import LineLocalizer
 from robocup_vision.perception.ball import Ball, BallFinder
@@ -29,8 +31,7 @@ from robocup_vision.perception.obstacles import Obstacle, find_obstacles
 from robocup_vision.perception.polar_view import BEARINGS, BODY_COLUMNS, PolarView
 
 UInt8Array = npt.NDArray[np.uint8]
-Int64Array = npt.NDArray[np.int64]
-Method = Literal["floor", "field"]
+Method = Literal["floor", "field", "hull"]
 
 # mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
 _CERTAIN_NATS = 3.0
@@ -64,9 +65,7 @@ class View:
     boundary_radius_px : (K,) float64
         Image radius of the floor's edge at each of the polar view's bearings, NaN where none.
     marks : (K, M) uint8
-        Polar samples: 0 blocked, 1 floor, 2 line.
-    blocked_column : (K,) int64
-        First blocked column of each bearing.
+        Polar samples: 0 blocked, 1 floor, 2 line, 3 ball.
     wall_radius_px : (K,) float64
         Where the pose puts the walls; NaN where it does not say.
     polar : PolarView
@@ -79,28 +78,35 @@ class View:
     timings_s: Mapping[str, float]
     boundary_radius_px: FloatArray
     marks: UInt8Array
-    blocked_column: Int64Array
     wall_radius_px: FloatArray
     polar: PolarView
+
+    def __post_init__(self) -> None:
+        own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)
+        for array in own:
+            array.flags.writeable = False
 
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
-        place = np.minimum(self.blocked_column, len(self.polar.radius_px) - 1)
+        blocked = np.empty(self.polar.bearings, dtype=np.int64)
+        columns = self.polar.columns_in_use
+        free_floor.first_blocked(self.marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
+        place = np.minimum(blocked, len(self.polar.radius_px) - 1)
         beyond = self.polar.radius_px[place] - self.wall_radius_px
         with np.errstate(invalid="ignore"):
             is_wall = beyond > -_WALL_COLUMNS * self.polar.step_px
-        return find_obstacles(self.polar.floor_m, self.blocked_column, is_wall, gap_m=0.05)
+        return find_obstacles(self.polar.floor_m, blocked, is_wall, gap_m=0.05)
 
     @cached_property
     def boundary_px(self) -> FloatArray:
         """(K, 2) float64: the floor's edge at each bearing, pixels; NaN rows where none."""
-        return self.polar.camera.polar_to_pixel(self.polar.bearing_rad, self.boundary_radius_px)
+        return read_only(self.polar.camera.polar_to_pixel(self.polar.bearing_rad, self.boundary_radius_px))
 
     @cached_property
     def line_points_px(self) -> FloatArray:
         """(N, 2) float64: polar samples on painted lines, pixels."""
-        return np.asarray(self.polar.pixels[self.marks == free_floor.LINE])
+        return read_only(self.polar.pixels[self.marks == free_floor.LINE])
 
 
 class Vision:
@@ -114,9 +120,10 @@ class Vision:
         The camera.
     colors : Colors, optional
         Fixed colours. Without them they are learnt from the first frame, and again when the light has changed.
-    method : {"field", "floor"}
+    method : {"field", "floor", "hull"}
         "floor": by the floor's outline, which walls or boards must bound. "field": by the outline where there is one,
-        else, or where it does not tell, by the white lines, with no prior.
+        else, or where it does not tell, by the white lines, with no prior. "hull": as the paper prints it, by the
+        convex hull of the whole floor mask; the published reference, for comparison.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     directions : int
@@ -138,34 +145,40 @@ class Vision:
         *,
         method: Method = "field",
         mask: UInt8Array | None = None,
-        directions: int = 64,
+        directions: int = 80,
         rings: int | tuple[float, ...] = 20,
     ) -> None:
-        if method not in ("floor", "field"):
-            raise ArgumentError(f"method must be 'floor' or 'field' for a mirror camera, got {method!r}")
+        if method not in ("floor", "field", "hull"):
+            raise ArgumentError(f"method must be 'floor', 'field' or 'hull' for a mirror camera, got {method!r}")
         width, height = camera.size_px
-        if mask is not None and (mask.shape != (height, width) or mask.dtype != np.uint8):
-            raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
+        if mask is not None:
+            # a copy: the caller's array may be a view, or change
+            mask = np.array(mask)
+            if mask.shape != (height, width) or mask.dtype != np.uint8:
+                raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
         self.field = field
         self.camera = camera
         self.method = method
+        self._keep = None if mask is None else (mask == 0).astype(np.uint8)
         self._fixed = None if colors is None else build_color_table(colors)
         self._table = self._fixed
         self._learnt_ring = 0.0
         self._last_pose: Pose2 | None = None
         # whole cells: as many bearings a direction as come nearest to the usual number from above
-        bearings = directions * -(-BEARINGS // directions)
+        bearings = directions * -(-BEARINGS // max(directions, 1))
         self.polar = PolarView(camera, bearings, mask)
         self.grid = FreeSpaceGrid(self.polar, directions, rings)
         self._marking = FloorMarking(self.polar, field.line_width_m, 2 * field.robot_radius_m)
-        self._floor = FloorLocalizer(field, camera, self.polar) if field.is_bounded or method == "floor" else None
+        by_outline = method == "floor" or (method == "field" and field.is_bounded)
+        self._floor = FloorLocalizer(field, camera, self.polar) if by_outline else None
+        self._hull = HullLocalizer(field, camera, mask) if method == "hull" else None
         self._lines = LineLocalizer(field, camera, mask) if method == "field" else None
-        self._goal_side = GoalSide(field, camera)
+        self._goal_side = GoalSide(field, camera, mask)
         self._ball = BallFinder(field, camera, mask)
         rays = camera.polar_to_pixel(self.polar.bearing_rad, 1.0) - camera.center_px
         self._ray_u, self._ray_v = np.ascontiguousarray(rays[:, 0]), np.ascontiguousarray(rays[:, 1])
         self._radius_or_none = np.append(self.polar.radius_px, np.nan)
-        self._nothing = np.full(bearings, np.nan)
+        self._nothing = read_only(np.full(bearings, np.nan))
         self._warm_up()
 
     def forget(self) -> None:
@@ -204,11 +217,11 @@ class Vision:
             If the frame has another size or type.
         """
         begin = perf_counter()
-        self._check(frame)
+        frame = self._checked(frame)
         start = prior.pose if isinstance(prior, PoseEstimate) else prior
         if start is None and odometry is not None and self._last_pose is not None:
             start = self._last_pose.compose(odometry)
-        samples = cv2.blur(self.polar.sample(frame), (3, 3))
+        samples = self.polar.sample(frame)
         table, llr = self._classify(samples)
         if table is None:
             return self._blind(begin)
@@ -217,31 +230,43 @@ class Vision:
         outlined = perf_counter()
         pose, walls = self._locate(frame, edge, table, start)
         located = perf_counter()
-        marks = self._marking.mark(samples, llr)
-        free_space = self.grid.measure(marks)
-        blocked = np.empty(self.polar.bearings, dtype=np.int64)
-        columns = self._marking.columns_in_use
-        free_floor.first_blocked(marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
-        freed = perf_counter()
         ball = self._ball.find(frame, table)
+        if ball is not None and pose and self.field.is_bounded and not self._is_on_floor(ball, pose.pose):
+            ball = None
+        balled = perf_counter()
+        marks = self._marking.mark(samples, llr)
+        if ball is not None:
+            self._ball.clear(ball, self.polar, marks)
+        free_space = self.grid.measure(marks)
         end = perf_counter()
         self._last_pose = pose.pose if pose else None
         timings = {
             "colors": colored - begin,
             "outline": outlined - colored,
             "pose": located - outlined,
-            "free_space": freed - located,
-            "ball": end - freed,
+            "ball": balled - located,
+            "free_space": end - balled,
             "total": end - begin,
         }
-        return View(pose, free_space, ball, timings, edge, marks, blocked, walls, self.polar)
+        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar)
 
-    def _check(self, frame: UInt8Array) -> None:
+    def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        x, y = pose.x_m + c * ball.x_m - s * ball.y_m, pose.y_m + s * ball.x_m + c * ball.y_m
+        return self.field.is_on_floor(x, y)
+
+    def _checked(self, frame: UInt8Array) -> UInt8Array:
         width, height = self.camera.size_px
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
             raise FrameError(f"frame must be a uint8 array, got {getattr(frame, 'dtype', type(frame).__name__)}")
         if frame.shape != (height, width, 3):
             raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
+        # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled for anew
+        plain = np.require(frame, requirements=("C", "W"))
+        if self._keep is None:
+            return plain
+        # black under the mask, so that nothing there can tell whatever a stage reads beside it
+        return np.asarray(cv2.copyTo(plain, self._keep), dtype=np.uint8)
 
     def _classify(self, samples: UInt8Array) -> tuple[ColorTable | None, npt.NDArray[np.int8]]:
         llr = np.empty(samples.shape[:2], dtype=np.int8)
@@ -266,6 +291,7 @@ class Vision:
         edge = np.empty(self.polar.bearings)
         polar.radial_edges(
             frame,
+            self.polar.hidden_px,
             *self.camera.center_px,
             self._ray_u,
             self._ray_v,
@@ -281,6 +307,11 @@ class Vision:
         self, frame: UInt8Array, edge: FloatArray, table: ColorTable, start: Pose2 | None
     ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
         reason = ""
+        if self._hull is not None:
+            by_hull = self._hull.locate(frame, table)
+            if isinstance(by_hull, PoseEstimate):
+                return self._goal_side.choose(frame, by_hull, table.colors, start), self._nothing
+            reason = by_hull.reason
         if self._floor is not None:
             estimate, walls = self._floor.locate(edge, start)
             if isinstance(estimate, PoseEstimate):
@@ -304,7 +335,6 @@ class Vision:
             {"total": perf_counter() - begin},
             self._nothing,
             np.zeros(shape, dtype=np.uint8),
-            np.zeros(shape[0], dtype=np.int64),
             self._nothing,
             self.polar,
         )

@@ -18,11 +18,8 @@ from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels import steering as kernels
 
-# Bins of the grown profile (0.45 to 0.9 degrees) and groups of them over which trajectories take long steps.
-_BINS = 512
-_GROUPS = 16
-# Full speed, half and a quarter: what is blocked at one speed may be open at a lower one.
-_SPEED_LEVELS = 3
+# The slowest of the speeds tried is one from which the robot stops within this share of its radius.
+_STOP_SHARE = 0.25
 _REASONS = (
     "no safe direction: braking",
     "no safe direction, braking would touch: latest contact",
@@ -75,7 +72,7 @@ class Steering:
     Parameters
     ----------
     robot_radius_m : float
-        By which obstacles are grown. Add here whatever clearance sensing and slip call for.
+        By which, and by half a step more, obstacles are grown. Add here whatever clearance sensing and slip call for.
     acceleration_mps2 : float
         Limit alpha of eq. 10.
     dead_time_s : float
@@ -108,8 +105,12 @@ class Steering:
     unmeasured bearing (NaN range, or outside what the camera sees) is blocked at range 0: the robot's centre may not
     enter it, but nothing is known to stand there, so it is not grown.
 
-    A lower speed, half and then a quarter, is tried where no direction is safe at the speed asked for. If none is safe
-    at any, the robot brakes; if even that ends in contact, the command with the latest contact is given.
+    Where the goal's direction is not safe at the speed asked for, half of it is tried too, then a quarter, down to a
+    speed from which the robot stops at once; of each speed's safe direction nearest to the goal, the one with the
+    greatest speed towards the goal is taken. Without that, a fast robot would shuttle before a gap that only a slow one
+    may enter, because away from it there is always a safe direction at full speed. If no direction is safe at any
+    speed, the robot brakes; if even that ends in contact though no command before was safe, the command with the
+    latest contact is given.
 
     Raises
     ------
@@ -144,7 +145,9 @@ class Steering:
                 raise ArgumentError(f"{name} must be at least {least:g}, got {value!r}")
         if directions < 4:
             raise ArgumentError(f"directions must be at least 4, got {directions!r}")
-        self._radius_m = float(robot_radius_m)
+        # Trajectories are sampled, and braking begun midway leaves the one that was checked: half a step of clearance.
+        self._radius_m = float(robot_radius_m + 0.5 * step_m)
+        stop_m = 0.5 * speed_mps**2 / acceleration_mps2
         threshold = -1.0 if time_threshold_s is None else float(time_threshold_s)
         self._limits = (
             float(speed_mps),
@@ -153,26 +156,30 @@ class Steering:
             float(period_s),
             threshold,
             float(step_m),
-            float(_SPEED_LEVELS),
+            float(max(3, math.ceil(1.0 + 0.5 * math.log2(stop_m / (_STOP_SHARE * robot_radius_m))))),
         )
         self._use_velocity = bool(use_velocity)
         self._keep_side = bool(keep_side)
         self._side = 0.0
+        self._may_brake = False
         self._directions: FloatArray = np.arange(directions, dtype=np.float64) * (math.tau / directions)
         self._directions.flags.writeable = False
         # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
         self._kernel_directions = self._directions.copy()
         self._units = np.stack([np.cos(self._directions), np.sin(self._directions)], axis=1)
+        # Plain numbers are read faster than elements of arrays. The last one, index -1, is braking.
+        self._moves = [*zip(self._directions.tolist(), *self._units.T.tolist(), strict=True), (math.nan, 0.0, 0.0)]
         self._near_goal_rad = math.pi / directions * 1.001
-        self._edges = profile_edges(_BINS)
-        self._profile = np.empty(_BINS)
-        self._coarse = np.empty(_GROUPS)
-        self._times = np.empty(directions)
+        self._edges = profile_edges(kernels.BINS)
+        self._profile = np.empty(kernels.BINS)
+        self._fine = np.empty(kernels.FINE)
+        self._coarse = np.empty(kernels.COARSE)
         self._resize(3)
 
     def forget(self) -> None:
-        """Drop the memory of the side on which obstacles are being passed: the next decision stands alone."""
+        """Drop the memory (the side obstacles are being passed on, a safe command): the next decision stands alone."""
         self._side = 0.0
+        self._may_brake = False
 
     def steer(
         self,
@@ -243,24 +250,31 @@ class Steering:
             self._edges,
             self._radius_m,
             self._profile,
+            self._fine,
             self._coarse,
-            self._times,
             time_to_contact,
         )
         if outcome < 0:
             raise ArgumentError("bearing_rad must be finite and ascend within one turn")
         if self._keep_side:
             self._side = side
+        # The last safe command left room to stop; what the view from here adds to that is the width of its sectors.
+        if outcome == 2 and self._may_brake:
+            outcome, index, speed = 1, -1, 0.0
+        self._may_brake = outcome < 2 and (self._may_brake or outcome == 0)
         time_to_contact.flags.writeable = False
-        command = np.zeros(2) if index < 0 else speed * self._units[index]
+        direction, unit_x, unit_y = self._moves[index]
+        command = np.array((speed * unit_x, speed * unit_y))
         command.flags.writeable = False
-        chosen = None if index < 0 else float(self._directions[index])
         if outcome > 0:
             reason = _REASONS[outcome - 1]
+        elif abs(math.remainder(direction - goal_bearing_rad, math.tau)) <= self._near_goal_rad:
+            reason = "towards goal"
         else:
-            turned = abs(math.remainder(self._directions[index] - goal_bearing_rad, math.tau))
-            reason = "towards goal" if turned <= self._near_goal_rad else "around obstacle"
-        return SteeringCommand(command, outcome == 0, chosen, time_to_contact, self._directions, reason)
+            reason = "around obstacle"
+        return SteeringCommand(
+            command, outcome == 0, None if index < 0 else direction, time_to_contact, self._directions, reason
+        )
 
     def _resize(self, bearings: int) -> None:
         # NaN equals nothing, so the kernel measures the sectors at the first call.

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from robocup_vision.perception.color_table import Colors
 
 Word = TypeVar("Word", bound=str)
-Method = Literal["floor", "field", "goal", "landmarks"]
-METHODS: tuple[Method, ...] = ("floor", "field", "goal", "landmarks")
+# "hull", the published form of "floor", is ours: other people's datasets need not know it
+Method = Literal["floor", "field", "goal", "landmarks", "hull"]
+METHODS: tuple[Method, ...] = ("floor", "field", "goal", "landmarks", "hull")
 Symmetry = Literal["none", "point"]
 SYMMETRIES: tuple[Symmetry, ...] = ("none", "point")
 
@@ -78,7 +79,7 @@ class Dataset:
         In the order of evaluation: file names, or ``frame_000000`` and so on for a video.
     field, camera, colors
         What `robocup_vision.Vision` needs; `colors` is None where they are learnt from the images.
-    method : {"floor", "field", "goal", "landmarks"}
+    method : {"floor", "field", "goal", "landmarks", "hull"}
         How the pose is told.
     times : mapping of str to FrameTime, or None
         By image; a dataset with times is a sequence.
@@ -153,7 +154,7 @@ def load_dataset(
         Name of a built-in field or path of a field file. This and the following go before what ``dataset.toml`` says.
     camera, colors : str or Path, optional
         Paths of camera and colour file.
-    method : {"floor", "field", "goal", "landmarks"}, optional
+    method : {"floor", "field", "goal", "landmarks", "hull"}, optional
         How the pose is told.
 
     Raises
@@ -229,7 +230,7 @@ def _one_of(path: Path, key: str, value: str, known: tuple[Word, ...]) -> Word:
 def _method(path: Path, method: str | None, field: Field) -> Method:
     # every camera there is sees by a mirror; a pinhole one will default to "goal"
     chosen = _one_of(path, "method", method or "field", METHODS)
-    if chosen == "floor" and not field.is_bounded:
+    if chosen in ("floor", "hull") and not field.is_bounded:
         problem = f"needs a floor that ends at walls or boards, that of field '{field.name}' does not"
         raise FileError(path, problem, key="method", value=chosen)
     return chosen

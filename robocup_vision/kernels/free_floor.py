@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+FloatArray = npt.NDArray[np.float64]
 Int8Array = npt.NDArray[np.int8]
 Int32Array = npt.NDArray[np.int32]
 Int64Array = npt.NDArray[np.int64]
 UInt8Array = npt.NDArray[np.uint8]
 
-BLOCKED, FLOOR, LINE = 0, 1, 2
+BLOCKED, FLOOR, LINE, BALL = 0, 1, 2, 3
 
 
 @njit(cache=True, nogil=True)
@@ -41,64 +44,112 @@ def passable(
         Filled with BLOCKED, FLOOR or LINE.
     """
     rows, columns = llr.shape
+    # the samples' blur spreads whatever is not floor by one sample on all sides: take that back
     for k in range(rows):
+        before, after = k - 1, k + 1 if k + 1 < rows else 0
+        for m in range(1, columns - 1):
+            near = max(max(llr[k, m - 1], llr[k, m + 1]), max(llr[before, m], llr[after, m]))
+            out[k, m] = FLOOR if max(near, llr[k, m]) > 0 else BLOCKED
+        out[k, 0] = FLOOR if llr[k, 0] > 0 else BLOCKED
+        out[k, columns - 1] = FLOOR if llr[k, columns - 1] > 0 else BLOCKED
+    for k in range(rows):
+        # the robot stands on the floor: what lies under its rim is bounded by floor
         last = -1
-        for m in range(columns):
-            out[k, m] = FLOOR if llr[k, m] > 0 else BLOCKED
         for m in range(columns_in_use):
-            if llr[k, m] <= 0:
+            if out[k, m] == BLOCKED:
                 continue
-            if last >= 0 and 1 < m - last <= line_columns[m] + 1:
+            if 1 < m - last <= line_columns[m] + 1:
                 blue, red = 0, 0
                 for j in range(last + 1, m):
-                    blue, red = max(blue, int(samples[k, j, 0])), max(red, int(samples[k, j, 2]))
-                if _is_whiter(blue, red, samples[k, last], samples[k, m]):
+                    if valid[k, j]:
+                        blue, red = max(blue, int(samples[k, j, 0])), max(red, int(samples[k, j, 2]))
+                if _is_whiter(blue, red, samples[k, last if last >= 0 else m], samples[k, m]):
                     for j in range(last + 1, m):
-                        out[k, j] = LINE
+                        if valid[k, j]:
+                            out[k, j] = LINE
             last = m
-    for m in range(columns_in_use):
-        widest = line_rows[m] + 1
-        last = -1
-        # once round and a little further, so that a line across row 0 is closed, too
-        for step in range(rows + widest):
-            k = step if step < rows else step - rows
-            if llr[k, m] <= 0:
+    # where two lines meet, what lies between is bounded by line; it is still the floor it has to be whiter than
+    last = np.full(columns_in_use, -1)
+    floor = np.full(columns_in_use, -1)
+    # once round and a little further, so that a line across row 0 is closed, too
+    for step in range(rows + line_rows[0] + 1):
+        k = step if step < rows else step - rows
+        for m in range(columns_in_use):
+            if out[k, m] == BLOCKED:
                 continue
-            if last >= 0 and 1 < step - last <= widest:
+            if 1 < step - last[m] <= line_rows[m] + 1 and last[m] >= 0:
                 blue, red = 0, 0
-                for i in range(last + 1, step):
+                for i in range(last[m] + 1, step):
                     j = i if i < rows else i - rows
-                    blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
-                if _is_whiter(blue, red, samples[last if last < rows else last - rows, m], samples[k, m]):
-                    for i in range(last + 1, step):
-                        out[i if i < rows else i - rows, m] = LINE
-            last = step
+                    if valid[j, m]:
+                        blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
+                if _is_whiter(blue, red, samples[floor[m], m], samples[floor[m], m]):
+                    for i in range(last[m] + 1, step):
+                        j = i if i < rows else i - rows
+                        if valid[j, m]:
+                            out[j, m] = LINE
+            last[m] = step
+            if out[k, m] == FLOOR or floor[m] < 0:
+                floor[m] = k
+
+
+@njit(cache=True, nogil=True)
+def clear_ball(
+    center_row: float,
+    center_radius: float,
+    half_rows: float,
+    half_px: float,
+    radius_px: FloatArray,
+    marks: UInt8Array,
+) -> None:
+    """Mark the blocked samples on a ball and its shadow as BALL: within an ellipse about (row, image radius)."""
+    rows = marks.shape[0]
+    for m in range(radius_px.shape[0]):
+        along = (radius_px[m] - center_radius) / half_px
+        if abs(along) > 1.0:
+            continue
+        reach = half_rows * math.sqrt(1.0 - along * along)
+        for step in range(int(math.ceil(center_row - reach)), int(math.floor(center_row + reach)) + 1):
+            if marks[step % rows, m] == BLOCKED:
+                marks[step % rows, m] = BALL
 
 
 @njit(cache=True, nogil=True)
 def _is_whiter(blue: int, red: int, before: UInt8Array, after: UInt8Array) -> bool:
-    """Whether paint is whiter than the floor on both sides: by an eighth, in blue and in red."""
-    return 16 * blue > 9 * (int(before[0]) + after[0]) and 16 * red > 9 * (int(before[2]) + after[2])
+    """Whether paint has more blue and more red than the floor on both sides."""
+    return bool(2 * blue > int(before[0]) + after[0] and 2 * red > int(before[2]) + after[2])
 
 
 @njit(cache=True, nogil=True)
-def count_cells(passable_mask: UInt8Array, cell: Int32Array, free: Int32Array) -> None:
-    """Count the passable samples of each cell.
+def free_rings(
+    passable_mask: UInt8Array, cell: Int32Array, needed: Int32Array, seen: Int64Array, free: Int32Array
+) -> None:
+    """Count the passable samples of each cell, and the rings of each direction before its first blocked cell.
 
     Parameters
     ----------
     passable_mask : (K, M) uint8
     cell : (K, M) int32
-        Index of each sample's cell, -1: none.
-    free : (C,) int32
-        Filled with the counts.
+        Index of each sample's cell, ring * J + direction; -1: none.
+    needed : (I, J) int32
+        Passable samples that make a cell free.
+    seen : (J,) int64
+        Rings of each direction up to the last one that any sample sees.
+    free : (J,) int32
+        Filled with the number of free rings.
     """
-    free[:] = 0
     rows, columns = cell.shape
+    rings, directions = needed.shape
+    count = np.zeros(rings * directions, np.int32)
     for k in range(rows):
         for m in range(columns):
             if cell[k, m] >= 0 and passable_mask[k, m] != 0:
-                free[cell[k, m]] += 1
+                count[cell[k, m]] += 1
+    for j in range(directions):
+        ring = 0
+        while ring < seen[j] and count[ring * directions + j] >= needed[ring, j]:
+            ring += 1
+        free[j] = ring
 
 
 @njit(cache=True, nogil=True)

@@ -28,6 +28,7 @@ def vote_goal_colors(
     q_step: float,
     radius_of_q: FloatArray,
     hues: FloatArray,
+    hidden: UInt8Array,
 ) -> tuple[int, int]:
     """Count points on the goals that have their own goal's colour, and those that have the other goal's.
 
@@ -49,6 +50,8 @@ def vote_goal_colors(
         Image radius tabulated over inverse range.
     hues : (3,) float64
         (B - R) / (B + G + R) of the goal at +x, the goal at -x, and white.
+    hidden : (H, W) uint8, or (0, 0)
+        Non-zero: neither this pixel nor its neighbours may be looked at.
 
     Returns
     -------
@@ -67,7 +70,10 @@ def vote_goal_colors(
         px = robot_to_camera[0, 0] * x + robot_to_camera[0, 1] * y + robot_to_camera[0, 2] * z
         py = robot_to_camera[1, 0] * x + robot_to_camera[1, 1] * y + robot_to_camera[1, 2] * z
         pz = robot_to_camera[2, 0] * x + robot_to_camera[2, 1] * y + robot_to_camera[2, 2] * z
-        place = -pz / (math.sqrt(px * px + py * py) * viewpoint[2]) / q_step
+        away = math.sqrt(px * px + py * py)
+        if away < 1e-9:
+            continue
+        place = -pz / (away * viewpoint[2]) / q_step
         if place < 0.0 or place >= radius_of_q.shape[0] - 1:
             continue
         radius = radius_of_q[int(place)]
@@ -77,6 +83,8 @@ def vote_goal_colors(
         u = int(center_u + radius * math.cos(angle) + 0.5)
         v = int(center_v + flip * radius * math.sin(angle) + 0.5)
         if u < 1 or v < 1 or u >= width - 1 or v >= height - 1:
+            continue
+        if hidden.shape[0] == height and hidden[v, u] != 0:
             continue
         blue, red, total = 0.0, 0.0, 1.0
         for j in range(-1, 2):

@@ -8,9 +8,16 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
+Int64Array = npt.NDArray[np.int64]
+Int32Array = npt.NDArray[np.int32]
+UInt16Array = npt.NDArray[np.uint16]
+UInt8Array = npt.NDArray[np.uint8]
+
 
 @njit(cache=True, nogil=True)
-def floor_mask_by_tone(smooth, seen, tone):
+def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, tone: Float32Array) -> UInt8Array:
     """Tell which pixels have the floor's tone. Returns (H, W) uint8 of 0 and 1.
 
     tone is (7,): least and greatest R/G, B/G and G, then the slack of each channel in grey levels.
@@ -37,7 +44,7 @@ def floor_mask_by_tone(smooth, seen, tone):
 
 
 @njit(cache=True, nogil=True)
-def _half_crossing(whiteness, x, y, dx, dy, reach, level):
+def _half_crossing(whiteness: UInt8Array, x: int, y: int, dx: int, dy: int, reach: int, level: float) -> float:
     """Count the steps from (x, y) along (dx, dy) until whiteness falls to the level; -1 if not within reach."""
     before = float(whiteness[y, x])
     for step in range(1, reach + 1):
@@ -49,7 +56,9 @@ def _half_crossing(whiteness, x, y, dx, dy, reach, level):
 
 
 @njit(cache=True, nogil=True)
-def line_ridge_points(whiteness, green, floor, width_units, threshold, limit):
+def line_ridge_points(
+    whiteness: UInt8Array, green: UInt8Array, floor: UInt8Array, width_units: UInt16Array, threshold: int, limit: int
+) -> FloatArray:
     """Find ridges as wide as a line should be, with floor beside them.
 
     Parameters
@@ -78,7 +87,7 @@ def line_ridge_points(whiteness, green, floor, width_units, threshold, limit):
             value = np.int64(whiteness[y, x])
             if value < threshold:
                 continue
-            best, best_axis, best_reach, best_two = 0.0, -1, 0, 0
+            best, best_axis, best_reach, best_two = 0.0, -1, 0, np.int64(0)
             for k in range(4):
                 units = width_units[k, y, x]
                 if units == 0:
@@ -133,7 +142,7 @@ def line_ridge_points(whiteness, green, floor, width_units, threshold, limit):
 
 
 @njit(cache=True, nogil=True)
-def _nearest_line(x, y, lines, arcs):
+def _nearest_line(x: float, y: float, lines: FloatArray, arcs: FloatArray) -> tuple[float, float, float, int]:
     """Nearest point of the field's lines and arcs: distance, unit normal (from the line towards the point), index."""
     best, foot_x, foot_y, index = 1e30, 0.0, 0.0, -1
     for i in range(lines.shape[0]):
@@ -177,7 +186,7 @@ def _nearest_line(x, y, lines, arcs):
 
 
 @njit(cache=True, nogil=True)
-def nearest_lines(points, lines, arcs):
+def nearest_lines(points: FloatArray, lines: FloatArray, arcs: FloatArray) -> tuple[FloatArray, FloatArray, Int64Array]:
     """Nearest field line of each point (N, 2).
 
     Returns distance (N,), unit normal (N, 2) from the line towards the point, and index (N,): lines first, then arcs.
@@ -190,7 +199,20 @@ def nearest_lines(points, lines, arcs):
 
 
 @njit(cache=True, nogil=True)
-def score_pose_grid(points, headings, table, origin_x, origin_y, cell, first_x, first_y, step, count_x, count_y, far):
+def score_pose_grid(
+    points: FloatArray,
+    headings: FloatArray,
+    table: UInt8Array,
+    origin_x: float,
+    origin_y: float,
+    cell: float,
+    first_x: int,
+    first_y: int,
+    step: int,
+    count_x: int,
+    count_y: int,
+    far: int,
+) -> Int32Array:
     """Sum the tabulated distances of points seen from every pose of a grid. Returns (K, count_y, count_x) int32.
 
     Positions are first + i * step in cells of the table, so that a pose only shifts the points' cells. Points that fall
@@ -217,7 +239,7 @@ def score_pose_grid(points, headings, table, origin_x, origin_y, cell, first_x, 
 
 
 @njit(cache=True, nogil=True)
-def _solve3(a, b):
+def _solve3(a: FloatArray, b: FloatArray) -> tuple[float, float, float]:
     """Solve a symmetric positive definite 3x3 system by LDL'; NaN where it is singular."""
     d0 = a[0, 0]
     l10, l20 = a[1, 0] / d0, a[2, 0] / d0
@@ -234,7 +256,15 @@ def _solve3(a, b):
 
 
 @njit(cache=True, nogil=True)
-def refine_line_poses(poses, points, noise_m, weight, lines, arcs, scales_m):
+def refine_line_poses(
+    poses: FloatArray,
+    points: FloatArray,
+    noise_m: FloatArray,
+    weight: FloatArray,
+    lines: FloatArray,
+    arcs: FloatArray,
+    scales_m: FloatArray,
+) -> FloatArray:
     """Gauss-Newton of several poses by point-to-line distances with a Cauchy loss that narrows step by step.
 
     Parameters

@@ -14,6 +14,12 @@ Int64Array = npt.NDArray[np.int64]
 UInt8Array = npt.NDArray[np.uint8]
 UInt16Array = npt.NDArray[np.uint16]
 
+# bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
+ONE = 32
+# a level from which a channel may be clipped
+SATURATED = 245
+B1, B2, THREE, B4, B5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+
 
 @njit(cache=True, nogil=True)
 def classify(
@@ -91,6 +97,7 @@ def outer_boundary(
 @njit(cache=True, nogil=True)
 def radial_edges(
     frame: UInt8Array,
+    hidden: UInt8Array,
     center_u: float,
     center_v: float,
     step_u: FloatArray,
@@ -103,14 +110,16 @@ def radial_edges(
 ) -> None:
     """Locate the edge between two colours along each bearing to a fraction of a pixel.
 
-    Around the coarse edge the frame is sampled every half pixel, averaged over three neighbouring lines of sight; the
-    steepest place splits the samples into the inner and the outer colour, and the edge is where the projection on their
-    difference crosses one half, by least squares against a smooth step. A cast, a shadow or the floor's own brightness
-    so cannot bias it; channels that the outer side drives into saturation would, and are left out.
+    Around the coarse edge the frame is sampled every pixel along the bearing. The steepest place splits the samples
+    into an inner and an outer colour; what counts from there on is the projection on their difference, on three
+    neighbouring lines of sight, to which the edge is fitted as a smooth step. A cast, a shadow or the floor's own
+    brightness so cannot bias it; channels that the outer side drives into saturation would, and are left out.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
+    hidden : (H, W) uint8, or (0, 0)
+        Non-zero where no bilinear sample may be taken: a bearing that needs one has no edge.
     center_u, center_v : float
     step_u, step_v : (K,) float64
         Image direction of each bearing.
@@ -126,84 +135,120 @@ def radial_edges(
         Filled with the edge's image radius, NaN where there is none.
     """
     height, width = frame.shape[0], frame.shape[1]
+    masked = hidden.shape[0] == height
+    flat = frame.reshape(-1)
+    row = np.uint64(3 * width)
     # blur takes the last sample that looks like floor about a column and a pixel inside the edge
-    search = int(math.ceil(2 * (column_step_px + 1.0)))
-    reach = search + 6
+    search = int(math.ceil(column_step_px + 1.0))
+    reach = search + 3
     count = 2 * reach + 1
-    profile = np.empty((count, 3))
-    inner = np.empty(3)
-    outer = np.empty(3)
-    gain = np.empty(3)
+    profile = np.empty((count, 3), np.int64)
+    signal = np.empty(21, np.int64)
+    gain = np.empty(3, np.int64)
+    offset = np.zeros(3)
     for k in range(start_px.shape[0]):
         out[k] = np.nan
         if not start_px[k] > 0:
             continue
-        near = start_px[k] + column_step_px + 0.5 - 0.5 * reach
-        far = near + reach
-        aside = half_width * start_px[k] + 1.0
-        left = center_u + min(near * step_u[k], far * step_u[k]) - aside
-        right = center_u + max(near * step_u[k], far * step_u[k]) + aside
-        top = center_v + min(near * step_v[k], far * step_v[k]) - aside
-        bottom = center_v + max(near * step_v[k], far * step_v[k]) + aside
+        near = start_px[k] + column_step_px + 0.5 - reach
+        far = near + 2 * reach + 5
+        aside = half_width * far + 1.0
+        left = center_u + min((near - 5) * step_u[k], far * step_u[k]) - aside
+        right = center_u + max((near - 5) * step_u[k], far * step_u[k]) + aside
+        top = center_v + min((near - 5) * step_v[k], far * step_v[k]) - aside
+        bottom = center_v + max((near - 5) * step_v[k], far * step_v[k]) + aside
         if left < 0 or right >= width - 1 or top < 0 or bottom >= height - 1:
             continue
-        profile[:] = 0.0
-        for side in range(-1, 2):
-            du = step_u[k] - side * half_width * step_v[k]
-            dv = step_v[k] + side * half_width * step_u[k]
-            for i in range(count):
-                radius = near + 0.5 * i
-                u, v = center_u + radius * du, center_v + radius * dv
-                x, y = int(u), int(v)
-                fx, fy = u - x, v - y
-                w11 = fx * fy
-                w10, w01 = fy - w11, fx - w11
-                w00 = 1.0 - fx - fy + w11
-                for c in range(3):
-                    profile[i, c] += (
-                        frame[y, x, c] * w00
-                        + frame[y, x + 1, c] * w01
-                        + frame[y + 1, x, c] * w10
-                        + frame[y + 1, x + 1, c] * w11
-                    )
-        steepest, place = -1.0, reach
+        seen = True
+        for i in range(count):
+            u, v = center_u + (near + i) * step_u[k], center_v + (near + i) * step_v[k]
+            x, y = int(u), int(v)
+            seen = seen and not (masked and hidden[y, x] != 0)
+            fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
+            w11 = fx * fy
+            w10, w01 = ONE * fy - w11, ONE * fx - w11
+            w00 = ONE * (ONE - fx) - w10
+            # unsigned: a signed index would be checked for being negative at every access
+            at = np.uint64(3 * (y * width + x))
+            for c in range(np.uint64(3)):
+                profile[i, c] = (
+                    flat[at + c] * w00
+                    + flat[at + c + THREE] * w01
+                    + flat[at + c + row] * w10
+                    + flat[at + c + row + THREE] * w11
+                )
+        steepest, place = -1, reach
         for i in range(reach - search, reach + search + 1):
-            slope = 0.0
+            slope = 0
             for c in range(3):
-                d = profile[i + 1, c] + profile[i + 2, c] - profile[i - 1, c] - profile[i - 2, c]
+                d = profile[i + 1, c] - profile[i - 1, c]
                 slope += d * d
             if slope > steepest:
                 steepest, place = slope, i
-        contrast2, unsaturated2 = 0.0, 0.0
+        # channels weighted by what they tell the two sides apart
+        contrast2, unsaturated2 = 0, 0
         for c in range(3):
-            inner[c] = profile[place - 5, c] + profile[place - 4, c] + profile[place - 3, c]
-            outer[c] = profile[place + 5, c] + profile[place + 4, c] + profile[place + 3, c]
-            inner[c] /= 9.0
-            outer[c] /= 9.0
-            gain[c] = outer[c] - inner[c]
-            contrast2 += gain[c] ** 2
-            if outer[c] < 245.0:
-                unsaturated2 += gain[c] ** 2
-        if contrast2 < least_contrast * least_contrast:
+            outer = profile[place + 3, c] + profile[place + 2, c]
+            gain[c] = (outer - profile[place - 3, c] - profile[place - 2, c]) // (2 * ONE * ONE)
+            contrast2 += gain[c] * gain[c]
+            if outer < SATURATED * 2 * ONE * ONE:
+                unsaturated2 += gain[c] * gain[c]
+        if contrast2 <= least_contrast * least_contrast:
             continue
-        if unsaturated2 > 0.1 * contrast2 and unsaturated2 > least_contrast * least_contrast:
+        if 10 * unsaturated2 > contrast2 and unsaturated2 > least_contrast * least_contrast:
             contrast2 = unsaturated2
             for c in range(3):
-                if outer[c] >= 245.0:
-                    gain[c] = 0.0
-        edge = float(place)
-        for _ in range(3):
+                if profile[place + 3, c] + profile[place + 2, c] >= SATURATED * 2 * ONE * ONE:
+                    gain[c] = 0
+        gain0, gain1, gain2 = gain[0], gain[1], gain[2]
+        # again with a line of sight on either side, centred on the edge's first estimate, as one grey level
+        low = gain0 * profile[place - 2, 0] + gain1 * profile[place - 2, 1] + gain2 * profile[place - 2, 2]
+        high = gain0 * profile[place + 2, 0] + gain1 * profile[place + 2, 1] + gain2 * profile[place + 2, 2]
+        here = gain0 * profile[place, 0] + gain1 * profile[place, 1] + gain2 * profile[place, 2]
+        ahead = gain0 * profile[place + 1, 0] + gain1 * profile[place + 1, 1] + gain2 * profile[place + 1, 2]
+        behind = gain0 * profile[place - 1, 0] + gain1 * profile[place - 1, 1] + gain2 * profile[place - 1, 2]
+        rise = max(0.5 * (ahead - behind), 0.2 * contrast2 * ONE * ONE)
+        edge = near + place + max(-1.0, min(1.0, (0.5 * (low + high) - here) / rise))
+        for side in range(2):
+            du = step_u[k] - (2 * side - 1) * half_width * step_v[k]
+            dv = step_v[k] + (2 * side - 1) * half_width * step_u[k]
+            for i in range(1, 6):
+                radius = edge + i - 3.0
+                u, v = center_u + radius * du, center_v + radius * dv
+                x, y = int(u), int(v)
+                seen = seen and not (masked and hidden[y, x] != 0)
+                fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
+                w11 = fx * fy
+                w10, w01 = ONE * fy - w11, ONE * fx - w11
+                w00 = ONE * (ONE - fx) - w10
+                at = np.uint64(3 * (y * width + x))
+                below = at + row
+                signal[7 * side + i] = (
+                    w00 * (gain0 * flat[at] + gain1 * flat[at + B1] + gain2 * flat[at + B2])
+                    + w01 * (gain0 * flat[at + THREE] + gain1 * flat[at + B4] + gain2 * flat[at + B5])
+                    + w10 * (gain0 * flat[below] + gain1 * flat[below + B1] + gain2 * flat[below + B2])
+                    + w11 * (gain0 * flat[below + THREE] + gain1 * flat[below + B4] + gain2 * flat[below + B5])
+                )
+        middle = int(edge - near + 0.5)
+        offset[2] = near + middle - edge
+        for i in range(7):
+            j = min(max(middle + i - 3, 0), count - 1)
+            signal[14 + i] = gain0 * profile[j, 0] + gain1 * profile[j, 1] + gain2 * profile[j, 2]
+        base = 0.5 * (signal[14] + signal[15])
+        span = 0.5 * (signal[19] + signal[20]) - base
+        if not span > 0.0 or not seen:
+            continue
+        shift = 0.0
+        for _ in range(2):
             numerator, denominator = 0.0, 0.0
-            for i in range(max(0, int(edge) - 3), min(count, int(edge) + 5)):
-                off = (i - edge) / 3.5
-                if abs(off) >= 1.0:
-                    continue
-                value = 0.0
-                for c in range(3):
-                    value += (profile[i, c] / 3.0 - inner[c]) * gain[c]
-                slope = 1.0 - off * off
-                numerator += slope * (0.5 + 0.75 * off - 0.25 * off * off * off - value / contrast2)
-                denominator += slope * slope
-            edge += max(-1.5, min(1.5, numerator / denominator * 3.5 / 0.75))
-        if abs(edge - place) < 4.0:
-            out[k] = near + 0.5 * edge
+            for side in range(3):
+                for i in range(1, 6):
+                    x = (i - 3.0 + offset[side] - shift) / 1.75
+                    if abs(x) >= 1.0:
+                        continue
+                    weight = 1.0 - x * x
+                    expected = 0.5 + 0.75 * x - 0.25 * x * x * x
+                    numerator += weight * (expected - (signal[7 * side + i] - base) / span)
+                    denominator += weight * weight
+            shift = max(-1.5, min(1.5, shift + numerator / denominator * 1.75 / 0.75))
+        out[k] = edge + shift

@@ -8,21 +8,36 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+FloatArray = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
+Pair = tuple[float, float]
+Limits = tuple[float, float, float, float, float, float, float]
+Outcome = tuple[int, int, float, float]
 
-@njit(cache=True, nogil=True)
-def _profile_bin(x, y, bins):
+# Bins of the grown profile (0.45 to 0.9 degrees) and the groups of them over which trajectories take long steps.
+# Constants of the compiler, because a division by them is then a shift.
+BINS = 512
+FINE = 128
+COARSE = 32
+# The diamond angle turns at most as fast as the bearing, so a group is at least 4 / groups radians wide.
+_FINE_SIN, _FINE_TAN = math.sin(4.0 / FINE), math.tan(4.0 / FINE)
+_COARSE_SIN, _COARSE_TAN = math.sin(4.0 / COARSE), math.tan(4.0 / COARSE)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _profile_bin(x: float, y: float) -> int:
     # The diamond angle grows with the bearing as atan2 does, at the price of one division.
     along = y / (abs(x) + abs(y))
     if x < 0.0:
         along = 2.0 - along
     elif along < 0.0:
         along += 4.0
-    index = int(along * (0.25 * bins))
-    return index if index < bins else index - bins
+    index = int(along * (0.25 * BINS))
+    return index if index < BINS else index - BINS
 
 
-@njit(cache=True, nogil=True)
-def measure_sectors(bearing, sectors, sector_bins, bins):
+@njit(cache=True, nogil=True, error_model="numpy")
+def measure_sectors(bearing: FloatArray, sectors: FloatArray, sector_bins: Int64Array) -> bool:
     """Give each bearing its sector, halfway to its neighbours; False where the bearings do not ascend within one turn.
 
     Parameters
@@ -33,8 +48,6 @@ def measure_sectors(bearing, sectors, sector_bins, bins):
         Unit vectors (x, y) of the lower and the upper edge.
     sector_bins : (J, 4) int64, written
         Profile bins of the edges; whether the lower and the upper neighbour follow without a gap.
-    bins : int
-        Number of bins of the profile.
 
     A gap of more than 1.5 times the smallest spacing belongs to nobody (a camera that does not see all around): there
     a sector reaches half the smallest spacing, and the rest is unseen.
@@ -59,13 +72,29 @@ def measure_sectors(bearing, sectors, sector_bins, bins):
             x, y = np.cos(angle), np.sin(angle)
             sectors[k, 2 * side] = x
             sectors[k, 2 * side + 1] = y
-            sector_bins[k, side] = _profile_bin(x, y, bins)
+            sector_bins[k, side] = _profile_bin(x, y)
             sector_bins[k, 2 + side] = 1 if joined else 0
     return True
 
 
-@njit(cache=True, nogil=True)
-def grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, coarse):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _widen(lows: FloatArray, count: int, out: FloatArray) -> None:
+    """Smallest of each of the first `count` values and its two neighbours around the turn."""
+    for k in range(count):
+        out[k] = min(lows[k], min(lows[k - 1 if k > 0 else count - 1], lows[k + 1 if k + 1 < count else 0]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def grow_profile(
+    range_m: FloatArray,
+    sectors: FloatArray,
+    sector_bins: Int64Array,
+    edges: FloatArray,
+    radius_m: float,
+    profile: FloatArray,
+    fine: FloatArray,
+    coarse: FloatArray,
+) -> float:
     """Fill the grown profile: per bin the smallest centre range at which a disc touches a sector's arc or its shadow.
 
     Parameters
@@ -74,14 +103,14 @@ def grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, coarse
         Metres; NaN is unseen: its own bins become 0 and nothing grows from it.
     sectors, sector_bins : (J, 4)
         From `measure_sectors`.
-    edges : (N + 1, 2) float64
+    edges : (BINS + 1, 2) float64
         Unit vectors of the profile's bin edges.
     radius_m : float
         The robot's.
-    profile : (N,) float64, written
+    profile : (BINS,) float64, written
         Metres; inf where nothing is ever touched.
-    coarse : (C,) float64, written
-        Smallest profile over each C-th of the bins and its two neighbours.
+    fine, coarse : (FINE,), (COARSE,) float64, written
+        Smallest profile over each group of bins and its two neighbours.
 
     Returns
     -------
@@ -89,7 +118,6 @@ def grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, coarse
         Smallest profile of all.
     """
     count = range_m.shape[0]
-    bins = profile.shape[0]
     squared = radius_m * radius_m
     # Bins that no sector covers are unseen; -1 marks them until all sectors are in.
     profile[:] = -1.0
@@ -99,8 +127,8 @@ def grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, coarse
             profile[index] = np.inf
             if index == sector_bins[k, 1]:
                 break
-            index = index + 1 if index + 1 < bins else 0
-    for index in range(bins):
+            index = index + 1 if index + 1 < BINS else 0
+    for index in range(BINS):
         if profile[index] < 0.0:
             profile[index] = 0.0
     for k in range(count):
@@ -112,7 +140,7 @@ def grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, coarse
             profile[index] = min(profile[index], reach - radius_m)
             if index == sector_bins[k, 1]:
                 break
-            index = index + 1 if index + 1 < bins else 0
+            index = index + 1 if index + 1 < BINS else 0
         if not seen or np.isinf(reach):
             continue
         for side in range(2):
@@ -124,13 +152,13 @@ def grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, coarse
             x = reach * sectors[k, 2 * side]
             y = reach * sectors[k, 2 * side + 1]
             index = sector_bins[k, side]
-            for _ in range(bins):
+            for _ in range(BINS):
                 if side == 1:
-                    index = index + 1 if index + 1 < bins else 0
+                    index = index + 1 if index + 1 < BINS else 0
                     edge = index
                 else:
                     edge = index
-                    index = index - 1 if index > 0 else bins - 1
+                    index = index - 1 if index > 0 else BINS - 1
                 ahead = edges[edge, 0] * x + edges[edge, 1] * y
                 beside = edges[edge, 0] * y - edges[edge, 1] * x
                 rest = squared - beside * beside
@@ -139,23 +167,27 @@ def grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, coarse
                 touch = ahead - np.sqrt(rest)
                 if touch < profile[index]:
                     profile[index] = max(touch, 0.0)
-    groups = coarse.shape[0]
-    wide = bins // groups
-    smallest = np.inf
-    lows = np.empty(groups)
-    for c in range(groups):
+    lows = np.empty(FINE)
+    for group in range(FINE):
         low = np.inf
-        for index in range(c * wide, (c + 1) * wide):
+        for index in range(group * (BINS // FINE), (group + 1) * (BINS // FINE)):
             low = min(low, profile[index])
-        lows[c] = low
-        smallest = min(smallest, low)
-    for c in range(groups):
-        coarse[c] = min(lows[c], min(lows[c - 1], lows[(c + 1) % groups]))
+        lows[group] = low
+    _widen(lows, FINE, fine)
+    for group in range(COARSE):
+        low = np.inf
+        for index in range(group * (FINE // COARSE), (group + 1) * (FINE // COARSE)):
+            low = min(low, lows[index])
+        lows[group] = low
+    _widen(lows, COARSE, coarse)
+    smallest = np.inf
+    for group in range(COARSE):
+        smallest = min(smallest, lows[group])
     return smallest
 
 
-@njit(cache=True, nogil=True)
-def predict_position(velocity, target, acceleration, dead_time, t):
+@njit(cache=True, nogil=True, error_model="numpy")
+def predict_position(velocity: Pair, target: Pair, acceleration: float, dead_time: float, t: float) -> Pair:
     """Return (x, y), metres, t seconds after the decision: eq. 12 with its second branch corrected, dead time included.
 
     velocity, target : pair of float, m/s.
@@ -175,51 +207,116 @@ def predict_position(velocity, target, acceleration, dead_time, t):
     )
 
 
-@njit(cache=True, nogil=True)
-def contact_time(velocity, target, acceleration, dead_time, horizon, step_m, profile, coarse, smallest):
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sure_time(
+    r: float, clear: float, out: float, inward: float, sideward: float, sine: float, tangent: float
+) -> float:
+    """Seconds for which a point at range r stays within a wedge (of its half angle's sine and tangent) and its range.
+
+    The speeds are times r, which saves their division. A quotient costs as much as all the rest here, hence one only.
+    """
+    over_range, over_wedge = out + sideward * sine, sideward + inward * tangent
+    if clear * over_wedge < r * tangent * over_range:
+        return r * clear / over_range
+    return r * r * tangent / over_wedge
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def contact_time(
+    velocity: Pair,
+    target: Pair,
+    acceleration: float,
+    dead_time: float,
+    horizon: float,
+    step_m: float,
+    profile: FloatArray,
+    fine: FloatArray,
+    coarse: FloatArray,
+    smallest: float,
+) -> float:
     """Return T_j (eq. 15), the last moment sure to be free before the trajectory leaves the profile; inf: no contact.
 
-    The next sample is as far away as the coarse profile is sure to allow, at least `step_m`; the contact is then
-    bracketed to a tenth of that from the free side, because a late T_j is a collision.
+    The next sample is as late as the profile's minima around the present one are sure to allow, at least `step_m` on;
+    the contact is then bracketed to a tenth of that from the free side, because a late T_j is a collision.
+
+    How late: the velocity goes straight to its target, so from now on no component of it exceeds the greater of its
+    present and its target value. With the outward speed u, the inward speed d and the sideward speed w so bounded, the
+    bearing turns by less than phi while w t <= (r - d t) tan(phi), and until then the range grows by at most
+    (u + w sin(phi)) t.
     """
     fastest = math.sqrt(max(velocity[0] ** 2 + velocity[1] ** 2, target[0] ** 2 + target[1] ** 2))
     if fastest == 0.0:
         return np.inf
-    bins = profile.shape[0]
-    groups = coarse.shape[0]
-    # The diamond angle turns at most as fast as the bearing, so a group is at least 4 / groups radians wide.
-    beside = math.sin(4.0 / groups)
+    dv_x, dv_y = target[0] - velocity[0], target[1] - velocity[1]
+    size = math.sqrt(dv_x * dv_x + dv_y * dv_y)
+    push = acceleration / size if size > 0.0 else 0.0
+    settle = size / acceleration
+    lag = dead_time + 0.5 * settle
+    least = step_m / fastest
+    slowness = 1.0 / fastest
     free = 0.0
-    hit = -1.0
-    t = min(max(smallest, step_m) / fastest, horizon)
+    t = min(max(smallest * slowness, least), horizon)
     while True:
+        # predict_position, written out to share what does not change along a trajectory, and with the velocity.
+        if t < dead_time:
+            x, y = velocity[0] * t, velocity[1] * t
+            v_x, v_y = velocity
+        elif t < dead_time + settle:
+            share = push * (t - dead_time)
+            gained = 0.5 * share * (t - dead_time)
+            x, y = velocity[0] * t + gained * dv_x, velocity[1] * t + gained * dv_y
+            v_x, v_y = velocity[0] + share * dv_x, velocity[1] + share * dv_y
+        else:
+            x, y = velocity[0] * lag + target[0] * (t - lag), velocity[1] * lag + target[1] * (t - lag)
+            v_x, v_y = target
+        r = math.sqrt(x * x + y * y)
+        later = least
+        if r > 1e-12:
+            index = _profile_bin(x, y)
+            if r >= profile[index]:
+                break
+            out_now, out_then = v_x * x + v_y * y, target[0] * x + target[1] * y
+            out = max(out_now, out_then, 0.0)
+            inward = max(-out_now, -out_then, 0.0)
+            sideward = max(abs(v_y * x - v_x * y), abs(target[1] * x - target[0] * y)) + 1e-12
+            later = max(
+                later,
+                (smallest - r) * slowness,
+                _sure_time(r, coarse[index // (BINS // COARSE)] - r, out, inward, sideward, _COARSE_SIN, _COARSE_TAN),
+                _sure_time(r, fine[index // (BINS // FINE)] - r, out, inward, sideward, _FINE_SIN, _FINE_TAN),
+            )
+        free = t
+        if t >= horizon:
+            return np.inf
+        t = min(t + later, horizon)
+    hit = t
+    while (hit - free) * fastest > 0.1 * step_m:
+        t = 0.5 * (free + hit)
         x, y = predict_position(velocity, target, acceleration, dead_time, t)
         r = math.sqrt(x * x + y * y)
-        blocked = False
-        moved = max(smallest, step_m)
-        if r > 1e-12:
-            index = _profile_bin(x, y, bins)
-            blocked = r >= profile[index]
-            moved = max(min(coarse[index * groups // bins] - r, beside * r), smallest - r, step_m)
-        if blocked:
+        if r > 1e-12 and r >= profile[_profile_bin(x, y)]:
             hit = t
         else:
             free = t
-            if t >= horizon:
-                return np.inf
-        if hit < 0.0:
-            t = min(t + moved / fastest, horizon)
-        elif (hit - free) * fastest > 0.1 * step_m:
-            t = 0.5 * (free + hit)
-        else:
-            return free
+    return free
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def choose_direction(
-    velocity, goal_bearing, goal_distance, side, limits, use_velocity, directions, units,
-    profile, coarse, smallest, times, time_to_contact,
-):  # fmt: skip
+    velocity: Pair,
+    goal_bearing: float,
+    goal_distance: float,
+    side: float,
+    limits: Limits,
+    use_velocity: bool,
+    directions: FloatArray,
+    units: FloatArray,
+    profile: FloatArray,
+    fine: FloatArray,
+    coarse: FloatArray,
+    smallest: float,
+    time_to_contact: FloatArray,
+) -> Outcome:
     """Predict every direction (paper's Steps 3-4) and choose (Step 5); `Steering` explains the rule.
 
     Parameters
@@ -235,11 +332,9 @@ def choose_direction(
     use_velocity : bool
         False: the present velocity is taken to be each direction's own.
     directions, units : (J,), (J, 2) float64
-        Radians and unit vectors.
-    profile, coarse, smallest
+        Radians, within [0, 2 pi), and unit vectors.
+    profile, fine, coarse, smallest
         From `grow_profile`.
-    times : (J,) float64
-        Scratch.
     time_to_contact : (J,) float64, written
         T_j at the top speed.
 
@@ -258,24 +353,33 @@ def choose_direction(
     count = directions.shape[0]
     turn = 2.0 * math.pi
     same = math.pi / count * 1.001
+    goal_bearing %= turn
     if goal_distance < np.inf:
         lag = acceleration * (dead_time + period)
         speed = min(speed, math.sqrt(lag * lag + 2.0 * acceleration * goal_distance) - lag)
+    best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
     for level in range(int(levels)):
         slower = speed * 0.5**level
-        chosen, nearest, longest, toward = -1, np.inf, 0.0, 0.0
+        # At best it goes straight to the goal; and a direction no nearer to the goal is not worth the lower speed.
+        if slower <= progress:
+            break
+        chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0
         for j in range(count):
-            turned = (directions[j] - goal_bearing + math.pi) % turn - math.pi
+            turned = directions[j] - goal_bearing
+            if turned >= math.pi:
+                turned -= turn
+            elif turned < -math.pi:
+                turned += turn
             ahead = abs(turned) <= same
             away = turn - abs(turned) if turned * side < 0.0 and not ahead else abs(turned)
-            if level > 0 and away > nearest + 1e-9:
+            if level > 0 and away > least + 1e-9:
                 continue
             target = (slower * units[j, 0], slower * units[j, 1])
             present = velocity if use_velocity else target
-            settle = math.hypot(target[0] - present[0], target[1] - present[1]) / acceleration
+            settle = math.sqrt((target[0] - present[0]) ** 2 + (target[1] - present[1]) ** 2) / acceleration
             needed = threshold if threshold >= 0.0 else 2.0 * dead_time + period + settle + 0.5 * slower / acceleration
             horizon = 1.1 * needed
-            t = contact_time(present, target, acceleration, dead_time, horizon, step_m, profile, coarse, smallest)
+            t = contact_time(present, target, acceleration, dead_time, horizon, step_m, profile, fine, coarse, smallest)
             if level == 0:
                 time_to_contact[j] = t
             if t < needed:
@@ -285,18 +389,23 @@ def choose_direction(
                     beyond = math.hypot(x, y) >= goal_distance + 0.5 * slower * slower / acceleration
                 if not beyond:
                     continue
-            if away < nearest - 1e-9 or (away < nearest + 1e-9 and t > longest):
-                chosen, nearest, longest, toward = j, min(away, nearest), t, turned
-        if chosen >= 0:
-            if abs(toward) <= same:
-                side = 0.0
-            elif side == 0.0:
-                side = 1.0 if toward > 0.0 else -1.0
-            return 0, chosen, slower, side
+            if away < least - 1e-9 or (away < least + 1e-9 and t > longest):
+                chosen, least, longest, turned_least = j, min(away, least), t, turned
+        if chosen >= 0 and slower * math.cos(min(least, math.pi)) > progress:
+            best, nearest, toward, pace = chosen, least, turned_least, slower
+            progress = slower * math.cos(min(least, math.pi))
+    if best >= 0:
+        if abs(toward) <= same:
+            side = 0.0
+        elif side == 0.0:
+            side = 1.0 if toward > 0.0 else -1.0
+        return 0, best, pace, side
     standing = (0.0, 0.0)
     present = velocity if use_velocity else standing
     stop = dead_time + math.hypot(present[0], present[1]) / acceleration
-    latest = contact_time(present, standing, acceleration, dead_time, stop, step_m, profile, coarse, smallest)
+    latest = contact_time(present, standing, acceleration, dead_time, stop, step_m, profile, fine, coarse, smallest)
+    # Later by less than contacts are told apart is no later, and braking then touches more softly.
+    latest += 0.1 * step_m / max(speed, math.hypot(present[0], present[1]), step_m)
     chosen = -1
     for j in range(count):
         if time_to_contact[j] > latest:
@@ -304,11 +413,28 @@ def choose_direction(
     return (1, -1, 0.0, side) if chosen < 0 else (2, chosen, speed, side)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def steer(
-    velocity, goal_bearing, goal_distance, side, limits, use_velocity, directions, units,
-    bearing, range_m, known_bearing, sectors, sector_bins, edges, radius_m, profile, coarse, times, time_to_contact,
-):  # fmt: skip
+    velocity: Pair,
+    goal_bearing: float,
+    goal_distance: float,
+    side: float,
+    limits: Limits,
+    use_velocity: bool,
+    directions: FloatArray,
+    units: FloatArray,
+    bearing: FloatArray,
+    range_m: FloatArray,
+    known_bearing: FloatArray,
+    sectors: FloatArray,
+    sector_bins: Int64Array,
+    edges: FloatArray,
+    radius_m: float,
+    profile: FloatArray,
+    fine: FloatArray,
+    coarse: FloatArray,
+    time_to_contact: FloatArray,
+) -> Outcome:
     """Join the three steps in one call; the sectors are measured again only when the bearings have changed.
 
     Returns what `choose_direction` does; outcome -1 where the bearings do not ascend within one turn.
@@ -318,11 +444,11 @@ def steer(
         same = same and bearing[k] == known_bearing[k]
     if not same:
         known_bearing[:] = np.nan
-        if not measure_sectors(bearing, sectors, sector_bins, profile.shape[0]):
+        if not measure_sectors(bearing, sectors, sector_bins):
             return -1, -1, 0.0, side
         known_bearing[:] = bearing
-    smallest = grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, coarse)
+    smallest = grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, fine, coarse)
     return choose_direction(
         velocity, goal_bearing, goal_distance, side, limits, use_velocity, directions, units,
-        profile, coarse, smallest, times, time_to_contact,
+        profile, fine, coarse, smallest, time_to_contact,
     )  # fmt: skip

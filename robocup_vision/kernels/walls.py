@@ -78,6 +78,29 @@ def star_moments(cos_b: FloatArray, sin_b: FloatArray, range_m: FloatArray) -> t
 
 
 @njit(cache=True, nogil=True)
+def hull_moments(
+    cos_b: FloatArray, sin_b: FloatArray, radius: FloatArray, first_px: float, step_px: float, q_of_radius: FloatArray
+) -> tuple[int, float, float, float]:
+    """Moments of the floor inside the convex hull, taken in the image, of the points at (bearing, radius).
+
+    `q_of_radius` tabulates the inverse range from image radius `first_px` in steps of `step_px`. Returns how many
+    bearings had points, and of the hull on the floor the centroid x, y and the direction of the principal axis.
+    """
+    count = radius.shape[0]
+    hull = np.empty(count)
+    known = hull_radius(cos_b, sin_b, radius, hull)
+    if known < 3:
+        return known, 0.0, 0.0, 0.0
+    last = q_of_radius.shape[0] - 1.001
+    for k in range(count):
+        place = max(0.0, min(last, (hull[k] - first_px) / step_px))
+        cell = int(place)
+        hull[k] = 1.0 / (q_of_radius[cell] + (place - cell) * (q_of_radius[cell + 1] - q_of_radius[cell]))
+    x, y, axis = star_moments(cos_b, sin_b, hull)
+    return known, x, y, axis
+
+
+@njit(cache=True, nogil=True)
 def predict_walls(
     pose: FloatArray,
     walls: FloatArray,
@@ -110,7 +133,8 @@ def predict_walls(
     best_wall : (K,) int64
         Filled with the wall's index, -1 where none.
     planes : (W, 4, 3) float64
-        Filled with each wall's normal and its derivatives by x, y and theta.
+        Filled with each wall's normal and its derivatives by x, y and theta, the first two components over h n_z, the
+        third over n_z.
     """
     count = cos_b.shape[0]
     per_rad = count / (2 * math.pi)
@@ -138,49 +162,57 @@ def predict_walls(
                     - end[0, p, k] * end[1, 0, j]
                     - end[0, 0, k] * end[1, p, j]
                 )
-        nx, ny, nz = planes[w, 0, 0], planes[w, 0, 1], planes[w, 0, 2] * height
+        # scaled so that a bearing's q needs no division
+        nz = planes[w, 0, 2]
         if abs(nz) < 1e-12:
             continue
+        for p in range(4):
+            planes[w, p, 0] /= nz * height
+            planes[w, p, 1] /= nz * height
+            planes[w, p, 2] /= nz
+        along, aside = planes[w, 0, 0], planes[w, 0, 1]
         first = math.atan2(end[0, 0, 1], end[0, 0, 0])
         span = math.atan2(end[1, 0, 1], end[1, 0, 0]) - first
         span -= 2 * math.pi * math.floor(span / (2 * math.pi) + 0.5)
         if span < 0:
             first, span = first + span, -span
-        low = int(math.ceil(first * per_rad))
-        high = int(math.floor((first + span) * per_rad))
-        for step in range(low, high + 1):
-            b = step % count
-            q = (nx * cos_b[b] + ny * sin_b[b]) / nz
-            if q > best_q[b]:
-                best_q[b] = q
-                best_wall[b] = w
+        low = math.ceil(first * per_rad)
+        bearing = low % count
+        for _ in range(math.floor((first + span) * per_rad) - low + 1):
+            q = along * cos_b[bearing] + aside * sin_b[bearing]
+            if q > best_q[bearing]:
+                best_q[bearing] = q
+                best_wall[bearing] = w
+            bearing += 1
+            if bearing == count:
+                bearing = 0
 
 
-@njit(cache=True, nogil=True)
-def score_bank(bank: FloatArray, radius: FloatArray, width_px: float, out: FloatArray) -> None:
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def score_bank(bank: FloatArray, radius: FloatArray, weight: FloatArray, width_px: float, out: FloatArray) -> None:
     """Compare a measured outline with the outlines expected at many places, at every heading.
 
     Parameters
     ----------
-    bank : (P, B) float64
-        Expected image radius at B evenly spaced bearings, for heading 0.
+    bank : (P, 2 B) float64
+        Expected image radius at B evenly spaced bearings, for heading 0, twice over.
     radius : (B,) float64
-        Measured image radius, NaN where none.
+        Measured image radius; any finite number where there is none.
+    weight : (B,) float64
+        One over the number of measured bearings where there is one, 0 elsewhere.
     width_px : float
         Differences beyond this count as this.
     out : (P, B) float64
         Filled with the mean cost, 0 to 1, of place p with the heading of minus shift times the bearings' step.
     """
-    places, count = bank.shape
-    for p in range(places):
+    count = radius.shape[0]
+    for p in range(bank.shape[0]):
         for shift in range(count):
-            cost, used = 0.0, 0
+            first = count - shift
+            cost = 0.0
             for b in range(count):
-                if radius[b] > 0:
-                    e = radius[b] - bank[p, (b - shift) % count]
-                    used += 1
-                    cost += min(abs(e), width_px)
-            out[p, shift] = cost / (max(used, 1) * width_px)
+                cost += weight[b] * min(abs(radius[b] - bank[p, first + b]), width_px)
+            out[p, shift] = cost / width_px
 
 
 @njit(cache=True, nogil=True)
@@ -247,7 +279,7 @@ def fit_walls(
     g = np.empty(3)
     residual = np.empty(count)
     last_q = radius_of_q.shape[0] - 2
-    best_cost = 2.0
+    best_cost = math.inf
     for n in range(poses.shape[0]):
         pose[:] = poses[n]
         for iteration in range(scales.shape[0] + 1):
@@ -262,7 +294,9 @@ def fit_walls(
             scatter = np.zeros((3, 3))
             group[:] = 0.0
             in_group = 0
-            for k in range(0, count, stride):
+            # far from the end every second bearing does
+            coarse = 2 if stride == 1 and not final and scale > 2.5 * unit_px else 1
+            for k in range(0, count, stride * coarse):
                 residual[k] = np.nan
                 if not radius[k] > 0:
                     continue
@@ -276,15 +310,14 @@ def fit_walls(
                 cell = int(place)
                 slope = (radius_of_q[cell + 1] - radius_of_q[cell]) / q_step
                 predicted = radius_of_q[cell] + (q - cell * q_step) * slope
-                nz = planes[w, 0, 2] * height
-                turn = slope * (planes[w, 0, 1] * cos_b[k] - planes[w, 0, 0] * sin_b[k]) / nz / predicted
+                turn = slope * (planes[w, 0, 1] * cos_b[k] - planes[w, 0, 0] * sin_b[k]) / predicted
                 # the edge is oblique to the ray: what is uniform in the image is the distance along its normal
                 oblique = 1.0 / math.sqrt(1.0 + turn * turn)
                 e = (radius[k] - predicted) * oblique
                 residual[k] = e
                 for p in range(3):
                     d = planes[w, p + 1, 0] * cos_b[k] + planes[w, p + 1, 1] * sin_b[k]
-                    jacobian[p] = slope * (d - q * height * planes[w, p + 1, 2]) / nz * oblique
+                    jacobian[p] = slope * (d - q * planes[w, p + 1, 2]) * oblique
                 # an obstacle hides floor, so an edge nearer than the wall says little; floor beyond a wall cannot be
                 ratio = e / scale if e < 0 else e / (3.0 * scale)
                 weight = 1.0 / (1.0 + ratio * ratio) ** 2
@@ -392,3 +425,49 @@ def summarise_fit(
     mean = 0.5 * (out[0, 0] + out[1, 1])
     half = math.sqrt((0.5 * (out[0, 0] - out[1, 1])) ** 2 + out[0, 1] ** 2)
     return share, rms, math.sqrt(mean + half)
+
+
+@njit(cache=True, nogil=True)
+def fit_each(
+    poses: FloatArray,
+    walls: FloatArray,
+    offset_x: float,
+    offset_y: float,
+    height: float,
+    robot_to_camera: FloatArray,
+    cos_b: FloatArray,
+    sin_b: FloatArray,
+    radius: FloatArray,
+    stride: int,
+    q_step: float,
+    radius_of_q: FloatArray,
+    scales: FloatArray,
+    unit_px: float,
+    out_poses: FloatArray,
+    out_costs: FloatArray,
+) -> None:
+    """Fit each start by itself, as `fit_walls` does; fills out_poses (N, 3) and out_costs (N,)."""
+    square, scatter = np.empty((3, 3)), np.empty((3, 3))
+    residual, predicted = np.empty(cos_b.shape[0]), np.empty(cos_b.shape[0])
+    for n in range(poses.shape[0]):
+        out_costs[n] = fit_walls(
+            poses[n : n + 1],
+            walls,
+            offset_x,
+            offset_y,
+            height,
+            robot_to_camera,
+            cos_b,
+            sin_b,
+            radius,
+            stride,
+            q_step,
+            radius_of_q,
+            scales,
+            unit_px,
+            out_poses[n],
+            square,
+            scatter,
+            residual,
+            predicted,
+        )

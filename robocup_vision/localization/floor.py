@@ -22,26 +22,31 @@ from robocup_vision.perception.polar_view import PolarView
 
 # widths of the redescending weights, in units of 1/86 of the usable radius (a pixel of the paper's 256 x 220 image):
 # from the first guess down to the edges' own accuracy; a last one in pixels proper
-_SCALES = (8.0, 8.0, 5.0, 3.0, 2.0, 1.0, 1.0)
+_SCALES = (8.0, 5.0, 3.0, 2.0, 1.0)
 _COARSE_SCALES = (8.0, 6.0, 4.0, 2.0)
-_PRIOR_SCALES = (2.0, 1.0)
+_PRIOR_SCALES = (2.0,)
 _REFINE_SCALES = (3.0, 2.0, 1.0, 1.0)
 _UNITS = 86.0
 _LAST_SCALE_PX = 1.0
 _INLIER = 1.5
-# truncated mean cost up to which a first fit is taken without looking for a better one: three bearings in four fit
-_GOOD_COST = 0.25
+# truncated mean cost up to which a fit is taken without looking for a better one: three bearings in four fit; three in
+# five, or, near where the robot is known to be, two, while hardly any bearing shows floor beyond a wall
+_SURE_COST = 0.25
+_GOOD_COST = 0.4
+_GOOD_COST_AT_PRIOR = 0.6
+_MOST_BEYOND = 0.01
 _LEAST_INLIER_SHARE = 0.3
 _LEAST_BEARINGS = 20
 _BANK_BEARINGS = 80
 _BANK_STARTS = 30
-_REFINED = 6
+_BANK_WIDTH = 12.0
+_REFINED = 8
 # what no image tells: the camera file's own error, in pixels, common to an eighth of the circle
 _SYSTEMATIC_PX = 0.02
 _SYSTEMATIC_BEARINGS = 20
 # a sandwich covariance from some forty groups of bearings comes out low
 _FEW_GROUPS = 1.5
-_LARGEST_STD_M = 0.10
+_LARGEST_STD_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +96,19 @@ class FloorLocalizer:
         return float(q[1]), np.where(np.isfinite(radius), radius, outer)
 
     @cached_property
+    def _q_of_radius(self) -> tuple[float, float, FloatArray]:
+        inner, outer = self.camera.usable_radius_px
+        radius = np.linspace(inner, outer, 512)
+        q = self.camera.floor_range.inverse_range_per_m(radius)
+        # nothing on the field is farther away than its own length
+        nearest = 1.2 * float(np.ptp(self.field.floor_polygon, axis=0).max())
+        return inner, float(radius[1] - radius[0]), np.maximum(np.nan_to_num(q), 1.0 / nearest)
+
+    @cached_property
     def _geometry(self) -> tuple[FloatArray, float, float, float, FloatArray]:
         x, y, height = self.camera.viewpoint_m
         to_camera = np.ascontiguousarray(self.camera.camera_to_robot.T)
         return np.ascontiguousarray(self.field.walls), float(x), float(y), float(height), to_camera
-
-    @cached_property
-    def _farthest_m(self) -> float:
-        return float(np.ptp(self.field.floor_polygon, axis=0).max()) * 1.2
 
     def first_guess(self, radius_px: FloatArray) -> Pose2 | None:
         """Pose from the outline's convex hull, taken in the image, by its centroid and principal axis (paper, step 5).
@@ -113,13 +123,9 @@ class FloorLocalizer:
         Pose2 or None
             One of the two headings, or None with fewer than three points.
         """
-        hull = np.empty_like(radius_px)
-        if kernels.hull_radius(self._cos, self._sin, radius_px, hull) < 3:
+        known, x, y, axis = kernels.hull_moments(self._cos, self._sin, radius_px, *self._q_of_radius)
+        if known < 3:
             return None
-        q = np.maximum(self.camera.floor_range.inverse_range_per_m(hull), 1.0 / self._farthest_m)
-        x, y, axis = kernels.star_moments(
-            self._cos, self._sin, 1.0 / np.where(np.isfinite(q), q, 1.0 / self._farthest_m)
-        )
         return Pose2(x, y, axis).inverse()
 
     def locate(self, radius_px: FloatArray, prior: Pose2 | None = None) -> tuple[PoseEstimate | NotLocated, FloatArray]:
@@ -146,26 +152,39 @@ class FloorLocalizer:
         fit = None
         if prior is not None:
             fit = self._fit(prior.array[None], radius_px, 1, self._scales(_PRIOR_SCALES))
-        if fit is None or fit.cost > _GOOD_COST:
+        if fit is None or not self._is_good(fit, _GOOD_COST_AT_PRIOR):
             guess = self.first_guess(radius_px)
             if guess is None:
                 return NotLocated("the floor's edge encloses no area"), np.full(len(radius_px), np.nan)
             fit = self._fit(guess.array[None], radius_px, 1, self._scales(_SCALES))
-        if fit.cost > _GOOD_COST:
-            fit = self._fit_from_anywhere(fit, radius_px)
+            if not self._is_good(fit, _GOOD_COST):
+                fit = self._fit_from_anywhere(fit, radius_px)
         estimate = self._judge(fit)
         return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
+
+    def _is_good(self, fit: _Fit, good_cost: float) -> bool:
+        """Whether a fit need not be doubted: most of the outline agrees, and hardly any floor shows beyond a wall."""
+        if fit.cost <= _SURE_COST:
+            return True
+        if fit.cost > good_cost:
+            return False
+        beyond = np.count_nonzero(fit.residual_px > 2.0 * self._unit_px)
+        return bool(beyond < _MOST_BEYOND * len(fit.residual_px))
 
     def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray) -> _Fit:
         """Look for a better fit over the whole field, and by sliding along the walls that already agree."""
         starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
-        coarse = [self._fit(start[None], radius_px, 3, self._scales(_COARSE_SCALES)) for start in starts]
+        poses, costs = np.empty_like(starts), np.empty(len(starts))
+        kernels.fit_each(
+            starts, *self._geometry, self._cos, self._sin, radius_px, 2, *self._radius_of_q,
+            self._scales(_COARSE_SCALES), self._unit_px, poses, costs,
+        )  # fmt: skip
         tried: list[FloatArray] = []
-        for candidate in sorted(coarse, key=lambda c: c.cost):
-            if not _is_new(candidate.pose, tried, 0.03):
+        for pose in poses[np.argsort(costs)]:
+            if not _is_new(pose, tried, 0.03):
                 continue
-            tried.append(candidate.pose)
-            retry = self._fit(candidate.pose[None], radius_px, 1, self._scales(_REFINE_SCALES))
+            tried.append(pose)
+            retry = self._fit(pose[None], radius_px, 1, self._scales(_REFINE_SCALES))
             fit = retry if retry.cost < fit.cost else fit
             if len(tried) == _REFINED:
                 break
@@ -201,16 +220,20 @@ class FloorLocalizer:
         for place, profile in zip(places, profiles, strict=True):
             kernels.predict_walls(np.array([*place, 0.0]), *self._geometry, cos_b, sin_b, q, wall, planes)
             profile[:] = np.interp(q, np.arange(len(self._radius_of_q[1])) * self._radius_of_q[0], self._radius_of_q[1])
-        return places, profiles
+        return places, np.hstack([profiles, profiles])
 
     def _search(self, radius_px: FloatArray) -> FloatArray:
         """Poses (N, 3) whose expected outline is most like the measured one, over the whole field and all headings."""
         places, profiles = self._bank
-        nearest = np.rint(np.arange(_BANK_BEARINGS) * (len(radius_px) / _BANK_BEARINGS)).astype(int)
-        cost = np.empty_like(profiles)
-        kernels.score_bank(profiles, radius_px[nearest], 12.0 * self._unit_px, cost)
+        nearest = np.rint(np.arange(_BANK_BEARINGS) * (len(radius_px) / _BANK_BEARINGS)).astype(int) % len(radius_px)
+        radius = radius_px[nearest]
+        weight = np.isfinite(radius) / max(np.count_nonzero(np.isfinite(radius)), 1)
+        cost = np.empty((len(places), _BANK_BEARINGS))
+        kernels.score_bank(profiles, np.nan_to_num(radius), weight, _BANK_WIDTH * self._unit_px, cost)
+        most = min(10 * _BANK_STARTS, cost.size)
+        best = np.argpartition(cost, most - 1, axis=None)[:most]
         starts: list[FloatArray] = []
-        for index in np.argsort(cost, axis=None)[: 10 * _BANK_STARTS]:
+        for index in best[np.argsort(cost.ravel()[best])]:
             place, shift = divmod(int(index), _BANK_BEARINGS)
             start = np.array([*places[place], -shift * math.tau / _BANK_BEARINGS])
             if _is_new(start, starts, 0.15):
@@ -220,8 +243,8 @@ class FloorLocalizer:
         return np.array(starts)
 
     def _fit(self, starts: FloatArray, radius_px: FloatArray, stride: int, scales: FloatArray) -> _Fit:
-        pose, information, scatter = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-        residual, predicted = np.full(len(radius_px), np.nan), np.empty(len(radius_px))
+        pose, information, scatter = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+        residual, predicted = np.full(len(radius_px), np.nan), np.full(len(radius_px), np.nan)
         q_step, radius_of_q = self._radius_of_q
         cost = kernels.fit_walls(
             starts, *self._geometry, self._cos, self._sin, radius_px, stride, q_step, radius_of_q, scales,

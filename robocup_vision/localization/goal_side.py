@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +15,6 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.kernels.goal_colors import vote_goal_colors
 from robocup_vision.perception.color_table import Colors
-from robocup_vision.perception.floor_color import PaintColor
 
 # votes of one side that decide, and how far they must outnumber the other's
 _LEAST_VOTES = 4
@@ -34,10 +34,13 @@ class GoalSide:
         Says where the goals are and which colours they have.
     camera : OmniCamera
         Its height must be known, since goals are upright.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
     """
 
     field: Field
     camera: OmniCamera
+    mask: npt.NDArray[np.uint8] | None = None
 
     @cached_property
     def is_able(self) -> bool:
@@ -50,8 +53,8 @@ class GoalSide:
         points, sides = [], []
         for goal in self.field.goals:
             for x0, y0, x1, y1 in goal.panels:
-                for along in (0.1, 0.3, 0.5, 0.7, 0.9):
-                    for up in (0.3, 0.6, 0.85):
+                for along in (0.15, 0.4, 0.6, 0.85):
+                    for up in (0.4, 0.8):
                         points.append([x0 + along * (x1 - x0), y0 + along * (y1 - y0), up * goal.height_m])
                         sides.append(float(goal.side))
         return np.array(points), np.array(sides)
@@ -62,6 +65,13 @@ class GoalSide:
         q = np.linspace(0.0, float(self.camera.floor_range.inverse_range_per_m(inner)), _TABLE_SIZE)
         # zero lies inside the usable radius: what a curve does not reach is not looked at
         return float(q[1]), np.nan_to_num(self.camera.floor_range.radius_px(q))
+
+    @cached_property
+    def _hidden(self) -> npt.NDArray[np.uint8]:
+        if self.mask is None:
+            return np.empty((0, 0), dtype=np.uint8)
+        # a vote is a mean over 3 x 3 pixels
+        return np.asarray(cv2.dilate(self.mask, np.ones((3, 3), np.uint8)), dtype=np.uint8)
 
     @cached_property
     def _geometry(self) -> tuple[FloatArray, FloatArray]:
@@ -99,7 +109,7 @@ class GoalSide:
         return estimate
 
     def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> tuple[int, int]:
-        hues = np.array([_hue(c) for c in (colors.goal_positive_x, colors.goal_negative_x, colors.line)])
+        hues = colors.goal_hues
         if abs(hues[0] - hues[1]) < _LEAST_HUE_DIFFERENCE:
             return 0, 0
         camera = self.camera
@@ -114,9 +124,6 @@ class GoalSide:
             camera.usable_radius_px,
             *self._radius_of_q,
             hues,
+            self._hidden,
         )
         return int(right), int(wrong)
-
-
-def _hue(color: PaintColor) -> float:
-    return (color.blue_ratio - color.red_ratio) / (color.blue_ratio + 1.0 + color.red_ratio)

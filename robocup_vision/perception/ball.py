@@ -13,12 +13,21 @@ from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import FloatArray, read_only
 from robocup_vision.kernels import ball as kernel
-from robocup_vision.perception.color_table import ColorTable, PaintColor
+from robocup_vision.kernels import free_floor
+from robocup_vision.perception.color_table import Colors, ColorTable
+from robocup_vision.perception.floor_color import PaintColor
+from robocup_vision.perception.polar_view import PolarView
 
 UInt8Array = npt.NDArray[np.uint8]
 
 # share of floor before and beside it, less what has its own colour
-_LEAST_SCORE = 0.6
+_LEAST_SCORE = 0.5
+# the ball's shaded side, sum of its channels, by the brightness of the lit floor
+_LEAST_LEVEL = 0.6
+# a ball whose half size is less than this, in units of 1/86 of the usable radius (the paper's pixels), is too far
+# away; its half size measures the distance between seeds
+_LEAST_HALF = 1.0
+_SEED_PITCH = 1.0
 # of the blob's centre, pixels
 _CENTER_STD_PX = 0.3
 
@@ -33,11 +42,15 @@ class Ball:
         Its centre in the robot frame, metres.
     covariance : (2, 2) float64
         Of its position, square metres.
+    u_px, v_px : float
+        Its centre in the frame.
     """
 
     x_m: float
     y_m: float
     covariance: FloatArray
+    u_px: float
+    v_px: float
 
 
 class BallFinder:
@@ -58,10 +71,14 @@ class BallFinder:
         self.radius_m = field.ball_radius_m
         self.has_color = field.ball_color not in ("white", "black")
         width, height = camera.size_px
-        self._mask = np.empty((0, 0), dtype=np.uint8) if mask is None else np.ascontiguousarray(mask)
+        self._mask = mask
         self._stamps = np.zeros((height, width), dtype=np.int32)
+        if mask is not None:
+            self._stamps[mask > 0] = kernel.NEVER
         self._stack = np.empty(height * width, dtype=np.int32)
         self._stamp = 0
+        self._table: ColorTable | None = None
+        self._planes = (np.empty(3), np.empty(3), 0.0, 0.0)
 
     @cached_property
     def _half_sizes_px(self) -> tuple[FloatArray, FloatArray]:
@@ -89,41 +106,64 @@ class BallFinder:
         return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
 
     @cached_property
-    def _search(self) -> tuple[tuple[float, float], int]:
+    def _seeds(self) -> npt.NDArray[np.int32]:
+        """Pixels (N, 2) int32, v and u, in rings so dense that a ball anywhere on the floor covers some of them."""
+        along, across = self._half_sizes_px
         inner, outer = self.camera.usable_radius_px
-        across = self._half_sizes_px[1]
-        # as far out as the ball still covers three pixels; a quincunx of that pitch cannot miss it
-        wide = np.flatnonzero(across >= 1.0)
-        reach = min(outer, float(wide[-1]) if len(wide) else inner)
-        smallest = 2 * float(across[min(int(reach), len(across) - 1)])
-        return (inner, reach), max(1, int(smallest / 1.6))
+        width, height = self.camera.size_px
+        least_px = _LEAST_HALF * max(1.0, (outer - inner) / 86.0)
+        rings = []
+        radius = inner + 1.0
+        while radius < outer and across[round(radius)] >= least_px:
+            pitch = _SEED_PITCH * across[round(radius)]
+            angles = np.arange(0.0, math.tau, pitch / radius) + (len(rings) % 2) * pitch / radius / 2
+            rings.append(self.camera.polar_to_pixel(angles, radius))
+            radius += _SEED_PITCH * along[round(radius)]
+        pixels = np.rint(np.vstack(rings)).astype(np.int32) if rings else np.empty((0, 2), dtype=np.int32)
+        inside = (pixels >= 1).all(axis=1) & (pixels[:, 0] < width - 1) & (pixels[:, 1] < height - 1)
+        pixels = pixels[inside]
+        if self._mask is not None:
+            pixels = pixels[self._mask[pixels[:, 1], pixels[:, 0]] == 0]
+        # in the order of memory
+        return np.ascontiguousarray(np.unique(pixels[:, ::-1], axis=0))
 
     def find(self, frame: UInt8Array, table: ColorTable) -> Ball | None:
         """Find the ball in a frame (H, W, 3) uint8, or say None."""
         if not self.has_color:
             return None
-        colors = table.colors
-        radii, stride = self._search
-        self._stamp += 1
+        if self._table is not table:
+            self._table = table
+            self._planes = _color_planes(table.colors)
         out = np.empty(4)
-        score = kernel.find_ball(
+        if self._stamp > kernel.NEVER // 2:
+            self._stamps[self._stamps != kernel.NEVER] = 0
+            self._stamp = 0
+        score, self._stamp = kernel.find_ball(
             frame,
-            self._mask,
+            self._seeds,
             self._stamps,
-            self._stamp,
+            self._stamp + 1,
             self._stack,
             *self.camera.center_px,
-            radii,
-            stride,
-            _between(colors.ball, colors.line),
-            _between(colors.ball, colors.floor.lit),
-            1.2 * colors.floor.level,
+            *self._planes,
             *self._half_sizes_px,
             table.packing,
             table.floor_llr,
             out,
         )
         return self._place(out[:2]) if score >= _LEAST_SCORE else None
+
+    def clear(self, ball: Ball, view: PolarView, marks: UInt8Array) -> None:
+        """Let the ball and its shadow block nothing: it is what one drives to. Changes `marks` (K, M) in place."""
+        u, v = ball.u_px - self.camera.center_px[0], ball.v_px - self.camera.center_px[1]
+        radius = math.hypot(u, v)
+        along, across = (float(sizes[round(radius)]) for sizes in self._half_sizes_px)
+        bearing = math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad
+        row = bearing / math.tau * view.bearings
+        # the shadow reaches about half a radius beyond the ball, the samples' blur a column
+        half_px = 1.5 * along + view.step_px + 1.5
+        half_rows = (1.5 * across + 1.5) / radius / math.tau * view.bearings + 1
+        free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)
 
     def _place(self, pixel: FloatArray) -> Ball:
         scale = 1.0 if self.camera.height_m is None else 1.0 - self.radius_m / self.camera.height_m
@@ -133,11 +173,19 @@ class BallFinder:
         places = offset + scale * (self.camera.pixel_to_floor(pixel + steps) - offset)
         jacobian = np.stack([places[1] - places[2], places[3] - places[4]], axis=1)
         covariance = _CENTER_STD_PX**2 * jacobian @ jacobian.T
-        return Ball(float(places[0, 0]), float(places[0, 1]), read_only(covariance))
+        return Ball(float(places[0, 0]), float(places[0, 1]), read_only(covariance), float(pixel[0]), float(pixel[1]))
+
+
+def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float]:
+    """Planes from white and from the floor, least sum of channels, and the second plane's value on a dark ball."""
+    from_floor = _between(colors.ball, colors.floor.lit)
+    ball = np.array([colors.ball.blue_ratio, 1.0, colors.ball.red_ratio])
+    least = _LEAST_LEVEL * colors.floor.level
+    return _between(colors.ball, colors.line), from_floor, least, least * float(from_floor @ ball / ball.sum())
 
 
 def _between(color: PaintColor, other: PaintColor) -> FloatArray:
-    """Normal (3,) of the plane through black half-way between two colours: positive on the side of the first."""
+    """Return the normal (3,) of the plane through black half-way between two colours: positive on the first's side."""
     first = np.array([color.blue_ratio, 1.0, color.red_ratio])
     second = np.array([other.blue_ratio, 1.0, other.red_ratio])
     return np.asarray(first / np.linalg.norm(first) - second / np.linalg.norm(second))

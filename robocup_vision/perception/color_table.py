@@ -53,6 +53,12 @@ class Colors:
     goal_positive_x: PaintColor
     goal_negative_x: PaintColor
 
+    @cached_property
+    def goal_hues(self) -> FloatArray:
+        """(3,) float64: (B - R) / (B + G + R) of the goal at +x, the goal at -x, and white."""
+        paints = (self.goal_positive_x, self.goal_negative_x, self.line)
+        return read_only([(p.blue_ratio - p.red_ratio) / (p.blue_ratio + 1.0 + p.red_ratio) for p in paints])
+
 
 def learn_colors(samples: UInt8Array, valid: UInt8Array, field: Field) -> Colors | None:
     """Learn a frame's colours from its unrolled, slightly blurred samples.
@@ -98,7 +104,8 @@ def _learn_white(colors: FloatArray, floor: FloorColor) -> PaintColor:
         return PaintColor(1.0, 1.0)
     bright &= level >= np.percentile(level[bright], 60)
     # the brightest things may be coloured (a yellow goal, a window): the median of their ratios is white while most are
-    return PaintColor(float(np.median(red[bright] / green[bright])), float(np.median(blue[bright] / green[bright])))
+    blue, green, red = np.maximum(colors[bright], 1.0).T
+    return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,11 +183,13 @@ def _packed_colors(packing: UInt16Array) -> tuple[FloatArray, FloatArray, FloatA
 
 
 Ratio = Annotated[float, msgspec.Meta(gt=0)]
+Level = Annotated[float, msgspec.Meta(gt=0, le=255)]
+Noise = Annotated[float, msgspec.Meta(ge=0, le=255)]
 
 
 class _FloorFile(StrictStruct):
-    level: Ratio
-    noise: Ratio
+    level: Level
+    noise: Noise
     red_ratio: tuple[Ratio, ...]
     blue_ratio: tuple[Ratio, ...]
     spread: tuple[Ratio, Ratio]
@@ -211,7 +220,7 @@ def load_colors(path: str | Path) -> Colors:
     Raises
     ------
     FileError
-        If the file is missing, or a key is missing, unknown, of the wrong type, length or sign.
+        If the file is missing, or a key is missing, unknown, of the wrong type, length or out of its range.
     """
     f = load_toml(path, _ColorsFile)
     for key, values in (("red_ratio", f.floor.red_ratio), ("blue_ratio", f.floor.blue_ratio)):
@@ -229,11 +238,20 @@ def load_colors(path: str | Path) -> Colors:
 
 
 def save_colors(colors: Colors, path: str | Path) -> None:
-    """Write a colour file that `load_colors` reads back to the same colours."""
+    """Write a colour file that `load_colors` reads back to the same colours.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
     floor = colors.floor
-    lines = ["format = 1", "", "[floor]", f"level = {floor.level}", f"noise = {max(floor.noise, 1e-3)}"]
+    lines = ["format = 1", "", "[floor]", f"level = {floor.level}", f"noise = {floor.noise}"]
     lines += [f"{key} = {getattr(floor, key).tolist()}" for key in ("red_ratio", "blue_ratio", "spread")]
     for name in CLASS_NAMES[2:]:
         paint: PaintColor = getattr(colors, name)
         lines += ["", f"[{name}]", f"red_ratio = {paint.red_ratio}", f"blue_ratio = {paint.blue_ratio}"]
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    try:
+        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from None

@@ -28,7 +28,10 @@ _CENTER = 7
 # bluer, a highlight mixes in white until green is half-way to it
 _DRIFT_PER_STEP = 0.15
 _DRIFT = 0.45
+_DRIFT_TO_GREY = 0.2
 _SPREAD = 0.05
+# share of the commonest colour's weight that makes another one a candidate for the floor
+_COMMON = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,12 +143,15 @@ def _noise(ring: FloatArray, usable: npt.NDArray[np.bool_]) -> float:
 
 
 def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tuple[float, float, npt.NDArray[np.bool_]]:
-    step, low, count = 0.1, -3.0, 60
+    # wide enough for every ratio of two bytes: beyond its ends no sample would be near the mode
+    step, low, count = 0.1, -6.0, 120
     i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
     j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
     histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
     pooled = sum(np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1))
-    top_i, top_j = np.unravel_index(int(np.argmax(pooled)), (count, count))
+    # a robot in a corner sees more of the hall's floor than of the carpet, which is the greener one under any light
+    common = np.argwhere(pooled >= _COMMON * pooled.max())
+    top_i, top_j = common[np.argmin(common.max(axis=1))]
     red, blue = low + (float(top_i) + 0.5) * step, low + (float(top_j) + 0.5) * step
     member = np.ones(len(log_red), dtype=bool)
     for _ in range(3):
@@ -178,12 +184,15 @@ def _follow(
         red_ratio[here], blue_ratio[here] = last_red, last_blue
         if np.count_nonzero(member) < enough:
             continue
-        sum_green = g[member].sum()
+        sum_green = max(g[member].sum(), 1.0)
         sums = np.maximum([r[member].sum(), b[member].sum()], 1.0)
         drift = np.log(sums / sum_green / [last_red, last_blue])
         drift = np.clip(drift, -_DRIFT_PER_STEP, _DRIFT_PER_STEP)
-        red_ratio[here] = red0 * math.exp(float(np.clip(math.log(last_red / red0) + drift[0], -_DRIFT, _DRIFT)))
-        blue_ratio[here] = blue0 * math.exp(float(np.clip(math.log(last_blue / blue0) + drift[1], -_DRIFT, _DRIFT)))
+        total = np.clip(np.log([last_red / red0, last_blue / blue0]) + drift, -_DRIFT, _DRIFT)
+        if here < _CENTER:
+            # a shadow changes the light's colour, it does not turn paint grey: what does is something black
+            total -= max(0.0, float(total.sum()) - _DRIFT_TO_GREY) / 2
+        red_ratio[here], blue_ratio[here] = np.array([red0, blue0]) * np.exp(total)
         if here == _CENTER:
             red0, blue0 = float(red_ratio[here]), float(blue_ratio[here])
             red_ratio[:], blue_ratio[:] = red0, blue0

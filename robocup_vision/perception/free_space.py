@@ -27,6 +27,8 @@ Int32Array = npt.NDArray[np.int32]
 _FARTHEST_HEIGHTS = 40.0
 # how far the lens and the sampling spread an edge, pixels
 _BLUR_PX = 1.5
+# lines that meet, or are crossed obliquely, are this many times as wide
+_CROSSING = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +69,7 @@ class FreeSpaceGrid:
     """
 
     view: PolarView
-    directions: int = 64
+    directions: int = 80
     rings: int | tuple[float, ...] = 20
     threshold: float = 0.8
 
@@ -123,23 +125,22 @@ class FreeSpaceGrid:
         return (len(self.ring_bounds_m) - 1) * self.directions
 
     @cached_property
-    def _needed(self) -> npt.NDArray[np.float32]:
-        # a cell that no sample sees asks for none: it hides nothing that its neighbours would not show
+    def _needed(self) -> Int32Array:
+        """(I, J) int32: samples that make a cell free; none where no sample sees it, so that it hides nothing."""
         total = np.bincount(self.cell[self.cell >= 0], minlength=self._count)
-        return (total * self.threshold - 1e-6).astype(np.float32)
+        return np.ceil(total * self.threshold - 1e-6).astype(np.int32).reshape(-1, self.directions)
 
     @cached_property
     def _seen(self) -> npt.NDArray[np.int64]:
         """(J,) int64: rings of each direction up to the last one that any sample sees."""
-        total = np.bincount(self.cell[self.cell >= 0], minlength=self._count).reshape(-1, self.directions)
-        rings = np.arange(1, total.shape[0] + 1)[:, None]
-        return np.asarray((rings * (total > 0)).max(axis=0))
+        rings = np.arange(1, len(self.ring_bounds_m))[:, None]
+        return np.asarray((rings * (self._needed > 0)).max(axis=0))
 
     def measure(self, passable: UInt8Array) -> FreeSpace:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
-        free = np.empty(self._count, dtype=np.int32)
-        free_floor.count_cells(passable, self.cell, free)
-        return self._first_blocked(free >= self._needed)
+        rings = np.empty(self.directions, dtype=np.int32)
+        free_floor.free_rings(passable, self.cell, self._needed, self._seen, rings)
+        return FreeSpace(self.bearing_rad, self.ring_bounds_m[rings])
 
     def measure_by_labelling(self, passable: UInt8Array) -> FreeSpace:
         """Do the same the paper's way: AND with the template of cells, label, add up areas per cell (eqs. 7-9).
@@ -159,10 +160,7 @@ class FreeSpaceGrid:
                 where = np.zeros(count, dtype=np.int64)
                 where[labels.ravel()] = self.cell.ravel()
                 np.add.at(free, where[1:], area[1:].astype(np.int32))
-        return self._first_blocked(free >= self._needed)
-
-    def _first_blocked(self, is_free: npt.NDArray[np.bool_]) -> FreeSpace:
-        blocked = ~is_free.reshape(-1, self.directions)
+        blocked = free.reshape(-1, self.directions) < self._needed
         rings = np.where(blocked.any(axis=0), blocked.argmax(axis=0), self._seen)
         return FreeSpace(self.bearing_rad, self.ring_bounds_m[np.minimum(rings, self._seen)])
 
@@ -186,20 +184,16 @@ class FloorMarking:
     obstacle_width_m: float
 
     @cached_property
-    def columns_in_use(self) -> int:
-        """Number of columns on which the level camera sees floor."""
-        q = self.view.camera.floor_range.inverse_range_per_m(self.view.radius_px)
-        return int(np.count_nonzero(q > 0))
-
-    @cached_property
     def _widest(self) -> tuple[Int32Array, Int32Array]:
         radius = self.view.radius_px
-        range_m = 1.0 / np.maximum(self.view.camera.floor_range.inverse_range_per_m(radius), 1e-3)
-        per_column = np.gradient(range_m)
-        # half as wide again for lines crossed obliquely; a sample's blur and the lens's reach on both sides
+        # a table may end before the usable radius does
+        q = np.nan_to_num(self.view.camera.floor_range.inverse_range_per_m(radius))
+        range_m = 1.0 / np.maximum(q, 1e-3)
+        per_column = np.maximum(np.gradient(range_m), 1e-6)
+        # the lens reaches over on both sides
         per_row = range_m * (math.tau / self.view.bearings)
-        columns = np.ceil(1.5 * self.line_width_m / per_column + 2 * (1 + _BLUR_PX / self.view.step_px))
-        rows = np.ceil((1.5 * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row) + 2
+        columns = np.ceil(_CROSSING * self.line_width_m / per_column + 2 * _BLUR_PX / self.view.step_px)
+        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row)
         # but never as wide as a robot
         rows = np.maximum(np.minimum(rows, np.floor(self.obstacle_width_m / 2 / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)
@@ -207,5 +201,5 @@ class FloorMarking:
     def mark(self, samples: UInt8Array, llr: npt.NDArray[np.int8]) -> UInt8Array:
         """(K, M) uint8: 0 blocked, 1 floor, 2 line, from colours (K, M, 3) and floor likelihoods (K, M) int8."""
         out = np.empty(llr.shape, dtype=np.uint8)
-        free_floor.passable(samples, llr, self.view.valid, *self._widest, self.columns_in_use, out)
+        free_floor.passable(samples, llr, self.view.valid, *self._widest, self.view.columns_in_use, out)
         return out

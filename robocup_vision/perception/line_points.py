@@ -231,7 +231,7 @@ class LineFinder:
         floor = floor_mask_by_tone(
             smooth, self._seen, np.array([*tone.red_ratio, *tone.blue_ratio, *tone.green, tone.slack], dtype=np.float32)
         )
-        blue, green, red = cv2.split(frame)
+        blue, green, red = (np.asarray(channel, dtype=np.uint8) for channel in cv2.split(frame))
         whiteness = np.asarray(cv2.min(blue, red), dtype=np.uint8)
         limit = int(MAX_POINT_SHARE * np.count_nonzero(self._seen)) + 1
         found = line_ridge_points(

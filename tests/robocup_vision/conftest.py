@@ -1,10 +1,13 @@
-"""A painter of mirror-camera pictures that shares no code with the simulator: green, white, nothing upright."""
+"""Pictures for tests: a painter that shares no code with the simulator (no walls), and a dozen rendered frames."""
 
 import numpy as np
 import pytest
 
+from field_models import load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.localization.line_map import LineMap
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.random_scenes import CONDITIONS, sample
 
 CARPET_BGR, PAINT_BGR, HALL_BGR = (50, 130, 45), (225, 230, 225), (90, 100, 110)
 
@@ -33,3 +36,22 @@ def paint_field():
         return np.clip(np.round(image), 0, 255).astype(np.uint8)
 
     return paint
+
+
+@pytest.fixture(scope="session")
+def ssl_field():
+    return load_field("ssl_2001")
+
+
+@pytest.fixture(scope="session")
+def paper_camera():
+    return sekimori_camera()
+
+
+@pytest.fixture(scope="session")
+def nominal_samples(ssl_field, paper_camera):
+    """Twelve rendered frames with their truth; nobody may write to them."""
+    samples = list(sample(ssl_field, paper_camera, CONDITIONS["nominal"], seed=31, count=12, supersample=2))
+    for one in samples:
+        one.frame.flags.writeable = False
+    return samples

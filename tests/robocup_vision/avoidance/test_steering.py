@@ -1,4 +1,4 @@
-"""Steering: growth, prediction and choice against plain twins and laws, and courses without a collision."""
+"""Steering: what is commanded in plain situations, bad input, and courses without a collision."""
 
 from __future__ import annotations
 
@@ -12,13 +12,8 @@ from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance import Steering, SteeringCommand
-from robocup_vision.avoidance.steering import profile_edges
-from robocup_vision.kernels import steering as kernels
 
 RADIUS = 0.09
-BINS, GROUPS = 512, 16
-seeds = st.integers(0, 2**32 - 1)
-speeds = st.floats(-1.5, 1.5)
 
 
 def ranges(range_m, bearing_rad=None):
@@ -32,133 +27,6 @@ def steering(**changes):
     return Steering(
         **({"robot_radius_m": RADIUS, "acceleration_mps2": 0.3, "dead_time_s": 0.03, "speed_mps": 0.4} | changes)
     )
-
-
-def grown(free):
-    count = free.range_m.shape[0]
-    sectors, sector_bins = np.empty((count, 4)), np.empty((count, 4), dtype=np.int64)
-    profile, coarse = np.empty(BINS), np.empty(GROUPS)
-    assert kernels.measure_sectors(free.bearing_rad, sectors, sector_bins, BINS)
-    smallest = kernels.grow_profile(free.range_m, sectors, sector_bins, profile_edges(BINS), RADIUS, profile, coarse)
-    return profile, coarse, smallest
-
-
-def plain_growth(free, bearing):
-    """Smallest centre range along `bearing` at which the disc touches any sector's arc: no bins, no neighbours."""
-    half = math.pi / free.range_m.shape[0]
-    least = math.inf
-    for center, reach in zip(free.bearing_rad, free.range_m, strict=True):
-        reach = max(reach, RADIUS)
-        off = max(abs(math.remainder(bearing - center, math.tau)) - half, 0.0)
-        beside = reach * math.sin(off)
-        if off < math.pi / 2 and beside <= RADIUS:
-            least = min(least, reach * math.cos(off) - math.sqrt(RADIUS**2 - beside**2))
-    return least
-
-
-def profile_at(profile, bearing):
-    return profile[kernels._profile_bin.py_func(math.cos(bearing), math.sin(bearing), BINS)]
-
-
-@settings(deadline=None, max_examples=30)
-@given(seeds, st.sampled_from([3, 8, 32, 37, 64]))
-def test_grown_profile_is_never_beyond_and_hardly_before_the_exact_one(seed, count):
-    rng = np.random.default_rng(seed)
-    free = ranges(rng.uniform(0.02, 1.5, count))
-    profile, coarse, smallest = grown(free)
-    assert smallest == profile.min()
-    width = 4.0 / BINS
-    for bearing in rng.uniform(-math.pi, math.pi, 40):
-        value = profile_at(profile, bearing)
-        assert value <= plain_growth(free, bearing) + 1e-9
-        # A bin holds the least within itself, and it is at most `width` wide in bearing (2 width at its widest).
-        around = min(plain_growth(free, bearing + s) for s in np.linspace(-2 * width, 2 * width, 33))
-        assert value >= around - 1e-9 - 0.002
-    group = profile.reshape(GROUPS, -1).min(axis=1)
-    np.testing.assert_array_equal(coarse, np.minimum(np.minimum(group, np.roll(group, 1)), np.roll(group, -1)))
-
-
-def test_disc_touches_a_facing_obstacle_one_radius_before_it_and_a_wall_behind_blocks_nothing():
-    free = ranges(np.where(np.arange(64) == 0, 0.5, np.inf))
-    profile, _, _ = grown(free)
-    assert profile_at(profile, 0.0) == pytest.approx(0.41)
-    assert profile_at(profile, math.pi) == math.inf
-    touching, _, _ = grown(ranges(np.where(np.arange(64) == 0, 0.05, np.inf)))
-    assert profile_at(touching, 0.3) == 0.0
-    assert profile_at(touching, math.pi) == math.inf
-
-
-def test_unmeasured_bearings_block_themselves_only():
-    one, _, _ = grown(ranges(np.where(np.arange(32) == 5, np.nan, np.inf)))
-    middle = 5 * math.tau / 32
-    assert profile_at(one, middle) == 0.0
-    assert profile_at(one, middle + 0.2) == math.inf
-    pinhole, _, _ = grown(ranges(np.full(9, np.inf), np.linspace(-0.4, 0.4, 9)))
-    assert profile_at(pinhole, 0.0) == math.inf
-    assert profile_at(pinhole, 0.5) == profile_at(pinhole, math.pi) == 0.0
-
-
-def integrate(velocity, target, acceleration, dead_time, t, steps=4000):
-    """Eq. 10 integrated by the trapezoid rule after a dead time at the present velocity."""
-    velocity, target = np.array(velocity), np.array(target)
-    dv = target - velocity
-    size = np.hypot(*dv)
-    times = np.linspace(0.0, max(t - dead_time, 0.0), steps)
-    share = np.minimum(acceleration * times / size, 1.0) if size > 0 else np.zeros(steps)
-    speeds = velocity + share[:, None] * dv
-    moved = 0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)[:, None]
-    return velocity * min(t, dead_time) + moved.sum(axis=0)
-
-
-@settings(deadline=None, max_examples=60)
-@given(speeds, speeds, speeds, speeds, st.floats(0.2, 5.0), st.floats(0.0, 0.2), st.floats(0.0, 6.0))
-def test_prediction_is_the_integral_of_the_velocity_law(vx, vy, tx, ty, acceleration, dead_time, t):
-    predicted = kernels.predict_position((vx, vy), (tx, ty), acceleration, dead_time, t)
-    np.testing.assert_allclose(predicted, integrate((vx, vy), (tx, ty), acceleration, dead_time, t), atol=2e-5)
-
-
-@settings(deadline=None, max_examples=60)
-@given(speeds, speeds, speeds, speeds, st.floats(0.2, 5.0), st.floats(0.0, 0.2))
-def test_position_and_velocity_are_continuous_and_acceleration_is_limited(vx, vy, tx, ty, acceleration, dead_time):
-    settle = math.hypot(tx - vx, ty - vy) / acceleration
-    h = 1e-4
-    times = np.concatenate([np.linspace(0.01, dead_time + settle + 0.5, 50), [dead_time + 0.01, dead_time + settle]])
-    for t in times[times > h]:
-        before, now, after = (
-            np.array(kernels.predict_position((vx, vy), (tx, ty), acceleration, dead_time, t + s)) for s in (-h, 0, h)
-        )
-        # The second difference bounds a jump in position and in velocity as well as the acceleration.
-        assert np.hypot(*(after - 2 * now + before)) <= acceleration * h * h * 1.001 + 1e-12
-
-
-def plain_contacts(velocity, target, horizon, profile, spacing_m):
-    """Return times and whether each is blocked, sampled finely with the uncompiled functions."""
-    times = np.arange(0.0, horizon, spacing_m / max(math.hypot(*velocity), math.hypot(*target), 1e-9))
-    points = [kernels.predict_position.py_func(velocity, target, 1.2, 0.03, t) for t in times]
-    return times, np.array(
-        [(x or y) and math.hypot(x, y) >= profile[kernels._profile_bin.py_func(x, y, BINS)] for x, y in points],
-        dtype=bool,
-    )
-
-
-@settings(deadline=None, max_examples=12)
-@given(seeds)
-def test_time_to_contact_agrees_with_fine_sampling(seed):
-    rng = np.random.default_rng(seed)
-    profile, coarse, smallest = grown(ranges(rng.uniform(0.15, 1.2, 32)))
-    velocity, target = tuple(rng.uniform(-0.6, 0.6, 2)), tuple(rng.uniform(-0.6, 0.6, 2))
-    fastest = max(math.hypot(*velocity), math.hypot(*target))
-    found = kernels.contact_time(velocity, target, 1.2, 0.03, 2.0, 0.004, profile, coarse, smallest)
-    times, blocked = plain_contacts(velocity, target, 2.0, profile, 2e-4)
-    # Samples may jump over a corner of the profile, but over less than a step.
-    jumped = longest = 0
-    for stop in blocked[times < found]:
-        jumped = jumped + 1 if stop else 0
-        longest = max(longest, jumped)
-    assert longest * 2e-4 <= 0.004 + 2e-4
-    # And what it reports as a contact is one, at most a step later.
-    if math.isfinite(found):
-        assert blocked[(times >= found - 1e-9) & (times <= found + 0.004 / fastest)].any()
 
 
 def test_open_floor_leads_to_the_goal():
@@ -228,13 +96,39 @@ def test_contact_during_the_dead_time_counts():
     assert not command.safe
 
 
-def test_a_goal_before_a_wall_is_reached_with_the_papers_threshold():
+def test_a_goal_before_a_wall_is_approached_at_speed_with_the_papers_threshold():
     scene = facing(0.6, half_width=1.0)
     papers = {"time_threshold_s": 2.75}
-    assert steering(**papers).steer(scene, (0.0, 0.0), 0.0).reason == "around obstacle"
-    command = steering(**papers).steer(scene, (0.0, 0.0), 0.0, goal_distance_m=0.2)
+    unknown = steering(**papers).steer(scene, (0.0, 0.0), 0.0)
+    known = steering(**papers).steer(scene, (0.0, 0.0), 0.0, goal_distance_m=0.2)
+    assert known.safe
+    assert known.reason == "towards goal"
+    assert unknown.velocity_mps[0] <= 0.2 + 1e-12
+    assert known.velocity_mps[0] > 0.3
+
+
+def test_a_gap_too_tight_for_full_speed_is_entered_slowly():
+    # the way back is free at any speed, the way to the goal ends in a wall
+    fast = steering(speed_mps=1.5)
+    command = fast.steer(facing(0.6, half_width=1.4), (0.0, 0.0), 0.0)
     assert command.safe
     assert command.reason == "towards goal"
+    assert 0.1 < np.hypot(*command.velocity_mps) < 0.5
+    # and where something is nearer still, slower still
+    nearer = fast.steer(facing(0.2, half_width=1.4), (0.0, 0.0), 0.0)
+    assert nearer.reason == "towards goal"
+    assert 0.0 < np.hypot(*nearer.velocity_mps) < np.hypot(*command.velocity_mps)
+
+
+def test_after_a_safe_command_braking_is_preferred_to_the_latest_contact():
+    post = np.full(64, 5.0)
+    post[1:3] = 0.25
+    robot = steering()
+    assert robot.steer(ranges(np.full(64, 5.0)), (0.4, 0.0), 0.0).safe
+    for _ in range(2):
+        assert robot.steer(ranges(post), (0.4, 0.0), 0.0).reason == "no safe direction: braking"
+    robot.forget()
+    assert robot.steer(ranges(post), (0.4, 0.0), 0.0).reason.endswith("latest contact")
 
 
 @given(st.floats(0.0, 3.0))

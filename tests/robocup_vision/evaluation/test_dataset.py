@@ -225,7 +225,7 @@ def test_wrong_frames(folder: Path, old: str, new: str, problem: str) -> None:
         (
             "format = 1",
             'format = 1\nmethod = "magic"',
-            "key 'method': must be one of floor, field, goal, landmarks, got 'magic'",
+            "key 'method': must be one of floor, field, goal, landmarks, hull, got 'magic'",
         ),
         ('images = "images"', 'images = "pictures"', "key 'images': does not exist, got 'pictures'"),
         ('images = "images"', 'images = "empty"', "key 'images': no images found in this folder (png, jpg, jpeg, bmp)"),

@@ -1,0 +1,150 @@
+"""The outline fit: exact outlines give exact poses from anywhere, poor ones a reason."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from strategies import numbers
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.floor import FloorLocalizer
+from robocup_vision.perception.polar_view import PolarView
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.scene import Scene
+
+FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
+VIEW = PolarView(CAMERA)
+LOCALIZER = FloorLocalizer(FIELD, CAMERA, VIEW)
+BARE = Scene(FIELD)
+places = st.builds(Pose2, numbers(-1.25, 1.25), numbers(-0.65, 0.65), numbers(-3.1, 3.1))
+
+
+def outline(pose, rng=None, noise_px=0.0, hidden=0.0):
+    """Image radius of the walls' feet, as the scene's own geometry has them, not the localiser's."""
+    range_m = BARE.free_range_m(pose, VIEW.bearing_rad)
+    radius = CAMERA.floor_range.radius_px(1.0 / range_m)
+    if rng is not None:
+        radius = radius + rng.normal(0, noise_px, len(radius))
+        first, length = rng.integers(0, len(radius)), int(hidden * len(radius))
+        radius[(first + np.arange(length)) % len(radius)] = np.nan
+    return radius
+
+
+@settings(deadline=None, max_examples=60)
+@given(places, st.integers(0, 2**32 - 1))
+def test_an_outline_gives_its_pose_without_any_prior(pose, seed):
+    rng = np.random.default_rng(seed)
+    estimate, walls = LOCALIZER.locate(outline(pose, rng, 0.15, 0.2))
+    assert isinstance(estimate, PoseEstimate)
+    distance, angle = estimate.pose.error_to(pose, symmetric=True)
+    assert distance < 0.02
+    assert angle < math.radians(1.5)
+    assert estimate.candidates == (estimate.pose, estimate.pose.half_turn())
+    assert (np.linalg.eigvalsh(estimate.covariance) > 0).all()
+    exact = outline(pose)
+    assert np.median(np.abs(walls - exact)) < 0.5
+
+
+@settings(deadline=None, max_examples=30)
+@given(places, st.integers(0, 2**32 - 1))
+def test_a_prior_leads_to_the_same_pose(pose, seed):
+    radius = outline(pose, np.random.default_rng(seed), 0.15)
+    near = Pose2(pose.x_m + 0.01, pose.y_m - 0.01, pose.theta_rad + 0.02)
+    cold, warm = (LOCALIZER.locate(radius, prior)[0] for prior in (None, near))
+    assert sum(warm.pose.error_to(cold.pose, symmetric=True)) < 0.01
+    # a prior in the other half keeps its half
+    other = LOCALIZER.locate(radius, near.half_turn())[0]
+    assert sum(other.pose.error_to(warm.pose.half_turn())) < 0.01
+
+
+@settings(deadline=None, max_examples=30)
+@given(places, st.integers(0, 2**32 - 1))
+def test_boxes_nearer_than_the_walls_do_not_move_the_pose(pose, seed):
+    rng = np.random.default_rng(seed)
+    radius = outline(pose, rng, 0.15)
+    for _ in range(4):
+        first, length = rng.integers(0, len(radius)), rng.integers(4, 12)
+        where = (first + np.arange(length)) % len(radius)
+        radius[where] = np.minimum(radius[where], rng.uniform(40.0, 80.0))
+    estimate, _ = LOCALIZER.locate(radius)
+    assume(bool(estimate))
+    distance, angle = estimate.pose.error_to(pose, symmetric=True)
+    assert distance < 0.03
+    assert angle < math.radians(2)
+
+
+@settings(deadline=None, max_examples=40)
+@given(places)
+def test_the_first_guess_is_a_start(pose):
+    assume(abs(pose.x_m) < 1.0)
+    guess = LOCALIZER.first_guess(outline(pose))
+    distance, angle = guess.error_to(pose, symmetric=True)
+    assert distance < 0.35
+    assert angle < 0.5
+
+
+def test_what_cannot_be_located_is_told():
+    count = len(VIEW.bearing_rad)
+    nothing = np.full(count, np.nan)
+    few = nothing.copy()
+    few[:10] = 60.0
+    for radius, reason in (
+        (nothing, f"the floor's edge is seen in only 0 of {count} directions"),
+        (few, f"the floor's edge is seen in only 10 of {count} directions"),
+    ):
+        estimate, walls = LOCALIZER.locate(radius)
+        assert isinstance(estimate, NotLocated)
+        assert estimate.reason == reason
+        assert np.isnan(walls).all()
+    assert LOCALIZER.first_guess(few[:] * np.nan) is None
+
+
+@pytest.mark.parametrize(
+    "radius",
+    [
+        np.full(len(VIEW.bearing_rad), 40.0),
+        np.full(len(VIEW.bearing_rad), 1e-6),
+        np.full(len(VIEW.bearing_rad), 1e6),
+        np.random.default_rng(0).uniform(27.0, 111.0, len(VIEW.bearing_rad)),
+        np.where(np.arange(len(VIEW.bearing_rad)) < 40, 105.0, np.nan),
+    ],
+    ids=["circle", "dot", "far", "noise", "one side"],
+)
+def test_outlines_of_nothing_are_not_located(radius):
+    for prior in (None, Pose2(0.1, 0.2, 0.3), Pose2(math.nan, 0.0, 0.0), Pose2(1e9, 0.0, 0.0)):
+        estimate, walls = LOCALIZER.locate(radius, prior)
+        assert isinstance(estimate, NotLocated)
+        assert len(estimate.reason) > 10
+        assert np.isnan(walls).all()
+
+
+def test_one_wall_alone_does_not_fix_the_pose():
+    pose = Pose2(0.0, 0.0, 0.0)
+    radius = outline(pose)
+    bearing = (VIEW.bearing_rad + math.pi) % math.tau - math.pi
+    radius[np.abs(bearing - math.pi / 2) > 0.8] = np.nan
+    estimate, _ = LOCALIZER.locate(radius, pose)
+    assert isinstance(estimate, NotLocated)
+    assert "does not fix the pose" in estimate.reason or "agrees" in estimate.reason
+
+
+def test_a_carpet_that_goes_on_is_refused():
+    with pytest.raises(ArgumentError, match=r"needs walls or boards, but the floor of 'msl_6x4' is not bounded"):
+        FloorLocalizer(load_field("msl_6x4"), CAMERA, VIEW)
+
+
+@pytest.mark.parametrize("name", ["ssl_division_a", "ssl_division_b"])
+def test_other_fields(name):
+    field = load_field(name)
+    camera = sekimori_camera(640, 480)
+    view = PolarView(camera)
+    pose = Pose2(field.length_m / 2 - 1.1, 1.0 - field.width_m / 2, 0.6)
+    range_m = Scene(field).free_range_m(pose, view.bearing_rad)
+    radius = camera.floor_range.radius_px(1.0 / range_m)
+    estimate, _ = FloorLocalizer(field, camera, view).locate(radius)
+    assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05

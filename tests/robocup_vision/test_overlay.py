@@ -1,0 +1,90 @@
+"""The overlay: whatever a view says can be drawn, over any frame, without changing it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.camera import Table
+from robocup_vision.estimates import NotLocated
+from robocup_vision.geometry import Pose2
+from robocup_vision.overlay import BALL_COLOR, BOUNDARY_COLOR, FIELD_COLOR, FREE_COLOR, LINE_POINT_COLOR, draw
+from robocup_vision.vision import Vision
+from sim2d.rendering.cameras import sekimori_camera
+
+
+@pytest.fixture(scope="module")
+def vision(ssl_field, paper_camera):
+    return Vision(ssl_field, paper_camera)
+
+
+def share_of(picture, color):
+    return float((np.abs(picture.astype(int) - color).max(axis=-1) <= 12).mean())
+
+
+def test_everything_seen_is_drawn_over_an_enlarged_copy(vision, nominal_samples):
+    one = next(s for s in nominal_samples if s.scene.ball is not None)
+    vision.forget()
+    view = vision.look(one.frame)
+    assert view.pose
+    picture = draw(view, one.frame, vision)
+    assert picture.shape == (660, 768, 3)
+    assert picture.dtype == np.uint8
+    for color in (FIELD_COLOR, BOUNDARY_COLOR, FREE_COLOR):
+        assert share_of(picture, color) > 3e-4
+    assert share_of(picture, (255, 255, 255)) > 1e-4  # the text
+    assert (share_of(picture, BALL_COLOR) > 0) == (view.ball is not None)
+    assert not np.shares_memory(picture, one.frame)
+
+
+def test_the_field_lies_where_the_pose_puts_it(vision, nominal_samples):
+    vision.forget()
+    view = vision.look(nominal_samples[0].frame)
+    elsewhere = dataclasses.replace(view.pose, pose=Pose2(0.0, 0.0, 0.0), candidates=())
+    here, there = (
+        draw(dataclasses.replace(view, pose=pose), np.zeros((220, 256, 3), np.uint8), vision)
+        for pose in (view.pose, elsewhere)
+    )
+    assert share_of(np.abs(here.astype(int) - there), (0, 0, 0)) < 0.999
+    nowhere = draw(dataclasses.replace(view, pose=NotLocated("too dark")), nominal_samples[0].frame, vision)
+    assert share_of(nowhere, FIELD_COLOR) < 1e-4
+
+
+def test_a_blind_view_is_drawn_with_its_reason(vision):
+    frame = np.zeros((220, 256, 3), dtype=np.uint8)
+    vision.forget()
+    view = vision.look(frame)
+    assert isinstance(view.pose, NotLocated)
+    picture = draw(view, frame, vision)
+    assert share_of(picture, (255, 255, 255)) > 1e-4
+
+
+def test_a_large_frame_keeps_its_size_and_is_not_drawn_into(ssl_field):
+    vision = Vision(ssl_field, sekimori_camera(640, 480))
+    frame = np.full((480, 640, 3), (50, 130, 45), dtype=np.uint8)
+    kept = frame.copy()
+    picture = draw(vision.look(frame), frame, vision)
+    assert picture.shape == frame.shape
+    np.testing.assert_array_equal(frame, kept)
+    assert (picture != frame).any()
+
+
+def test_a_carpet_field_shows_its_lines_and_arcs(mirror_camera, paint_field):
+    field = load_field("msl_6x4")
+    vision = Vision(field, mirror_camera)
+    frame = paint_field(mirror_camera, field, Pose2(0.4, 0.3, 1.0))
+    view = vision.look(frame)
+    assert view.pose
+    picture = draw(view, frame, vision)
+    assert share_of(picture, FIELD_COLOR) > 1e-4
+    assert share_of(picture, LINE_POINT_COLOR) > 1e-4
+
+
+def test_a_table_that_ends_within_the_free_floor_is_drawn(ssl_field, paper_camera):
+    radius = np.linspace(26.0, 60.0, 40)
+    table = Table(radius, 1 / paper_camera.floor_range.inverse_range_per_m(radius))
+    camera = dataclasses.replace(paper_camera, floor_range=table, offset_m=(0.5, 0.0), viewpoint_height_m=0.205)
+    vision = Vision(ssl_field, camera)
+    frame = np.full((220, 256, 3), (50, 130, 45), dtype=np.uint8)
+    assert draw(vision.look(frame), frame, vision).shape == (660, 768, 3)

@@ -1,0 +1,69 @@
+"""Photographs from robots, where the folder beside the project has them: poses, line residuals, a field file."""
+
+import csv
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.camera import load_camera
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.line_map import LineMap
+from robocup_vision.vision import Vision
+
+REAL = Path(__file__).resolve().parents[2] / "shared" / "real"
+needs_photographs = pytest.mark.skipif(not REAL.is_dir(), reason="the photographs are not here")
+
+
+def look(folder, image):
+    camera = load_camera(REAL / folder / "camera.toml")
+    frame = cv2.imread(str(REAL / folder / "images" / image), cv2.IMREAD_COLOR)
+    return camera, Vision(load_field("msl_6x4"), camera, method="field").look(frame)
+
+
+@needs_photographs
+def test_the_first_robot_is_located_by_the_lines():
+    camera, view = look("omni_msl_6x4", "a_center.png")
+    assert view.pose
+    distance, angle = view.pose.pose.error_to(Pose2(0.102, 0.048, math.radians(-1.5)), symmetric=True)
+    assert distance < 0.03
+    assert math.degrees(angle) < 1.0
+    with (REAL / "omni_msl_6x4" / "line_points_a_center.csv").open() as file:
+        rows = [[float(v) for v in list(row.values())[:2]] for row in csv.DictReader(file)]
+    floor = camera.pixel_to_floor(np.array(rows))
+    residual = LineMap(load_field("msl_6x4")).nearest(view.pose.pose.transform(floor)).distance_m
+    assert len(residual) > 3000
+    assert np.median(residual) <= 0.02
+    assert np.percentile(residual, 90) <= 0.05
+
+
+@needs_photographs
+def test_the_second_robot_is_located_near_the_centre():
+    _, view = look("omni_msl_6x4_b", "b_center.png")
+    assert view.pose
+    assert math.hypot(view.pose.pose.x_m, view.pose.pose.y_m) < 0.4
+    assert view.pose.inlier_share > 0.6
+
+
+@needs_photographs
+@pytest.mark.parametrize("folder", ["omni_msl_6x4", "omni_msl_6x4_b"])
+def test_free_floor_around_a_real_robot(folder):
+    _, view = look(folder, "a_center.png" if folder == "omni_msl_6x4" else "b_center.png")
+    # both stand in the middle of an empty field
+    assert np.median(view.free_space.range_m) > 1.0
+
+
+def test_the_onboard_field_file_has_the_numbers_it_was_given():
+    field = load_field(Path(__file__).parent / "data" / "onboard_ssl_field.toml")
+    assert (field.length_m, field.width_m) == (7.8, 5.4)
+    assert field.boundary == "boards"
+    assert field.wall_color == "black"
+    np.testing.assert_allclose(np.abs(field.floor_polygon).max(axis=0), (4.2, 3.0))
+    for goal, side in zip(field.goals, (1, -1), strict=True):
+        assert (goal.width_m, goal.height_m, goal.line_x_m) == (1.0, 0.155, side * 3.9)
+    corners = field.lines.reshape(-1, 2)
+    for corner in ((3.9, 0.9), (3.0, 0.9), (3.0, -0.9), (-3.0, 0.9)):  # penalty areas 0.9 deep, 1.8 wide
+        assert np.hypot(*(corners - corner).T).min() < 1e-9
