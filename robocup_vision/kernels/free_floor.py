@@ -44,14 +44,17 @@ def passable(
         Filled with BLOCKED, FLOOR or LINE.
     """
     rows, columns = llr.shape
-    # the samples' blur spreads whatever is not floor by one sample on all sides: take that back
+    # the samples' blur spreads whatever is not floor by one sample on all sides: take that back, where floor is solid
     for k in range(rows):
-        before, after = k - 1, k + 1 if k + 1 < rows else 0
-        for m in range(1, columns - 1):
-            near = max(max(llr[k, m - 1], llr[k, m + 1]), max(llr[before, m], llr[after, m]))
-            out[k, m] = FLOOR if max(near, llr[k, m]) > 0 else BLOCKED
-        out[k, 0] = FLOOR if llr[k, 0] > 0 else BLOCKED
-        out[k, columns - 1] = FLOOR if llr[k, columns - 1] > 0 else BLOCKED
+        here, right, right2 = llr[k], llr[(k - 1) % rows], llr[(k - 2) % rows]
+        left, left2 = llr[(k + 1) % rows], llr[(k + 2) % rows]
+        marks = out[k]
+        for m in range(columns):
+            beside = max(min(right[m], right2[m]), min(left[m], left2[m]))
+            marks[m] = FLOOR if max(here[m], beside) > 0 else BLOCKED
+        for m in range(2, columns - 2):
+            along = max(min(here[m - 1], here[m - 2]), min(here[m + 1], here[m + 2]))
+            marks[m] = FLOOR if along > 0 else marks[m]
     for k in range(rows):
         # the robot stands on the floor: what lies under its rim is bounded by floor
         last = -1

@@ -193,7 +193,7 @@ class FloorMarking:
         # the lens reaches over on both sides
         per_row = range_m * (math.tau / self.view.bearings)
         columns = np.ceil(_CROSSING * self.line_width_m / per_column + 2 * _BLUR_PX / self.view.step_px)
-        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row)
+        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row) + 1
         # but never as wide as a robot
         rows = np.maximum(np.minimum(rows, np.floor(self.obstacle_width_m / 2 / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)
