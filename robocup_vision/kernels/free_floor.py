@@ -45,16 +45,21 @@ def passable(
     """
     rows, columns = llr.shape
     # the samples' blur spreads whatever is not floor by one sample on all sides: take that back, where floor is solid
+    is_floor = np.empty((rows, columns), np.uint8)
     for k in range(rows):
-        here, right, right2 = llr[k], llr[(k - 1) % rows], llr[(k - 2) % rows]
-        left, left2 = llr[(k + 1) % rows], llr[(k + 2) % rows]
-        marks = out[k]
         for m in range(columns):
-            beside = max(min(right[m], right2[m]), min(left[m], left2[m]))
-            marks[m] = FLOOR if max(here[m], beside) > 0 else BLOCKED
-        for m in range(2, columns - 2):
-            along = max(min(here[m - 1], here[m - 2]), min(here[m + 1], here[m + 2]))
-            marks[m] = FLOOR if along > 0 else marks[m]
+            is_floor[k, m] = llr[k, m] > 0
+    for k in range(rows):
+        # slices, so that no index in the loops can be negative and they are compiled to vector instructions
+        here, marks = is_floor[k], out[k]
+        right, right2 = is_floor[(k - 1) % rows], is_floor[(k - 2) % rows]
+        left, left2 = is_floor[(k + 1) % rows], is_floor[(k + 2) % rows]
+        for m in range(columns):
+            marks[m] = here[m] | (right[m] & right2[m]) | (left[m] & left2[m])
+        middle = marks[2 : columns - 2]
+        inner, inner2, outer, outer2 = here[1:], here[0:], here[3:], here[4:]
+        for m in range(columns - 4):
+            middle[m] |= (inner[m] & inner2[m]) | (outer[m] & outer2[m])
     for k in range(rows):
         # the robot stands on the floor: what lies under its rim is bounded by floor
         last = -1
