@@ -77,7 +77,7 @@ def passable(
                             out[k, j] = LINE
             last = m
     # where two lines meet, what lies between is bounded by line; it is still the floor it has to be whiter than
-    last = np.full(columns_in_use, -1)
+    last_step = np.full(columns_in_use, -1)
     floor = np.full(columns_in_use, -1)
     # once round and a little further, so that a line across row 0 is closed, too
     for step in range(rows + line_rows[0] + 1):
@@ -85,18 +85,18 @@ def passable(
         for m in range(columns_in_use):
             if out[k, m] == BLOCKED:
                 continue
-            if 1 < step - last[m] <= line_rows[m] + 1 and last[m] >= 0:
+            if 1 < step - last_step[m] <= line_rows[m] + 1 and last_step[m] >= 0:
                 blue, red = 0, 0
-                for i in range(last[m] + 1, step):
+                for i in range(last_step[m] + 1, step):
                     j = i if i < rows else i - rows
                     if valid[j, m]:
                         blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
                 if _is_whiter(blue, red, samples[floor[m], m], samples[floor[m], m]):
-                    for i in range(last[m] + 1, step):
+                    for i in range(last_step[m] + 1, step):
                         j = i if i < rows else i - rows
                         if valid[j, m]:
                             out[j, m] = LINE
-            last[m] = step
+            last_step[m] = step
             if out[k, m] == FLOOR or floor[m] < 0:
                 floor[m] = k
 

@@ -164,7 +164,8 @@ def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tupl
     i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
     j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
     histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
-    pooled = sum(np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1))
+    around = [np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1)]
+    pooled = np.sum(around, axis=0)
     # a robot in a corner sees more of the hall's floor than of the carpet, which is the greener one under any light
     common = np.argwhere(pooled >= _COMMON * pooled.max())
     top_i, top_j = common[np.argmin(common.max(axis=1))]
