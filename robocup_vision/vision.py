@@ -122,8 +122,8 @@ class Vision:
         Fixed colours. Without them they are learnt from the first frame, and again when the light has changed.
     method : {"field", "floor", "hull"}
         "floor": by the floor's outline, which walls or boards must bound. "field": by the outline where there is one,
-        else, or where it does not tell, by the white lines, with no prior. "hull": as the paper prints it, by the
-        convex hull of the whole floor mask; the published reference, for comparison.
+        and by the white lines where it leaves a choice, does not tell, or is not bounded, with no prior. "hull": as the
+        paper prints it, by the convex hull of the whole floor mask; the published reference, for comparison.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     directions : int
@@ -313,7 +313,9 @@ class Vision:
                 return self._goal_side.choose(frame, by_hull, table.colors, start), self._nothing
             reason = by_hull.reason
         if self._floor is not None:
-            estimate, walls = self._floor.locate(edge, start)
+            lines = self._lines
+            arbiter = None if lines is None else (lambda poses: lines.choose(frame, poses))
+            estimate, walls = self._floor.locate(edge, start, arbiter)
             if isinstance(estimate, PoseEstimate):
                 return self._goal_side.choose(frame, estimate, table.colors, start), walls
             reason = estimate.reason

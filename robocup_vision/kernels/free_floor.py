@@ -44,14 +44,22 @@ def passable(
         Filled with BLOCKED, FLOOR or LINE.
     """
     rows, columns = llr.shape
-    # the samples' blur spreads whatever is not floor by one sample on all sides: take that back
+    # the samples' blur spreads whatever is not floor by one sample on all sides: take that back, where floor is solid
+    is_floor = np.empty((rows, columns), np.uint8)
     for k in range(rows):
-        before, after = k - 1, k + 1 if k + 1 < rows else 0
-        for m in range(1, columns - 1):
-            near = max(max(llr[k, m - 1], llr[k, m + 1]), max(llr[before, m], llr[after, m]))
-            out[k, m] = FLOOR if max(near, llr[k, m]) > 0 else BLOCKED
-        out[k, 0] = FLOOR if llr[k, 0] > 0 else BLOCKED
-        out[k, columns - 1] = FLOOR if llr[k, columns - 1] > 0 else BLOCKED
+        for m in range(columns):
+            is_floor[k, m] = llr[k, m] > 0
+    for k in range(rows):
+        # slices, so that no index in the loops can be negative and they are compiled to vector instructions
+        here, marks = is_floor[k], out[k]
+        right, right2 = is_floor[(k - 1) % rows], is_floor[(k - 2) % rows]
+        left, left2 = is_floor[(k + 1) % rows], is_floor[(k + 2) % rows]
+        for m in range(columns):
+            marks[m] = here[m] | (right[m] & right2[m]) | (left[m] & left2[m])
+        middle = marks[2 : columns - 2]
+        inner, inner2, outer, outer2 = here[1:], here[0:], here[3:], here[4:]
+        for m in range(columns - 4):
+            middle[m] |= (inner[m] & inner2[m]) | (outer[m] & outer2[m])
     for k in range(rows):
         # the robot stands on the floor: what lies under its rim is bounded by floor
         last = -1
@@ -69,7 +77,7 @@ def passable(
                             out[k, j] = LINE
             last = m
     # where two lines meet, what lies between is bounded by line; it is still the floor it has to be whiter than
-    last = np.full(columns_in_use, -1)
+    last_step = np.full(columns_in_use, -1)
     floor = np.full(columns_in_use, -1)
     # once round and a little further, so that a line across row 0 is closed, too
     for step in range(rows + line_rows[0] + 1):
@@ -77,18 +85,18 @@ def passable(
         for m in range(columns_in_use):
             if out[k, m] == BLOCKED:
                 continue
-            if 1 < step - last[m] <= line_rows[m] + 1 and last[m] >= 0:
+            if 1 < step - last_step[m] <= line_rows[m] + 1 and last_step[m] >= 0:
                 blue, red = 0, 0
-                for i in range(last[m] + 1, step):
+                for i in range(last_step[m] + 1, step):
                     j = i if i < rows else i - rows
                     if valid[j, m]:
                         blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
                 if _is_whiter(blue, red, samples[floor[m], m], samples[floor[m], m]):
-                    for i in range(last[m] + 1, step):
+                    for i in range(last_step[m] + 1, step):
                         j = i if i < rows else i - rows
                         if valid[j, m]:
                             out[j, m] = LINE
-            last[m] = step
+            last_step[m] = step
             if out[k, m] == FLOOR or floor[m] < 0:
                 floor[m] = k
 

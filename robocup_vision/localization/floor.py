@@ -7,6 +7,7 @@ the measurement's error is uniform, written in q = 1/range, where every wall is 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,6 +20,8 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
 from robocup_vision.kernels import walls as kernels
 from robocup_vision.perception.polar_view import PolarView
+
+Arbiter = Callable[[list[Pose2]], int | None]
 
 # widths of the redescending weights, in units of 1/86 of the usable radius (a pixel of the paper's 256 x 220 image):
 # from the first guess down to the edges' own accuracy; a last one in pixels proper
@@ -41,6 +44,8 @@ _BANK_BEARINGS = 80
 _BANK_STARTS = 30
 _BANK_WIDTH = 12.0
 _REFINED = 8
+# a fit whose cost is within this of the best one's explains the outline about as well
+_RIVAL_COST = 0.15
 # what no image tells: the camera file's own error, in pixels, common to an eighth of the circle
 _SYSTEMATIC_PX = 0.02
 _SYSTEMATIC_BEARINGS = 20
@@ -128,7 +133,9 @@ class FloorLocalizer:
             return None
         return Pose2(x, y, axis).inverse()
 
-    def locate(self, radius_px: FloatArray, prior: Pose2 | None = None) -> tuple[PoseEstimate | NotLocated, FloatArray]:
+    def locate(
+        self, radius_px: FloatArray, prior: Pose2 | None = None, arbiter: Arbiter | None = None
+    ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
         """Fit the outline.
 
         Parameters
@@ -137,6 +144,9 @@ class FloorLocalizer:
             Image radius of the floor's edge at each of the view's bearings, NaN where none.
         prior : Pose2, optional
             Where the robot probably is: a start, and, if the outline agrees with it, the only one.
+        arbiter : callable, optional
+            Takes the index of the right one of several poses that explain the outline about equally well, the best
+            first, from other evidence; None: it cannot tell. Without it the best is taken.
 
         Returns
         -------
@@ -158,7 +168,7 @@ class FloorLocalizer:
                 return NotLocated("the floor's edge encloses no area"), np.full(len(radius_px), np.nan)
             fit = self._fit(guess.array[None], radius_px, 1, self._scales(_SCALES))
             if not self._is_good(fit, _GOOD_COST):
-                fit = self._fit_from_anywhere(fit, radius_px)
+                fit = self._fit_from_anywhere(fit, radius_px, arbiter)
         estimate = self._judge(fit)
         return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
 
@@ -171,7 +181,7 @@ class FloorLocalizer:
         beyond = np.count_nonzero(fit.residual_px > 2.0 * self._unit_px)
         return bool(beyond < _MOST_BEYOND * len(fit.residual_px))
 
-    def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray) -> _Fit:
+    def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray, arbiter: Arbiter | None) -> _Fit:
         """Look for a better fit over the whole field, and by sliding along the walls that already agree."""
         starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
         poses, costs = np.empty_like(starts), np.empty(len(starts))
@@ -180,15 +190,25 @@ class FloorLocalizer:
             self._scales(_COARSE_SCALES), self._unit_px, poses, costs,
         )  # fmt: skip
         tried: list[FloatArray] = []
+        fits = [fit]
         for pose in poses[np.argsort(costs)]:
             if not _is_new(pose, tried, 0.03):
                 continue
             tried.append(pose)
-            retry = self._fit(pose[None], radius_px, 1, self._scales(_REFINE_SCALES))
-            fit = retry if retry.cost < fit.cost else fit
+            fits.append(self._fit(pose[None], radius_px, 1, self._scales(_REFINE_SCALES)))
             if len(tried) == _REFINED:
                 break
-        return fit
+        fits.sort(key=lambda f: f.cost)
+        if arbiter is None:
+            return fits[0]
+        rivals: list[_Fit] = []
+        for candidate in fits:
+            if candidate.cost < fits[0].cost + _RIVAL_COST and _is_new(candidate.pose, [r.pose for r in rivals], 0.05):
+                rivals.append(candidate)
+        if len(rivals) == 1:
+            return rivals[0]
+        chosen = arbiter([Pose2(*rival.pose.tolist()) for rival in rivals])
+        return rivals[0 if chosen is None else chosen]
 
     def _slides(self, pose: FloatArray) -> FloatArray:
         low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)

@@ -162,6 +162,28 @@ class LineLocalizer:
             return NotLocated("the lines in view do not fix the pose")
         return self._with_candidates(refined, prior)
 
+    def choose(self, frame: npt.NDArray[np.uint8], poses: list[Pose2]) -> int | None:
+        """Tell which of several poses the lines in a frame (H, W, 3) uint8 bear out; None if they do not say.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        poses : list of Pose2
+            The poses in question.
+
+        Returns
+        -------
+        int or None
+            Index of the pose whose lines run best through the line points, if it is clearly better than the first.
+        """
+        points = self.finder.find(frame)
+        if len(points) < LEAST_SEARCH_POINTS:
+            return None
+        loss = [float(self.line_map.rough_distance_m(pose.transform(points.floor_m)).mean()) for pose in poses]
+        best = int(np.argmin(loss))
+        return best if RIVAL_RATIO * loss[best] < loss[0] else None
+
     def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
         """Refine the candidates that the search cannot tell apart in pixels, and take the best if it stands alone."""
         doubtful = [c.pose for c in found if c.cost <= RIVAL_RATIO * found[0].cost + RIVAL_EXCESS]

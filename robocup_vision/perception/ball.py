@@ -112,7 +112,7 @@ class BallFinder:
         inner, outer = self.camera.usable_radius_px
         width, height = self.camera.size_px
         least_px = _LEAST_HALF * max(1.0, (outer - inner) / 86.0)
-        rings = []
+        rings: list[FloatArray] = []
         radius = inner + 1.0
         while radius < outer and across[round(radius)] >= least_px:
             pitch = _SEED_PITCH * across[round(radius)]
@@ -138,6 +138,7 @@ class BallFinder:
         if self._stamp > kernel.NEVER // 2:
             self._stamps[self._stamps != kernel.NEVER] = 0
             self._stamp = 0
+        from_white, from_floor, least_level, sure = self._planes
         score, self._stamp = kernel.find_ball(
             frame,
             self._seeds,
@@ -145,7 +146,10 @@ class BallFinder:
             self._stamp + 1,
             self._stack,
             *self.camera.center_px,
-            *self._planes,
+            from_white,
+            from_floor,
+            least_level,
+            sure,
             *self._half_sizes_px,
             table.packing,
             table.floor_llr,

@@ -163,7 +163,7 @@ def build_color_table(colors: Colors) -> ColorTable:
     values = np.arange(256)
     bins = {bits: np.minimum(values * (1 << bits) / (top + 1), (1 << bits) - 1).astype(np.uint16) for bits in (5, 6)}
     packing = np.stack([bins[5] << 11, bins[6] << 5, bins[5]]).astype(np.uint16)
-    llr = floor.log_likelihood_ratio(*_packed_colors(packing))
+    llr = floor.log_likelihood_ratio(*_packed_colors(packing), colors.line)
     units = np.clip(llr, -LLR_CLIP, LLR_CLIP) / LLR_PER_UNIT
     return ColorTable(colors, packing, np.rint(units).astype(np.int8))
 

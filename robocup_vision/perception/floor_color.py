@@ -75,12 +75,32 @@ class FloorColor:
         """The floor's colour at its usual brightness."""
         return PaintColor(float(self.red_ratio[_CENTER]), float(self.blue_ratio[_CENTER]))
 
-    def log_likelihood_ratio(self, blue: FloatArray, green: FloatArray, red: FloatArray) -> FloatArray:
-        """Floor against any colour at all, in nats, for colours of any shape (counts)."""
+    def log_likelihood_ratio(
+        self, blue: FloatArray, green: FloatArray, red: FloatArray, white: PaintColor | None = None
+    ) -> FloatArray:
+        """Floor against any colour at all, in nats, for colours of any shape (counts).
+
+        With `white`, also against grey of any brightness: walls, and what is black, which in the dark and in noise is
+        what a sample is mistaken for.
+        """
         level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / self.level)
         red_ratio = np.interp(level, LEVELS, self.red_ratio)
         blue_ratio = np.interp(level, LEVELS, self.blue_ratio)
-        # brightness itself is blurred by the noise, so the ratio's denominator is the green the brightness stands for
+        floor = self._log_density(blue, green, red, red_ratio, blue_ratio)
+        # brightness is blurred by the noise, too: the green it stands for
+        expected_green = np.maximum((red + 2 * green + blue) / (2 + red_ratio + blue_ratio), 1.0)
+        # any colour: R and B anything between 0 and twice the green
+        background = -np.log(4 * expected_green**2)
+        if white is not None:
+            ratios = np.full_like(level, white.red_ratio), np.full_like(level, white.blue_ratio)
+            background = np.maximum(background, self._log_density(blue, green, red, *ratios))
+        outside = np.maximum(LEVELS[0] - level, 0.0) + np.maximum(level - LEVELS[-2], 0.0)
+        return np.asarray(floor - background - 0.5 * (outside / 0.2) ** 2)
+
+    def _log_density(
+        self, blue: FloatArray, green: FloatArray, red: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray
+    ) -> FloatArray:
+        """Log density of (R, B) given the brightness, for paint of these ratios under this camera's noise."""
         expected_green = np.maximum((red + 2 * green + blue) / (2 + red_ratio + blue_ratio), 1.0)
         d_red, d_blue = red - red_ratio * green, blue - blue_ratio * green
         n2 = self.noise**2 + 0.25
@@ -89,11 +109,7 @@ class FloorColor:
         cov = n2 * red_ratio * blue_ratio
         det = var_red * var_blue - cov**2
         distance2 = (var_blue * d_red**2 - 2 * cov * d_red * d_blue + var_red * d_blue**2) / det
-        # any colour: R and B anything between 0 and twice the green
-        background = -np.log(4 * expected_green**2)
-        llr = -0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau) - background
-        outside = np.maximum(LEVELS[0] - level, 0.0) + np.maximum(level - LEVELS[-2], 0.0)
-        return np.asarray(llr - 0.5 * (outside / 0.2) ** 2)
+        return np.asarray(-0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau))
 
 
 def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | None:
@@ -148,7 +164,8 @@ def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tupl
     i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
     j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
     histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
-    pooled = sum(np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1))
+    around = [np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1)]
+    pooled = np.sum(around, axis=0)
     # a robot in a corner sees more of the hall's floor than of the carpet, which is the greener one under any light
     common = np.argwhere(pooled >= _COMMON * pooled.max())
     top_i, top_j = common[np.argmin(common.max(axis=1))]

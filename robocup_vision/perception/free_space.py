@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -128,7 +127,8 @@ class FreeSpaceGrid:
     def _needed(self) -> Int32Array:
         """(I, J) int32: samples that make a cell free; none where no sample sees it, so that it hides nothing."""
         total = np.bincount(self.cell[self.cell >= 0], minlength=self._count)
-        return np.ceil(total * self.threshold - 1e-6).astype(np.int32).reshape(-1, self.directions)
+        needed: Int32Array = np.ceil(total * self.threshold - 1e-6).astype(np.int32)
+        return needed.reshape(-1, self.directions)
 
     @cached_property
     def _seen(self) -> npt.NDArray[np.int64]:
@@ -145,21 +145,18 @@ class FreeSpaceGrid:
     def measure_by_labelling(self, passable: UInt8Array) -> FreeSpace:
         """Do the same the paper's way: AND with the template of cells, label, add up areas per cell (eqs. 7-9).
 
-        The template keeps neighbouring cells apart by giving every second one a pass of its own.
+        Pieces of different cells never join, whatever lies between the cells.
         """
+        from skimage.measure import label
+
+        labels = label(  # type: ignore[no-untyped-call]
+            np.where(passable > 0, self.cell, -1), background=-1, connectivity=1
+        )
+        area = np.bincount(labels.ravel())
+        where = np.zeros(len(area), dtype=np.int64)
+        where[labels.ravel()] = self.cell.ravel()
         free = np.zeros(self._count, dtype=np.int32)
-        ring, direction = np.divmod(self.cell, self.directions)
-        # three colours around, so that an odd number of directions closes, and two across
-        around = np.where(direction == self.directions - 1, 2, direction % 2)
-        for across in range(2):
-            for color in range(3):
-                template = (self.cell >= 0) & (ring % 2 == across) & (around == color)
-                pieces = (template & (passable > 0)).astype(np.uint8)
-                count, labels = cv2.connectedComponents(pieces, connectivity=4)
-                area = np.bincount(labels.ravel(), minlength=count)
-                where = np.zeros(count, dtype=np.int64)
-                where[labels.ravel()] = self.cell.ravel()
-                np.add.at(free, where[1:], area[1:].astype(np.int32))
+        np.add.at(free, where[1:], area[1:].astype(np.int32))
         blocked = free.reshape(-1, self.directions) < self._needed
         rings = np.where(blocked.any(axis=0), blocked.argmax(axis=0), self._seen)
         return FreeSpace(self.bearing_rad, self.ring_bounds_m[np.minimum(rings, self._seen)])
@@ -193,7 +190,7 @@ class FloorMarking:
         # the lens reaches over on both sides
         per_row = range_m * (math.tau / self.view.bearings)
         columns = np.ceil(_CROSSING * self.line_width_m / per_column + 2 * _BLUR_PX / self.view.step_px)
-        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row)
+        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row) + 1
         # but never as wide as a robot
         rows = np.maximum(np.minimum(rows, np.floor(self.obstacle_width_m / 2 / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)

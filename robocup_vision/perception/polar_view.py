@@ -105,5 +105,7 @@ class PolarView:
 
         The average is over different pixels almost everywhere, which takes more noise away than interpolation would.
         """
-        nearest = cv2.remap(frame, self._map, None, cv2.INTER_NEAREST)
+        # what lies beyond the frame is as its edge is: the average must not darken the samples along it
+        nothing = np.empty((0, 0), dtype=np.uint16)
+        nearest = cv2.remap(frame, self._map, nothing, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(cv2.blur(nearest, (3, 3)), dtype=np.uint8)

@@ -39,14 +39,15 @@ def test_a_ramp_is_unrolled_to_its_own_values(paper_camera):
     samples = view.sample(np.round(ramp).astype(np.uint8))
     pixels = view.pixels
     expected = np.stack([pixels[..., 0] / 2, pixels[..., 1] / 2, 255 - pixels[..., 0] / 2], axis=-1)
-    off = np.abs(samples - expected)[view.valid > 0]
+    # away from the rims, where the average is one-sided
+    off = np.abs(samples - expected)[1:-1, 1:-1][view.valid[1:-1, 1:-1] > 0]
     assert off.max() < 1.5
 
 
 def test_the_frames_edge_does_not_darken_the_samples_beside_it(paper_camera):
     view = PolarView(paper_camera)
     assert not view.valid.all()
-    blurred = cv2.blur(view.sample(np.full((220, 256, 3), 200, dtype=np.uint8)), (3, 3))
+    blurred = view.sample(np.full((220, 256, 3), 200, dtype=np.uint8))
     assert (blurred == 200).all()
 
 
@@ -55,9 +56,9 @@ def test_what_lies_under_the_mask_reaches_no_valid_sample(paper_camera, directio
     mask = with_mask(paper_camera, ((127, 109), direction))
     view = PolarView(paper_camera, mask=mask)
     frame = np.full((220, 256, 3), 90, dtype=np.uint8)
-    before = cv2.blur(view.sample(frame), (3, 3))
+    before = view.sample(frame)
     frame[mask > 0] = 255
-    after = cv2.blur(view.sample(frame), (3, 3))
+    after = view.sample(frame)
     assert (after != before).any()
     np.testing.assert_array_equal(after[view.valid > 0], before[view.valid > 0])
     # and it takes no more than it must: the strut's own bearing and a few on both sides

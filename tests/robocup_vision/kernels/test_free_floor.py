@@ -1,0 +1,154 @@
+"""The compiled loops of the free floor against plain NumPy twins."""
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robocup_vision.kernels.free_floor import (
+    BALL,
+    BLOCKED,
+    FLOOR,
+    LINE,
+    clear_ball,
+    first_blocked,
+    free_rings,
+    passable,
+)
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds)
+def test_free_rings_are_counted_as_numpy_counts_them(seed):
+    rng = np.random.default_rng(seed)
+    mask = rng.integers(0, 4, (30, 20), dtype=np.uint8)
+    cell = rng.integers(-1, 12, (30, 20), dtype=np.int32)
+    needed = rng.integers(0, 50, (4, 3), dtype=np.int32)
+    seen = rng.integers(0, 5, 3)
+    free = np.full(3, 99, dtype=np.int32)
+    free_rings(mask, cell, needed, seen, free)
+    count = np.bincount(cell[(mask > 0) & (cell >= 0)], minlength=12).reshape(4, 3)
+    ring = np.arange(4)[:, None]
+    expected = np.cumprod((count >= needed) & (ring < seen), axis=0).sum(axis=0)
+    np.testing.assert_array_equal(free, expected)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seeds, st.integers(0, 3), st.integers(1, 4))
+def test_first_blocked_agrees_with_its_twin(seed, first, run):
+    rng = np.random.default_rng(seed)
+    mask = (rng.random((15, 20)) < 0.6).astype(np.uint8)
+    valid = (rng.random((15, 20)) < 0.9).astype(np.uint8)
+    in_use = int(rng.integers(first, 21))
+    out = np.empty(15, dtype=np.int64)
+    first_blocked(mask, valid, first, in_use, run, out)
+    for k in range(15):
+        looked_at = [m for m in range(first, in_use) if valid[k, m]]
+        ends = [i for i in range(run - 1, len(looked_at)) if not mask[k, looked_at[i - run + 1 : i + 1]].any()]
+        expected = in_use
+        if ends:
+            expected = looked_at[ends[0]]
+            while expected > first and valid[k, expected - 1] and not mask[k, expected - 1]:
+                expected -= 1
+        assert out[k] == expected
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(-30, 30), st.floats(0, 30), st.floats(0.5, 6), st.floats(0.5, 8), seeds)
+def test_a_ball_clears_its_ellipse_only(row, radius, half_rows, half_px, seed):
+    rng = np.random.default_rng(seed)
+    marks = rng.integers(0, 3, (20, 25), dtype=np.uint8)
+    radius_px = np.linspace(2.0, 28.0, 25)
+    rows = np.arange(math.floor(row - half_rows) - 1, math.ceil(row + half_rows) + 2)
+    inside = np.zeros((20, 25), dtype=bool)
+    for k in rows:
+        inside[k % 20] |= ((k - row) / half_rows) ** 2 + ((radius_px - radius) / half_px) ** 2 <= 1
+    expected = np.where(inside & (marks == BLOCKED), BALL, marks)
+    clear_ball(row, radius, half_rows, half_px, radius_px, marks)
+    # on the very rim rounding decides
+    assert (marks != expected).sum() <= 1
+
+
+def whiter(samples, hidden, before, after):
+    seen = [np.zeros(3), *(s.astype(float) for s, gone in zip(samples, hidden, strict=True) if not gone)]
+    brightest = np.max(seen, axis=0)
+    return all(2 * brightest[c] > float(before[c]) + float(after[c]) for c in (0, 2))
+
+
+def passable_twin(samples, llr, valid, line_columns, line_rows, in_use):
+    rows = len(llr)
+    here = llr.astype(int)
+    beside = [np.minimum(np.roll(here, s, 0), np.roll(here, 2 * s, 0)) for s in (1, -1)]
+    out = np.where(np.maximum(here, np.maximum(*beside)) > 0, FLOOR, BLOCKED)
+    before, after = np.minimum(here[:, 1:-3], here[:, :-4]), np.minimum(here[:, 3:-1], here[:, 4:])
+    out[:, 2:-2][np.maximum(before, after) > 0] = FLOOR
+    for k in range(rows):
+        last = -1
+        for m in np.flatnonzero(out[k, :in_use] != BLOCKED):
+            between = np.arange(last + 1, m)
+            inner = samples[k, last if last >= 0 else m]
+            if 1 <= len(between) <= line_columns[m] and whiter(
+                samples[k, between], valid[k, between] == 0, inner, samples[k, m]
+            ):
+                out[k, between[valid[k, between] > 0]] = LINE
+            last = m
+    for m in range(in_use):
+        last = floor = None
+        for step in range(rows + line_rows[0] + 1):
+            k = step % rows
+            if out[k, m] == BLOCKED:
+                continue
+            if last is not None and 1 <= step - last - 1 <= line_rows[m]:
+                between = np.arange(last + 1, step) % rows
+                around = samples[floor, m]
+                if whiter(samples[between, m], valid[between, m] == 0, around, around):
+                    out[between[valid[between, m] > 0], m] = LINE
+            last = step
+            if out[k, m] == FLOOR or floor is None:
+                floor = k
+    return out
+
+
+@settings(deadline=None, max_examples=60)
+@given(seeds)
+def test_passable_agrees_with_its_twin(seed):
+    rng = np.random.default_rng(seed)
+    rows, columns = int(rng.integers(6, 16)), int(rng.integers(6, 20))
+    llr = rng.integers(-64, 0, (rows, columns)).astype(np.int8)
+    for _ in range(4):  # patches of floor with gaps between them
+        k, m = rng.integers(0, rows), rng.integers(0, columns)
+        llr[k : k + rng.integers(1, 6), m : m + rng.integers(1, 8)] = 40
+    valid = (rng.random((rows, columns)) < 0.95).astype(np.uint8)
+    llr[valid == 0] = 0
+    samples = rng.integers(60, 140, (rows, columns, 3), dtype=np.uint8)
+    line_columns = rng.integers(1, 5, columns, dtype=np.int32)
+    line_rows = np.sort(rng.integers(1, 5, columns, dtype=np.int32))[::-1].copy()
+    in_use = int(rng.integers(3, columns + 1))
+    out = np.empty((rows, columns), dtype=np.uint8)
+    passable(samples, llr, valid, line_columns, line_rows, in_use, out)
+    np.testing.assert_array_equal(out, passable_twin(samples, llr, valid, line_columns, line_rows, in_use))
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_what_hidden_samples_show_changes_no_mark(seed):
+    rng = np.random.default_rng(seed)
+    llr = rng.integers(-64, 64, (12, 15)).astype(np.int8)
+    valid = (rng.random((12, 15)) < 0.7).astype(np.uint8)
+    llr[valid == 0] = 0
+    samples = rng.integers(0, 256, (12, 15, 3), dtype=np.uint8)
+    widest = np.full(15, 4, dtype=np.int32)
+    outs = []
+    for color in (0, 255):
+        # a hidden sample beside the marks may become floor by its neighbours, whose colour is then its own
+        shown = np.where(valid[..., None] > 0, samples, np.uint8(color))
+        out = np.empty((12, 15), dtype=np.uint8)
+        passable(shown, np.where(valid > 0, llr, -64).astype(np.int8), valid, widest, widest, 15, out)
+        outs.append(out)
+    hidden_floor = (outs[0] == FLOOR) & (valid == 0)
+    if not hidden_floor.any():
+        np.testing.assert_array_equal(*outs)
+    np.testing.assert_array_equal(outs[0] == FLOOR, outs[1] == FLOOR)
