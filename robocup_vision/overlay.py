@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 
 import cv2
 import numpy as np
@@ -25,6 +26,8 @@ LINE_POINT_COLOR: Bgr = (255, 160, 60)
 # smaller pictures are enlarged, so that thin lines and the text stay readable
 _LEAST_WIDTH = 640
 _SHIFT = 4
+# as many letters as fit beside one another
+_REASON_LETTERS = 72
 
 
 def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
@@ -123,18 +126,23 @@ def _fixed(u: float, v: float, scale: int) -> tuple[int, int]:
 
 def _summary(view: View) -> list[str]:
     if isinstance(view.pose, NotLocated):
-        return ["not located:", view.pose.reason]
+        return ["not located:", *textwrap.wrap(view.pose.reason, _REASON_LETTERS)]
     pose, std = view.pose.pose, view.pose.std
     both = "  or its half turn" if len(view.pose.candidates) > 1 else ""
     return [
         f"x {pose.x_m:+.3f} m  y {pose.y_m:+.3f} m  {math.degrees(pose.theta_rad):+.1f} deg{both}",
-        f"+- {std[0] * 1e3:.0f} mm  {std[1] * 1e3:.0f} mm  {math.degrees(std[2]):.2f} deg  "
+        f"+- {std[0] * 1e3:.1f} mm  {std[1] * 1e3:.1f} mm  {math.degrees(std[2]):.2f} deg  "
         f"{view.pose.inlier_share:.0%} agree",
     ]
 
 
 def _write(canvas: UInt8Array, lines: list[str]) -> None:
+    size = canvas.shape[1] / _LEAST_WIDTH
+    letters = np.zeros(canvas.shape[:2], dtype=np.uint8)
     for row, text in enumerate(lines):
-        place = (6, 16 + 16 * row)
-        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.42, (0, 0, 0), 3, cv2.LINE_AA)
-        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.42, (255, 255, 255), 1, cv2.LINE_AA)
+        place = (round(6 * size), round((18 + 18 * row) * size))
+        cv2.putText(letters, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.47 * size, 255, 1, cv2.LINE_AA)
+    # a thicker pen would move the letters apart in some versions of OpenCV, so the dark rim is grown from them
+    rim = np.asarray(cv2.dilate(letters, np.ones((5, 5), dtype=np.uint8)), dtype=np.uint8)
+    np.minimum(canvas, 255 - rim[..., None], out=canvas)
+    np.maximum(canvas, letters[..., None], out=canvas)

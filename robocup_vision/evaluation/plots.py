@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 _INK, _BLUE, _RED, _GREY, _FLOOR, _LINE = "#1f2933", "#1f6feb", "#d1242f", "#8a94a0", "#eef4ee", "#b7c4b7"
 _MAP_CAPTION = (
-    "Where the robot was (grey) and where it was said to be (blue; red beyond 10 cm, with a line from the truth). "
+    "Where the robot was (grey rings) and where it was said to be (blue dots; red beyond 10 cm, with a line from the "
+    "truth). "
     "Crosses: not located."
 )
 _HISTOGRAM_CAPTION = (
@@ -41,7 +42,12 @@ def draw_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
     plots = [(_map(field, rows), _MAP_CAPTION)]
     errors = [row.error for row in rows if row.error is not None]
     if errors:
-        plots.append((_error_cdf(rows), "Share of all images, the not located ones included, up to each error."))
+        plots.append(
+            (
+                _error_cdf(rows),
+                "Share of all images, the not located ones included, up to each error (dashed: 5 cm, 3°).",
+            )
+        )
         plots.append((_error_histogram(rows), _HISTOGRAM_CAPTION))
     elif any(row.estimate is not None for row in rows):
         plots.append((_residual_histogram(rows), "Residual of the fit: there is no truth to compare with."))
@@ -88,7 +94,7 @@ def _map(field: Field, rows: Sequence[Row]) -> str:
         axes.plot([goal.line_x_m, goal.line_x_m], [-half, half], color=color, linewidth=4.0, alpha=0.6)
 
     truth = np.array([[row.truth.x_m, row.truth.y_m] for row in rows if row.truth is not None]).reshape(-1, 2)
-    axes.plot(truth[:, 0], truth[:, 1], "o", color=_GREY, markersize=3.5, markeredgewidth=0, zorder=3)
+    axes.plot(truth[:, 0], truth[:, 1], "o", color=_GREY, markersize=8, fillstyle="none", zorder=3)
     near: list[tuple[float, float]] = []
     far: list[tuple[float, float]] = []
     vectors: list[tuple[tuple[float, float], tuple[float, float]]] = []
@@ -129,6 +135,7 @@ def _error_cdf(rows: Sequence[Row]) -> str:
         axis.step(ordered, 100 * np.arange(1, len(values) + 1) / len(rows), where="post", color=_BLUE)
         axis.axvline(near, color=_GREY, linestyle="--", linewidth=1.0)
         axis.set_xscale("log")
+        axis.xaxis.set_major_formatter("{x:g}")
         axis.set_ylim(0, 102)
         _tidy(axis, label, "share of all images (%)" if axis is axes[0] else "")
     return _encode(figure)
@@ -142,12 +149,14 @@ def _error_histogram(rows: Sequence[Row]) -> str:
         ("y error (mm)", [1e3 * error.y_m for error in errors]),
         ("heading error (degrees)", [math.degrees(e.theta_rad) for e in errors if e.theta_rad is not None]),
     ]
-    for axis, (label, values) in zip(figure.subplots(1, 3), series, strict=True):
+    axes = figure.subplots(1, 3)
+    for axis, (label, values) in zip(axes, series, strict=True):
         if values:
             # a few gross errors must not squeeze all others into one bar; they are counted in the outermost
             reach = max(3.0 * float(np.percentile(np.abs(values), 75)), 1e-6)
             axis.hist(np.clip(values, -reach, reach), bins=31, range=(-reach, reach), color=_BLUE)
-        _tidy(axis, label, "")
+        axis.yaxis.get_major_locator().set_params(integer=True)
+        _tidy(axis, label, "images" if axis is axes[0] else "")
     return _encode(figure)
 
 

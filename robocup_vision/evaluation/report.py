@@ -151,7 +151,7 @@ def _conditions(dataset: Dataset) -> list[tuple[str, str]]:
     return [
         ("Field", f"{field.name}: {field.length_m:g} m × {field.width_m:g} m, {field.boundary} around the floor"),
         ("Camera", f"{type(camera).__name__}, {camera.size_px[0]} × {camera.size_px[1]} px"),
-        ("Colours", "learnt from the images" if dataset.colors is None else "from a file"),
+        ("Colours", _color_source(dataset)),
         ("Method", dataset.method),
         ("Images", "one sequence" if dataset.times is not None else "each stands alone"),
         ("Truth", f"{len(dataset.truth)} of {len(dataset.image_names)} images"),
@@ -161,6 +161,13 @@ def _conditions(dataset: Dataset) -> list[tuple[str, str]]:
         ("robocup-vision", package_version()),
         ("Date", time.strftime("%Y-%m-%d %H:%M")),
     ]
+
+
+def _color_source(dataset: Dataset) -> str:
+    if dataset.colors is not None:
+        return "from a file"
+    # images that stand alone teach nothing to the next, and learning is part of their time
+    return "learnt anew from each image, within its time" if dataset.times is None else "learnt from the images"
 
 
 def package_version() -> str:

@@ -44,22 +44,29 @@ def passable(
         Filled with BLOCKED, FLOOR or LINE.
     """
     rows, columns = llr.shape
-    # the samples' blur spreads whatever is not floor by one sample on all sides: take that back, where floor is solid
-    is_floor = np.empty((rows, columns), np.uint8)
+    # the samples' blur spreads what is bright over the floor beside it by a sample: take that back. What is dark hardly
+    # colours its neighbours
     for k in range(rows):
         for m in range(columns):
-            is_floor[k, m] = llr[k, m] > 0
+            out[k, m] = FLOOR if llr[k, m] > 0 else BLOCKED
     for k in range(rows):
-        # slices, so that no index in the loops can be negative and they are compiled to vector instructions
-        here, marks = is_floor[k], out[k]
-        right, right2 = is_floor[(k - 1) % rows], is_floor[(k - 2) % rows]
-        left, left2 = is_floor[(k + 1) % rows], is_floor[(k + 2) % rows]
-        for m in range(columns):
-            marks[m] = here[m] | (right[m] & right2[m]) | (left[m] & left2[m])
-        middle = marks[2 : columns - 2]
-        inner, inner2, outer, outer2 = here[1:], here[0:], here[3:], here[4:]
-        for m in range(columns - 4):
-            middle[m] |= (inner[m] & inner2[m]) | (outer[m] & outer2[m])
+        here, right, right2 = llr[k], llr[(k - 1) % rows], llr[(k - 2) % rows]
+        left, left2 = llr[(k + 1) % rows], llr[(k + 2) % rows]
+        for m in range(2, columns_in_use - 2):
+            if here[m] > 0:
+                continue
+            if here[m - 1] > 0 and here[m - 2] > 0:
+                is_floor = _is_brighter(samples[k, m], samples[k, m - 2])
+            elif here[m + 1] > 0 and here[m + 2] > 0:
+                is_floor = _is_brighter(samples[k, m], samples[k, m + 2])
+            elif right[m] > 0 and right2[m] > 0:
+                is_floor = _is_brighter(samples[k, m], samples[(k - 2) % rows, m])
+            elif left[m] > 0 and left2[m] > 0:
+                is_floor = _is_brighter(samples[k, m], samples[(k + 2) % rows, m])
+            else:
+                is_floor = False
+            if is_floor:
+                out[k, m] = FLOOR
     for k in range(rows):
         # the robot stands on the floor: what lies under its rim is bounded by floor
         last = -1
@@ -120,6 +127,12 @@ def clear_ball(
         for step in range(int(math.ceil(center_row - reach)), int(math.floor(center_row + reach)) + 1):
             if marks[step % rows, m] == BLOCKED:
                 marks[step % rows, m] = BALL
+
+
+@njit(cache=True, nogil=True)
+def _is_brighter(sample: UInt8Array, floor: UInt8Array) -> bool:
+    """Whether a colour is brighter than the floor's."""
+    return int(sample[0]) + sample[1] + sample[2] > int(floor[0]) + floor[1] + floor[2]
 
 
 @njit(cache=True, nogil=True)

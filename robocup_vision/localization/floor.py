@@ -52,6 +52,8 @@ _SYSTEMATIC_BEARINGS = 20
 # a sandwich covariance from some forty groups of bearings comes out low
 _FEW_GROUPS = 1.5
 _LARGEST_STD_M = 0.05
+# a fit with more play than this is doubted
+_SLIDING_STD_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +175,13 @@ class FloorLocalizer:
         return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
 
     def _is_good(self, fit: _Fit, good_cost: float) -> bool:
-        """Whether a fit need not be doubted: most of the outline agrees, and hardly any floor shows beyond a wall."""
+        """Whether a fit need not be doubted.
+
+        Most of the outline agrees, hardly any floor shows beyond a wall, and what agrees fixes the pose: a fit that has
+        lost an end of the field slides along its sides.
+        """
+        if fit.along_m > _SLIDING_STD_M:
+            return False
         if fit.cost <= _SURE_COST:
             return True
         if fit.cost > good_cost:
@@ -270,28 +278,23 @@ class FloorLocalizer:
             starts, *self._geometry, self._cos, self._sin, radius_px, stride, q_step, radius_of_q, scales,
             self._unit_px, pose, information, scatter, residual, predicted,
         )  # fmt: skip
-        return _Fit(cost, pose, information, scatter, residual, predicted)
-
-    def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
         covariance = np.empty((3, 3))
         share, rms, along = kernels.summarise_fit(
-            fit.residual_px,
-            _INLIER * self._unit_px,
-            fit.information,
-            fit.scatter,
-            _FEW_GROUPS,
-            _SYSTEMATIC_PX**2 * _SYSTEMATIC_BEARINGS,
-            covariance,
-        )
-        if share < _LEAST_INLIER_SHARE:
-            return NotLocated(f"only {share:.0%} of the floor's edge agrees with the field's walls")
-        if along > _LARGEST_STD_M:
+            residual, _INLIER * self._unit_px, information, scatter, _FEW_GROUPS,
+            _SYSTEMATIC_PX**2 * _SYSTEMATIC_BEARINGS, covariance,
+        )  # fmt: skip
+        return _Fit(cost, pose, covariance, share, rms, along, residual, predicted)
+
+    def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
+        if fit.inlier_share < _LEAST_INLIER_SHARE:
+            return NotLocated(f"only {fit.inlier_share:.0%} of the floor's edge agrees with the field's walls")
+        if fit.along_m > _LARGEST_STD_M:
             return NotLocated("the part of the floor's edge in view does not fix the pose in every direction")
         x, y, theta = fit.pose.tolist()
         pose = Pose2(x, y, theta)
         if not self.field.is_on_floor(x, y):
             return NotLocated(f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m")
-        return PoseEstimate(pose, covariance, share, rms, (pose, pose.half_turn()))
+        return PoseEstimate(pose, fit.covariance, fit.inlier_share, fit.rms_px, (pose, pose.half_turn()))
 
 
 def _is_new(pose: FloatArray, others: list[FloatArray], apart: float) -> bool:
@@ -303,7 +306,9 @@ def _is_new(pose: FloatArray, others: list[FloatArray], apart: float) -> bool:
 class _Fit:
     cost: float
     pose: FloatArray
-    information: FloatArray
-    scatter: FloatArray
+    covariance: FloatArray
+    inlier_share: float
+    rms_px: float
+    along_m: float
     residual_px: FloatArray
     predicted_px: FloatArray

@@ -173,7 +173,7 @@ class FloorMarking:
     line_width_m : float
         Width of the field's lines.
     obstacle_width_m : float
-        Nothing half as wide as this is taken for a line seen along its length.
+        Nothing more than half as wide as this is taken for a line seen along its length.
     """
 
     view: PolarView
@@ -190,9 +190,9 @@ class FloorMarking:
         # the lens reaches over on both sides
         per_row = range_m * (math.tau / self.view.bearings)
         columns = np.ceil(_CROSSING * self.line_width_m / per_column + 2 * _BLUR_PX / self.view.step_px)
-        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row) + 1
+        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row) + 2
         # but never as wide as a robot
-        rows = np.maximum(np.minimum(rows, np.floor(self.obstacle_width_m / 2 / per_row)), 1)
+        rows = np.maximum(np.minimum(rows, np.floor(0.55 * self.obstacle_width_m / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)
 
     def mark(self, samples: UInt8Array, llr: npt.NDArray[np.int8]) -> UInt8Array:

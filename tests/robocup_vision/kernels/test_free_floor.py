@@ -80,11 +80,17 @@ def whiter(samples, hidden, before, after):
 
 def passable_twin(samples, llr, valid, line_columns, line_rows, in_use):
     rows = len(llr)
-    here = llr.astype(int)
-    beside = [np.minimum(np.roll(here, s, 0), np.roll(here, 2 * s, 0)) for s in (1, -1)]
-    out = np.where(np.maximum(here, np.maximum(*beside)) > 0, FLOOR, BLOCKED)
-    before, after = np.minimum(here[:, 1:-3], here[:, :-4]), np.minimum(here[:, 3:-1], here[:, 4:])
-    out[:, 2:-2][np.maximum(before, after) > 0] = FLOOR
+    floor, level = llr > 0, samples.sum(axis=2, dtype=int)
+    out = np.where(floor, FLOOR, BLOCKED)
+    for k in range(rows):
+        for m in range(2, in_use - 2):
+            if floor[k, m] or not valid[k, m]:
+                continue
+            for dk, dm in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+                one, two = (((k + s * dk) % rows, m + s * dm) for s in (1, 2))
+                if floor[one] and floor[two]:
+                    out[k, m] = FLOOR if level[k, m] > level[two] else BLOCKED
+                    break
     for k in range(rows):
         last = -1
         for m in np.flatnonzero(out[k, :in_use] != BLOCKED):

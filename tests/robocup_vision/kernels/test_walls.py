@@ -12,7 +12,9 @@ from field_models import load_field
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls import (
+    fit_each,
     fit_walls,
+    hull_moments,
     hull_radius,
     predict_walls,
     score_bank,
@@ -103,6 +105,21 @@ def test_star_moments_agree_with_numpy(seed):
     assert direction @ second @ direction == pytest.approx(np.linalg.eigvalsh(second)[1])
 
 
+@settings(deadline=None, max_examples=20)
+@given(places, seeds)
+def test_hull_moments_are_those_of_the_hull_on_the_floor(pose, seed):
+    radius = outline(pose, np.random.default_rng(seed))
+    first, step = 26.0, 0.25
+    q = PAPER_MIRROR.inverse_range_per_m(first + step * np.arange(345))
+    hull = np.empty(COUNT)
+    known = hull_radius(COS, SIN, radius, hull)
+    expected = star_moments(COS, SIN, 1.0 / np.interp(hull, first + step * np.arange(345), q))
+    found = hull_moments(COS, SIN, radius, first, step, q)
+    assert found[0] == known
+    np.testing.assert_allclose(found[1:], expected, rtol=1e-3, atol=1e-3)
+    assert hull_moments(COS, SIN, np.full(COUNT, np.nan), first, step, q) == (0, 0.0, 0.0, 0.0)
+
+
 def geometry(camera):
     x, y, height = camera.viewpoint_m
     return FIELD.walls, float(x), float(y), float(height), np.ascontiguousarray(camera.camera_to_robot.T)
@@ -144,12 +161,16 @@ def test_predicted_walls_agree_with_geometry(pose, camera):
 @settings(deadline=None, max_examples=20)
 @given(places, cameras())
 def test_predicted_planes_have_the_derivatives_they_say(pose, camera):
-    _, _, planes = predict(pose, camera)
+    q, wall, planes = predict(pose, camera)
     for p in range(3):
         step = np.zeros(3)
         step[p] = 1e-6
-        ahead, behind = (predict(pose.array + sign * step, camera)[2][:, 0] for sign in (1, -1))
-        np.testing.assert_allclose(planes[:, 1 + p], (ahead - behind) / 2e-6, atol=1e-7)
+        ahead, behind = (predict(pose.array + sign * step, camera) for sign in (1, -1))
+        same = (wall >= 0) & (ahead[1] == wall) & (behind[1] == wall)
+        plane = planes[wall[same], 1 + p]
+        rate = plane[:, 0] * COS[same] + plane[:, 1] * SIN[same] - q[same] * plane[:, 2]
+        expected = (ahead[0] - behind[0])[same] / 2e-6
+        np.testing.assert_allclose(rate, expected, rtol=1e-3, atol=1e-3 * (1 + np.abs(expected).max()))
 
 
 @settings(deadline=None, max_examples=20)
@@ -158,22 +179,24 @@ def test_bank_scores_agree_with_numpy(seed):
     rng = np.random.default_rng(seed)
     bank, radius = rng.uniform(20, 110, (4, 20)), rng.uniform(20, 110, 20)
     radius[rng.random(20) < rng.random()] = np.nan
+    known = radius > 0
+    weight = known / max(int(known.sum()), 1)
     out = np.empty((4, 20))
-    score_bank(bank, radius, 12.0, out)
+    score_bank(np.hstack([bank, bank]), np.nan_to_num(radius), weight, 12.0, out)
     for shift in range(20):
         off = np.abs(radius - np.roll(bank, shift, axis=1))
         cost = np.where(np.isnan(off), np.nan, np.minimum(off, 12.0) / 12.0)
-        expected = np.nanmean(cost, axis=1) if (radius > 0).any() else np.zeros(4)
+        expected = np.nanmean(cost, axis=1) if known.any() else np.zeros(4)
         np.testing.assert_allclose(out[:, shift], expected)
 
 
 def fit_twin(start, camera, radius, stride, scales, unit_px):
     pose = start.copy()
-    height = camera.viewpoint_m[2]
-    use = np.arange(COUNT)[::stride]
-    use = use[radius[use] > 0]
     for turn in range(len(scales) + 1):
         scale = scales[min(turn, len(scales) - 1)]
+        coarse = 2 if stride == 1 and turn < len(scales) and scale > 2.5 * unit_px else 1
+        use = np.arange(COUNT)[:: stride * coarse]
+        use = use[radius[use] > 0]
         q, wall, planes = predict(pose, camera)
         met = use[wall[use] >= 0]
         plane = planes[wall[met]]
@@ -181,12 +204,11 @@ def fit_twin(start, camera, radius, stride, scales, unit_px):
         cell = place.astype(int)
         slope = (RADIUS_OF_Q[cell + 1] - RADIUS_OF_Q[cell]) / Q_STEP
         predicted = RADIUS_OF_Q[cell] + (q[met] - cell * Q_STEP) * slope
-        ray = np.stack([COS[met], SIN[met], -q[met] * height], axis=1)
-        nz = plane[:, 0, 2] * height
-        turn_rate = slope * (plane[:, 0, 1] * COS[met] - plane[:, 0, 0] * SIN[met]) / nz / predicted
+        ray = np.stack([COS[met], SIN[met], -q[met]], axis=1)
+        turn_rate = slope * (plane[:, 0, 1] * COS[met] - plane[:, 0, 0] * SIN[met]) / predicted
         oblique = 1 / np.hypot(1, turn_rate)
         e = (radius[met] - predicted) * oblique
-        jacobian = (slope / nz * oblique)[:, None] * np.einsum("kpi,ki->kp", plane[:, 1:], ray)
+        jacobian = (slope * oblique)[:, None] * np.einsum("kpi,ki->kp", plane[:, 1:], ray)
         ratio = np.where(e < 0, e / scale, e / (3 * scale))
         weight = 1 / (1 + ratio**2) ** 2
         loss = (e / (2 * unit_px)) ** 2
@@ -258,6 +280,18 @@ def test_the_best_of_several_starts_wins():
     assert cost == best[0]
     np.testing.assert_array_equal(found, best[1])
     assert Pose2(*found).error_to(pose)[0] < 0.01
+
+
+def test_each_start_is_fitted_by_itself():
+    rng = np.random.default_rng(3)
+    radius, scales = outline(Pose2(-0.4, 0.2, 2.0), rng), np.array([8.0, 4.0, 2.0])
+    starts = rng.normal(0, 0.3, (5, 3))
+    poses, costs = np.empty((5, 3)), np.empty(5)
+    fit_each(starts, *geometry(CAMERA), COS, SIN, radius, 3, Q_STEP, RADIUS_OF_Q, scales, 1.0, poses, costs)
+    for start, pose, cost in zip(starts, poses, costs, strict=True):
+        alone = fit(start[None], radius, 3, scales)
+        assert cost == alone[0]
+        np.testing.assert_array_equal(pose, alone[1])
 
 
 def test_a_fit_from_nowhere_still_says_how_bad_it_is():
