@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import FloatArray
 from robocup_vision.vision import View, Vision
@@ -33,8 +34,8 @@ _REASON_LETTERS = 72
 def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     """Draw a view over its frame.
 
-    The fitted field in cyan, the floor's detected edge in red, the free space as a green fan, obstacles in orange, the
-    ball in magenta, and the pose with its standard deviations as text.
+    The fitted field and its goals of posts in cyan, the floor's detected edge in red, the free space as a green fan,
+    obstacles in orange, the ball in magenta, and the pose with its standard deviations as text.
 
     Parameters
     ----------
@@ -57,8 +58,11 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     if view.pose:
         to_robot = view.pose.pose.inverse()
         for line in _field_outlines(vision):
-            pixels = vision.camera.floor_to_pixel(to_robot.transform(line))
+            pixels = view.pose_camera.floor_to_pixel(to_robot.transform(line))
             _draw_path(canvas, pixels, vision, scale, FIELD_COLOR)
+        for path in _goal_outlines(vision) if isinstance(view.pose_camera, PinholeCamera) else ():
+            points = np.column_stack([to_robot.transform(path[:, :2]), path[:, 2]])
+            _draw_path(canvas, view.pose_camera.point_to_pixel(points), vision, scale, FIELD_COLOR, 2)
     for points, color in ((view.line_points_px, LINE_POINT_COLOR), (view.boundary_px, BOUNDARY_COLOR)):
         for u, v in points[np.isfinite(points).all(axis=1)]:
             cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
@@ -89,14 +93,33 @@ def _field_outlines(vision: Vision) -> list[FloatArray]:
     return paths
 
 
+def _goal_outlines(vision: Vision) -> list[FloatArray]:
+    """Axes (N, 3) of posts and bars."""
+    paths = []
+    for goal in vision.field.goals:
+        if goal.kind != "posts":
+            continue
+        x, half, up = goal.line_x_m, goal.width_m / 2, goal.height_m
+        rise, across = np.linspace(0.0, up, 9), np.linspace(-half, half, 17)
+        left, right = (np.column_stack([np.full(9, x), np.full(9, y), rise]) for y in (half, -half))
+        bar = np.column_stack([np.full(17, x), across, np.full(17, up)])
+        paths.append(np.vstack([right, bar, left[::-1]]))
+    return paths
+
+
 def _draw_free_space(canvas: UInt8Array, view: View, vision: Vision, scale: int) -> None:
     bearing, range_m = view.free_space.bearing_rad, view.free_space.range_m
-    half = math.pi / len(bearing)
+    if view.polar is None:
+        return
+    half = view.polar.span_rad[1] / 2 / len(bearing)
     inner = vision.grid.ring_bounds_m[0]
     corners = []
     for b, r in zip(bearing, range_m, strict=True):
         turn = b + np.linspace(-half, half, 4)
         corners.append(np.stack([max(r, inner) * np.cos(turn), max(r, inner) * np.sin(turn)], axis=1))
+    if not view.polar.is_ring:
+        # back along the nearest floor in view
+        corners += [inner * np.array([[math.cos(b), math.sin(b)]]) for b in bearing[::-1]]
     pixels = vision.camera.floor_to_pixel(np.vstack(corners))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     shape = np.array([_fixed(u, v, scale) for u, v in pixels], dtype=np.int32).reshape(-1, 2)
@@ -111,8 +134,14 @@ def _draw_free_space(canvas: UInt8Array, view: View, vision: Vision, scale: int)
 def _draw_path(
     canvas: UInt8Array, pixels: FloatArray, vision: Vision, scale: int, color: Bgr, thickness: int = 1
 ) -> None:
-    radius = np.hypot(*(pixels - vision.camera.center_px).T)
-    shown = np.isfinite(radius) & (radius <= vision.camera.usable_radius_px[1] * 1.05)
+    if isinstance(vision.camera, PinholeCamera):
+        # what lies far outside the picture need not be drawn, nor fit into OpenCV's numbers
+        shown = (np.abs(np.nan_to_num(pixels, nan=np.inf) - vision.camera.center_px) < vision.camera.size_px).all(
+            axis=1
+        )
+    else:
+        radius = np.hypot(*(pixels - vision.camera.center_px).T)
+        shown = np.asarray(radius <= vision.camera.usable_radius_px[1] * 1.05)
     for i in np.flatnonzero(shown[:-1] & shown[1:]):
         (u0, v0), (u1, v1) = pixels[i : i + 2]
         cv2.line(canvas, _fixed(u0, v0, scale), _fixed(u1, v1, scale), color, thickness, cv2.LINE_AA, _SHIFT)

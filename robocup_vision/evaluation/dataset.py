@@ -18,7 +18,7 @@ from field_models.catalog import load_field
 from field_models.errors import ArgumentError, FileError, FrameError
 from field_models.field import Field
 from field_models.toml_file import StrictStruct, load_toml
-from robocup_vision.camera import OmniCamera, load_camera
+from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
 from robocup_vision.evaluation.csv_file import read_csv
 from robocup_vision.evaluation.image_file import IMAGE_SUFFIXES, ImageArray, read_image, read_mask
 from robocup_vision.evaluation.video_file import count_video_frames, read_video
@@ -97,7 +97,7 @@ class Dataset:
     path: Path
     image_names: tuple[str, ...]
     field: Field
-    camera: OmniCamera
+    camera: OmniCamera | PinholeCamera
     colors: Colors | None
     method: Method
     times: Mapping[str, FrameTime] | None
@@ -187,7 +187,7 @@ def load_dataset(
     colors_path = colors if colors is not None else _beside(folder, description.colors)
     mask_path = _beside(folder, description.mask)
     image_names, notes = _find_images(description_path, source, mask_path)
-    chosen = _method(description_path, method or description.method, loaded_field)
+    chosen = _method(description_path, method or description.method, loaded_field, loaded_camera)
     return Dataset(
         name=folder.resolve().name if folder.is_dir() else folder.stem,
         path=source,
@@ -227,9 +227,9 @@ def _one_of(path: Path, key: str, value: str, known: tuple[Word, ...]) -> Word:
     raise FileError(path, f"must be one of {', '.join(known)}", key=key, value=value)
 
 
-def _method(path: Path, method: str | None, field: Field) -> Method:
-    # every camera there is sees by a mirror; a pinhole one will default to "goal"
-    chosen = _one_of(path, "method", method or "field", METHODS)
+def _method(path: Path, method: str | None, field: Field, camera: OmniCamera | PinholeCamera) -> Method:
+    usual = "goal" if isinstance(camera, PinholeCamera) else "field"
+    chosen = _one_of(path, "method", method or usual, METHODS)
     if chosen in ("floor", "hull") and not field.is_bounded:
         problem = f"needs a floor that ends at walls or boards, that of field '{field.name}' does not"
         raise FileError(path, problem, key="method", value=chosen)

@@ -75,6 +75,14 @@ class GoalSight:
     fit: GoalFit | None
     lines: LineFit | None
 
+    def estimate(self, prior: Pose2 | None = None) -> PoseEstimate:
+        """Camera position on the floor and heading of the optical axis; of two candidates the prior's comes first."""
+        estimate = _estimate(self)
+        if prior is not None and len(estimate.candidates) > 1:
+            near, far = (math.hypot(c.x_m - prior.x_m, c.y_m - prior.y_m) for c in estimate.candidates)
+            estimate = estimate.half_turn() if far < near else estimate
+        return estimate
+
 
 class GoalLocalizer:
     """Camera position on the floor and heading of its optical axis, from posts and bar.
@@ -137,11 +145,7 @@ class GoalLocalizer:
         sight = self.look(frame, prior)
         if isinstance(sight, NotLocated):
             return sight
-        estimate = _estimate(sight)
-        if prior is not None and len(estimate.candidates) > 1:
-            near, far = (math.hypot(c.x_m - prior.x_m, c.y_m - prior.y_m) for c in estimate.candidates)
-            estimate = estimate.half_turn() if far < near else estimate
-        return estimate
+        return sight.estimate(prior)
 
     def look(self, frame: ByteImage, prior: Pose2 | None = None) -> GoalSight | NotLocated:
         """Place the camera as `locate` does, with its tilt, roll and height and what was measured."""

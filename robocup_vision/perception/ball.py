@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray, read_only
 from robocup_vision.kernels import ball as kernel
 from robocup_vision.kernels import free_floor
@@ -53,21 +55,17 @@ class Ball:
     v_px: float
 
 
-class BallFinder:
-    """Finds the ball in frames of one camera; holds scratch memory, so one object a thread.
+class BallSearch(ABC):
+    """What finding a ball is for every camera: rows of seeds along rays, and the size it must have at each.
 
     Parameters
     ----------
-    field : Field
-        Says how big the ball is and which colour it has; a white ball has none that could be told from lines.
-    camera : OmniCamera
-        The camera.
-    mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+    field, camera, mask
+        See `BallFinder`.
     """
 
-    def __init__(self, field: Field, camera: OmniCamera, mask: UInt8Array | None = None) -> None:
-        self.camera = camera
+    def __init__(self, field: Field, camera: OmniCamera | PinholeCamera, mask: UInt8Array | None = None) -> None:
+        self._any_camera = camera
         self.radius_m = field.ball_radius_m
         self.has_color = field.ball_color not in ("white", "black")
         width, height = camera.size_px
@@ -80,45 +78,26 @@ class BallFinder:
         self._table: ColorTable | None = None
         self._planes = (np.empty(3), np.empty(3), 0.0, 0.0)
 
-    @cached_property
-    def _half_sizes_px(self) -> tuple[FloatArray, FloatArray]:
-        """Half the ball's size along and across the ray, (R,) float64 each, by its centre's image radius."""
-        camera = self.camera
-        inner, outer = camera.usable_radius_px
-        radius = np.arange(math.ceil(outer) + 2, dtype=np.float64)
-        q = np.full(len(radius), np.nan)
-        q[1:] = camera.floor_range.inverse_range_per_m(radius[1:])
-        height = camera.height_m
-        if height is None:
-            # without a height its top cannot be told: as on the floor, and round
-            across = self.radius_m * q * radius
-            along = across
-        else:
-            depression = np.arctan(q * height)
-            distance = (height - self.radius_m) / np.sin(depression)
-            with np.errstate(invalid="ignore"):
-                half = np.arcsin(np.where(self.radius_m < distance, self.radius_m / distance, np.nan))
-            near = camera.floor_range.radius_px(np.tan(depression + half) / height)
-            far = camera.floor_range.radius_px(np.tan(depression - half) / height)
-            along = (far - near) / 2
-            across = radius * np.sin(half) / np.cos(depression)
-        usable = (radius >= inner) & (radius <= outer) & (q > 0) & np.isfinite(along)
-        return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
+    @property
+    @abstractmethod
+    def _axis_px(self) -> tuple[float, float]:
+        """Where, in the picture's plane, rays from the robot outwards start."""
+
+    @property
+    @abstractmethod
+    def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
+        """Half the ball's size along and across the ray, (R,) float64 each, by its centre's distance from there."""
+
+    @property
+    @abstractmethod
+    def _seed_rows(self) -> list[FloatArray]:
+        """Pixels (N, 2) of each row of seeds."""
 
     @cached_property
     def _seeds(self) -> npt.NDArray[np.int32]:
-        """Pixels (N, 2) int32, v and u, in rings so dense that a ball anywhere on the floor covers some of them."""
-        along, across = self._half_sizes_px
-        inner, outer = self.camera.usable_radius_px
-        width, height = self.camera.size_px
-        least_px = _LEAST_HALF * max(1.0, (outer - inner) / 86.0)
-        rings: list[FloatArray] = []
-        radius = inner + 1.0
-        while radius < outer and across[round(radius)] >= least_px:
-            pitch = _SEED_PITCH * across[round(radius)]
-            angles = np.arange(0.0, math.tau, pitch / radius) + (len(rings) % 2) * pitch / radius / 2
-            rings.append(self.camera.polar_to_pixel(angles, radius))
-            radius += _SEED_PITCH * along[round(radius)]
+        """Pixels (N, 2) int32, v and u, in rows so dense that a ball anywhere on the floor covers some of them."""
+        rings = self._seed_rows
+        width, height = self._any_camera.size_px
         pixels = np.rint(np.vstack(rings)).astype(np.int32) if rings else np.empty((0, 2), dtype=np.int32)
         inside = (pixels >= 1).all(axis=1) & (pixels[:, 0] < width - 1) & (pixels[:, 1] < height - 1)
         pixels = pixels[inside]
@@ -145,39 +124,100 @@ class BallFinder:
             self._stamps,
             self._stamp + 1,
             self._stack,
-            *self.camera.center_px,
+            *self._axis_px,
             from_white,
             from_floor,
             least_level,
             sure,
-            *self._half_sizes_px,
+            *self._sizes_px,
             table.packing,
             table.floor_llr,
             out,
         )
         return self._place(out[:2]) if score >= _LEAST_SCORE else None
 
+    def _place(self, pixel: FloatArray) -> Ball:
+        camera = self._any_camera
+        scale = 1.0 if camera.height_m is None else 1.0 - self.radius_m / camera.height_m
+        offset = np.array(camera.offset_m)
+        # the ray meets the plane at the height of the ball's centre on the way to the floor
+        steps = np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
+        places = offset + scale * (camera.pixel_to_floor(pixel + steps) - offset)
+        jacobian = np.stack([places[1] - places[2], places[3] - places[4]], axis=1)
+        covariance = _CENTER_STD_PX**2 * jacobian @ jacobian.T
+        return Ball(float(places[0, 0]), float(places[0, 1]), read_only(covariance), float(pixel[0]), float(pixel[1]))
+
+
+class BallFinder(BallSearch):
+    """Finds the ball in frames of one mirror camera; holds scratch memory, so one object a thread.
+
+    Parameters
+    ----------
+    field : Field
+        Says how big the ball is and which colour it has; a white ball has none that could be told from lines.
+    camera : OmniCamera
+        The camera.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    """
+
+    def __init__(self, field: Field, camera: OmniCamera, mask: UInt8Array | None = None) -> None:
+        super().__init__(field, camera, mask)
+        self.camera = camera
+
+    @property
+    def _axis_px(self) -> tuple[float, float]:
+        return self.camera.center_px
+
+    @cached_property
+    def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
+        camera = self.camera
+        inner, outer = camera.usable_radius_px
+        radius = np.arange(math.ceil(outer) + 2, dtype=np.float64)
+        q = np.full(len(radius), np.nan)
+        q[1:] = camera.floor_range.inverse_range_per_m(radius[1:])
+        height = camera.height_m
+        if height is None:
+            # without a height its top cannot be told: as on the floor, and round
+            across = self.radius_m * q * radius
+            along = across
+        else:
+            depression = np.arctan(q * height)
+            distance = (height - self.radius_m) / np.sin(depression)
+            with np.errstate(invalid="ignore"):
+                half = np.arcsin(np.where(self.radius_m < distance, self.radius_m / distance, np.nan))
+            near = camera.floor_range.radius_px(np.tan(depression + half) / height)
+            far = camera.floor_range.radius_px(np.tan(depression - half) / height)
+            along = (far - near) / 2
+            across = radius * np.sin(half) / np.cos(depression)
+        usable = (radius >= inner) & (radius <= outer) & (q > 0) & np.isfinite(along)
+        return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
+
+    @property
+    def _seed_rows(self) -> list[FloatArray]:
+        along, across = self._sizes_px
+        inner, outer = self.camera.usable_radius_px
+        least_px = _LEAST_HALF * max(1.0, (outer - inner) / 86.0)
+        rings: list[FloatArray] = []
+        radius = inner + 1.0
+        while radius < outer and across[round(radius)] >= least_px:
+            pitch = _SEED_PITCH * across[round(radius)]
+            angles = np.arange(0.0, math.tau, pitch / radius) + (len(rings) % 2) * pitch / radius / 2
+            rings.append(self.camera.polar_to_pixel(angles, radius))
+            radius += _SEED_PITCH * along[round(radius)]
+        return rings
+
     def clear(self, ball: Ball, view: PolarView, marks: UInt8Array) -> None:
         """Let the ball and its shadow block nothing: it is what one drives to. Changes `marks` (K, M) in place."""
         u, v = ball.u_px - self.camera.center_px[0], ball.v_px - self.camera.center_px[1]
         radius = math.hypot(u, v)
-        along, across = (float(sizes[round(radius)]) for sizes in self._half_sizes_px)
+        along, across = (float(sizes[round(radius)]) for sizes in self._sizes_px)
         bearing = math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad
         row = bearing / math.tau * view.bearings
         # the shadow reaches about half a radius beyond the ball, the samples' blur a column
         half_px = 1.5 * along + view.step_px + 1.5
         half_rows = (1.5 * across + 1.5) / radius / math.tau * view.bearings + 1
         free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)
-
-    def _place(self, pixel: FloatArray) -> Ball:
-        scale = 1.0 if self.camera.height_m is None else 1.0 - self.radius_m / self.camera.height_m
-        offset = np.array(self.camera.offset_m)
-        # the ray meets the plane at the height of the ball's centre on the way to the floor
-        steps = np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-        places = offset + scale * (self.camera.pixel_to_floor(pixel + steps) - offset)
-        jacobian = np.stack([places[1] - places[2], places[3] - places[4]], axis=1)
-        covariance = _CENTER_STD_PX**2 * jacobian @ jacobian.T
-        return Ball(float(places[0, 0]), float(places[0, 1]), read_only(covariance), float(pixel[0]), float(pixel[1]))
 
 
 def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float]:

@@ -17,13 +17,12 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, read_only
 from robocup_vision.kernels import free_floor
+from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
 UInt8Array = npt.NDArray[np.uint8]
 Int32Array = npt.NDArray[np.int32]
 
-# farther than this the floor is at most a few pixels from the horizon, whatever the mirror
-_FARTHEST_HEIGHTS = 40.0
 # how far the lens and the sampling spread an edge, pixels
 _BLUR_PX = 1.5
 # lines that meet, or are crossed obliquely, are this many times as wide
@@ -50,14 +49,17 @@ class FreeSpace:
 class FreeSpaceGrid:
     """The polar cells of one camera: I rings times J directions on the floor around the robot.
 
+    A pinhole camera takes the floor nearer than it sees for free; where the nearest in view is blocked, the range is 0.
+
     Parameters
     ----------
-    view : PolarView
+    view : PolarView or FloorView
         The samples that fill the cells.
     directions : int
-        Number J of directions.
+        Number J of directions, over a whole turn or over what is in view.
     rings : int or (I + 1,) sequence of float
-        Number I of rings between image radii of equal steps (the paper's choice), or the rings' own bounds, metres.
+        Number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges of
+        equal ratios), or the rings' own bounds, metres.
     threshold : float
         The paper's r_th: the share of a cell that must be floor.
 
@@ -67,7 +69,7 @@ class FreeSpaceGrid:
         If there are no directions or rings, the bounds do not increase, or the threshold is not within 0 to 1.
     """
 
-    view: PolarView
+    view: PolarView | FloorView
     directions: int = 80
     rings: int | tuple[float, ...] = 20
     threshold: float = 0.8
@@ -88,17 +90,13 @@ class FreeSpaceGrid:
         """(I + 1,) float64: floor ranges between which the rings lie, metres."""
         if not isinstance(self.rings, int):
             return read_only(self.rings)
-        camera = self.view.camera
-        farthest = _FARTHEST_HEIGHTS * (camera.height_m if camera.height_m is not None else 0.5)
-        inner, outer = self.view.radius_px[BODY_COLUMNS] - self.view.step_px / 2, self.view.radius_px[-1]
-        horizon = float(np.nan_to_num(camera.floor_range.radius_px(1.0 / farthest), nan=outer))
-        q = camera.floor_range.inverse_range_per_m(np.linspace(inner, min(outer, horizon), self.rings + 1))
-        return read_only(1.0 / q)
+        return read_only(self.view.ring_bounds_m(self.rings, BODY_COLUMNS))
 
     @cached_property
     def bearing_rad(self) -> FloatArray:
-        """(J,) float64: the directions' middles in the robot frame, from -pi upwards, radians."""
-        return read_only((np.arange(self.directions) + 0.5) * (math.tau / self.directions) - math.pi)
+        """(J,) float64: the directions' middles in the robot frame, ascending, radians."""
+        first, width = self.view.span_rad
+        return read_only((np.arange(self.directions) + 0.5) * (width / self.directions) + first)
 
     @cached_property
     def cell(self) -> Int32Array:
@@ -112,12 +110,23 @@ class FreeSpaceGrid:
         x, y = floor_m[..., 0], floor_m[..., 1]
         with np.errstate(invalid="ignore"):
             ring = np.searchsorted(self.ring_bounds_m, np.hypot(x, y), side="right") - 1
-            direction = np.floor((np.arctan2(y, x) + math.pi) * (self.directions / math.tau))
-        direction = np.nan_to_num(direction).astype(int) % self.directions
+            first, width = self.view.span_rad
+            turn = np.arctan2(y, x) - first
+            if not self.view.is_ring:
+                turn = np.remainder(turn + math.pi, math.tau) - math.pi
+            direction = np.nan_to_num(np.floor(turn * (self.directions / width))).astype(int)
+        if self.view.is_ring:
+            direction %= self.directions
         known = np.isfinite(x) & (valid > 0) & (ring >= 0) & (ring < len(self.ring_bounds_m) - 1)
+        known &= (direction >= 0) & (direction < self.directions)
         cell = np.where(known, ring * self.directions + direction, -1).astype(np.int32)
         cell.flags.writeable = False
         return cell
+
+    @cached_property
+    def _first_seen(self) -> npt.NDArray[np.int64]:
+        """(J,) int64: the nearest ring of each direction that any sample sees."""
+        return np.asarray((self._needed > 0).argmax(axis=0))
 
     @cached_property
     def _count(self) -> int:
@@ -140,7 +149,11 @@ class FreeSpaceGrid:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
         rings = np.empty(self.directions, dtype=np.int32)
         free_floor.free_rings(passable, self.cell, self._needed, self._seen, rings)
-        return FreeSpace(self.bearing_rad, self.ring_bounds_m[rings])
+        range_m = self.ring_bounds_m[rings]
+        if not self.view.is_ring:
+            # what stands in the nearest floor in view may stand anywhere nearer
+            range_m = np.where(rings <= self._first_seen, 0.0, range_m)
+        return FreeSpace(self.bearing_rad, range_m)
 
     def measure_by_labelling(self, passable: UInt8Array) -> FreeSpace:
         """Do the same the paper's way: AND with the template of cells, label, add up areas per cell (eqs. 7-9).
@@ -168,7 +181,7 @@ class FloorMarking:
 
     Parameters
     ----------
-    view : PolarView
+    view : PolarView or FloorView
         The samples.
     line_width_m : float
         Width of the field's lines.
@@ -176,21 +189,18 @@ class FloorMarking:
         Nothing more than half as wide as this is taken for a line seen along its length.
     """
 
-    view: PolarView
+    view: PolarView | FloorView
     line_width_m: float
     obstacle_width_m: float
 
     @cached_property
     def _widest(self) -> tuple[Int32Array, Int32Array]:
-        radius = self.view.radius_px
-        # a table may end before the usable radius does
-        q = np.nan_to_num(self.view.camera.floor_range.inverse_range_per_m(radius))
-        range_m = 1.0 / np.maximum(q, 1e-3)
+        range_m = self.view.range_m
         per_column = np.maximum(np.gradient(range_m), 1e-6)
         # the lens reaches over on both sides
-        per_row = range_m * (math.tau / self.view.bearings)
+        per_row = range_m * self.view.row_step_rad
         columns = np.ceil(_CROSSING * self.line_width_m / per_column + 2 * _BLUR_PX / self.view.step_px)
-        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * range_m / radius) / per_row) + 2
+        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * self.view.across_m_per_px) / per_row) + 2
         # but never as wide as a robot
         rows = np.maximum(np.minimum(rows, np.floor(0.55 * self.obstacle_width_m / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)

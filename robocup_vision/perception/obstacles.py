@@ -33,7 +33,11 @@ class Obstacle:
 
 
 def find_obstacles(
-    floor_m: FloatArray, blocked_column: npt.NDArray[np.int64], is_wall: npt.NDArray[np.bool_], gap_m: float
+    floor_m: FloatArray,
+    blocked_column: npt.NDArray[np.int64],
+    is_wall: npt.NDArray[np.bool_],
+    gap_m: float,
+    step_rad: float | None = None,
 ) -> tuple[Obstacle, ...]:
     """Join neighbouring bearings whose blocked samples lie close together.
 
@@ -47,12 +51,14 @@ def find_obstacles(
         Bearings whose blocked sample is known to be a wall: they belong to no obstacle.
     gap_m : float
         Neighbours farther apart than this are different things, beyond what their bearings' spacing explains.
+    step_rad : float, optional
+        That spacing; a whole turn over K unless given.
     """
     count, columns = floor_m.shape[:2]
     seen = (blocked_column < columns) & ~is_wall
     places = floor_m[np.arange(count), np.minimum(blocked_column, columns - 1)]
     seen &= np.isfinite(places).all(axis=1)
-    spacing = np.linalg.norm(places, axis=1) * (math.tau / count)
+    spacing = np.linalg.norm(places, axis=1) * (math.tau / count if step_rad is None else step_rad)
     step = np.linalg.norm(places - np.roll(places, 1, axis=0), axis=1)
     joined = seen & np.roll(seen, 1) & (step < gap_m + spacing)
     starts = np.flatnonzero(seen & ~joined)

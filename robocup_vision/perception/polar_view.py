@@ -23,6 +23,8 @@ BEARINGS = 160
 RADII = 72
 # the 3 x 3 blur and the lens mix the robot's own body into the innermost columns: no obstacle is told from them
 BODY_COLUMNS = 2
+# farther than this the floor is at most a few pixels from the horizon, whatever the mirror
+_FARTHEST_HEIGHTS = 40.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,46 @@ class PolarView:
     def columns_in_use(self) -> int:
         """Number of columns, from the innermost, on which the level camera sees floor."""
         return int(np.count_nonzero(self.camera.floor_range.inverse_range_per_m(self.radius_px) > 0))
+
+    @property
+    def is_ring(self) -> bool:
+        """Whether the last bearing is next to the first."""
+        return True
+
+    @property
+    def span_rad(self) -> tuple[float, float]:
+        """First bearing and width of what is in view, robot frame."""
+        return -math.pi, math.tau
+
+    def ring_bounds_m(self, rings: int, first_column: int) -> FloatArray:
+        """Bounds (I + 1,) float64 of rings about the robot of equal steps in image radius, metres."""
+        camera = self.camera
+        farthest = _FARTHEST_HEIGHTS * (camera.height_m if camera.height_m is not None else 0.5)
+        inner, outer = self.radius_px[first_column] - self.step_px / 2, self.radius_px[-1]
+        horizon = float(np.nan_to_num(camera.floor_range.radius_px(1.0 / farthest), nan=outer))
+        q = camera.floor_range.inverse_range_per_m(np.linspace(inner, min(outer, horizon), rings + 1))
+        return np.asarray(1.0 / q)
+
+    @property
+    def row_step_rad(self) -> float:
+        """Angle between neighbouring bearings."""
+        return math.tau / self.bearings
+
+    @cached_property
+    def range_m(self) -> FloatArray:
+        """(M,) float64: floor range of the columns, metres; a kilometre from the horizon on."""
+        # a table may end before the usable radius does
+        q = np.nan_to_num(self.camera.floor_range.inverse_range_per_m(self.radius_px))
+        return read_only(1.0 / np.maximum(q, 1e-3))
+
+    @cached_property
+    def across_m_per_px(self) -> FloatArray:
+        """(M,) float64: width on the floor of one pixel across the bearing, metres."""
+        return read_only(self.range_m / self.radius_px)
+
+    def to_pixel(self, bearing_rad: npt.ArrayLike, radius_px: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of image radii on bearings."""
+        return self.camera.polar_to_pixel(bearing_rad, radius_px)
 
     @cached_property
     def pixels(self) -> FloatArray:

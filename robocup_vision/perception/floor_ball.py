@@ -1,0 +1,112 @@
+"""The ball as a pinhole camera sees it: the mirror camera's search, along the picture's own up and down."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels import free_floor
+from robocup_vision.perception.ball import Ball, BallSearch
+from robocup_vision.perception.floor_view import FloorView
+
+UInt8Array = npt.NDArray[np.uint8]
+
+# seen from so far below the picture, circles are rows: all of one row show the ball at one size
+_FAR_BELOW_PX = 20_000
+# half the size of the smallest ball that is told
+_LEAST_HALF_PX = 2.0
+
+
+class FloorBallFinder(BallSearch):
+    """Finds the ball in frames of one pinhole camera; holds scratch memory, so one object a thread.
+
+    Parameters
+    ----------
+    field : Field
+        Says how big the ball is and which colour it has; a white ball has none that could be told from lines.
+    camera : PinholeCamera
+        With a known tilt.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    """
+
+    def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
+        super().__init__(field, camera, mask)
+        self.camera = camera
+
+    @cached_property
+    def _down(self) -> tuple[float, float]:
+        """Unit direction in the picture in which the floor comes nearer."""
+        _, y, z = (float(v) for v in self.camera.camera_to_robot[2])
+        length = math.hypot(y, z)
+        # image u grows to the camera's right, v downwards; its own down is minus the robot's up
+        return (y / length, z / length) if length > 1e-6 else (0.0, 1.0)
+
+    @cached_property
+    def _axis_px(self) -> tuple[float, float]:
+        (u, v), (down_u, down_v) = self.camera.center_px, self._down
+        return u + _FAR_BELOW_PX * down_u, v + _FAR_BELOW_PX * down_v
+
+    @cached_property
+    def _reach_px(self) -> int:
+        return math.ceil(math.hypot(*self.camera.size_px))
+
+    @cached_property
+    def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
+        place = np.arange(_FAR_BELOW_PX + self._reach_px + 2, dtype=np.float64)
+        along, across = np.zeros(len(place)), np.zeros(len(place))
+        near = np.abs(place - _FAR_BELOW_PX) <= self._reach_px
+        pixels = np.array(self._axis_px) - place[near, None] * np.array(self._down)
+        ray = self.camera.pixel_to_ray(pixels)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = (self.camera.height_m - self.radius_m) / np.where(ray[:, 2] < -1e-6, -ray[:, 2], np.nan)
+            half = np.arcsin(np.where(distance > self.radius_m, self.radius_m / distance, np.nan))
+        bearing = np.arctan2(ray[:, 1], ray[:, 0])
+        elevation = np.arctan2(ray[:, 2], np.hypot(ray[:, 0], ray[:, 1]))
+
+        def shown(bearing_rad: FloatArray, elevation_rad: FloatArray) -> FloatArray:
+            level = np.cos(elevation_rad)
+            directions = [level * np.cos(bearing_rad), level * np.sin(bearing_rad), np.sin(elevation_rad)]
+            return self.camera.ray_to_pixel(np.stack(directions, axis=1))
+
+        heights = np.hypot(*(shown(bearing, elevation + half) - shown(bearing, elevation - half)).T) / 2
+        aside = half / np.maximum(np.cos(elevation), 1e-6)
+        widths = np.hypot(*(shown(bearing + aside, elevation) - shown(bearing - aside, elevation)).T) / 2
+        told = np.isfinite(heights) & np.isfinite(widths)
+        along[near], across[near] = np.where(told, heights, 0.0), np.where(told, widths, 0.0)
+        return along, across
+
+    @property
+    def _seed_rows(self) -> list[FloatArray]:
+        along, across = self._sizes_px
+        down_u, down_v = self._down
+        rows: list[FloatArray] = []
+        place = float(_FAR_BELOW_PX - self._reach_px)
+        while place < _FAR_BELOW_PX + self._reach_px:
+            half_px = across[round(place)]
+            if half_px < _LEAST_HALF_PX:
+                place += 1.0
+                continue
+            aside = np.arange(-self._reach_px, self._reach_px, half_px) + (len(rows) % 2) * half_px / 2
+            middle = np.array(self._axis_px) - place * np.array([down_u, down_v])
+            rows.append(middle + aside[:, None] * np.array([down_v, -down_u]))
+            place += max(along[round(place)], 1.0)
+        return rows
+
+    def clear(self, ball: Ball, view: FloorView, marks: UInt8Array) -> None:
+        """Let the ball and its shadow block nothing: it is what one drives to. Changes `marks` (K, M) in place."""
+        bearing, radius = view.from_pixel((ball.u_px, ball.v_px))
+        place = np.array(self._axis_px) - (ball.u_px, ball.v_px)
+        along, across = (float(sizes[round(float(np.hypot(*place)))]) for sizes in self._sizes_px)
+        row = (bearing - float(view.bearing_rad[0])) / view.row_step_rad
+        column = int(np.argmin(np.abs(view.radius_px - radius)))
+        row_px = view.row_step_rad * float(view.range_m[column] / view.across_m_per_px[column])
+        half_px = 1.5 * along + view.step_px + 1.5
+        half_rows = (1.5 * across + 1.5) / row_px + 1
+        free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)

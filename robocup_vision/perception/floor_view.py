@@ -1,0 +1,226 @@
+"""The floor a pinhole camera sees, unrolled about the camera's foot: bearings down, distances across.
+
+The sibling of `PolarView` for a camera that looks forward: whatever stands on the floor hides what lies behind it along
+a row here, too. The rows cover only what is in view; some that see nothing follow them, so that nothing is ever joined
+from the last bearing to the first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import FloatArray, read_only
+
+UInt8Array = npt.NDArray[np.uint8]
+
+BEARINGS = 160
+COLUMNS = 144
+# farther than this the floor is at most a few pixels from the horizon, whatever the lens
+_FARTHEST_HEIGHTS = 40.0
+# beyond the horizon the rows go on for so many pixels, so that a wall is seen behind the last of the floor
+_BEYOND_HORIZON_PX = 12.0
+# steeper than this nothing is looked at: tangent of the depression
+_STEEPEST = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class FloorView:
+    """Where a frame's floor samples lie; one per camera and orientation.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        With a known tilt.
+    seen_bearings : int
+        Number of bearings in view.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    guard_m : float
+        No line along the rows is wider than this: so wide a stretch of the nearest floor is left between the last
+        bearing and the first.
+    """
+
+    camera: PinholeCamera
+    seen_bearings: int = BEARINGS
+    mask: UInt8Array | None = None
+    guard_m: float = 0.1
+
+    @cached_property
+    def _rim(self) -> tuple[FloatArray, FloatArray]:
+        """Bearing off the optical axis' and slope (upwards) of the picture's rim, (N,) float64 each."""
+        width, height = self.camera.size_px
+        u, v = np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)
+        sides = [np.stack([np.full(height, side), v], axis=1) for side in (0.0, width - 1.0)]
+        ends = [np.stack([u, np.full(width, end)], axis=1) for end in (0.0, height - 1.0)]
+        ray = self.camera.pixel_to_ray(np.vstack([*sides, *ends]))
+        ray = ray[np.isfinite(ray).all(axis=1)]
+        bearing = np.arctan2(ray[:, 1], ray[:, 0]) - (self.camera.pan_rad or 0.0)
+        level = np.hypot(ray[:, 0], ray[:, 1])
+        slope = ray[:, 2] / np.maximum(level, 1e-9)
+        return np.remainder(bearing + math.pi, math.tau) - math.pi, slope
+
+    @cached_property
+    def sees_floor(self) -> bool:
+        """Whether any floor is in view that is near enough to tell anything of it."""
+        return float(self._rim[1].min()) < -1.0 / _FARTHEST_HEIGHTS
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        """(M,) float64: the columns' slopes, negative on the floor, at equal steps in the picture straight ahead."""
+        rim = self._rim[1]
+        beyond = _BEYOND_HORIZON_PX / self.camera.focal_px[1]
+        low, high = max(float(rim.min()), -_STEEPEST), min(float(rim.max()), beyond)
+        dense = np.linspace(math.atan(low), math.atan(high), 1024)
+        pan = self.camera.pan_rad or 0.0
+        ahead = np.stack([np.cos(dense) * math.cos(pan), np.cos(dense) * math.sin(pan), np.sin(dense)], axis=1)
+        pixels = self.camera.ray_to_pixel(ahead)
+        step = np.hypot(*np.diff(pixels, axis=0).T)
+        way = np.append(0.0, np.cumsum(np.nan_to_num(step)))
+        return np.asarray(np.tan(np.interp(np.linspace(0.0, way[-1], COLUMNS), way, dense)))
+
+    @cached_property
+    def radius_px(self) -> FloatArray:
+        """(M,) float64: how far up the picture the columns lie straight ahead, from 0."""
+        pan = self.camera.pan_rad or 0.0
+        pixels = self.camera.ray_to_pixel(self._directions(pan, self._slopes))
+        return read_only(np.append(0.0, np.cumsum(np.hypot(*np.diff(pixels, axis=0).T))))
+
+    @cached_property
+    def step_px(self) -> float:
+        """Distance between columns straight ahead, pixels."""
+        return float(self.radius_px[-1]) / (COLUMNS - 1)
+
+    @cached_property
+    def columns_in_use(self) -> int:
+        """Number of columns, from the nearest, that see floor."""
+        return int(np.count_nonzero(self._slopes < -1e-9))
+
+    @cached_property
+    def range_m(self) -> FloatArray:
+        """(M,) float64: floor range of the columns from the camera's foot, metres; a kilometre from the horizon on."""
+        return read_only(self.camera.height_m / np.maximum(-self._slopes, 1e-3 * self.camera.height_m))
+
+    @cached_property
+    def across_m_per_px(self) -> FloatArray:
+        """(M,) float64: width on the floor of one pixel across the bearing, metres."""
+        return read_only(np.hypot(self.range_m, self.camera.height_m) / self.camera.focal_px[0])
+
+    @cached_property
+    def _rows_rad(self) -> tuple[float, float]:
+        """First bearing and the step between them."""
+        bearing, slope = self._rim
+        seen = bearing[slope < self._slopes[-1] + 1e-9]
+        step = float(np.ptp(seen)) / self.seen_bearings
+        return float(seen.min()) + step / 2 + (self.camera.pan_rad or 0.0), step
+
+    @property
+    def row_step_rad(self) -> float:
+        """Angle between neighbouring bearings."""
+        return self._rows_rad[1]
+
+    @cached_property
+    def bearings(self) -> int:
+        """Number K of rows, those that see nothing included."""
+        nearest = float(self.range_m[0]) * self.row_step_rad
+        return self.seen_bearings + min(math.ceil(self.guard_m / nearest) + 3, self.seen_bearings)
+
+    @cached_property
+    def bearing_rad(self) -> FloatArray:
+        """(K,) float64: bearings of the rows about the camera's foot, ascending."""
+        first, step = self._rows_rad
+        return read_only(first + step * np.arange(self.bearings))
+
+    @cached_property
+    def span_rad(self) -> tuple[float, float]:
+        """First bearing and width of what is in view as far as floor can be told, robot frame."""
+        farthest = self.valid[: self.seen_bearings] * (np.arange(COLUMNS) < self._columns_told)
+        place = int(np.flatnonzero(farthest.any(axis=0)).max(initial=0))
+        seen = self.bearing_rad[: self.seen_bearings][farthest[:, place] > 0]
+        half = self.row_step_rad / 2
+        low, high = (float(seen.min()) - half, float(seen.max()) + half) if len(seen) else (0.0, 0.0)
+        return low, high - low
+
+    @cached_property
+    def _columns_told(self) -> int:
+        return max(1, int(np.count_nonzero(self._slopes < -1.0 / _FARTHEST_HEIGHTS)))
+
+    def ring_bounds_m(self, rings: int, first_column: int) -> FloatArray:
+        """Bounds (I + 1,) float64 of rings about the robot, each farther than the last by the same factor, metres."""
+        column = min(first_column, self._columns_told - 1)
+        near, far = float(self.range_m[column]), _FARTHEST_HEIGHTS * self.camera.height_m
+        pan = self.camera.pan_rad or 0.0
+        ahead = np.geomspace(near, max(far, 1.01 * near), rings + 1)[:, None] * [math.cos(pan), math.sin(pan)]
+        bounds = np.hypot(*(ahead + np.array(self.camera.offset_m)).T)
+        return np.asarray(np.maximum.accumulate(bounds))
+
+    @property
+    def is_ring(self) -> bool:
+        """Whether the last bearing is next to the first."""
+        return False
+
+    def _directions(self, bearing_rad: npt.ArrayLike, slope: npt.ArrayLike) -> FloatArray:
+        bearing, slopes = np.broadcast_arrays(np.asarray(bearing_rad, dtype=np.float64), slope)
+        return np.stack([np.cos(bearing), np.sin(bearing), slopes], axis=-1)
+
+    def to_pixel(self, bearing_rad: npt.ArrayLike, radius_px: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of places up the rows, given as `radius_px`, on bearings."""
+        radius = np.asarray(radius_px, dtype=np.float64)
+        slope = np.interp(radius, self.radius_px, self._slopes)
+        return self.camera.ray_to_pixel(self._directions(bearing_rad, np.where(np.isfinite(radius), slope, np.nan)))
+
+    def from_pixel(self, pixel: tuple[float, float]) -> tuple[float, float]:
+        """Bearing and `radius_px` of a pixel that shows floor."""
+        x, y, z = (float(value) for value in self.camera.pixel_to_ray(pixel))
+        first = self._rows_rad[0]
+        turn = math.remainder(math.atan2(y, x) - first - math.pi / 2, math.tau) + math.pi / 2
+        return first + turn, float(np.interp(z / max(math.hypot(x, y), 1e-9), self._slopes, self.radius_px))
+
+    @cached_property
+    def pixels(self) -> FloatArray:
+        """(K, M, 2) float64: the samples' places in the frame; NaN in rows that see nothing."""
+        pixels = self.camera.ray_to_pixel(self._directions(self.bearing_rad[:, None], self._slopes[None, :]))
+        pixels[self.seen_bearings :] = np.nan
+        return read_only(pixels)
+
+    @cached_property
+    def floor_m(self) -> FloatArray:
+        """(K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on."""
+        distance = np.where(self._slopes < -1e-9, self.range_m, np.nan)
+        rays = np.stack([np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1)
+        floor = self.camera.offset_m + distance[None, :, None] * rays[:, None]
+        floor[self.seen_bearings :] = np.nan
+        return read_only(floor)
+
+    @cached_property
+    def valid(self) -> UInt8Array:
+        """(K, M) uint8: 1 where a sample lies inside the frame and outside the mask."""
+        width, height = self.camera.size_px
+        u, v = self.pixels[..., 0], self.pixels[..., 1]
+        inside = (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
+        if self.mask is not None:
+            hidden = self.mask[self._map[..., 1], self._map[..., 0]] > 0
+            # the 3 x 3 blur of the samples reaches one further in each direction
+            inside &= cv2.dilate(hidden.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
+        valid = inside.astype(np.uint8)
+        valid.flags.writeable = False
+        return valid
+
+    @cached_property
+    def _map(self) -> npt.NDArray[np.int16]:
+        width, height = self.camera.size_px
+        nearest = np.nan_to_num(np.rint(self.pixels))
+        return np.ascontiguousarray(np.clip(nearest, 0, (width - 1, height - 1)), dtype=np.int16)
+
+    def sample(self, frame: UInt8Array) -> UInt8Array:
+        """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples."""
+        nearest = cv2.remap(frame, self._map, None, cv2.INTER_NEAREST)  # type: ignore[call-overload]
+        seen = self.seen_bearings
+        nearest[:seen] = cv2.blur(nearest[:seen], (3, 3), borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(nearest, dtype=np.uint8)

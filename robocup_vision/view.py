@@ -1,0 +1,100 @@
+"""What one frame shows, whichever camera took it: pose, free floor, obstacles, lines and the ball."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.kernels import free_floor
+from robocup_vision.perception.ball import Ball
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.perception.obstacles import Obstacle, find_obstacles
+from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
+
+UInt8Array = npt.NDArray[np.uint8]
+
+# blocked samples in a row that make an obstacle
+_BLOCKED_RUN = 2
+# a blocked sample within this many columns of the wall that the pose predicts is that wall
+_WALL_COLUMNS = 3.0
+
+
+@dataclass(frozen=True)
+class View:
+    """What one frame shows.
+
+    Parameters
+    ----------
+    pose : PoseEstimate or NotLocated
+        The robot on the field.
+    free_space : FreeSpace
+        Free range in each direction.
+    ball : Ball or None
+        The ball, robot frame.
+    timings_s : mapping of str to float
+        Seconds each stage took, and ``total``.
+    boundary_radius_px : (K,) float64
+        Image radius of the floor's edge at each of the polar view's bearings, NaN where none.
+    marks : (K, M) uint8
+        Polar samples: 0 blocked, 1 floor, 2 line, 3 ball.
+    wall_radius_px : (K,) float64
+        Where the pose puts the walls; NaN where it does not say.
+    polar : PolarView, FloorView or None
+        Where those samples lie; None where the camera's place over the floor is unknown: then free space, boundary and
+        marks are empty, and no ball or obstacle is told.
+    pose_camera : OmniCamera or PinholeCamera
+        The camera as this frame shows it to be mounted on what `pose` places: the robot, or for method "goal" the
+        camera's own foot on the floor.
+    """
+
+    pose: PoseEstimate | NotLocated
+    free_space: FreeSpace
+    ball: Ball | None
+    timings_s: Mapping[str, float]
+    boundary_radius_px: FloatArray
+    marks: UInt8Array
+    wall_radius_px: FloatArray
+    polar: PolarView | FloorView | None
+    pose_camera: OmniCamera | PinholeCamera
+
+    def __post_init__(self) -> None:
+        own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)
+        for array in own:
+            array.flags.writeable = False
+
+    @cached_property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
+        if self.polar is None:
+            return ()
+        blocked = np.empty(self.polar.bearings, dtype=np.int64)
+        columns = self.polar.columns_in_use
+        free_floor.first_blocked(self.marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
+        place = np.minimum(blocked, len(self.polar.radius_px) - 1)
+        beyond = self.polar.radius_px[place] - self.wall_radius_px
+        with np.errstate(invalid="ignore"):
+            is_wall = beyond > -_WALL_COLUMNS * self.polar.step_px
+        return find_obstacles(self.polar.floor_m, blocked, is_wall, gap_m=0.05, step_rad=self.polar.row_step_rad)
+
+    @cached_property
+    def boundary_px(self) -> FloatArray:
+        """(K, 2) float64: the floor's edge at each bearing, pixels; NaN rows where none."""
+        if self.polar is None:
+            return read_only(np.empty((0, 2)))
+        return read_only(self.polar.to_pixel(self.polar.bearing_rad, self.boundary_radius_px))
+
+    @cached_property
+    def line_points_px(self) -> FloatArray:
+        """(N, 2) float64: polar samples on painted lines, pixels."""
+        if self.polar is None:
+            return read_only(np.empty((0, 2)))
+        return read_only(self.polar.pixels[self.marks == free_floor.LINE])
