@@ -136,12 +136,11 @@ def _draw_path(
 ) -> None:
     if isinstance(vision.camera, PinholeCamera):
         # what lies far outside the picture need not be drawn, nor fit into OpenCV's numbers
-        shown = (np.abs(np.nan_to_num(pixels, nan=np.inf) - vision.camera.center_px) < vision.camera.size_px).all(
-            axis=1
-        )
+        off_px = np.abs(pixels - vision.camera.center_px)
+        shown = (off_px[:, 0] < vision.camera.size_px[0]) & (off_px[:, 1] < vision.camera.size_px[1])
     else:
         radius = np.hypot(*(pixels - vision.camera.center_px).T)
-        shown = np.asarray(radius <= vision.camera.usable_radius_px[1] * 1.05)
+        shown = radius <= vision.camera.usable_radius_px[1] * 1.05
     for i in np.flatnonzero(shown[:-1] & shown[1:]):
         (u0, v0), (u1, v1) = pixels[i : i + 2]
         cv2.line(canvas, _fixed(u0, v0, scale), _fixed(u1, v1, scale), color, thickness, cv2.LINE_AA, _SHIFT)

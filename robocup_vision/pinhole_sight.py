@@ -19,11 +19,14 @@ from robocup_vision.localization.goal import GoalLocalizer
 from robocup_vision.localization.goal_geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
 from robocup_vision.localization.goal_search import PRIOR_STD_M, PRIOR_STD_RAD
 from robocup_vision.localization.lines import LineLocalizer
+from robocup_vision.localization.lines_nearby import locate_nearby
 from robocup_vision.perception.ball import Ball
-from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
+from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, colors_for
 from robocup_vision.perception.floor_ball import FloorBallFinder
+from robocup_vision.perception.floor_color import PaintColor
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
+from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.sight import Sight
 from robocup_vision.view import View
 
@@ -33,6 +36,10 @@ UInt8Array = npt.NDArray[np.uint8]
 _CERTAIN_NATS = 3.0
 _STRIP_NATS = 5.0
 _LINE_GAP = 3
+# logarithm of the strongest cast of light: white beyond it is some paint
+_CAST = math.log(2.0)
+# a narrow view shows few lines, which other poses explain nearly as well: without a prior so many points must agree
+_LEAST_LINE_SHARE = 0.75
 
 
 class PinholeSight(Sight):
@@ -117,13 +124,26 @@ class PinholeSight(Sight):
         timings["total"] = perf_counter() - begin
         return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, pose_camera)
 
+    def _learn(self, samples: UInt8Array, view: PolarView | FloorView) -> Colors | None:
+        colors = super()._learn(samples, view)
+        if colors is None or max(abs(math.log(r)) for r in (colors.line.red_ratio, colors.line.blue_ratio)) < _CAST:
+            return colors
+        # nothing white in so narrow a view, but a ball or a goal
+        return colors_for(self.field, colors.floor, PaintColor(1.0, 1.0))
+
     def _locate(
         self, frame: UInt8Array, prior: PoseEstimate | Pose2 | None
     ) -> tuple[PoseEstimate | NotLocated, PinholeCamera]:
         if self._lines is not None:
             if isinstance(prior, Pose2):
                 prior = PoseEstimate(prior, np.diag([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
-            return self._lines.locate(frame, prior), self.camera
+            if prior is not None:
+                return locate_nearby(self._lines.finder.find(frame), self._lines.line_map, prior), self.camera
+            estimate = self._lines.locate(frame)
+            if estimate and estimate.inlier_share < _LEAST_LINE_SHARE:
+                share = f"{estimate.inlier_share:.0%}"
+                estimate = NotLocated(f"only {share} of the line points lie on lines: too few for so narrow a view")
+            return estimate, self.camera
         assert self._goal is not None
         start = prior.pose if isinstance(prior, PoseEstimate) else prior
         sight = self._goal.look(frame, start)

@@ -87,12 +87,15 @@ class Sight:
             ring = self._look_up(samples, view, self._table, llr)
             if self._fixed is not None or ring >= _DRIFT_SHARE * self._learnt_ring:
                 return self._table, llr
-        colors = learn_colors(samples, view.valid, self.field)
+        colors = self._learn(samples, view)
         if colors is None:
             return self._table, llr
         self._table = build_color_table(colors)
         self._learnt_ring = self._look_up(samples, view, self._table, llr)
         return self._table, llr
+
+    def _learn(self, samples: UInt8Array, view: PolarView | FloorView) -> Colors | None:
+        return learn_colors(samples, view.valid, self.field)
 
     def _look_up(
         self, samples: UInt8Array, view: PolarView | FloorView, table: ColorTable, llr: npt.NDArray[np.int8]

@@ -139,13 +139,27 @@ class FloorView:
 
     @cached_property
     def span_rad(self) -> tuple[float, float]:
-        """First bearing and width of what is in view as far as floor can be told, robot frame."""
-        farthest = self.valid[: self.seen_bearings] * (np.arange(COLUMNS) < self._columns_told)
-        place = int(np.flatnonzero(farthest.any(axis=0)).max(initial=0))
-        seen = self.bearing_rad[: self.seen_bearings][farthest[:, place] > 0]
-        half = self.row_step_rad / 2
-        low, high = (float(seen.min()) - half, float(seen.max()) + half) if len(seen) else (0.0, 0.0)
-        return low, high - low
+        """First bearing and width of what is in view, robot frame: from twice the nearest range on without a gap."""
+        pan, offset = self.camera.pan_rad or 0.0, np.array(self.camera.offset_m)
+        ahead = self.range_m[: self._columns_told, None] * [math.cos(pan), math.sin(pan)] + offset
+        ranges = np.hypot(*ahead[self._is_shown(ahead)].T)
+        if not len(ranges):
+            return pan, self.row_step_rad
+        ranges = np.geomspace(min(2 * ranges.min(), ranges.max()), ranges.max(), 40)
+        middle = math.atan2(ahead[-1, 1], ahead[-1, 0])
+        turn = np.arange(0.0, math.pi, self.row_step_rad / 2)
+        ends = []
+        for side in (-1.0, 1.0):
+            bearing = middle + side * turn[:, None]
+            shown = self._is_shown(ranges[None, :, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
+            whole = np.append(shown.all(axis=1), False)
+            ends.append(middle + side * float(turn[max(int(np.argmin(whole)) - 1, 1)]))
+        return ends[0], ends[1] - ends[0]
+
+    def _is_shown(self, floor_m: FloatArray) -> npt.NDArray[np.bool_]:
+        pixels = self.camera.floor_to_pixel(floor_m)
+        width, height = self.camera.size_px
+        return np.asarray(((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=-1))
 
     @cached_property
     def _columns_told(self) -> int:
