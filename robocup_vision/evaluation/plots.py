@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_INK, _BLUE, _RED, _GREY, _FLOOR, _LINE = "#1f2933", "#1f6feb", "#d1242f", "#8a94a0", "#eef4ee", "#b7c4b7"
+INK, BLUE, RED, GREY, FLOOR, LINE = "#1f2933", "#1f6feb", "#d1242f", "#8a94a0", "#eef4ee", "#b7c4b7"
 _MAP_CAPTION = (
     "Where the robot was (grey rings) and where it was said to be (blue dots; red beyond 10 cm, with a line from the "
     "truth). "
@@ -54,47 +54,57 @@ def draw_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
     return plots
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure, inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), dpi=130, layout="constrained")
 
 
-def _encode(figure: Figure) -> str:
+def encode(figure: Figure) -> str:
+    """Return a figure as a data URI."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return data_uri("png", buffer.getvalue())
 
 
-def _tidy(axes: Axes, x_label: str, y_label: str) -> None:
-    axes.set_xlabel(x_label, color=_INK)
-    axes.set_ylabel(y_label, color=_INK)
+def tidy(axes: Axes, x_label: str, y_label: str) -> None:
+    """Name the axes and take away what distracts."""
+    axes.set_xlabel(x_label, color=INK)
+    axes.set_ylabel(y_label, color=INK)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#e3e7eb", linewidth=0.8)
     axes.set_axisbelow(True)
 
 
-def _map(field: Field, rows: Sequence[Row]) -> str:
+def draw_field(field: Field) -> tuple[Figure, Axes]:
+    """Draw a field's floor, walls, lines and goals."""
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Polygon
 
     extent = np.ptp(np.vstack([field.floor_polygon, field.walls.reshape(-1, 2)]), axis=0)
-    figure = _figure(8.0, float(np.clip(7.4 * extent[1] / extent[0] + 0.7, 3.0, 9.0)))
+    figure = new_figure(8.0, float(np.clip(7.4 * extent[1] / extent[0] + 0.7, 3.0, 9.0)))
     axes = figure.subplots()
-    axes.add_patch(Polygon(field.floor_polygon, facecolor=_FLOOR, edgecolor="none"))
+    axes.add_patch(Polygon(field.floor_polygon, facecolor=FLOOR, edgecolor="none"))
     if field.is_bounded:
-        axes.add_collection(LineCollection(list(field.walls.reshape(-1, 2, 2)), colors=_INK, linewidths=1.6))
-    axes.add_collection(LineCollection(list(field.lines.reshape(-1, 2, 2)), colors=_LINE, linewidths=1.4))
+        axes.add_collection(LineCollection(list(field.walls.reshape(-1, 2, 2)), colors=INK, linewidths=1.6))
+    axes.add_collection(LineCollection(list(field.lines.reshape(-1, 2, 2)), colors=LINE, linewidths=1.4))
     for x, y, radius, start, sweep in field.arcs:
         angles = start + np.linspace(0.0, sweep, 90)
-        axes.plot(x + radius * np.cos(angles), y + radius * np.sin(angles), color=_LINE, linewidth=1.4)
+        axes.plot(x + radius * np.cos(angles), y + radius * np.sin(angles), color=LINE, linewidth=1.4)
     for goal in field.goals:
         half = goal.width_m / 2
-        color = _GOAL_COLORS.get(goal.color, _GREY)
+        color = _GOAL_COLORS.get(goal.color, GREY)
         axes.plot([goal.line_x_m, goal.line_x_m], [-half, half], color=color, linewidth=4.0, alpha=0.6)
+    return figure, axes
 
+
+def _map(field: Field, rows: Sequence[Row]) -> str:
+    from matplotlib.collections import LineCollection
+
+    figure, axes = draw_field(field)
     truth = np.array([[row.truth.x_m, row.truth.y_m] for row in rows if row.truth is not None]).reshape(-1, 2)
-    axes.plot(truth[:, 0], truth[:, 1], "o", color=_GREY, markersize=8, fillstyle="none", zorder=3)
+    axes.plot(truth[:, 0], truth[:, 1], "o", color=GREY, markersize=8, fillstyle="none", zorder=3)
     near: list[tuple[float, float]] = []
     far: list[tuple[float, float]] = []
     vectors: list[tuple[tuple[float, float], tuple[float, float]]] = []
@@ -107,22 +117,22 @@ def _map(field: Field, rows: Sequence[Row]) -> str:
             at = (start_m[0] + row.error.x_m, start_m[1] + row.error.y_m)  # in the half the error was counted in
             vectors.append((start_m, at))
         (far if row.error is not None and row.error.position_m > FAIR_M else near).append(at)
-    axes.add_collection(LineCollection(vectors, colors=_RED, linewidths=1.0, zorder=4))
-    for points, color in ((near, _BLUE), (far, _RED)):
+    axes.add_collection(LineCollection(vectors, colors=RED, linewidths=1.0, zorder=4))
+    for points, color in ((near, BLUE), (far, RED)):
         drawn = np.array(points).reshape(-1, 2)
         axes.plot(drawn[:, 0], drawn[:, 1], ".", color=color, markersize=4, zorder=5)
     lost = [[row.truth.x_m, row.truth.y_m] for row in rows if row.truth is not None and row.estimate is None]
     crosses = np.array(lost).reshape(-1, 2)
-    axes.plot(crosses[:, 0], crosses[:, 1], "x", color=_RED, markersize=7, zorder=6)
+    axes.plot(crosses[:, 0], crosses[:, 1], "x", color=RED, markersize=7, zorder=6)
     axes.set_aspect("equal")
     axes.autoscale_view()
-    _tidy(axes, "x (m)", "y (m)")
+    tidy(axes, "x (m)", "y (m)")
     axes.grid(visible=False)
-    return _encode(figure)
+    return encode(figure)
 
 
 def _error_cdf(rows: Sequence[Row]) -> str:
-    figure = _figure(8.0, 3.4)
+    figure = new_figure(8.0, 3.4)
     axes = figure.subplots(1, 2, sharey=True)
     errors = [row.error for row in rows if row.error is not None]
     position = [1e3 * error.position_m for error in errors]
@@ -132,17 +142,17 @@ def _error_cdf(rows: Sequence[Row]) -> str:
         (axes[1], heading, math.degrees(NEAR_RAD), "heading error (degrees)"),
     ):
         ordered = np.maximum(np.sort(values), near / 1e3)
-        axis.step(ordered, 100 * np.arange(1, len(values) + 1) / len(rows), where="post", color=_BLUE)
-        axis.axvline(near, color=_GREY, linestyle="--", linewidth=1.0)
+        axis.step(ordered, 100 * np.arange(1, len(values) + 1) / len(rows), where="post", color=BLUE)
+        axis.axvline(near, color=GREY, linestyle="--", linewidth=1.0)
         axis.set_xscale("log")
         axis.xaxis.set_major_formatter("{x:g}")
         axis.set_ylim(0, 102)
-        _tidy(axis, label, "share of all images (%)" if axis is axes[0] else "")
-    return _encode(figure)
+        tidy(axis, label, "share of all images (%)" if axis is axes[0] else "")
+    return encode(figure)
 
 
 def _error_histogram(rows: Sequence[Row]) -> str:
-    figure = _figure(8.0, 2.8)
+    figure = new_figure(8.0, 2.8)
     errors = [row.error for row in rows if row.error is not None]
     series: list[tuple[str, list[Any]]] = [
         ("x error (mm)", [1e3 * error.x_m for error in errors]),
@@ -154,15 +164,15 @@ def _error_histogram(rows: Sequence[Row]) -> str:
         if values:
             # a few gross errors must not squeeze all others into one bar; they are counted in the outermost
             reach = max(3.0 * float(np.percentile(np.abs(values), 75)), 1e-6)
-            axis.hist(np.clip(values, -reach, reach), bins=31, range=(-reach, reach), color=_BLUE)
+            axis.hist(np.clip(values, -reach, reach), bins=31, range=(-reach, reach), color=BLUE)
         axis.yaxis.get_major_locator().set_params(integer=True)
-        _tidy(axis, label, "images" if axis is axes[0] else "")
-    return _encode(figure)
+        tidy(axis, label, "images" if axis is axes[0] else "")
+    return encode(figure)
 
 
 def _residual_histogram(rows: Sequence[Row]) -> str:
-    figure = _figure(8.0, 2.8)
+    figure = new_figure(8.0, 2.8)
     axes = figure.subplots()
-    axes.hist([row.estimate.residual_px for row in rows if row.estimate is not None], bins=31, color=_BLUE)
-    _tidy(axes, "residual (px)", "images")
-    return _encode(figure)
+    axes.hist([row.estimate.residual_px for row in rows if row.estimate is not None], bins=31, color=BLUE)
+    tidy(axes, "residual (px)", "images")
+    return encode(figure)

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.evaluation.goal_plots import draw_goal_plots
 from robocup_vision.evaluation.overlays import WORST_COUNT
 from robocup_vision.evaluation.plots import data_uri, draw_plots
 from robocup_vision.evaluation.scoring import FAIR_M, Figures, Row
@@ -75,6 +76,9 @@ def render_report(
     ranked = sorted(range(len(rows)), key=lambda index: (rows[index].badness, -index), reverse=True)
     worst_indices = {index for index, _ in worst}
     others = [(index, jpeg) for index, jpeg in sorted(spread.items()) if index not in worst_indices]
+    plots = draw_plots(dataset.field, rows)
+    if dataset.method == "goal":
+        plots += draw_goal_plots(dataset.field, rows)
     page: str = (
         Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
         .from_string(template)
@@ -84,7 +88,7 @@ def render_report(
             tiles=_tiles(figures),
             summary=_summary(figures),
             conditions=_conditions(dataset),
-            plots=draw_plots(dataset.field, rows),
+            plots=plots,
             worst_rows=[_line(rows[index]) for index in ranked[:WORST_COUNT]],
             worst_overlays=[_overlay(rows[index], jpeg) for index, jpeg in worst],
             other_overlays=[_overlay(rows[index], jpeg) for index, jpeg in others],
