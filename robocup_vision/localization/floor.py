@@ -50,7 +50,7 @@ _RIVAL_COST = 0.15
 _SYSTEMATIC_PX = 0.02
 _SYSTEMATIC_BEARINGS = 20
 # a sandwich covariance from some forty groups of bearings comes out low
-_FEW_GROUPS = 1.5
+_FEW_GROUPS = 1.7
 _LARGEST_STD_M = 0.05
 # a fit with more play than this is doubted
 _SLIDING_STD_M = 0.02

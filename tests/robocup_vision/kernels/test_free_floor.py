@@ -72,10 +72,10 @@ def test_a_ball_clears_its_ellipse_only(row, radius, half_rows, half_px, seed):
     assert (marks != expected).sum() <= 1
 
 
-def whiter(samples, hidden, before, after):
+def whiter(samples, hidden, floor):
     seen = [np.zeros(3), *(s.astype(float) for s, gone in zip(samples, hidden, strict=True) if not gone)]
     brightest = np.max(seen, axis=0)
-    return all(2 * brightest[c] > float(before[c]) + float(after[c]) for c in (0, 2))
+    return all(brightest[c] > float(floor[c]) for c in (0, 2))
 
 
 def passable_twin(samples, llr, valid, line_columns, line_rows, in_use):
@@ -92,29 +92,27 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use):
                     out[k, m] = FLOOR if level[k, m] > level[two] else BLOCKED
                     break
     for k in range(rows):
-        last = -1
+        last = base = -1
         for m in np.flatnonzero(out[k, :in_use] != BLOCKED):
+            base = m if floor[k, m] or base < 0 else base
             between = np.arange(last + 1, m)
-            inner = samples[k, last if last >= 0 else m]
             if 1 <= len(between) <= line_columns[m] and whiter(
-                samples[k, between], valid[k, between] == 0, inner, samples[k, m]
+                samples[k, between], valid[k, between] == 0, samples[k, base]
             ):
                 out[k, between[valid[k, between] > 0]] = LINE
             last = m
     for m in range(in_use):
-        last = floor = None
+        last = base = None
         for step in range(rows + line_rows[0] + 1):
             k = step % rows
             if out[k, m] == BLOCKED:
                 continue
+            base = k if floor[k, m] or base is None else base
             if last is not None and 1 <= step - last - 1 <= line_rows[m]:
                 between = np.arange(last + 1, step) % rows
-                around = samples[floor, m]
-                if whiter(samples[between, m], valid[between, m] == 0, around, around):
+                if whiter(samples[between, m], valid[between, m] == 0, samples[base, m]):
                     out[between[valid[between, m] > 0], m] = LINE
             last = step
-            if out[k, m] == FLOOR or floor is None:
-                floor = k
     return out
 
 
