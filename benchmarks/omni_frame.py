@@ -6,11 +6,11 @@ and with one (its own estimate from before, off by a normally distributed 10 mm 
 odometry adds), and converted to HSV: the three in turns, in changing order, in one thread, so that a slow moment of the
 machine meets all of them. Ratios are of medians.
 
-Further figures: the 99th percentile over the median, and in how many looks the colours were learnt anew; median and 99th
-percentile per stage; the 40 to 45 ms a frame that Sekimori et al. print for their robot's computer of 2001; a first
-frame, whose colours must be learnt (`Vision.forget` before it); the cold search by lines alone on rendered images of
-msl_6x4, whose carpet goes on beyond the lines (`LineLocalizer.locate`, no prior, floor tone unknown); and the time to
-make a `Vision` in a fresh process once compiled code is on the disk, without the imports.
+Further figures: the 99th percentile over the median, and in how many looks the colours were learnt anew; median and
+99th percentile per stage; the 40 to 45 ms a frame that Sekimori et al. print for their robot's computer of 2001; a
+first frame, whose colours must be learnt (`Vision.forget` before it); the cold search by lines alone on rendered images
+of msl_6x4, whose carpet goes on beyond the lines (`LineLocalizer.locate`, no prior, floor tone unknown); and the time
+to make a `Vision` in a fresh process once compiled code is on the disk, without the imports.
 """
 
 from __future__ import annotations
