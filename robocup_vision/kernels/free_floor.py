@@ -25,6 +25,7 @@ def passable(
     line_columns: Int32Array,
     line_rows: Int32Array,
     columns_in_use: int,
+    outermost: Int64Array,
     out: UInt8Array,
 ) -> None:
     """Mark floor, and bright stripes between floor that are no wider than a painted line.
@@ -40,6 +41,8 @@ def passable(
         Widest line at each column, in samples across and along the rows.
     columns_in_use : int
         Columns below the horizon.
+    outermost : (K,) int64
+        Column of the outermost floor of each bearing: beyond it all is blocked. -1: not known.
     out : (K, M) uint8
         Filled with BLOCKED, FLOOR or LINE.
     """
@@ -52,7 +55,13 @@ def passable(
     for k in range(rows):
         here, right, right2 = llr[k], llr[(k - 1) % rows], llr[(k - 2) % rows]
         left, left2 = llr[(k + 1) % rows], llr[(k + 2) % rows]
-        for m in range(2, columns_in_use - 2):
+        # floor beside it may reach farther than its own
+        end = 0
+        for step in range(-2, 3):
+            reach = outermost[(k + step) % rows]
+            end = max(end, reach + 2 if reach >= 0 else columns_in_use - 2)
+        end = min(end, columns_in_use - 2)
+        for m in range(2, end):
             if here[m] > 0 or not valid[k, m]:
                 continue
             if here[m - 1] > 0 and here[m - 2] > 0:

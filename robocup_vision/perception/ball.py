@@ -170,14 +170,35 @@ class BallFinder:
         free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)
 
     def _place(self, pixel: FloatArray) -> Ball:
-        scale = 1.0 if self.camera.height_m is None else 1.0 - self.radius_m / self.camera.height_m
-        offset = np.array(self.camera.offset_m)
-        # the ray meets the plane at the height of the ball's centre on the way to the floor
-        steps = np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-        places = offset + scale * (self.camera.pixel_to_floor(pixel + steps) - offset)
-        jacobian = np.stack([places[1] - places[2], places[3] - places[4]], axis=1)
-        covariance = _CENTER_STD_PX**2 * jacobian @ jacobian.T
-        return Ball(float(places[0, 0]), float(places[0, 1]), read_only(covariance), float(pixel[0]), float(pixel[1]))
+        u, v = float(pixel[0]), float(pixel[1])
+        x, y = self._on_plane(u, v)
+        (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
+        (x_down, y_down), (x_up, y_up) = self._on_plane(u, v + 0.5), self._on_plane(u, v - 0.5)
+        jacobian = np.array([[x_right - x_left, x_down - x_up], [y_right - y_left, y_down - y_up]])
+        return Ball(x, y, read_only(_CENTER_STD_PX**2 * jacobian @ jacobian.T), u, v)
+
+    @cached_property
+    def _rays(self) -> tuple[float, float, list[float], list[list[float]], list[float]]:
+        inner, outer = self.camera.usable_radius_px
+        radius = np.linspace(inner, outer, 4096)
+        fall = self.camera.floor_range.inverse_range_per_m(radius) * float(self.camera.viewpoint_m[2])
+        turn = self.camera.camera_to_robot.tolist()
+        return inner, float(radius[1] - radius[0]), fall.tolist(), turn, self.camera.viewpoint_m.tolist()
+
+    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
+        """Where a pixel's ray meets the plane of the ball's centre, robot frame; in plain floats, as it is few points."""
+        inner, step, fall, turn, (x0, y0, z0) = self._rays
+        du, dv = u - self.camera.center_px[0], v - self.camera.center_px[1]
+        place = max(0.0, min(len(fall) - 1.001, (math.hypot(du, dv) - inner) / step))
+        cell = int(place)
+        down = fall[cell] + (place - cell) * (fall[cell + 1] - fall[cell])
+        bearing = math.atan2(dv if self.camera.mirrored else -dv, du) + self.camera.heading_rad
+        ray = (math.cos(bearing), math.sin(bearing), -down)
+        x, y, z = (row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2] for row in turn)
+        # without a height the ball lies as flat as the floor
+        fallen = z0 if self.camera.height_m is None else z0 - self.radius_m
+        scale = fallen / max(-z, 1e-9)
+        return x0 + scale * x, y0 + scale * y
 
 
 def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float]:
