@@ -186,7 +186,7 @@ class BallFinder:
         return inner, float(radius[1] - radius[0]), fall.tolist(), turn, self.camera.viewpoint_m.tolist()
 
     def _on_plane(self, u: float, v: float) -> tuple[float, float]:
-        """Where a pixel's ray meets the plane of the ball's centre, robot frame; in plain floats, as it is few points."""
+        """Where a pixel's ray meets the plane of the ball's centre, robot frame; in plain floats, as points are few."""
         inner, step, fall, turn, (x0, y0, z0) = self._rays
         du, dv = u - self.camera.center_px[0], v - self.camera.center_px[1]
         place = max(0.0, min(len(fall) - 1.001, (math.hypot(du, dv) - inner) / step))
