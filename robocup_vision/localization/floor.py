@@ -45,7 +45,7 @@ _BANK_STARTS = 30
 _BANK_WIDTH = 12.0
 _REFINED = 8
 # a fit whose cost is within this of the best one's explains the outline about as well
-_RIVAL_COST = 0.15
+_RIVAL_COST = 0.08
 _EQUAL_COST = 0.002
 # what no image tells: the camera file's own error, in pixels, common to an eighth of the circle
 _SYSTEMATIC_PX = 0.02
