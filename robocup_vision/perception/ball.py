@@ -28,6 +28,11 @@ _LEAST_LEVEL = 0.6
 # away; its half size measures the distance between seeds
 _LEAST_HALF = 1.0
 _SEED_PITCH = 1.0
+# a polar sample is the mean of 3 x 3 pixels
+_RAW_NOISE = 3.0
+# standard deviations by which a blob must differ from the floor, and by which floor seldom does
+_LEAST_SIGNAL = 4.0
+_FLOOR_STDS = 3.5
 # of the blob's centre, pixels
 _CENTER_STD_PX = 0.3
 
@@ -78,7 +83,7 @@ class BallFinder:
         self._stack = np.empty(height * width, dtype=np.int32)
         self._stamp = 0
         self._table: ColorTable | None = None
-        self._planes = (np.empty(3), np.empty(3), 0.0, 0.0)
+        self._planes = (np.empty(3), np.empty(3), 0.0, 0.0, 0.0)
 
     @cached_property
     def _half_sizes_px(self) -> tuple[FloatArray, FloatArray]:
@@ -138,7 +143,6 @@ class BallFinder:
         if self._stamp > kernel.NEVER // 2:
             self._stamps[self._stamps != kernel.NEVER] = 0
             self._stamp = 0
-        from_white, from_floor, least_level, sure = self._planes
         score, self._stamp = kernel.find_ball(
             frame,
             self._seeds,
@@ -146,10 +150,7 @@ class BallFinder:
             self._stamp + 1,
             self._stack,
             *self.camera.center_px,
-            from_white,
-            from_floor,
-            least_level,
-            sure,
+            *self._planes,
             *self._half_sizes_px,
             table.packing,
             table.floor_llr,
@@ -201,16 +202,29 @@ class BallFinder:
         return x0 + scale * x, y0 + scale * y
 
 
-def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float]:
-    """Planes from white and from the floor, least sum of channels, and the second plane's value on a dark ball."""
-    from_floor = _between(colors.ball, colors.floor.lit)
-    ball = np.array([colors.ball.blue_ratio, 1.0, colors.ball.red_ratio])
+def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float, float]:
+    """Planes from white and the floor, least sum of channels, the second plane's value on a dark ball, least signal."""
+    ball, floor, white = (_direction(color) for color in (colors.ball, colors.floor.lit, colors.line))
+    raw_noise = _RAW_NOISE * colors.floor.noise
+    # a small ball is mixed with floor all over: the plane lies as near to the floor's colour as its noise allows
+    floor_counts = 4 * colors.floor.level / float(floor @ [1.0, 2.0, 1.0])
+    apart = math.acos(min(1.0, float(ball @ floor)))
+    share = min(0.5, max(1 / 3, _FLOOR_STDS * raw_noise / floor_counts / max(apart, 1e-3)))
+    from_floor = _plane(ball, floor, share)
     least = _LEAST_LEVEL * colors.floor.level
-    return _between(colors.ball, colors.line), from_floor, least, least * float(from_floor @ ball / ball.sum())
+    on_dark_ball = least * float(from_floor @ ball / ball.sum())
+    return _plane(ball, white, 0.5), from_floor, least, on_dark_ball, _LEAST_SIGNAL * raw_noise
 
 
-def _between(color: PaintColor, other: PaintColor) -> FloatArray:
-    """Return the normal (3,) of the plane through black half-way between two colours: positive on the first's side."""
-    first = np.array([color.blue_ratio, 1.0, color.red_ratio])
-    second = np.array([other.blue_ratio, 1.0, other.red_ratio])
-    return np.asarray(first / np.linalg.norm(first) - second / np.linalg.norm(second))
+def _direction(color: PaintColor) -> FloatArray:
+    """Return the unit vector (3,), B, G, R, of a colour."""
+    vector = np.array([color.blue_ratio, 1.0, color.red_ratio])
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _plane(color: FloatArray, other: FloatArray, share: float) -> FloatArray:
+    """Return the unit normal (3,) of a plane through black, towards `color`, at a share of the way from `other` to it."""
+    within = other + share * (color - other)
+    normal = color - float(color @ within) / float(within @ within) * within
+    length = float(np.linalg.norm(normal))
+    return np.asarray(normal / length) if length > 0 else normal
