@@ -143,6 +143,7 @@ class BallFinder:
         if self._stamp > kernel.NEVER // 2:
             self._stamps[self._stamps != kernel.NEVER] = 0
             self._stamp = 0
+        from_white, from_floor, least_level, sure, least_signal = self._planes
         score, self._stamp = kernel.find_ball(
             frame,
             self._seeds,
@@ -150,7 +151,11 @@ class BallFinder:
             self._stamp + 1,
             self._stack,
             *self.camera.center_px,
-            *self._planes,
+            from_white,
+            from_floor,
+            least_level,
+            sure,
+            least_signal,
             *self._half_sizes_px,
             table.packing,
             table.floor_llr,
@@ -223,7 +228,7 @@ def _direction(color: PaintColor) -> FloatArray:
 
 
 def _plane(color: FloatArray, other: FloatArray, share: float) -> FloatArray:
-    """Return the unit normal (3,) of a plane through black, towards `color`, at a share of the way from `other` to it."""
+    """Return the unit normal (3,) of a plane through black, at a share of the way from `other` to `color`."""
     within = other + share * (color - other)
     normal = color - float(color @ within) / float(within @ within) * within
     length = float(np.linalg.norm(normal))
