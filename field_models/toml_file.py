@@ -25,7 +25,7 @@ class StrictStruct(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Parse a TOML file into plain values, refusing NaN and infinity anywhere in it.
+    """Parse a TOML file into plain values, refusing NaN, infinity and integers beyond 64 bits anywhere in it.
 
     Raises
     ------
@@ -99,3 +99,5 @@ def _refuse_non_finite(path: str | Path, value: Any, key: str) -> None:
             _refuse_non_finite(path, inner, f"{key}[{index}]")
     elif isinstance(value, float) and not math.isfinite(value):
         raise FileError(path, "must be a finite number", key=key, value=value)
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise FileError(path, "number out of range", key=key, value=value)

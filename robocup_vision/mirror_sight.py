@@ -90,7 +90,7 @@ class MirrorSight(Sight):
         if table is None:
             return self._blind(begin)
         colored = perf_counter()
-        edge = self._outline(frame, llr, table)
+        edge, outermost = self._outline(frame, llr, table)
         outlined = perf_counter()
         pose, walls = self._locate(frame, edge, table, start)
         located = perf_counter()
@@ -98,7 +98,7 @@ class MirrorSight(Sight):
         if ball is not None and pose and self.field.is_bounded and not self._is_on_floor(ball, pose.pose):
             ball = None
         balled = perf_counter()
-        marks = self._marking.mark(samples, llr)
+        marks = self._marking.mark(samples, llr, outermost)
         if ball is not None:
             self._ball.clear(ball, self.polar, marks)
         free_space = self.grid.measure(marks)
@@ -114,7 +114,9 @@ class MirrorSight(Sight):
         }
         return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, self.camera)
 
-    def _outline(self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable) -> FloatArray:
+    def _outline(
+        self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
+    ) -> tuple[FloatArray, npt.NDArray[np.int64]]:
         column = np.empty(self.polar.bearings, dtype=np.int64)
         certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
         polar.outer_boundary(llr, self.polar.valid, certain, _LINE_GAP, strip, column)
@@ -131,7 +133,7 @@ class MirrorSight(Sight):
             _LEAST_CONTRAST * table.colors.floor.noise,
             edge,
         )
-        return edge
+        return edge, column
 
     def _locate(
         self, frame: UInt8Array, edge: FloatArray, table: ColorTable, start: Pose2 | None

@@ -132,6 +132,8 @@ def _map(field: Field, rows: Sequence[Row]) -> str:
 
 
 def _error_cdf(rows: Sequence[Row]) -> str:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     figure = new_figure(8.0, 3.4)
     axes = figure.subplots(1, 2, sharey=True)
     errors = [row.error for row in rows if row.error is not None]
@@ -145,7 +147,10 @@ def _error_cdf(rows: Sequence[Row]) -> str:
         axis.step(ordered, 100 * np.arange(1, len(values) + 1) / len(rows), where="post", color=BLUE)
         axis.axvline(near, color=GREY, linestyle="--", linewidth=1.0)
         axis.set_xscale("log")
+        decades = np.ptp(np.log10([near, *ordered]))
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0,) if decades > 2 else (1.0, 2.0, 5.0)))
         axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_ylim(0, 102)
         tidy(axis, label, "share of all images (%)" if axis is axes[0] else "")
     return encode(figure)

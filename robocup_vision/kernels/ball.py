@@ -30,6 +30,7 @@ def find_ball(
     from_floor: FloatArray,
     least_level: float,
     sure: float,
+    least_signal: float,
     radial_half_px: FloatArray,
     tangential_half_px: FloatArray,
     packing: UInt16Array,
@@ -58,6 +59,8 @@ def find_ball(
         Darker pixels (sum of B, G, R) have no colour.
     sure : float
         From this dot product with `from_floor` on a pixel is ball all over.
+    least_signal : float
+        The sum of these dot products over a blob must reach this times the root of its area: more than noise gives.
     radial_half_px, tangential_half_px : (R,) float64
         Half the ball's size in the image, by image radius in whole pixels.
     packing, floor_llr
@@ -95,12 +98,15 @@ def find_ball(
         stamps[v0, u0] = stamp
         top, area, alone = 1, 0, True
         total, sum_u, sum_v, sum_uu, sum_uv, sum_vv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        signal = 0.0
         while top > 0 and alone:
             top -= 1
             v, u = stack[top] // width, stack[top] % width
             b, g, r = frame[v, u, 0], frame[v, u, 1], frame[v, u, 2]
             # a mixed pixel at the rim counts in part, a shaded one inside as a whole
-            weight = min(1.0, (f0 * b + f1 * g + f2 * r) / sure)
+            value = f0 * b + f1 * g + f2 * r
+            signal += value
+            weight = min(1.0, value / sure)
             area += 1
             total += weight
             du, dv = float(u - u0), float(v - v0)
@@ -124,7 +130,7 @@ def find_ball(
                 stack[top] = nv * width + nu
                 top += 1
             alone = alone and area <= largest
-        if not alone:
+        if not alone or signal < least_signal * math.sqrt(area):
             continue
         cu, cv = sum_u / total, sum_v / total
         x, y = u0 + cu - center_u, v0 + cv - center_v
@@ -134,7 +140,7 @@ def find_ball(
             continue
         a, t = radial_half_px[index], tangential_half_px[index]
         expected = math.pi * (a + 0.25) * (t + 0.25)
-        if area < 0.5 * expected - 1.0 or area > 2.2 * (a + 0.75) * (t + 0.75) * math.pi:
+        if area < max(3.0, 0.3 * expected) or area > 2.2 * (a + 0.75) * (t + 0.75) * math.pi:
             continue
         # second moments along and across the ray: a quarter of the squared half sizes for an ellipse
         ex, ey = x / radius, y / radius

@@ -25,6 +25,7 @@ def passable(
     line_columns: Int32Array,
     line_rows: Int32Array,
     columns_in_use: int,
+    outermost: Int64Array,
     out: UInt8Array,
 ) -> None:
     """Mark floor, and bright stripes between floor that are no wider than a painted line.
@@ -40,6 +41,8 @@ def passable(
         Widest line at each column, in samples across and along the rows.
     columns_in_use : int
         Columns below the horizon.
+    outermost : (K,) int64
+        Column of the outermost floor of each bearing: beyond it all is blocked. -1: not known.
     out : (K, M) uint8
         Filled with BLOCKED, FLOOR or LINE.
     """
@@ -52,8 +55,14 @@ def passable(
     for k in range(rows):
         here, right, right2 = llr[k], llr[(k - 1) % rows], llr[(k - 2) % rows]
         left, left2 = llr[(k + 1) % rows], llr[(k + 2) % rows]
-        for m in range(2, columns_in_use - 2):
-            if here[m] > 0:
+        # floor beside it may reach farther than its own
+        end = 0
+        for step in range(-2, 3):
+            reach = outermost[(k + step) % rows]
+            end = max(end, reach + 2 if reach >= 0 else columns_in_use - 2)
+        end = min(end, columns_in_use - 2)
+        for m in range(2, end):
+            if here[m] > 0 or not valid[k, m]:
                 continue
             if here[m - 1] > 0 and here[m - 2] > 0:
                 is_floor = _is_brighter(samples[k, m], samples[k, m - 2])
@@ -69,43 +78,45 @@ def passable(
                 out[k, m] = FLOOR
     for k in range(rows):
         # the robot stands on the floor: what lies under its rim is bounded by floor
-        last = -1
+        last, floor = -1, -1
         for m in range(columns_in_use):
             if out[k, m] == BLOCKED:
                 continue
+            if llr[k, m] > 0 or floor < 0:
+                floor = m
             if 1 < m - last <= line_columns[m] + 1:
                 blue, red = 0, 0
                 for j in range(last + 1, m):
                     if valid[k, j]:
                         blue, red = max(blue, int(samples[k, j, 0])), max(red, int(samples[k, j, 2]))
-                if _is_whiter(blue, red, samples[k, last if last >= 0 else m], samples[k, m]):
+                if blue > samples[k, floor, 0] and red > samples[k, floor, 2]:
                     for j in range(last + 1, m):
                         if valid[k, j]:
                             out[k, j] = LINE
             last = m
     # where two lines meet, what lies between is bounded by line; it is still the floor it has to be whiter than
-    last_step = np.full(columns_in_use, -1)
-    floor = np.full(columns_in_use, -1)
+    before = np.full(columns_in_use, -1)
+    floors = np.full(columns_in_use, -1)
     # once round and a little further, so that a line across row 0 is closed, too
     for step in range(rows + line_rows[0] + 1):
         k = step if step < rows else step - rows
         for m in range(columns_in_use):
             if out[k, m] == BLOCKED:
                 continue
-            if 1 < step - last_step[m] <= line_rows[m] + 1 and last_step[m] >= 0:
+            if llr[k, m] > 0 or floors[m] < 0:
+                floors[m] = k
+            if 1 < step - before[m] <= line_rows[m] + 1 and before[m] >= 0:
                 blue, red = 0, 0
-                for i in range(last_step[m] + 1, step):
+                for i in range(before[m] + 1, step):
                     j = i if i < rows else i - rows
                     if valid[j, m]:
                         blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
-                if _is_whiter(blue, red, samples[floor[m], m], samples[floor[m], m]):
-                    for i in range(last_step[m] + 1, step):
+                if blue > samples[floors[m], m, 0] and red > samples[floors[m], m, 2]:
+                    for i in range(before[m] + 1, step):
                         j = i if i < rows else i - rows
                         if valid[j, m]:
                             out[j, m] = LINE
-            last_step[m] = step
-            if out[k, m] == FLOOR or floor[m] < 0:
-                floor[m] = k
+            before[m] = step
 
 
 @njit(cache=True, nogil=True)
@@ -132,13 +143,7 @@ def clear_ball(
 @njit(cache=True, nogil=True)
 def _is_brighter(sample: UInt8Array, floor: UInt8Array) -> bool:
     """Whether a colour is brighter than the floor's."""
-    return int(sample[0]) + sample[1] + sample[2] > int(floor[0]) + floor[1] + floor[2]
-
-
-@njit(cache=True, nogil=True)
-def _is_whiter(blue: int, red: int, before: UInt8Array, after: UInt8Array) -> bool:
-    """Whether paint has more blue and more red than the floor on both sides."""
-    return bool(2 * blue > int(before[0]) + after[0] and 2 * red > int(before[2]) + after[2])
+    return bool(int(sample[0]) + sample[1] + sample[2] > int(floor[0]) + floor[1] + floor[2])
 
 
 @njit(cache=True, nogil=True)

@@ -45,12 +45,13 @@ _BANK_STARTS = 30
 _BANK_WIDTH = 12.0
 _REFINED = 8
 # a fit whose cost is within this of the best one's explains the outline about as well
-_RIVAL_COST = 0.15
+_RIVAL_COST = 0.08
+_EQUAL_COST = 0.002
 # what no image tells: the camera file's own error, in pixels, common to an eighth of the circle
 _SYSTEMATIC_PX = 0.02
 _SYSTEMATIC_BEARINGS = 20
 # a sandwich covariance from some forty groups of bearings comes out low
-_FEW_GROUPS = 1.5
+_FEW_GROUPS = 1.7
 _LARGEST_STD_M = 0.05
 # a fit with more play than this is doubted
 _SLIDING_STD_M = 0.02
@@ -161,7 +162,7 @@ class FloorLocalizer:
         if known < _LEAST_BEARINGS:
             reason = f"the floor's edge is seen in only {known} of {len(radius_px)} directions"
             return NotLocated(reason), np.full(len(radius_px), np.nan)
-        fit = None
+        fit: _Fit | None = None
         if prior is not None:
             fit = self._fit(prior.array[None], radius_px, 1, self._scales(_PRIOR_SCALES))
         if fit is None or not self._is_good(fit, _GOOD_COST_AT_PRIOR):
@@ -171,6 +172,8 @@ class FloorLocalizer:
             fit = self._fit(guess.array[None], radius_px, 1, self._scales(_SCALES))
             if not self._is_good(fit, _GOOD_COST):
                 fit = self._fit_from_anywhere(fit, radius_px, arbiter)
+        if fit is None:
+            return NotLocated("several places explain the floor's edge equally well"), np.full(len(radius_px), np.nan)
         estimate = self._judge(fit)
         return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
 
@@ -189,8 +192,11 @@ class FloorLocalizer:
         beyond = np.count_nonzero(fit.residual_px > 2.0 * self._unit_px)
         return bool(beyond < _MOST_BEYOND * len(fit.residual_px))
 
-    def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray, arbiter: Arbiter | None) -> _Fit:
-        """Look for a better fit over the whole field, and by sliding along the walls that already agree."""
+    def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray, arbiter: Arbiter | None) -> _Fit | None:
+        """Look for a better fit over the whole field, and by sliding along the walls that already agree.
+
+        None where several places explain the outline equally well.
+        """
         starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
         poses, costs = np.empty_like(starts), np.empty(len(starts))
         kernels.fit_each(
@@ -207,16 +213,16 @@ class FloorLocalizer:
             if len(tried) == _REFINED:
                 break
         fits.sort(key=lambda f: f.cost)
-        if arbiter is None:
-            return fits[0]
         rivals: list[_Fit] = []
         for candidate in fits:
             if candidate.cost < fits[0].cost + _RIVAL_COST and _is_new(candidate.pose, [r.pose for r in rivals], 0.05):
                 rivals.append(candidate)
         if len(rivals) == 1:
             return rivals[0]
-        chosen = arbiter([Pose2(*rival.pose.tolist()) for rival in rivals])
-        return rivals[0 if chosen is None else chosen]
+        chosen = None if arbiter is None else arbiter([Pose2(*rival.pose.tolist()) for rival in rivals])
+        if chosen is not None:
+            return rivals[chosen]
+        return None if rivals[1].cost < rivals[0].cost + _EQUAL_COST else rivals[0]
 
     def _slides(self, pose: FloatArray) -> FloatArray:
         low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
@@ -298,8 +304,13 @@ class FloorLocalizer:
 
 
 def _is_new(pose: FloatArray, others: list[FloatArray], apart: float) -> bool:
-    """Whether a pose differs from all others by more than `apart`, metres and radians added up."""
-    return all(math.hypot(*(pose - o)[:2]) + abs(wrap_angle(pose[2] - o[2])) > apart for o in others)
+    """Whether a pose differs from all others, and their half turns, by more than `apart`, metres and radians added."""
+    for other in others:
+        here = math.hypot(*(pose - other)[:2]) + abs(wrap_angle(pose[2] - other[2]))
+        turned = math.hypot(*(pose + other)[:2]) + math.pi - abs(wrap_angle(pose[2] - other[2]))
+        if min(here, turned) <= apart:
+            return False
+    return True
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,8 @@ from robocup_vision.perception.line_points import FloorCamera, FloorTone, LineFi
 LEAST_INLIER_SHARE = 0.6
 # The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
 RIVAL_RATIO, RIVAL_EXCESS = 1.35, 0.15
+# Of poses that other evidence leaves, the lines take one whose points lie this many times nearer to them.
+CLEARLY = 2.0
 # Of the lines that a pose predicts on floor in plain sight, this share must have been seen.
 LEAST_SUPPORT = 0.75
 # No single point is better than this, however smooth the picture.
@@ -182,7 +184,7 @@ class LineLocalizer:
             return None
         loss = [float(self.line_map.rough_distance_m(pose.transform(points.floor_m)).mean()) for pose in poses]
         best = int(np.argmin(loss))
-        return best if RIVAL_RATIO * loss[best] < loss[0] else None
+        return best if CLEARLY * loss[best] < loss[0] else None
 
     def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
         """Refine the candidates that the search cannot tell apart in pixels, and take the best if it stands alone."""

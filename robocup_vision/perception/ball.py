@@ -30,6 +30,11 @@ _LEAST_LEVEL = 0.6
 # away; its half size measures the distance between seeds
 _LEAST_HALF = 1.0
 _SEED_PITCH = 1.0
+# a polar sample is the mean of 3 x 3 pixels
+_RAW_NOISE = 3.0
+# standard deviations by which a blob must differ from the floor, and by which floor seldom does
+_LEAST_SIGNAL = 4.0
+_FLOOR_STDS = 3.5
 # of the blob's centre, pixels
 _CENTER_STD_PX = 0.3
 
@@ -76,7 +81,7 @@ class BallSearch(ABC):
         self._stack = np.empty(height * width, dtype=np.int32)
         self._stamp = 0
         self._table: ColorTable | None = None
-        self._planes = (np.empty(3), np.empty(3), 0.0, 0.0)
+        self._planes = (np.empty(3), np.empty(3), 0.0, 0.0, 0.0)
 
     @property
     @abstractmethod
@@ -117,7 +122,7 @@ class BallSearch(ABC):
         if self._stamp > kernel.NEVER // 2:
             self._stamps[self._stamps != kernel.NEVER] = 0
             self._stamp = 0
-        from_white, from_floor, least_level, sure = self._planes
+        from_white, from_floor, least_level, sure, least_signal = self._planes
         score, self._stamp = kernel.find_ball(
             frame,
             self._seeds,
@@ -129,6 +134,7 @@ class BallSearch(ABC):
             from_floor,
             least_level,
             sure,
+            least_signal,
             *self._sizes_px,
             table.packing,
             table.floor_llr,
@@ -137,15 +143,16 @@ class BallSearch(ABC):
         return self._place(out[:2]) if score >= _LEAST_SCORE else None
 
     def _place(self, pixel: FloatArray) -> Ball:
-        camera = self._any_camera
-        scale = 1.0 if camera.height_m is None else 1.0 - self.radius_m / camera.height_m
-        offset = np.array(camera.offset_m)
-        # the ray meets the plane at the height of the ball's centre on the way to the floor
-        steps = np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-        places = offset + scale * (camera.pixel_to_floor(pixel + steps) - offset)
-        jacobian = np.stack([places[1] - places[2], places[3] - places[4]], axis=1)
-        covariance = _CENTER_STD_PX**2 * jacobian @ jacobian.T
-        return Ball(float(places[0, 0]), float(places[0, 1]), read_only(covariance), float(pixel[0]), float(pixel[1]))
+        u, v = float(pixel[0]), float(pixel[1])
+        x, y = self._on_plane(u, v)
+        (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
+        (x_down, y_down), (x_up, y_up) = self._on_plane(u, v + 0.5), self._on_plane(u, v - 0.5)
+        jacobian = np.array([[x_right - x_left, x_down - x_up], [y_right - y_left, y_down - y_up]])
+        return Ball(x, y, read_only(_CENTER_STD_PX**2 * jacobian @ jacobian.T), u, v)
+
+    @abstractmethod
+    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
+        """Where a pixel's ray meets the plane of the ball's centre, robot frame."""
 
 
 class BallFinder(BallSearch):
@@ -219,17 +226,53 @@ class BallFinder(BallSearch):
         half_rows = (1.5 * across + 1.5) / radius / math.tau * view.bearings + 1
         free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)
 
+    @cached_property
+    def _rays(self) -> tuple[float, float, list[float], list[list[float]], list[float]]:
+        inner, outer = self.camera.usable_radius_px
+        radius = np.linspace(inner, outer, 4096)
+        fall = self.camera.floor_range.inverse_range_per_m(radius) * float(self.camera.viewpoint_m[2])
+        turn = self.camera.camera_to_robot.tolist()
+        return inner, float(radius[1] - radius[0]), fall.tolist(), turn, self.camera.viewpoint_m.tolist()
 
-def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float]:
-    """Planes from white and from the floor, least sum of channels, and the second plane's value on a dark ball."""
-    from_floor = _between(colors.ball, colors.floor.lit)
-    ball = np.array([colors.ball.blue_ratio, 1.0, colors.ball.red_ratio])
+    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
+        """Where a pixel's ray meets the plane of the ball's centre, robot frame; in plain floats, as points are few."""
+        inner, step, fall, turn, (x0, y0, z0) = self._rays
+        du, dv = u - self.camera.center_px[0], v - self.camera.center_px[1]
+        place = max(0.0, min(len(fall) - 1.001, (math.hypot(du, dv) - inner) / step))
+        cell = int(place)
+        down = fall[cell] + (place - cell) * (fall[cell + 1] - fall[cell])
+        bearing = math.atan2(dv if self.camera.mirrored else -dv, du) + self.camera.heading_rad
+        ray = (math.cos(bearing), math.sin(bearing), -down)
+        x, y, z = (row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2] for row in turn)
+        # without a height the ball lies as flat as the floor
+        fallen = z0 if self.camera.height_m is None else z0 - self.radius_m
+        scale = fallen / max(-z, 1e-9)
+        return x0 + scale * x, y0 + scale * y
+
+
+def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float, float]:
+    """Planes from white and the floor, least sum of channels, the second plane's value on a dark ball, least signal."""
+    ball, floor, white = (_direction(color) for color in (colors.ball, colors.floor.lit, colors.line))
+    raw_noise = _RAW_NOISE * colors.floor.noise
+    # a small ball is mixed with floor all over: the plane lies as near to the floor's colour as its noise allows
+    floor_counts = 4 * colors.floor.level / float(floor @ [1.0, 2.0, 1.0])
+    apart = math.acos(min(1.0, float(ball @ floor)))
+    share = min(0.5, max(1 / 3, _FLOOR_STDS * raw_noise / floor_counts / max(apart, 1e-3)))
+    from_floor = _plane(ball, floor, share)
     least = _LEAST_LEVEL * colors.floor.level
-    return _between(colors.ball, colors.line), from_floor, least, least * float(from_floor @ ball / ball.sum())
+    on_dark_ball = least * float(from_floor @ ball / ball.sum())
+    return _plane(ball, white, 0.5), from_floor, least, on_dark_ball, _LEAST_SIGNAL * raw_noise
 
 
-def _between(color: PaintColor, other: PaintColor) -> FloatArray:
-    """Return the normal (3,) of the plane through black half-way between two colours: positive on the first's side."""
-    first = np.array([color.blue_ratio, 1.0, color.red_ratio])
-    second = np.array([other.blue_ratio, 1.0, other.red_ratio])
-    return np.asarray(first / np.linalg.norm(first) - second / np.linalg.norm(second))
+def _direction(color: PaintColor) -> FloatArray:
+    """Return the unit vector (3,), B, G, R, of a colour."""
+    vector = np.array([color.blue_ratio, 1.0, color.red_ratio])
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _plane(color: FloatArray, other: FloatArray, share: float) -> FloatArray:
+    """Return the unit normal (3,) of a plane through black, at a share of the way from `other` to `color`."""
+    within = other + share * (color - other)
+    normal = color - float(color @ within) / float(within @ within) * within
+    length = float(np.linalg.norm(normal))
+    return np.asarray(normal / length) if length > 0 else normal

@@ -99,6 +99,12 @@ class FloorBallFinder(BallSearch):
             place += max(along[round(place)], 1.0)
         return rows
 
+    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
+        ray = self.camera.pixel_to_ray((u, v))
+        scale = (self.camera.height_m - self.radius_m) / max(-float(ray[2]), 1e-9)
+        x, y = self.camera.offset_m + scale * ray[:2]
+        return float(x), float(y)
+
     def clear(self, ball: Ball, view: FloorView, marks: UInt8Array) -> None:
         """Let the ball and its shadow block nothing: it is what one drives to. Changes `marks` (K, M) in place."""
         bearing, radius = view.from_pixel((ball.u_px, ball.v_px))

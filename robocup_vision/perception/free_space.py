@@ -205,8 +205,22 @@ class FloorMarking:
         rows = np.maximum(np.minimum(rows, np.floor(0.55 * self.obstacle_width_m / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)
 
-    def mark(self, samples: UInt8Array, llr: npt.NDArray[np.int8]) -> UInt8Array:
-        """(K, M) uint8: 0 blocked, 1 floor, 2 line, from colours (K, M, 3) and floor likelihoods (K, M) int8."""
+    def mark(
+        self, samples: UInt8Array, llr: npt.NDArray[np.int8], outermost: npt.NDArray[np.int64] | None = None
+    ) -> UInt8Array:
+        """Mark each sample: (K, M) uint8, 0 blocked, 1 floor, 2 line.
+
+        Parameters
+        ----------
+        samples : (K, M, 3) uint8
+            Colours.
+        llr : (K, M) int8
+            Floor likelihood ratios.
+        outermost : (K,) int64, optional
+            Column of each bearing's outermost floor, -1 where not known: saves looking beyond it.
+        """
+        if outermost is None:
+            outermost = np.full(len(llr), -1)
         out = np.empty(llr.shape, dtype=np.uint8)
-        free_floor.passable(samples, llr, self.view.valid, *self._widest, self.view.columns_in_use, out)
+        free_floor.passable(samples, llr, self.view.valid, *self._widest, self.view.columns_in_use, outermost, out)
         return out

@@ -20,6 +20,7 @@ from sim2d.rendering.sensor import Sensor
 
 BALL_RANGE_M = 1.5  # a ball lies at most this far from the robot
 CLEARANCE_M = 0.01  # between any two things that stand on the field
+OPEN_M = 0.10  # around a ball in the open
 TRIES = 2000
 CIRCLE = np.stack([np.cos(np.arange(8) * math.pi / 4), np.sin(np.arange(8) * math.pi / 4)], axis=1)
 RING_BOXES = (7, 8)
@@ -262,7 +263,7 @@ def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator)
         bearing = rng.uniform(-math.pi, math.pi)
         range_m = rng.uniform(field.robot_radius_m + 2 * radius + 0.05, max(BALL_RANGE_M, 4 * field.robot_radius_m))
         x, y = pose.compose(Pose2(range_m * math.cos(bearing), range_m * math.sin(bearing), 0.0)).array[:2]
-        if not field.contains([x, y]) or with_boxes.clearance_m(x, y) < radius + CLEARANCE_M:
+        if not field.contains([x, y]) or with_boxes.clearance_m(x, y) < radius + OPEN_M:
             continue
         spread = math.atan2(1.5 * radius, range_m)
         ahead = with_boxes.free_range_m(pose, bearing + np.linspace(-spread, spread, 5))

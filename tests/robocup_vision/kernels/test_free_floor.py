@@ -72,18 +72,20 @@ def test_a_ball_clears_its_ellipse_only(row, radius, half_rows, half_px, seed):
     assert (marks != expected).sum() <= 1
 
 
-def whiter(samples, hidden, before, after):
+def whiter(samples, hidden, floor):
     seen = [np.zeros(3), *(s.astype(float) for s, gone in zip(samples, hidden, strict=True) if not gone)]
     brightest = np.max(seen, axis=0)
-    return all(2 * brightest[c] > float(before[c]) + float(after[c]) for c in (0, 2))
+    return all(brightest[c] > float(floor[c]) for c in (0, 2))
 
 
-def passable_twin(samples, llr, valid, line_columns, line_rows, in_use):
+def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermost):
     rows = len(llr)
     floor, level = llr > 0, samples.sum(axis=2, dtype=int)
     out = np.where(floor, FLOOR, BLOCKED)
     for k in range(rows):
-        for m in range(2, in_use - 2):
+        reach = [outermost[(k + s) % rows] for s in range(-2, 3)]
+        end = in_use - 2 if min(reach) < 0 else min(in_use - 2, max(reach) + 2)
+        for m in range(2, end):
             if floor[k, m] or not valid[k, m]:
                 continue
             for dk, dm in ((0, -1), (0, 1), (-1, 0), (1, 0)):
@@ -92,29 +94,27 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use):
                     out[k, m] = FLOOR if level[k, m] > level[two] else BLOCKED
                     break
     for k in range(rows):
-        last = -1
+        last = base = -1
         for m in np.flatnonzero(out[k, :in_use] != BLOCKED):
+            base = m if floor[k, m] or base < 0 else base
             between = np.arange(last + 1, m)
-            inner = samples[k, last if last >= 0 else m]
             if 1 <= len(between) <= line_columns[m] and whiter(
-                samples[k, between], valid[k, between] == 0, inner, samples[k, m]
+                samples[k, between], valid[k, between] == 0, samples[k, base]
             ):
                 out[k, between[valid[k, between] > 0]] = LINE
             last = m
     for m in range(in_use):
-        last = floor = None
+        last = base = None
         for step in range(rows + line_rows[0] + 1):
             k = step % rows
             if out[k, m] == BLOCKED:
                 continue
+            base = k if floor[k, m] or base is None else base
             if last is not None and 1 <= step - last - 1 <= line_rows[m]:
                 between = np.arange(last + 1, step) % rows
-                around = samples[floor, m]
-                if whiter(samples[between, m], valid[between, m] == 0, around, around):
+                if whiter(samples[between, m], valid[between, m] == 0, samples[base, m]):
                     out[between[valid[between, m] > 0], m] = LINE
             last = step
-            if out[k, m] == FLOOR or floor is None:
-                floor = k
     return out
 
 
@@ -134,8 +134,9 @@ def test_passable_agrees_with_its_twin(seed):
     line_rows = np.sort(rng.integers(1, 5, columns, dtype=np.int32))[::-1].copy()
     in_use = int(rng.integers(3, columns + 1))
     out = np.empty((rows, columns), dtype=np.uint8)
-    passable(samples, llr, valid, line_columns, line_rows, in_use, out)
-    np.testing.assert_array_equal(out, passable_twin(samples, llr, valid, line_columns, line_rows, in_use))
+    outermost = rng.integers(-1, columns, rows)
+    passable(samples, llr, valid, line_columns, line_rows, in_use, outermost, out)
+    np.testing.assert_array_equal(out, passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermost))
 
 
 @settings(deadline=None, max_examples=30)
@@ -152,7 +153,7 @@ def test_what_hidden_samples_show_changes_no_mark(seed):
         # a hidden sample beside the marks may become floor by its neighbours, whose colour is then its own
         shown = np.where(valid[..., None] > 0, samples, np.uint8(color))
         out = np.empty((12, 15), dtype=np.uint8)
-        passable(shown, np.where(valid > 0, llr, -64).astype(np.int8), valid, widest, widest, 15, out)
+        passable(shown, np.where(valid > 0, llr, -64).astype(np.int8), valid, widest, widest, 15, np.full(12, -1), out)
         outs.append(out)
     hidden_floor = (outs[0] == FLOOR) & (valid == 0)
     if not hidden_floor.any():

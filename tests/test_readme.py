@@ -1,0 +1,48 @@
+"""The README's programs run and its commands exist, so that they stay true."""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robocup_vision import cli
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+
+
+PROGRAMS = blocks("python")
+COMMANDS = [line for block in blocks("console") for line in block.splitlines()]
+
+
+def test_there_is_a_program_for_each_use():
+    assert len(PROGRAMS) >= 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", PROGRAMS, ids=range(len(PROGRAMS)))
+def test_programs_run(program, tmp_path):
+    shutil.copytree(ROOT / "images", tmp_path / "images")  # what a program writes goes there, too
+    run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_are_understood(command):
+    name, *arguments = shlex.split(command)
+    assert name == "robocup-vision"
+    assert cli._parser().parse_args(arguments).run
+
+
+def test_linked_files_are_there():
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert target.startswith("https://") or (ROOT / target).exists(), target
