@@ -7,7 +7,7 @@ INSTALLED := .venv/installed
 .PHONY: help .venv test demo examples clean
 
 help:
-	@echo "make demo      evaluate the sample dataset and write out/omni_ssl_2001/report.html"
+	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
 	@echo "make test      ruff, mypy and pytest"
 	@echo "make examples  run every program in examples/"
 	@echo "make clean     remove what the above have made"
@@ -37,6 +37,7 @@ test: $(INSTALLED)
 
 demo: $(INSTALLED)
 	.venv/bin/robocup-vision evaluate images/omni_ssl_2001 --out out/omni_ssl_2001
+	.venv/bin/robocup-vision evaluate images/goal_four_legged --out out/goal_four_legged
 
 examples: $(INSTALLED)
 	@set -e; for program in examples/*.py; do \
