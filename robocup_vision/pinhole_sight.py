@@ -40,6 +40,8 @@ _LINE_GAP = 3
 _CAST = math.log(2.0)
 # a narrow view shows few lines, which other poses explain nearly as well: without a prior so many points must agree
 _LEAST_LINE_SHARE = 0.75
+# and on so many lines, for two lines are any corner; a line counts with this share of the points, so near to it
+_LEAST_LINES, _LEAST_ON_A_LINE, _ON_LINE_WIDTHS = 3, 0.08, 2.0
 
 
 class PinholeSight(Sight):
@@ -139,11 +141,7 @@ class PinholeSight(Sight):
                 prior = PoseEstimate(prior, np.diag([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
             if prior is not None:
                 return locate_nearby(self._lines.finder.find(frame), self._lines.line_map, prior), self.camera
-            estimate = self._lines.locate(frame)
-            if estimate and estimate.inlier_share < _LEAST_LINE_SHARE:
-                share = f"{estimate.inlier_share:.0%}"
-                estimate = NotLocated(f"only {share} of the line points lie on lines: too few for so narrow a view")
-            return estimate, self.camera
+            return self._by_lines_alone(frame, self._lines), self.camera
         assert self._goal is not None
         start = prior.pose if isinstance(prior, PoseEstimate) else prior
         sight = self._goal.look(frame, start)
@@ -162,6 +160,21 @@ class PinholeSight(Sight):
             roll_rad=p[ROLL],
         )
         return sight.estimate(start), seen_from
+
+    def _by_lines_alone(self, frame: UInt8Array, lines: LineLocalizer) -> PoseEstimate | NotLocated:
+        points = lines.finder.find(frame)
+        estimate = lines.locate(points)
+        if not isinstance(estimate, PoseEstimate):
+            return estimate
+        if estimate.inlier_share < _LEAST_LINE_SHARE:
+            share = f"{estimate.inlier_share:.0%}"
+            return NotLocated(f"only {share} of the line points lie on lines: too few for so narrow a view")
+        nearest = lines.line_map.nearest(estimate.pose.transform(points.floor_m))
+        on_each = np.bincount(nearest.index[nearest.distance_m < _ON_LINE_WIDTHS * self.field.line_width_m])
+        told = int(np.count_nonzero(on_each >= max(_LEAST_ON_A_LINE * len(points), 10)))
+        if told < _LEAST_LINES:
+            return NotLocated(f"{told} lines in view, which without a prior fit many a corner of the field")
+        return estimate
 
     def _moved(self, odometry: Pose2 | None) -> Pose2 | None:
         """Where the robot, or for method "goal" the camera, is after a motion of the robot; None: nobody knows."""

@@ -10,6 +10,7 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.camera import load_camera
+from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.line_map import LineMap
 from robocup_vision.vision import Vision
@@ -67,3 +68,41 @@ def test_the_onboard_field_file_has_the_numbers_it_was_given():
     corners = field.lines.reshape(-1, 2)
     for corner in ((3.9, 0.9), (3.0, 0.9), (3.0, -0.9), (-3.0, 0.9)):  # penalty areas 0.9 deep, 1.8 wide
         assert np.hypot(*(corners - corner).T).min() < 1e-9
+
+
+@needs_photographs
+def test_floor_lines_and_pose_of_a_forward_camera():
+    folder = REAL / "onboard_ssl"
+    camera = load_camera(folder / "camera.toml")
+    vision = Vision(load_field(Path(__file__).parent / "data" / "onboard_ssl_field.toml"), camera, method="field")
+    width, height = camera.size_px
+    v, u = np.mgrid[:height, :width]
+    floor = camera.pixel_to_floor(np.stack([u, v], axis=-1))
+    rng = np.random.default_rng(3)
+    overlaps, errors_m = [], []
+    with (folder / "truth.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        truth = Pose2(*(float(row[key]) for key in ("x_m", "y_m", "theta_rad")))
+        turn, side = rng.uniform(0, math.tau), rng.choice([-1.0, 1.0])
+        start = Pose2(
+            truth.x_m + 0.1 * math.cos(turn),
+            truth.y_m + 0.1 * math.sin(turn),
+            truth.theta_rad + side * math.radians(5),
+        )
+        prior = PoseEstimate(start, np.diag([0.1, 0.1, math.radians(5)]) ** 2, 1.0, 0.0)
+        vision.forget()
+        view = vision.look(cv2.imread(str(folder / "images" / row["image"])), prior=prior)
+        edge = view.boundary_px[np.isfinite(view.boundary_px).all(axis=1)]
+        edge = edge[np.argsort(edge[:, 0])]
+        seen = v >= np.interp(np.arange(width), edge[:, 0], edge[:, 1])
+        there = np.abs(truth.transform(np.nan_to_num(floor, nan=99.0).reshape(-1, 2))).reshape(height, width, 2)
+        carpet = (there[..., 0] <= 4.2) & (there[..., 1] <= 3.0)
+        overlaps.append((seen & carpet).sum() / (seen | carpet).sum())
+        if view.pose:
+            errors_m.append(view.pose.pose.error_to(truth)[0])
+    assert min(overlaps) > 0.92
+    assert np.mean(overlaps) > 0.95
+    # drawn from the given poses the lines lie beside those in most pictures (the robot moved): a gross error only shows
+    assert len(errors_m) >= 2
+    assert max(errors_m) < 0.5

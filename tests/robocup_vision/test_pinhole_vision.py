@@ -224,3 +224,12 @@ def test_what_does_not_fit_is_refused(field, camera):
         Vision(field, camera, method="field", mask=np.zeros((3, 3), np.uint8))
     with pytest.raises(FrameError, match="as the camera file says"):
         Vision(field, camera, method="field").look(np.zeros((10, 10, 3), np.uint8))
+
+
+def test_a_corner_alone_tells_no_pose_without_a_prior(field, camera, vision):
+    truth = Pose2(3.0, 1.9, 0.75)
+    frame = painted(camera, field, truth, wall_at_m=2.4)
+    vision.forget()
+    assert not vision.look(frame).pose
+    near = PoseEstimate(Pose2(2.95, 1.94, 0.79), np.diag([0.1, 0.1, 0.08]) ** 2, 1.0, 0.0)
+    assert vision.look(frame, prior=near).pose.pose.error_to(truth)[0] < 0.05
