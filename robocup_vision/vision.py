@@ -89,6 +89,8 @@ class View:
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
+        if not self.marks.any():
+            return ()
         blocked = np.empty(self.polar.bearings, dtype=np.int64)
         columns = self.polar.columns_in_use
         free_floor.first_blocked(self.marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
