@@ -73,8 +73,10 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
         _draw_path(canvas, vision.camera.floor_to_pixel(ends), vision, scale, OBSTACLE_COLOR, 2)
     if view.ball is not None:
         angle = np.linspace(0.0, math.tau, 25)
-        rim = np.stack([np.cos(angle), np.sin(angle)], axis=1) * vision.field.ball_radius_m
-        pixels = vision.camera.floor_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m]))
+        rim = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1) * vision.field.ball_radius_m
+        # about its centre where the camera's height is known, else as if it lay flat on the floor
+        rim[:, 2] *= vision.camera.height_m is not None
+        pixels = vision.camera.point_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m, 0.0]))
         _draw_path(canvas, pixels, vision, scale, BALL_COLOR, 2)
     _write(canvas, _summary(view))
     return canvas

@@ -74,7 +74,7 @@ class View:
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
-        if self.polar is None:
+        if self.polar is None or not self.marks.any():
             return ()
         blocked = np.empty(self.polar.bearings, dtype=np.int64)
         columns = self.polar.columns_in_use

@@ -140,7 +140,7 @@ def find_ball(
             continue
         a, t = radial_half_px[index], tangential_half_px[index]
         expected = math.pi * (a + 0.25) * (t + 0.25)
-        if area < max(3.0, 0.3 * expected) or area > 2.2 * (a + 0.75) * (t + 0.75) * math.pi:
+        if area < max(2.0, 0.15 * expected) or area > 2.2 * (a + 0.75) * (t + 0.75) * math.pi:
             continue
         # second moments along and across the ray: a quarter of the squared half sizes for an ellipse
         ex, ey = x / radius, y / radius
@@ -149,7 +149,7 @@ def find_ball(
         vv = sum_vv / total - cv * cv + 1.0 / 12
         radial = 2.0 * math.sqrt(max(0.0, ex * ex * uu + 2 * ex * ey * uv + ey * ey * vv))
         across = 2.0 * math.sqrt(max(0.0, ey * ey * uu - 2 * ex * ey * uv + ex * ex * vv))
-        if radial > 1.6 * a + 1.0 or across > 1.6 * t + 1.0 or radial < 0.5 * a - 0.5 or across < 0.5 * t - 0.5:
+        if radial > 1.6 * a + 1.0 or across > 1.6 * t + 1.0 or radial < 0.35 * a - 0.5 or across < 0.35 * t - 0.5:
             continue
         # floor before it and on both sides; behind it may be anything, but not more of its own colour
         floor, like = 0, 0

@@ -48,7 +48,7 @@ def passable(
     """
     rows, columns = llr.shape
     # the samples' blur spreads what is bright over the floor beside it by a sample: take that back. What is dark hardly
-    # colours its neighbours
+    # colours its neighbours. And a speck of three by three samples at most is dirt or noise
     for k in range(rows):
         for m in range(columns):
             out[k, m] = FLOOR if llr[k, m] > 0 else BLOCKED
@@ -64,7 +64,14 @@ def passable(
         for m in range(2, end):
             if here[m] > 0 or not valid[k, m]:
                 continue
-            if here[m - 1] > 0 and here[m - 2] > 0:
+            if (
+                max(here[m - 1], here[m - 2]) > 0
+                and max(here[m + 1], here[m + 2]) > 0
+                and max(right[m], right2[m]) > 0
+                and max(left[m], left2[m]) > 0
+            ):
+                is_floor = True
+            elif here[m - 1] > 0 and here[m - 2] > 0:
                 is_floor = _is_brighter(samples[k, m], samples[k, m - 2])
             elif here[m + 1] > 0 and here[m + 2] > 0:
                 is_floor = _is_brighter(samples[k, m], samples[k, m + 2])

@@ -33,7 +33,7 @@ def test_everything_seen_is_drawn_over_an_enlarged_copy(vision, nominal_samples)
     assert picture.dtype == np.uint8
     for color in (FIELD_COLOR, BOUNDARY_COLOR, FREE_COLOR):
         assert share_of(picture, color) > 3e-4
-    assert share_of(picture, (255, 255, 255)) > 1e-4  # the text
+    assert share_of(picture, (255, 255, 255)) > 2e-5  # text; how bold depends on OpenCV's version  # the text
     assert (share_of(picture, BALL_COLOR) > 0) == (view.ball is not None)
     assert not np.shares_memory(picture, one.frame)
 
@@ -57,7 +57,7 @@ def test_a_blind_view_is_drawn_with_its_reason(vision):
     view = vision.look(frame)
     assert isinstance(view.pose, NotLocated)
     picture = draw(view, frame, vision)
-    assert share_of(picture, (255, 255, 255)) > 1e-4
+    assert share_of(picture, (255, 255, 255)) > 2e-5  # text; how bold depends on OpenCV's version
 
 
 def test_a_large_frame_keeps_its_size_and_is_not_drawn_into(ssl_field):

@@ -88,7 +88,11 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermos
         for m in range(2, end):
             if floor[k, m] or not valid[k, m]:
                 continue
-            for dk, dm in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+            sides = ((0, -1), (0, 1), (-1, 0), (1, 0))
+            if all(any(floor[(k + s * dk) % rows, m + s * dm] for s in (1, 2)) for dk, dm in sides):
+                out[k, m] = FLOOR
+                continue
+            for dk, dm in sides:
                 one, two = (((k + s * dk) % rows, m + s * dm) for s in (1, 2))
                 if floor[one] and floor[two]:
                     out[k, m] = FLOOR if level[k, m] > level[two] else BLOCKED
