@@ -5,21 +5,38 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
+UInt8Array = npt.NDArray[np.uint8]
 
 
 @njit(cache=True, nogil=True)
-def _sample(image, u, v, channel):
+def _sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
     """Bilinear value of one channel; the caller keeps (u, v) inside the image."""
     u0, v0 = int(u), int(v)
     fu, fv = u - u0, v - v0
     top = image[v0, u0, channel] * (1.0 - fu) + image[v0, u0 + 1, channel] * fu
     bottom = image[v0 + 1, u0, channel] * (1.0 - fu) + image[v0 + 1, u0 + 1, channel] * fu
-    return top * (1.0 - fv) + bottom * fv
+    return float(top * (1.0 - fv) + bottom * fv)
 
 
 @njit(cache=True, nogil=True)
-def measure_edges(image, starts, normals, reach, inside, towards, glare, grey, offset, contrast, sigma):
+def measure_edges(
+    image: UInt8Array,
+    starts: FloatArray,
+    normals: FloatArray,
+    reach: FloatArray,
+    inside: FloatArray,
+    towards: FloatArray,
+    glare: float,
+    grey: FloatArray,
+    offset: FloatArray,
+    contrast: FloatArray,
+    sigma: FloatArray,
+) -> None:
     """Sub-pixel step along the normal of each start point: a two-class edge, its classes taken beside it.
 
     Parameters
@@ -143,7 +160,9 @@ def measure_edges(image, starts, normals, reach, inside, towards, glare, grey, o
 
 
 @njit(cache=True, nogil=True)
-def link_runs(row, left, right, lean, max_gap, chain):
+def link_runs(
+    row: FloatArray, left: FloatArray, right: FloatArray, lean: float, max_gap: float, chain: Int64Array
+) -> int:
     """Give each run the number of its chain: the runs that stack into one upright strip. They come sorted by row.
 
     A run continues the chain whose last run's ends are nearest, within one pixel plus what a strip leaning by `lean`
@@ -177,7 +196,15 @@ def link_runs(row, left, right, lean, max_gap, chain):
 
 
 @njit(cache=True, nogil=True)
-def measure_ridges(image, starts, normals, reach, width, offset, contrast):
+def measure_ridges(
+    image: UInt8Array,
+    starts: FloatArray,
+    normals: FloatArray,
+    reach: FloatArray,
+    width: FloatArray,
+    offset: FloatArray,
+    contrast: FloatArray,
+) -> None:
     """Middle of the white line that crosses each start point's normal nearest, seen against green on both sides.
 
     Parameters
@@ -253,7 +280,7 @@ def measure_ridges(image, starts, normals, reach, width, offset, contrast):
 
 
 @njit(cache=True, nogil=True)
-def goal_points(shape, view, p, offsets, points):
+def goal_points(shape: FloatArray, view: FloatArray, p: FloatArray, offsets: FloatArray, points: FloatArray) -> bool:
     """Ideal pixels of where to measure: both ends of each free edge, feet, and points above the feet.
 
     Parameters
@@ -322,7 +349,19 @@ def goal_points(shape, view, p, offsets, points):
 
 
 @njit(cache=True, nogil=True)
-def spread_samples(points, feet, width, height, spacing, most, starts, normals, edge, inside, expected):
+def spread_samples(
+    points: FloatArray,
+    feet: int,
+    width: int,
+    height: int,
+    spacing: float,
+    most: int,
+    starts: FloatArray,
+    normals: FloatArray,
+    edge: Int64Array,
+    inside: FloatArray,
+    expected: Int64Array,
+) -> int:
     """Places along the edges and at the feet, with outward normals.
 
     Parameters

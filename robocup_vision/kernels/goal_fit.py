@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
-def goal_prediction(shape, view, p, offsets, lines, feet):
+def goal_prediction(
+    shape: FloatArray, view: FloatArray, p: FloatArray, offsets: FloatArray, lines: FloatArray, feet: FloatArray
+) -> None:
     """Silhouette lines (6, 3) and foot pixels (2, K, 2) of the goal at +x (see localization/goal_geometry.py).
 
     Parameters
@@ -78,7 +84,19 @@ def goal_prediction(shape, view, p, offsets, lines, feet):
 
 
 @njit(cache=True, nogil=True)
-def goal_residuals(shape, view, p, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, residual):
+def goal_residuals(
+    shape: FloatArray,
+    view: FloatArray,
+    p: FloatArray,
+    offsets: FloatArray,
+    edge: Int64Array,
+    uv: FloatArray,
+    foot_post: Int64Array,
+    foot_at: Int64Array,
+    foot_uv: FloatArray,
+    foot_direction: FloatArray,
+    residual: FloatArray,
+) -> None:
     """Signed pixel residuals of edge samples and of foot samples, in this order."""
     lines, feet = np.empty((6, 3)), np.empty((2, offsets.shape[0], 2))
     goal_prediction(shape, view, p, offsets, lines, feet)
@@ -95,7 +113,7 @@ def goal_residuals(shape, view, p, offsets, edge, uv, foot_post, foot_at, foot_u
 
 
 @njit(cache=True, nogil=True)
-def solve_symmetric(matrix, right):
+def solve_symmetric(matrix: FloatArray, right: FloatArray) -> bool:
     """Solve a small positive definite system in place by Cholesky; returns False where it is not definite."""
     n = right.shape[0]
     for j in range(n):
@@ -120,7 +138,9 @@ def solve_symmetric(matrix, right):
 
 
 @njit(cache=True, nogil=True)
-def robust_cost(residual, sigma, scale, p, prior, weight):
+def robust_cost(
+    residual: FloatArray, sigma: FloatArray, scale: float, p: FloatArray, prior: FloatArray, weight: FloatArray
+) -> float:
     """Cauchy cost of residuals at a pixel scale, plus the priors' squares; infinite where a residual is NaN."""
     cost = 0.0
     for n in range(residual.shape[0]):
@@ -135,8 +155,22 @@ def robust_cost(residual, sigma, scale, p, prior, weight):
 
 @njit(cache=True, nogil=True)
 def fit_goal(
-    shape, view, p, prior, weight, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, sigma, scales, normal
-):
+    shape: FloatArray,
+    view: FloatArray,
+    p: FloatArray,
+    prior: FloatArray,
+    weight: FloatArray,
+    offsets: FloatArray,
+    edge: Int64Array,
+    uv: FloatArray,
+    foot_post: Int64Array,
+    foot_at: Int64Array,
+    foot_uv: FloatArray,
+    foot_direction: FloatArray,
+    sigma: FloatArray,
+    scales: FloatArray,
+    normal: FloatArray,
+) -> float:
     """Gauss-Newton on the eight unknowns under priors, robust by Cauchy weights whose scale shrinks step by step.
 
     Parameters
