@@ -61,7 +61,8 @@ class FreeSpaceGrid:
         Number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges of
         equal ratios), or the rings' own bounds, metres.
     threshold : float
-        The paper's r_th: the share of a cell that must be floor.
+        The paper's r_th: the share of a cell that must be floor. Stricter than its 0.8, since the cells are smaller and
+        specks are gone before: a box that reaches into a cell blocks it.
 
     Raises
     ------
@@ -72,7 +73,7 @@ class FreeSpaceGrid:
     view: PolarView | FloorView
     directions: int = 80
     rings: int | tuple[float, ...] = 20
-    threshold: float = 0.8
+    threshold: float = 0.9
 
     def __post_init__(self) -> None:
         if self.directions < 3:
