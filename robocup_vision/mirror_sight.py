@@ -88,7 +88,7 @@ class MirrorSight(Sight):
         samples = self.polar.sample(frame)
         table, llr = self._classify(samples, self.polar)
         if table is None:
-            return self._blind(begin)
+            return self._blind(begin, t_s)
         colored = perf_counter()
         edge, outermost = self._outline(frame, llr, table)
         outlined = perf_counter()
@@ -112,7 +112,7 @@ class MirrorSight(Sight):
             "free_space": end - balled,
             "total": end - begin,
         }
-        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, self.camera)
+        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, self.camera, t_s)
 
     def _outline(
         self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
@@ -158,7 +158,7 @@ class MirrorSight(Sight):
             reason = f"{reason}; by lines: {by_lines.reason}" if reason else by_lines.reason
         return NotLocated(reason), self._nothing
 
-    def _blind(self, begin: float) -> View:
+    def _blind(self, begin: float, t_s: float | None) -> View:
         self._last_pose = None
         shape = self.polar.valid.shape
         free_space = FreeSpace(self.grid.bearing_rad, np.full(len(self.grid.bearing_rad), self.grid.ring_bounds_m[0]))
@@ -172,6 +172,7 @@ class MirrorSight(Sight):
             self._nothing,
             self.polar,
             self.camera,
+            t_s,
         )
 
     def _warm_up(self) -> None:

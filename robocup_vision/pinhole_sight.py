@@ -98,7 +98,7 @@ class PinholeSight(Sight):
             nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
             timings["total"] = perf_counter() - begin
             free_space = FreeSpace(nothing, np.empty(0))
-            return View(pose, free_space, None, timings, nothing, none, np.empty(0), None, pose_camera)
+            return View(pose, free_space, None, timings, nothing, none, np.empty(0), None, pose_camera, t_s)
         samples = self.polar.sample(frame)
         table, llr = self._classify(samples, self.polar)
         colored = perf_counter()
@@ -124,7 +124,7 @@ class PinholeSight(Sight):
         timings |= {"colors": colored - located, "ball": balled - colored, "free_space": end - balled}
         walls = self._walls(pose.pose) if pose else np.full(self.polar.bearings, np.nan)
         timings["total"] = perf_counter() - begin
-        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, pose_camera)
+        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, pose_camera, t_s)
 
     def _learn(self, samples: UInt8Array, view: PolarView | FloorView) -> Colors | None:
         colors = super()._learn(samples, view)

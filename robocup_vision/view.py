@@ -54,6 +54,8 @@ class View:
     pose_camera : OmniCamera or PinholeCamera
         The camera as this frame shows it to be mounted on what `pose` places: the robot, or for method "goal" the
         camera's own foot on the floor.
+    t_s : float or None
+        When the frame was taken, as `look` was told.
     """
 
     pose: PoseEstimate | NotLocated
@@ -65,6 +67,7 @@ class View:
     wall_radius_px: FloatArray
     polar: PolarView | FloorView | None
     pose_camera: OmniCamera | PinholeCamera
+    t_s: float | None = None
 
     def __post_init__(self) -> None:
         own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)

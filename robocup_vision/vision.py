@@ -98,7 +98,7 @@ class Vision:
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         t_s : float, optional
-            When it was taken.
+            When it was taken; stands in the view.
         odometry : Pose2, optional
             The robot's motion since the frame before, in its frame then; with the last pose it makes a prior.
         prior : PoseEstimate or Pose2, optional

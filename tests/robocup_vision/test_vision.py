@@ -433,3 +433,10 @@ def test_the_carpet_goes_on_and_the_lines_tell(mirror_camera, paint_field):
         assert_same_view(look_alone(vision, painted), view)
         told = look_alone(vision, frame, prior=truth.half_turn()).pose
         assert_near(told.pose, truth.half_turn(), 0.03, 1.0)
+
+
+def test_a_view_carries_its_time(vision, nominal_samples):
+    vision.forget()
+    assert vision.look(nominal_samples[0].frame, t_s=1.25).t_s == 1.25
+    assert vision.look(np.zeros_like(nominal_samples[0].frame), t_s=2.5).t_s == 2.5
+    assert vision.look(nominal_samples[0].frame).t_s is None
