@@ -1,6 +1,17 @@
-"""Makes tests/strategies.py importable: with --import-mode=importlib pytest puts no test folder on the path."""
+"""What all tests share: tests/strategies.py becomes importable, and property tests draw the same examples every time.
 
+`HYPOTHESIS_PROFILE=explore` looks for new examples instead.
+"""
+
+import os
 import sys
 from pathlib import Path
 
+from hypothesis import settings
+
+# with --import-mode=importlib pytest puts no test folder on the path
 sys.path.insert(0, str(Path(__file__).parent))
+
+settings.register_profile("repeat", derandomize=True)
+settings.register_profile("explore")
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeat"))
