@@ -54,7 +54,7 @@ _SYSTEMATIC_BEARINGS = 20
 _FEW_GROUPS = 1.7
 _LARGEST_STD_M = 0.05
 # a fit with more play than this is doubted
-_SLIDING_STD_M = 0.02
+_SLIDING_STD_M = 0.008
 
 
 @dataclass(frozen=True, eq=False)
