@@ -32,6 +32,7 @@ _REFINE_SCALES = (3.0, 2.0, 1.0, 1.0)
 _UNITS = 86.0
 _LAST_SCALE_PX = 1.0
 _INLIER = 1.5
+_TIGHT = 0.5
 # truncated mean cost up to which a fit is taken without looking for a better one: three bearings in four fit; three in
 # five, or, near where the robot is known to be, two, while hardly any bearing shows floor beyond a wall
 _SURE_COST = 0.25
@@ -170,7 +171,8 @@ class FloorLocalizer:
             if guess is None:
                 return NotLocated("the floor's edge encloses no area"), np.full(len(radius_px), np.nan)
             fit = self._fit(guess.array[None], radius_px, 1, self._scales(_SCALES))
-            if not self._is_good(fit, _GOOD_COST):
+            # a start from nowhere may have ended beside the right place: then even what agrees agrees badly
+            if not self._is_good(fit, _GOOD_COST) or fit.rms_px > _TIGHT * self._unit_px:
                 fit = self._fit_from_anywhere(fit, radius_px, arbiter)
         if fit is None:
             return NotLocated("several places explain the floor's edge equally well"), np.full(len(radius_px), np.nan)
