@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -62,9 +60,8 @@ class Sight:
         return None if self._table is None else self._table.colors
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
-        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-        x, y = pose.x_m + c * ball.x_m - s * ball.y_m, pose.y_m + s * ball.x_m + c * ball.y_m
-        return self.field.is_on_floor(x, y)
+        on_field = pose.compose(Pose2(ball.x_m, ball.y_m, 0.0))
+        return self.field.is_on_floor(on_field.x_m, on_field.y_m)
 
     def _checked(self, frame: UInt8Array) -> UInt8Array:
         width, height = self._size_px
