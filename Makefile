@@ -4,11 +4,12 @@ PYTHON := .venv/bin/python
 INSTALLED := .venv/installed
 
 .DEFAULT_GOAL := help
-.PHONY: help .venv test demo examples clean
+.PHONY: help .venv test demo match examples clean
 
 help:
 	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
 	@echo "make test      ruff, mypy and pytest"
+	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"
 	@echo "make examples  run every program in examples/"
 	@echo "make clean     remove what the above have made"
 
@@ -38,6 +39,9 @@ test: $(INSTALLED)
 demo: $(INSTALLED)
 	.venv/bin/robocup-vision evaluate images/omni_ssl_2001 --out out/omni_ssl_2001
 	.venv/bin/robocup-vision evaluate images/goal_four_legged --out out/goal_four_legged
+
+match: $(INSTALLED)
+	.venv/bin/robocup-vision match --seconds 60 --out out/match
 
 examples: $(INSTALLED)
 	@set -e; for program in examples/*.py; do \
