@@ -140,7 +140,7 @@ class PoseFilter:
         t_s : float
             When the frame was taken. One from before the odometry that is remembered (1 s) tells nothing any more.
         """
-        motion = self._motion_since(t_s)
+        motion = self.motion_since(t_s)
         if not isinstance(estimate, PoseEstimate) or motion is None or not _is_finite(estimate):
             return
         now_s = self._history[-1][0] if self._history else t_s
@@ -168,10 +168,27 @@ class PoseFilter:
 
     def prior(self, t_s: float) -> Pose2 | None:
         """Where the robot was at a time, to look at a frame of then; None where it is not known, or in doubt."""
-        motion = self._motion_since(t_s)
+        motion = self.motion_since(t_s)
         if self._track is None or self._is_lost or self._rival is not None or motion is None:
             return None
         return self._track.pose.compose(motion.inverse())
+
+    def motion_since(self, t_s: float) -> Pose2 | None:
+        """Motion by odometry from a time to the present, in the robot's frame of then; None before what is remembered."""
+        if not math.isfinite(t_s):
+            return None
+        if not self._history or t_s >= self._history[-1][0]:
+            return Pose2(0.0, 0.0, 0.0)
+        later_s, later = self._history[-1]
+        last = later
+        for before_s, before in reversed(self._history):
+            if before_s <= t_s:
+                share = (t_s - before_s) / (later_s - before_s) if later_s > before_s else 0.0
+                step = before.inverse().compose(later)
+                then = before.compose(Pose2(share * step.x_m, share * step.y_m, share * step.theta_rad))
+                return then.inverse().compose(last)
+            later_s, later = before_s, before
+        return None
 
     def forget(self) -> None:
         """Forget everything: the next frame founds a new belief."""
@@ -188,23 +205,6 @@ class PoseFilter:
         """Of what the frame allows, the nearest to where the robot was last believed; without that its first."""
         allowed, track = [reading for reading in readings if reading.votes >= 0], self._track
         return allowed[0] if track is None else min(allowed, key=lambda r: sum(r.pose.error_to(track.pose)))
-
-    def _motion_since(self, t_s: float) -> Pose2 | None:
-        """Odometry from a time to the present; None before what is remembered."""
-        if not math.isfinite(t_s):
-            return None
-        if not self._history or t_s >= self._history[-1][0]:
-            return Pose2(0.0, 0.0, 0.0)
-        later_s, later = self._history[-1]
-        last = later
-        for before_s, before in reversed(self._history):
-            if before_s <= t_s:
-                share = (t_s - before_s) / (later_s - before_s) if later_s > before_s else 0.0
-                step = before.inverse().compose(later)
-                then = before.compose(Pose2(share * step.x_m, share * step.y_m, share * step.theta_rad))
-                return then.inverse().compose(last)
-            later_s, later = before_s, before
-        return None
 
 
 def _readings(estimate: PoseEstimate, motion: Pose2, noise: FloatArray) -> list[_Reading]:
