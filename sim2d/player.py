@@ -134,7 +134,9 @@ class BuiltInPlayer:
         pose = belief.pose
         free_space = self._free_space(self._view, motion)
         seen_from = pose.compose(motion.inverse()).compose(self._view_mount)
-        things = [seen_from.compose(Pose2(o.x_m, o.y_m, 0.0)) for o in self._view.obstacles]
+        # nothing but the ball has room so near
+        nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
+        things = [seen_from.compose(Pose2(o.x_m, o.y_m, 0.0)) for o in self._view.obstacles if o.range_m > nearest]
         if senses.ball_in_mouth:
             mouth = pose.compose(Pose2(self._setup.limits.radius_m + self._setup.field.ball_radius_m, 0.0, 0.0))
             self._ball.see((mouth.x_m, mouth.y_m), senses.t_s)

@@ -77,7 +77,7 @@ class Motion:
         turn = wrap_angle(plan.heading_rad - pose.theta_rad) / _TURN_TIME_S
         fastest = min(self._limits.turn_rps, _HOLDING_RPS if plan.holding else math.inf)
         turn = max(-fastest, min(fastest, turn))
-        if distance_m < _TOLERANCE_M:
+        if distance_m < _TOLERANCE_M and not plan.close:
             self._anchor_s = t_s
         if t_s - self._anchor_s > _STUCK_S:
             self._escape(free_space, t_s)

@@ -169,7 +169,7 @@ class Tactics:
             # turning would wedge the ball between robot and wall
             back = pose.compose(Pose2(-0.3, 0.0, 0.0))
             return Plan("draw back", self._inside((back.x_m, back.y_m)), pose.theta_rad, 0.0, True, False, True, True)
-        step = min(0.3, max(away - 2 * self._goal_half, 0.05))
+        step = min(0.3, max(away - 2 * self._goal_half, 0.1))
         target = (pose.x_m + step * math.cos(wanted), pose.y_m + step * math.sin(wanted))
         return Plan("dribble", self._inside(target), wanted, 0.0, True, False, False, True)
 
