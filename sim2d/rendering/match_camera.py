@@ -1,0 +1,108 @@
+"""The pictures of a match: what each robot's camera sees of one world state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models import COLOR_NAMES, Field
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.mirror import MirrorRenderer
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
+from sim2d.rendering.sensor import Sensor
+from sim2d.robot_link import RobotLimits
+from sim2d.world_state import WorldState
+
+UInt8Array = npt.NDArray[np.uint8]
+
+MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
+MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
+MATCH_ROOM = Room(seed=4, distance_m=1.2)
+CARPET_MARGIN_M = 0.5  # beyond the floor polygon where nothing bounds it
+MARKERS_BGR = {1: COLOR_NAMES["yellow"], -1: COLOR_NAMES["blue"]}
+
+
+class MatchCamera:
+    """Takes the pictures of all robots of a match, which carry cameras of one make.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera or PinholeCamera
+        On every robot: a mirror camera with a known viewpoint height, or a pinhole one with a known tilt, on a head
+        that pans.
+    limits : RobotLimits
+        The robots' size.
+    rng : numpy.random.Generator
+        Source of the sensor's noise.
+    boxes : sequence of Box
+        Obstacles on the field.
+    sensor : Sensor
+        Lens and sensor.
+    light : Light
+        How the field is lit.
+    room : Room
+        What is seen beyond.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera | PinholeCamera,
+        limits: RobotLimits,
+        rng: np.random.Generator,
+        *,
+        boxes: Sequence[Box] = (),
+        sensor: Sensor = MATCH_SENSOR,
+        light: Light = MATCH_LIGHT,
+        room: Room = MATCH_ROOM,
+    ) -> None:
+        self.field, self.camera, self.limits = field, camera, limits
+        self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, light, room
+        self._rng = rng
+        self._mirror = MirrorRenderer(camera, 1) if isinstance(camera, OmniCamera) else None
+
+    def scene(self, state: WorldState, index: int) -> Scene:
+        """Return the world as one robot sees it: everything but itself."""
+        robots = tuple(
+            Robot(r.pose.x_m, r.pose.y_m, self.limits.radius_m, self.limits.height_m, marker_bgr=MARKERS_BGR[r.side])
+            for r in state.robots
+            if r.index != index
+        )
+        ball = None
+        if state.ball is not None:
+            color = COLOR_NAMES[self.field.ball_color]
+            ball = Ball(state.ball.x_m, state.ball.y_m, self.field.ball_radius_m, color)
+        margin = 0.0 if self.field.is_bounded else CARPET_MARGIN_M
+        return Scene(self.field, self.boxes, robots, ball, self.light, self.room, margin)
+
+    def render(self, state: WorldState, index: int) -> UInt8Array:
+        """Take one robot's picture.
+
+        Parameters
+        ----------
+        state : WorldState
+            The truth.
+        index : int
+            Which robot.
+
+        Returns
+        -------
+        (H, W, 3) uint8
+            BGR frame, read-only.
+        """
+        robot = state.robots[index]
+        scene, pose = self.scene(state, index), robot.pose
+        if isinstance(self.camera, PinholeCamera):
+            radiance = render_pinhole(self.camera, scene, pose, supersample=2)
+        else:
+            assert self._mirror is not None
+            radiance = self._mirror.render(scene, pose)
+        frame = self.sensor.expose(radiance, self._rng)
+        frame.flags.writeable = False
+        return frame
