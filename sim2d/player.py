@@ -18,7 +18,7 @@ from robocup_vision.localization.pose_filter import PoseFilter
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
-from sim2d.player_memory import BallMemory, Point, block_ball, carry_free_space
+from sim2d.player_memory import BallMemory, Point, block_ball, carry_free_space, is_in_sight
 from sim2d.player_motion import Motion
 from sim2d.player_tactics import Plan, Situation, Tactics
 from sim2d.robot_link import Belief, Command, PlayerSetup, Senses
@@ -27,6 +27,8 @@ UInt8Array = npt.NDArray[np.uint8]
 
 # what was seen is driven by for so long; after that the robot stops until it sees again
 _SIGHT_S = 0.4
+# a ball that has not been seen for so long where nothing hides it is gone
+_MISSED_S = 0.5
 # a head looks at the ball, then sweeps for goals: seconds of each, and how far it sweeps
 _WATCH_S, _SWEEP_S, _SWEEP_RAD = 1.5, 1.5, 1.4
 # how fast a robot turns that does not know where it is
@@ -141,6 +143,11 @@ class BuiltInPlayer:
             mouth = pose.compose(Pose2(self._setup.limits.radius_m + self._setup.field.ball_radius_m, 0.0, 0.0))
             self._ball.see((mouth.x_m, mouth.y_m), senses.t_s)
         ball = self._ball.place(senses.t_s)
+        if ball is not None and self._ball.age_s(senses.t_s) > _MISSED_S:
+            there = pose.inverse().transform(ball)
+            if is_in_sight(free_space, (float(there[0]), float(there[1]))):
+                self._ball.miss()
+                ball = None
         plan = self._tactics.decide(
             Situation(
                 self._in_team(pose),

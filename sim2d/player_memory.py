@@ -40,6 +40,10 @@ class BallMemory:
             self._velocity = (0.0, 0.0)
         self._place, self._seen_s = place, t_s
 
+    def miss(self) -> None:
+        """Take in that it is not where it was last seen."""
+        self._place = None
+
     def place(self, t_s: float) -> Point | None:
         """Where it was last seen, field frame; None when that is too long ago."""
         return self._place if self.age_s(t_s) <= _FORGOTTEN_S else None
@@ -93,6 +97,13 @@ def block_ball(free_space: FreeSpace, ball: Point, radius_m: float) -> FreeSpace
     return FreeSpace(
         free_space.bearing_rad, np.where(hidden, np.minimum(free_space.range_m, away - radius_m), free_space.range_m)
     )
+
+
+def is_in_sight(free_space: FreeSpace, place: Point) -> bool:
+    """Whether nothing hides a place on the floor (robot frame)."""
+    off = np.abs(np.remainder(free_space.bearing_rad - math.atan2(place[1], place[0]) + math.pi, math.tau) - math.pi)
+    nearest = int(np.argmin(off))
+    return bool(off[nearest] < math.radians(5) and free_space.range_m[nearest] >= math.hypot(*place))
 
 
 def _ends(bearing_rad: FloatArray, range_m: FloatArray) -> FloatArray:

@@ -19,6 +19,8 @@ _TURN_TIME_S = 0.18
 _HOLDING_RPS, _HOLDING_MPS = 2.2, 0.6
 # speed of pushing where no direction is safe, close to the ball
 _PUSH_MPS = 0.25
+# what a robot goes round moves on: a longer detour than this leads nowhere
+_DETOUR_S = 1.5
 # wanting to be elsewhere by more than a place's tolerance, but having moved less than this for so long, is being stuck
 _TOLERANCE_M, _STUCK_M, _STUCK_S, _ESCAPE_S = 0.04, 0.04, 1.5, 0.7
 
@@ -43,7 +45,9 @@ class Motion:
             for margin_m in (_MARGIN_M, 0.0)
         )
         self._velocity: Point = (0.0, 0.0)
-        self._way_m, self._anchor_s = 0.0, 0.0
+        self._commanded: Point = (0.0, 0.0)
+        self._direct_s = 0.0
+        self._anchor_s = 0.0
         self._drift = (0.0, 0.0)
         self._escape_until_s, self._escape_rad = -math.inf, 0.0
 
@@ -84,7 +88,11 @@ class Motion:
         if t_s < self._escape_until_s:
             bearing, distance_m = self._escape_rad - pose.theta_rad, 1.0
         steering = self._close if plan.close else self._travel
-        chosen = steering.steer(free_space, self._velocity, bearing, distance_m)
+        if t_s - self._direct_s > _DETOUR_S:
+            self._forget_detours(t_s)
+        chosen = steering.steer(free_space, self._velocity, bearing, distance_m, self._commanded)
+        if chosen.reason == "towards goal":
+            self._direct_s = t_s
         v_x, v_y = chosen.velocity_mps.tolist()
         if not chosen.safe and (plan.close or plan.holding):
             push = min(_PUSH_MPS, 4.0 * distance_m)
@@ -95,14 +103,19 @@ class Motion:
         # by the time the command works, the robot will have turned on
         ahead = -turn * (self._limits.dead_time_s + 1 / 60)
         c, s = math.cos(ahead), math.sin(ahead)
-        return Command(c * v_x - s * v_y, s * v_x + c * v_y, turn, plan.kick_mps, plan.dribble)
+        self._commanded = (c * v_x - s * v_y, s * v_x + c * v_y)
+        return Command(*self._commanded, turn, plan.kick_mps, plan.dribble)
 
     def _escape(self, free_space: FreeSpace, t_s: float) -> None:
         """Head for somewhere free for a while; the farther it is free the likelier."""
-        self._travel.forget()
-        self._close.forget()
+        self._forget_detours(t_s)
         self._anchor_s, self._escape_until_s = t_s + _ESCAPE_S, t_s + _ESCAPE_S
         room = np.clip(np.nan_to_num(free_space.range_m, posinf=2.0), 0.0, 2.0) ** 2
         self._escape_rad = self._rng.uniform(-math.pi, math.pi)
         if room.sum() > 0:
             self._escape_rad = float(self._rng.choice(free_space.bearing_rad, p=room / room.sum()))
+
+    def _forget_detours(self, t_s: float) -> None:
+        self._travel.forget()
+        self._close.forget()
+        self._direct_s = t_s

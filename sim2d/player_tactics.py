@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from field_models.field import Field
 from robocup_vision.geometry import Pose2, wrap_angle
+from sim2d.line_up import kick_off_pose
 from sim2d.robot_link import Phase, RobotLimits
 
 Point = tuple[float, float]
@@ -111,7 +112,7 @@ class Tactics:
     """
 
     def __init__(self, field: Field, limits: RobotLimits, number: int, players: int) -> None:
-        self._limits = limits
+        self._field, self._limits = field, limits
         self._half_length, self._half_width = field.length_m / 2, field.width_m / 2
         self._ball_radius = field.ball_radius_m
         self._goal_half = field.goals[0].width_m / 2 if field.goals else field.width_m / 6
@@ -138,14 +139,13 @@ class Tactics:
         return self._fetch(now)
 
     def _kick_off(self, now: Situation) -> Plan:
-        radius = self._limits.radius_m
-        if self._is_keeper:
-            target = (-self._half_length + 1.3 * radius, 0.0)
-        elif self._number <= 1:
-            target = (-(2.5 if now.kick_off else 5.0) * radius, 0.0)
-        else:
-            target = (-0.35 * self._half_length, self._strip_y())
-        return Plan("kick-off", target, _heading(target, now.ball or (0.0, 0.0)), avoid_ball=True)
+        place = kick_off_pose(self._field, 1, self._number, self._players, self._limits.radius_m)
+        x = place.x_m
+        if now.kick_off and self._number == min(1, self._players - 1):
+            # the one who kicks off may wait right behind the ball
+            x = -2.0 * self._reach
+        target = (x, place.y_m)
+        return Plan("kick-off", target, _heading(target, (0.0, 0.0)), avoid_ball=True)
 
     def _play_ball(self, now: Situation) -> Plan:
         """Turn the ball held to the opponent's goal; kick it there, or where nobody stands."""
@@ -169,7 +169,7 @@ class Tactics:
             # turning would wedge the ball between robot and wall
             back = pose.compose(Pose2(-0.3, 0.0, 0.0))
             return Plan("draw back", self._inside((back.x_m, back.y_m)), pose.theta_rad, 0.0, True, False, True, True)
-        step = min(0.3, max(away - 2 * self._goal_half, 0.1))
+        step = min(0.4, max(away - 2 * self._goal_half, 0.15))
         target = (pose.x_m + step * math.cos(wanted), pose.y_m + step * math.sin(wanted))
         return Plan("dribble", self._inside(target), wanted, 0.0, True, False, False, True)
 
