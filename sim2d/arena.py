@@ -6,6 +6,8 @@ Between the world and whoever plays, be it a match's players or somebody's learn
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,6 +17,7 @@ from field_models.field import Field
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from sim2d.faults import BodyFault, Fault, FaultySenses, SenseFault
 from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.goal_scenes import ers7_camera
 from sim2d.rendering.match_camera import MatchCamera
 from sim2d.robot_link import Command, PlayerSetup, RobotLimits, Senses
 from sim2d.world import CONTROL_PERIOD_S, World
@@ -22,8 +25,18 @@ from sim2d.world_state import WorldState
 
 Camera = OmniCamera | PinholeCamera
 
+# the head of a four-legged robot as it plays: at a known angle, pictures small enough to be seen in time
+_HEAD_SIZE_PX, _HEAD_TILT_RAD = (208, 160), math.radians(-12.0)
+
 # one stream of random numbers for each thing that chance decides
 _WORLD, _SENSOR, _FAULTS, _PLAYERS = range(4)
+
+
+def camera_for(field: Field) -> Camera:
+    """Return the camera that robots of a field's league carry: in a head where goals have posts, else a mirror's."""
+    if any(goal.kind == "posts" for goal in field.goals):
+        return dataclasses.replace(ers7_camera(*_HEAD_SIZE_PX), pan_rad=0.0, tilt_rad=_HEAD_TILT_RAD, roll_rad=0.0)
+    return sekimori_camera()
 
 
 class Arena:
@@ -38,7 +51,7 @@ class Arena:
     seed : int
         The same seed gives the same senses for the same commands, bit for bit.
     camera : OmniCamera or PinholeCamera, optional
-        On every robot; default: the mirror camera of Sekimori et al.
+        On every robot; default: that of the field's league (`camera_for`).
     limits : RobotLimits
         What every robot can do.
     faults : sequence of Fault
@@ -64,7 +77,7 @@ class Arena:
             raise ArgumentError(f"seed must not be negative, got {seed}")
         self.field = field
         self.players = players
-        self.camera: Camera = sekimori_camera() if camera is None else camera
+        self.camera = camera_for(field) if camera is None else camera
         self.limits = RobotLimits() if limits is None else limits
         self.faults = tuple(faults)
         self.world = World(field, players, self.limits, np.random.default_rng([seed, _WORLD]))

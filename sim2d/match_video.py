@@ -29,7 +29,9 @@ UInt8Array = npt.NDArray[np.uint8]
 
 # every third control period is shown: drawing takes longer than playing
 _PERIODS_PER_FRAME = 3
-_TOP_WIDTH, _LEAST_HEIGHT, _LEAST_PANEL_HEIGHT = 940, 560, 200
+# the sensor's noise would make up two thirds of the file
+_SMOOTHING_PX = 0.8
+_TOP_WIDTH, _LEAST_HEIGHT, _LEAST_PANEL_HEIGHT = 760, 456, 180
 _LINE_HEIGHT = 22
 _PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
 
@@ -117,9 +119,11 @@ class MatchPictures:
 
     def _draw_panel(self, panel: UInt8Array, truth: RobotState, robot: RobotMoment) -> None:
         frame, view = robot.senses.frame, robot.belief.view
-        picture = frame
-        if frame is not None and view is not None and view.t_s == robot.senses.frame_t_s:
-            picture = draw(view, frame, self._vision)
+        picture = None
+        if frame is not None:
+            picture = np.asarray(cv2.GaussianBlur(frame, (0, 0), _SMOOTHING_PX), dtype=np.uint8)
+            if view is not None and view.t_s == robot.senses.frame_t_s:
+                picture = draw(view, picture, self._vision)
         if picture is not None:
             size = (self._panel_width, self._view_height)
             panel[_LINE_HEIGHT:] = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
@@ -129,17 +133,18 @@ class MatchPictures:
         error = "lost"
         if isinstance(pose, PoseEstimate):
             error_m, error_rad = pose.pose.error_to(truth.pose)
-            error = f"off {100 * error_m:.1f} cm {math.degrees(error_rad):.1f} deg"
-        says = f"stopped: {robot.stopped}" if robot.stopped else f"{robot.belief.intent}, {error}"
+            error = f"{100 * error_m:.1f} cm, {math.degrees(error_rad):.1f} deg off"
+        _write(panel, error, (6, self._panel_height - 8), _INK)
         cv2.circle(panel, (12, 11), 6, SIDE_COLORS[truth.side], -1, cv2.LINE_AA)
+        says = f"stopped: {robot.stopped}" if robot.stopped else robot.belief.intent
         _write(panel, f"{truth.number}  {says}", (24, 16), _INK)
 
     def _write_head(self, canvas: UInt8Array, state: WorldState) -> None:
         ours, theirs = state.score
         doing = "kick-off" if state.phase == "kick_off" else "play"
-        _write(canvas, f"{self._name}   {state.t_s:6.1f} s   {ours} : {theirs}   {doing}", (14, 27), _INK, 0.62)
+        _write(canvas, f"{self._name}   {state.t_s:6.1f} s   {ours} : {theirs}   {doing}", (14, 27), _INK, 0.55)
         legend = "disc: truth   ring: belief, with its 95 % ellipse   cross: believed ball"
-        _write(canvas, legend, (430, 27), _SOFT, 0.42)
+        _write(canvas, legend, (330, 27), _SOFT, 0.38)
 
 
 def _write(canvas: UInt8Array, text: str, place: tuple[int, int], color: Bgr, size: float = 0.42) -> None:
