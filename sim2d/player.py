@@ -89,8 +89,7 @@ class BuiltInPlayer:
         if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad))):
             odometry = _NOWHERE
         self._filter.predict(odometry, senses.t_s)
-        period_s = 0.0 if self._last_t_s is None else senses.t_s - self._last_t_s
-        self._motion.feel(odometry, period_s, senses.t_s)
+        self._motion.feel(odometry, senses.t_s)
         self._last_t_s = senses.t_s
         if not senses.ball_in_mouth:
             self._held_since_s = None

@@ -9,9 +9,12 @@ import numpy as np
 from robocup_vision.avoidance import Steering
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.player_tactics import Plan, Point
+from sim2d.player_tactics import Plan
 from sim2d.robot_link import Command, RobotLimits
+from sim2d.wheel_velocity import WheelVelocity
 
+# senses come, and commands go, so often
+PERIOD_S = 1 / 30
 # clearance kept on the way; none close to the ball
 _MARGIN_M = 0.01
 # the heading's error is turned away in about this time; with the ball in the mouth not faster than this
@@ -44,23 +47,20 @@ class Motion:
             )
             for margin_m in (_MARGIN_M, 0.0)
         )
-        self._velocity: Point = (0.0, 0.0)
-        self._commanded: Point = (0.0, 0.0)
+        self._wheels = WheelVelocity(limits, PERIOD_S)
         self._direct_s = 0.0
         self._anchor_s = 0.0
         self._drift = (0.0, 0.0)
         self._escape_until_s, self._escape_rad = -math.inf, 0.0
 
-    def feel(self, odometry: Pose2, period_s: float, t_s: float) -> None:
+    def feel(self, odometry: Pose2, t_s: float) -> None:
         """Take in the motion since the last call."""
         c, s = math.cos(odometry.theta_rad), math.sin(odometry.theta_rad)
         x, y = self._drift[0] + odometry.x_m, self._drift[1] + odometry.y_m
         self._drift = (c * x + s * y, c * y - s * x)
         if math.hypot(*self._drift) > _STUCK_M:
             self._drift, self._anchor_s = (0.0, 0.0), t_s
-        if period_s > 0:
-            v_x, v_y = odometry.x_m / period_s, odometry.y_m / period_s
-            self._velocity = (c * v_x + s * v_y, c * v_y - s * v_x)
+        self._wheels.sense(odometry)
 
     def drive(self, plan: Plan, pose: Pose2, free_space: FreeSpace, t_s: float) -> Command:
         """Return the next command.
@@ -90,7 +90,7 @@ class Motion:
         steering = self._close if plan.close else self._travel
         if t_s - self._direct_s > _DETOUR_S:
             self._forget_detours(t_s)
-        chosen = steering.steer(free_space, self._velocity, bearing, distance_m, self._commanded)
+        chosen = steering.steer(free_space, self._wheels.now_mps, bearing, distance_m, self._wheels.pending_mps)
         if chosen.reason == "towards goal":
             self._direct_s = t_s
         v_x, v_y = chosen.velocity_mps.tolist()
@@ -101,10 +101,11 @@ class Motion:
             share = min(1.0, _HOLDING_MPS / max(math.hypot(v_x, v_y), 1e-9))
             v_x, v_y = share * v_x, share * v_y
         # by the time the command works, the robot will have turned on
-        ahead = -turn * (self._limits.dead_time_s + 1 / 60)
+        ahead = -turn * (self._limits.dead_time_s + PERIOD_S / 2)
         c, s = math.cos(ahead), math.sin(ahead)
-        self._commanded = (c * v_x - s * v_y, s * v_x + c * v_y)
-        return Command(*self._commanded, turn, plan.kick_mps, plan.dribble)
+        wanted = (c * v_x - s * v_y, s * v_x + c * v_y)
+        self._wheels.command(wanted)
+        return Command(*wanted, turn, plan.kick_mps, plan.dribble)
 
     def _escape(self, free_space: FreeSpace, t_s: float) -> None:
         """Head for somewhere free for a while; the farther it is free the likelier."""
