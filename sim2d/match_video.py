@@ -59,10 +59,7 @@ class MatchVideo:
         self._pictures = MatchPictures(field, camera, robots, robot_radius_m)
         self._size_px = self._pictures.size_px
         self._count = 0
-        with _silence():
-            self._writer = cv2.VideoWriter(
-                str(path), cv2.VideoWriter.fourcc(*"VP80"), 1 / (_PERIODS_PER_FRAME * CONTROL_PERIOD_S), self._size_px
-            )
+        self._writer = _open_writer(path, 1 / (_PERIODS_PER_FRAME * CONTROL_PERIOD_S), self._size_px)
         self.problem = "" if self._writer.isOpened() else f"no {path.name}: this OpenCV cannot write VP8 video"
 
     def add(self, moment: Moment) -> None:
@@ -149,6 +146,11 @@ class MatchPictures:
 
 def _write(canvas: UInt8Array, text: str, place: tuple[int, int], color: Bgr, size: float = 0.42) -> None:
     cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, color, 1, cv2.LINE_AA)
+
+
+def _open_writer(path: Path, frames_per_s: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
+    with _silence():
+        return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"VP80"), frames_per_s, size_px)
 
 
 @contextmanager
