@@ -35,8 +35,8 @@ _GRID_M, ROUTE_CLEARANCE_M = 0.005, 0.03
 # room between a course's cubes and around its start and its goal
 _ROOM_M = 0.05
 _TRIES = 10_000
-# bearings and rings of the free space: gaps must show
-_DIRECTIONS, _RINGS = 160, 40
+# bearings and rings of the free space: cells of a few samples each, so that noise blocks none
+_DIRECTIONS, _RINGS = 64, 30
 
 
 @dataclass(frozen=True, eq=False)

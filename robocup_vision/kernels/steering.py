@@ -17,7 +17,10 @@ Pair = tuple[float, float]
 Limits = tuple[float, float, float, float, float, float, float]
 Outcome = tuple[int, int, float, float]
 
-_MOST_TURNED_RAD = 1.25 * math.pi
+# the other side is taken where it is nearer by more than this
+OTHER_SIDE_RAD = 0.25 * math.pi
+# a detour to one side by more than this is one to the other side
+MOST_TURNED_RAD = 1.25 * math.pi
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -108,9 +111,9 @@ def choose_direction(
             elif turned < -math.pi:
                 turned += turn
             ahead = abs(turned) <= same
-            if turned * side < 0.0 and not ahead:
-                turned += turn * side
             away = abs(turned)
+            if turned * side < 0.0 and not ahead:
+                away += OTHER_SIDE_RAD
             if level > 0 and away > least + 1e-9:
                 continue
             target = (slower * units[j, 0], slower * units[j, 1])
@@ -212,6 +215,7 @@ def steer(
         profile, fine, coarse, smallest, time_to_contact,
     )  # fmt: skip
     if outcome == 0 and abs(turned) > resolution:
-        # nearly a whole turn is a little to the other side
-        detour += turned if abs(turned) <= _MOST_TURNED_RAD else turned - math.copysign(2.0 * math.pi, turned)
+        detour += turned
+        while abs(detour) > MOST_TURNED_RAD:
+            detour -= math.copysign(2.0 * math.pi, detour)
     return outcome, index, speed, detour
