@@ -61,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from sim2d.match_command import add_match_parser, run_match_command
+    from sim2d.match_command import add_match_parser, add_tournament_parser, run_match_command, run_tournament
     from sim2d.rendering.command import add_render_parser, run_render
     from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
 
@@ -75,6 +75,8 @@ def _parser() -> argparse.ArgumentParser:
     render_goal.set_defaults(run=run_render_goal)
     match: argparse.ArgumentParser = add_match_parser(commands)
     match.set_defaults(run=run_match_command)
+    tournament: argparse.ArgumentParser = add_tournament_parser(commands)
+    tournament.set_defaults(run=run_tournament)
     fields = commands.add_parser("fields", help="list the built-in fields")
     fields.set_defaults(run=_run_fields)
     return parser

@@ -21,6 +21,24 @@ def add_match_parser(subparsers: Any) -> argparse.ArgumentParser:
     return parser
 
 
+def add_tournament_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `tournament` to the subparsers of an argparse parser; `run_tournament` runs what it parses."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "tournament",
+        help="play many simulated matches on many processes or machines",
+        description="Play many simulated matches, the first with seed S, the next with S + 1 and so on, and write "
+        "tournament.json. It does not depend on who plays them; a match lost with its worker is played again.",
+    )
+    parser.add_argument("--matches", type=int, default=10, metavar="M", help="number of matches (default: 10)")
+    _add_what_is_played(parser, "out/tournament")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--jobs", type=int, default=1, metavar="N", help="processes on this machine (default: 1)")
+    where.add_argument(
+        "--dask", metavar="ADDRESS", help="scheduler of a dask.distributed cluster, e.g. tcp://host:8786"
+    )
+    return parser
+
+
 def _add_what_is_played(parser: argparse.ArgumentParser, out: str) -> None:
     add = parser.add_argument
     add("--field", default="ssl_2001", metavar="F", help="built-in field's name, or a field file (default: ssl_2001)")
@@ -66,6 +84,39 @@ def run_match_command(args: argparse.Namespace) -> int:
     for note in summary.notes:
         print(f"note: {note}")
     print(f"report: {summary.report or summary.out}")
+    return 0
+
+
+def run_tournament(args: argparse.Namespace) -> int:
+    """Play the matches and print their totals; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from pathlib import Path
+
+    from robocup_vision.progress import progress
+    from sim2d.match_files import write_json
+    from sim2d.match_run import MatchPlan
+    from sim2d.tournament import dask_workers, local_workers, plan_matches, play_matches, tournament_json
+
+    plan = MatchPlan(args.field, args.players, args.seconds, args.seed)
+    plans = plan_matches(plan, args.matches)
+    workers = local_workers(args.jobs) if args.dask is None else dask_workers(args.dask)
+    # what is wrong with it is told here once, before any worker starts
+    plan.begin()
+    results = dict(progress(play_matches(plans, workers), len(plans), "tournament"))
+    values = tournament_json(plan, [results[index] for index in range(len(plans))])
+    path = Path(args.out) / "tournament.json"
+    write_json(path, values)
+    totals = values["totals"]
+    print(f"{args.field}, {args.players} against {args.players}, {totals['matches']} matches of {args.seconds:g} s")
+    print(f"goals {totals['goals'][0]} : {totals['goals'][1]}")
+    print(f"won, drawn, lost by the side that attacks +x: {totals['won']}, {totals['drawn']}, {totals['lost']}")
+    print(f"frames within 5 cm / 3 deg: {100 * totals['within_5cm_3deg']:.1f} %")
+    print(f"results: {path}")
     return 0
 
 

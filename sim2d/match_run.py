@@ -10,6 +10,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.progress import progress
 from sim2d import match_report
+from sim2d.arena import Camera
 from sim2d.faults import Fault
 from sim2d.match import Match, periods
 from sim2d.match_figures import MatchFigures
@@ -39,6 +40,8 @@ class MatchPlan:
         The same plan gives the same match.json, byte for byte.
     ours, theirs : PlayerFactory
         Make the players of the side that attacks the goal at +x, and of the other.
+    camera : OmniCamera or PinholeCamera, optional
+        On every robot; default: that of the field's league.
     faults : tuple of Fault
         What goes wrong.
     """
@@ -49,6 +52,7 @@ class MatchPlan:
     seed: int = 0
     ours: PlayerFactory = BuiltInPlayer
     theirs: PlayerFactory = BuiltInPlayer
+    camera: Camera | None = None
     faults: tuple[Fault, ...] = ()
 
     def begin(self) -> Match:
@@ -67,6 +71,7 @@ class MatchPlan:
             self.seed,
             ours=self.ours,
             theirs=self.theirs,
+            camera=self.camera,
             faults=self.faults,
         )
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from sim2d_players import FailsAt, Reckoner, Sleeper
+from sim2d_players import SMALL_CAMERA, FailsAt, Reckoner, Sleeper
 
 from field_models.errors import ArgumentError, FileError
 from robocup_vision import cli
@@ -15,11 +15,13 @@ from sim2d import match_report, match_run, match_video
 from sim2d.faults import SenseFault
 from sim2d.match_run import MatchPlan, run_match
 
+SHORT = MatchPlan(players=1, seconds=0.1, ours=Sleeper, theirs=Sleeper, camera=SMALL_CAMERA)
+
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
     faults = (SenseFault(0, "black", 0.2, 0.4), SenseFault(1, "dropped", 0.0, amount=0.5))
-    plan = MatchPlan(players=1, seconds=1.0, seed=2, ours=Reckoner, theirs=FailsAt, faults=faults)
+    plan = MatchPlan(players=1, seconds=1.0, seed=2, ours=Reckoner, theirs=FailsAt, camera=SMALL_CAMERA, faults=faults)
     out = tmp_path_factory.mktemp("match")
     return run_match(plan, out), out
 
@@ -61,7 +63,7 @@ def test_the_report_tells_what_happened(played):
 
 
 def test_no_note_is_left_on_standard_error(tmp_path, capfd):
-    run_match(MatchPlan(players=1, seconds=0.1, ours=Sleeper, theirs=Sleeper), tmp_path)
+    run_match(SHORT, tmp_path)
     assert capfd.readouterr().err == ""
 
 
@@ -78,7 +80,7 @@ def test_a_film_that_cannot_be_written_is_one_note(tmp_path, monkeypatch):
 
     monkeypatch.setattr(match_video, "_open_writer", Nothing)
     monkeypatch.setattr(match_report, "missing_packages", lambda: ("jinja2",))
-    summary = run_match(MatchPlan(players=1, seconds=0.1, ours=Sleeper, theirs=Sleeper), tmp_path)
+    summary = run_match(SHORT, tmp_path)
     assert summary.video is None
     assert summary.report is None
     assert [path.name for path in tmp_path.iterdir()] == ["match.json"]
@@ -100,8 +102,7 @@ def test_realtime_keeps_to_the_clock(tmp_path, monkeypatch):
     clock = iter(np.arange(1000) * 0.001)
     monkeypatch.setattr(match_run.time, "monotonic", lambda: float(next(clock)))
     monkeypatch.setattr(match_run.time, "sleep", slept.append)
-    plan = MatchPlan(players=1, seconds=0.1, ours=Sleeper, theirs=Sleeper)
-    assert run_match(plan, tmp_path, realtime=True).notes == ()
+    assert run_match(SHORT, tmp_path, realtime=True).notes == ()
     assert len(slept) == 3
     assert slept == pytest.approx([k / 30 - 0.001 * k for k in (1, 2, 3)])
 
@@ -109,8 +110,7 @@ def test_realtime_keeps_to_the_clock(tmp_path, monkeypatch):
 def test_a_machine_that_is_too_slow_says_so(tmp_path, monkeypatch):
     clock = iter(np.arange(1000) * 1.0)
     monkeypatch.setattr(match_run.time, "monotonic", lambda: float(next(clock)))
-    plan = MatchPlan(players=1, seconds=0.1, ours=Sleeper, theirs=Sleeper)
-    notes = run_match(plan, tmp_path, realtime=True).notes
+    notes = run_match(SHORT, tmp_path, realtime=True).notes
     assert notes == ("this machine could not keep up with the clock: it fell 2.9 s behind",)
 
 
@@ -156,7 +156,6 @@ def test_a_report_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
                 raise OSError(28, "No space left on device")
             return super().write_text(text, **options)
 
-    plan = MatchPlan(players=1, seconds=0.1, ours=Sleeper, theirs=Sleeper)
     monkeypatch.setattr(match_run, "Path", Unwritable)
     with pytest.raises(FileError, match=r"report.html: cannot be written \(No space left on device\)"):
-        run_match(plan, tmp_path)
+        run_match(SHORT, tmp_path)
