@@ -176,6 +176,11 @@ class Drive:
     clearance_m: float
 
 
+def nearest_seen_m(field: Field, camera: OmniCamera) -> float:
+    """Range of the nearest floor that a drive's cells show: what is nearer than that must count as touched."""
+    return float(Vision(field, camera, directions=_DIRECTIONS, rings=_RINGS).grid.ring_bounds_m[0])
+
+
 def drive_course(
     course: Course,
     pilot: Pilot,

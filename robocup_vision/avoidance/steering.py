@@ -107,11 +107,14 @@ class Steering:
     unmeasured bearing (NaN range, or outside what the camera sees) is blocked at range 0: the robot's centre may not
     enter it, but nothing is known to stand there, so it is not grown.
 
-    The detour is one signed angle without wrapping, as in the Pledge algorithm for mazes. The direction wanted is the
-    goal's bearing turned by it. An obstacle in that direction winds it up further, to the same side only; driving on
-    unwinds it, in an arc of the robot's own radius, against the obstacle and round its corners. A robot in a pocket so
-    follows its inside back out, and turns to the goal once it has turned back as much as it turned away. It ends
-    early where the straight way to the goal is in sight and free.
+    The detour is one signed angle, as in the Pledge algorithm for mazes. The direction wanted is the goal's bearing
+    turned by it. An obstacle in that direction winds it up further, to the other side only where that is much nearer;
+    driving on unwinds it, in the tightest arc that the robot can drive, against the obstacle and round its corners. A
+    robot in a pocket so follows its inside back out, and turns to the goal once it has turned back as much as it
+    turned away. Away from the goal it drives no faster than it can turn within its own length, for else it would
+    overshoot every corner. The detour ends early where the straight way to the goal is in sight and free. Wound up
+    beyond 225 degrees it is taken for one to the other side, since the walls of a field would lead the robot round and
+    round.
 
     Where the wanted direction is not safe at the speed asked for, half of it is tried too, then a quarter, down to a
     speed from which the robot stops at once; of each speed's safe direction nearest to it, the one with the

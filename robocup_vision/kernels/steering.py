@@ -17,6 +17,8 @@ Pair = tuple[float, float]
 Limits = tuple[float, float, float, float, float, float, float]
 Outcome = tuple[int, int, float, float]
 
+# a detour by more than this leads away from the goal
+AWAY_RAD = math.pi / 3.0
 # the other side is taken where it is nearer by more than this
 OTHER_SIDE_RAD = 0.25 * math.pi
 # a detour to one side by more than this is one to the other side
@@ -25,10 +27,7 @@ MOST_TURNED_RAD = 1.25 * math.pi
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def unwind(detour: float, way_m: float, radius_m: float) -> float:
-    """Return what is left of a detour (radians, signed) after a way driven: it is turned back in an arc of this radius.
-
-    So a robot that has lost the obstacle it goes round turns to where it was, and closely round its corners.
-    """
+    """Return what is left of a detour (radians, signed) after a way driven: it turns back in an arc of this radius."""
     left = max(abs(detour) - way_m / radius_m, 0.0)
     return math.copysign(left, detour)
 
@@ -59,7 +58,7 @@ def choose_direction(
     wanted_bearing, goal_distance : float
         Radians; metres, inf when unknown, or when the goal does not lie in that direction.
     side : float
-        -1, 0 or 1: the side to which alone it may turn from the wanted bearing, by up to a whole turn.
+        -1, 0 or 1: the side to which it rather turns from the wanted bearing.
     limits : (float,) * 7
         Top speed, acceleration, dead time, period, threshold (negative: derived), sample distance; levels of speed.
     use_velocity : bool
@@ -80,7 +79,7 @@ def choose_direction(
     speed : float
         m/s.
     turned : float
-        Radians, to the left, from the wanted bearing to the direction; with a side up to a whole turn.
+        Radians, to the left, from the wanted bearing to the direction, within [-pi, pi).
     """
     speed, acceleration, dead_time, period, threshold, step_m, levels = limits
     count = directions.shape[0]
@@ -204,10 +203,16 @@ def steer(
         known_bearing[:] = bearing
     smallest = grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, fine, coarse)
     resolution = math.pi / directions.shape[0] * 1.001
-    detour = unwind(detour, math.hypot(velocity[0], velocity[1]) * limits[3], radius_m)
+    pace = math.hypot(velocity[0], velocity[1])
+    detour = unwind(detour, pace * limits[3], max(radius_m, pace * pace / limits[1]))
     if goal_distance < profile[profile_bin(math.cos(goal_bearing), math.sin(goal_bearing))]:
         detour = 0.0
     side = 0.0 if detour == 0.0 else math.copysign(1.0, detour)
+    if abs(detour) > AWAY_RAD:
+        # away from the goal no faster than it can turn within its own length: else it overshoots every corner
+        speed, acceleration, dead_time, period, threshold, step_m, levels = limits
+        slower = min(speed, math.sqrt(acceleration * 2.0 * radius_m))
+        limits = (slower, acceleration, dead_time, period, threshold, step_m, levels)
     # a goal that is not driven towards is not arrived at
     distance = goal_distance if abs(detour) <= resolution else np.inf
     outcome, index, speed, turned = choose_direction(

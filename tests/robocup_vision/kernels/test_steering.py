@@ -34,8 +34,7 @@ def plain_choice(velocity, pending, wanted, goal_distance, side, limits, use_vel
     turned = directions - wanted % math.tau
     turned = np.where(turned >= math.pi, turned - math.tau, np.where(turned < -math.pi, turned + math.tau, turned))
     ahead = np.abs(turned) <= math.pi / directions.shape[0] * 1.001
-    turned = np.where((turned * side < 0) & ~ahead, turned + math.tau * side, turned)
-    away = np.abs(turned)
+    away = np.abs(turned) + np.where((turned * side < 0) & ~ahead, kernels.OTHER_SIDE_RAD, 0.0)
     contacts, taken = [], None
     for slower in speed * 0.5 ** np.arange(levels):
         targets = slower * units
@@ -145,9 +144,26 @@ def test_an_obstacle_winds_the_detour_up_on_its_side_and_open_floor_unwinds_it()
     # already on its way round to the left by more than the obstacle is wide
     found, _ = steer(HERE, HERE, 0.0, math.inf, 2.0, LIMITS, True, ahead)
     assert found[3] == pytest.approx(2.0)
-    # moving it is unwound
-    found, _ = steer((0.3, 0.0), (0.3, 0.0), 0.0, math.inf, 2.0, LIMITS, True, np.full(64, 9.0))
-    assert found[3] == pytest.approx(2.0 - 0.3 / 30 / RADIUS)
+    # moving it is unwound, slowly in the wide arc that it can drive at, faster in the arc of its own radius
+    for speed, arc in ((0.3, 0.3), (0.1, RADIUS)):
+        found, _ = steer((speed, 0.0), (speed, 0.0), 0.0, math.inf, 2.0, LIMITS, True, np.full(64, 9.0))
+        assert found[3] == pytest.approx(2.0 - speed / 30 / arc)
+
+
+def test_away_from_the_goal_the_robot_is_slow_enough_to_turn_in_its_own_length():
+    open_floor = np.full(64, 9.0)
+    (_, _, speed, _), _ = steer(HERE, HERE, 0.0, math.inf, 2.0, LIMITS, True, open_floor)
+    assert speed**2 / LIMITS[1] == pytest.approx(2 * RADIUS)
+    (_, _, speed, _), _ = steer(HERE, HERE, 0.0, math.inf, 0.5, LIMITS, True, open_floor)
+    assert speed == LIMITS[0]
+
+
+def test_a_long_detour_to_one_side_is_one_to_the_other():
+    # only the way back is free, and it lies beyond 225 degrees of the detour's own side
+    back = np.where(np.abs(np.angle(np.exp(1j * (around(64) + 0.8)))) < 1.2, 5.0, 0.2)
+    found, _ = steer(HERE, HERE, 0.0, math.inf, 3.9, LIMITS, True, back)
+    assert found[0] == 0
+    assert -math.pi < found[3] < 0.0
 
 
 def test_a_goal_in_sight_ends_the_detour():
