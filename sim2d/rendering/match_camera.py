@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from field_models import COLOR_NAMES, Field
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
-from sim2d.rendering.mirror import MirrorRenderer
-from sim2d.rendering.pinhole import render_pinhole
+from sim2d.kernels.match_pixels import add_noise
+from sim2d.rendering.fast_frames import FastFrames
+from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import RobotLimits
@@ -65,7 +68,13 @@ class MatchCamera:
         self.field, self.camera, self.limits = field, camera, limits
         self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, light, room
         self._rng = rng
-        self._mirror = MirrorRenderer(camera, 1) if isinstance(camera, OmniCamera) else None
+        self._fast: FastFrames | None = None
+        if isinstance(camera, OmniCamera):
+            self._fast = FastFrames(self._scene((), None), camera, sensor)
+            size = 3 * camera.size_px[0] * camera.size_px[1]
+            self._noise_starts = size
+            drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
+            self._noise = np.rint(drawn).astype(np.int16)
 
     def scene(self, state: WorldState, index: int) -> Scene:
         """Return the world as one robot sees it: everything but itself."""
@@ -78,6 +87,9 @@ class MatchCamera:
         if state.ball is not None:
             color = COLOR_NAMES[self.field.ball_color]
             ball = Ball(state.ball.x_m, state.ball.y_m, self.field.ball_radius_m, color)
+        return self._scene(robots, ball)
+
+    def _scene(self, robots: tuple[Robot, ...], ball: Ball | None) -> Scene:
         margin = 0.0 if self.field.is_bounded else CARPET_MARGIN_M
         return Scene(self.field, self.boxes, robots, ball, self.light, self.room, margin)
 
@@ -96,13 +108,31 @@ class MatchCamera:
         (H, W, 3) uint8
             BGR frame, read-only.
         """
-        robot = state.robots[index]
-        scene, pose = self.scene(state, index), robot.pose
-        if isinstance(self.camera, PinholeCamera):
-            radiance = render_pinhole(self.camera, scene, pose, supersample=2)
+        robot, scene = state.robots[index], self.scene(state, index)
+        if self._fast is not None:
+            frame = self._blur(self._fast.draw(scene.robots, scene.ball, robot.pose))
+            if self.sensor.noise_sigma:
+                # noise is drawn once; every frame takes it from another place
+                start = int(self._rng.integers(self._noise_starts))
+                add_noise(frame.reshape(-1), self._noise[start : start + frame.size])
         else:
-            assert self._mirror is not None
-            radiance = self._mirror.render(scene, pose)
-        frame = self.sensor.expose(radiance, self._rng)
+            assert isinstance(self.camera, PinholeCamera)
+            # a head that pans turns what it carries as the whole robot would, about its own axis
+            x, y = robot.pose.transform(self.camera.offset_m).tolist()
+            head = Pose2(x, y, robot.pose.theta_rad + robot.pan_rad)
+            camera = replace(self.camera, offset_m=(0.0, 0.0))
+            frame = self.sensor.expose(render_pinhole(camera, scene, head, supersample=COARSE), self._rng)
         frame.flags.writeable = False
         return frame
+
+    def _blur(self, frame: UInt8Array) -> UInt8Array:
+        sigma = self.sensor.blur_px
+        if not sigma:
+            return frame
+        beside = sigma * sigma / 2
+        if beside > 1 / 3:
+            return np.asarray(cv2.GaussianBlur(frame, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE), dtype=np.uint8)
+        # three cells of the same variance
+        weights = np.array([beside, 1 - 2 * beside, beside])
+        blurred = cv2.sepFilter2D(frame, -1, weights, weights, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, dtype=np.uint8)
