@@ -160,7 +160,7 @@ def test_away_from_the_goal_the_robot_is_slow_enough_to_turn_in_its_own_length()
 
 def test_a_long_detour_to_one_side_is_one_to_the_other():
     # only the way back is free, and it lies beyond 225 degrees of the detour's own side
-    back = np.where(np.abs(np.angle(np.exp(1j * (around(64) + 0.8)))) < 1.2, 5.0, 0.2)
+    back = np.where(np.abs(np.angle(np.exp(1j * (around(64) + 0.8)))) < 1.2, 5.0, 0.095)
     found, _ = steer(HERE, HERE, 0.0, math.inf, 3.9, LIMITS, True, back)
     assert found[0] == 0
     assert -math.pi < found[3] < 0.0
