@@ -82,7 +82,7 @@ def _dask_executor(address: str) -> Iterator[Executor]:
     from distributed import Client
 
     try:
-        client = Client(address, timeout=_CONNECT_S, set_as_default=False)
+        client: Any = Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise ArgumentError(f"no dask scheduler answers at '{address}' ({error})") from None
     with client, client.get_executor(pure=False) as executor:
