@@ -33,16 +33,17 @@ def _add(
 ) -> None:
     """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
     k = count[bearing]
-    if k < entries.shape[1]:
+    is_full = k == entries.shape[1]
+    if is_full:
+        k -= 1
+    if not is_full or entries[bearing, k, NEAR] > near_m:
         count[bearing] = k + 1
-    else:
-        k -= 1
-    while k > 0 and entries[bearing, k - 1, NEAR] > near_m:
-        for column in range(4):
-            entries[bearing, k, column] = entries[bearing, k - 1, column]
-        k -= 1
-    entries[bearing, k, NEAR], entries[bearing, k, FAR] = near_m, far_m
-    entries[bearing, k, THING], entries[bearing, k, SHADE] = thing, shade
+        while k > 0 and entries[bearing, k - 1, NEAR] > near_m:
+            for column in range(4):
+                entries[bearing, k, column] = entries[bearing, k - 1, column]
+            k -= 1
+        entries[bearing, k, NEAR], entries[bearing, k, FAR] = near_m, far_m
+        entries[bearing, k, THING], entries[bearing, k, SHADE] = thing, shade
 
 
 @njit(cache=True, nogil=True)
