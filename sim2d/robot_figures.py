@@ -22,8 +22,9 @@ from sim2d.robot_link import Command
 
 # the two halves of the field are told apart only once something was seen of them
 SETTLING_S = 2.0
-# stuck: within this of one place for so long, though the commands would have led that much further
-STUCK_S, STUCK_WITHIN_M, STUCK_ASKED_M = 5.0, 0.10, 0.30
+# stuck: within this of one place for so long, though told to drive, faster than that, for at least half of it; and not
+# even half of the way it was told was driven, for a keeper sways on the spot as it wants to
+STUCK_S, STUCK_WITHIN_M, STUCK_TOLD_MPS = 5.0, 0.10, 0.05
 # a fault is over once the belief is right, and stays so for this long
 _STAYS_RIGHT_S = 0.5
 
@@ -57,7 +58,8 @@ class RobotFigures:
     possession : float
         Share of the time it had the ball within reach, nearer than any other robot.
     longest_stuck_s : float
-        Longest time it stayed within 10 cm though its commands would have led it 30 cm on within 5 s; 0 if never.
+        Longest time, of 5 s or more, that it stayed within 10 cm of a place though its commands told it to drive
+        (faster than 5 cm/s) for half of it or more, and twice as far as it came; 0 if never.
     stopped_s : float or None
         When it was stopped, its player having failed.
     stopped_reason : str
@@ -227,25 +229,25 @@ class RobotLog:
 
 @dataclass(slots=True)
 class _Way:
-    """The last seconds' places, and where the commands alone would have led."""
+    """The last seconds: where the robot was, how far it was told to drive, and how far it came."""
 
     step_s: float
-    asked_x_m: float = 0.0
-    asked_y_m: float = 0.0
+    # x and y (m), way told and way driven in that period (m)
     places: deque[tuple[float, float, float, float]] = field(default_factory=deque)
 
     def add(self, truth: Pose2, command: Command) -> bool:
         """Take in a period; tell whether the robot has been stuck for the last seconds."""
-        c, s = math.cos(truth.theta_rad), math.sin(truth.theta_rad)
-        self.asked_x_m += (c * command.forward_mps - s * command.left_mps) * self.step_s
-        self.asked_y_m += (s * command.forward_mps + c * command.left_mps) * self.step_s
-        self.places.append((truth.x_m, truth.y_m, self.asked_x_m, self.asked_y_m))
+        told_m = math.hypot(command.forward_mps, command.left_mps) * self.step_s
+        x_m, y_m = self.places[-1][:2] if self.places else (truth.x_m, truth.y_m)
+        self.places.append((truth.x_m, truth.y_m, told_m, math.hypot(truth.x_m - x_m, truth.y_m - y_m)))
         if len(self.places) <= round(STUCK_S / self.step_s):
             return False
-        x_m, y_m, asked_x_m, asked_y_m = self.places.popleft()
-        if math.hypot(self.asked_x_m - asked_x_m, self.asked_y_m - asked_y_m) < STUCK_ASKED_M:
+        x_m, y_m = self.places.popleft()[:2]
+        if any(abs(place[0] - x_m) > STUCK_WITHIN_M or abs(place[1] - y_m) > STUCK_WITHIN_M for place in self.places):
             return False
-        return all(math.hypot(place[0] - x_m, place[1] - y_m) <= STUCK_WITHIN_M for place in self.places)
+        _, _, told, driven = np.array(self.places).T
+        is_told = float(np.mean(told > STUCK_TOLD_MPS * self.step_s)) >= 0.5
+        return is_told and float(driven.sum()) < float(told.sum()) / 2
 
 
 def _quantile(values: array[float], share: float) -> float | None:
