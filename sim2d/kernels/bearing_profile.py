@@ -46,7 +46,7 @@ def _add(
         entries[bearing, k, THING], entries[bearing, k, SHADE] = thing, shade
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def meet_walls(
     walls: Doubles,
     first: int,
@@ -102,7 +102,7 @@ def meet_walls(
                 _add(k, distance, distance, thing, 1.0, count, entries)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def meet_cylinders(
     cylinders: Doubles,
     first: int,
@@ -141,7 +141,7 @@ def meet_cylinders(
             _add(k, distance, toward + chord, first + i, 0.75 + 0.20 * facing, count, entries)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def meet_boxes(
     corners: Doubles,
     first: int,
@@ -193,7 +193,7 @@ def meet_boxes(
                 _add(k, enter, leave, first + 4 * b + face, 1.0, count, entries)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _room_wall(along: float, aside: float, c: float, s: float, eye: Doubles, radius_m: float) -> tuple[float, float]:
     """Distance (m) of the round wall in a direction of the eye's frame, and its azimuth in turns, 0 to 1."""
     cos, sin = c * along - s * aside, s * along + c * aside
@@ -217,7 +217,7 @@ def _end_span(
     return n + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def stack_spans(
     count: Int32Array,
     entries: Floats,

@@ -15,8 +15,11 @@ Doubles = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 Int16Array = npt.NDArray[np.int16]
 UInt8Array = npt.NDArray[np.uint8]
+UInt32Array = npt.NDArray[np.uint32]
 UInt64Array = npt.NDArray[np.uint64]
 
+# unsigned indices need no check for negative ones
+ONE = np.uintp(1)
 # rows of `rays`
 X, Y, SLOPE_LOW, SLOPE_HIGH, GAIN, RADIAL, TANGENTIAL, ALONG, REACH = range(9)
 
@@ -123,10 +126,10 @@ def _light_ahead(light: Doubles, eye: Doubles) -> tuple[np.float32, np.float32, 
     return np.float32(here), np.float32(light[1] * c + light[2] * s), np.float32(light[2] * c - light[1] * s)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def draw_pixels(
     rays: Floats,
-    pixels: Int32Array,
+    pixels: UInt32Array,
     levels: Int32Array,
     first: Int32Array,
     eye: Doubles,
@@ -154,7 +157,7 @@ def draw_pixels(
     rays : (9, P) float32
         See the rows' names: floor point in the eye's frame (m), least and greatest slope, gain, size of the patch of
         floor, distance of the floor point and distance up to which the patch reaches (m).
-    pixels : (P,) int32
+    pixels : (P,) uint32
         Flat indices of the pixels.
     levels : (P,) int32
         Level of the line grids that knows all lines a patch may meet.
@@ -193,10 +196,16 @@ def draw_pixels(
     x_of, y_of, low_of, high_of, gain_of = rays[X], rays[Y], rays[SLOPE_LOW], rays[SLOPE_HIGH], rays[GAIN]
     along_of, reach_of, radial_of, tangential_of = rays[ALONG], rays[REACH], rays[RADIAL], rays[TANGENTIAL]
     at_ball = np.float32(max(light[0] + light[1] * ball[0] + light[2] * ball[1], light[3]))
-    for bearing in range(len(first) - 1):
-        i, stop, n = first[bearing], first[bearing + 1], 0
-        safe = zero
-        is_shaded = near_ball[bearing] != 0
+    # the ball's shade lies between these distances
+    away = math.hypot(ball[0] - eye[0], ball[1] - eye[1])
+    shade_from, shade_until = np.float32(away - ball[3]), np.float32(away + ball[3])
+    for k in range(len(first) - 1):
+        bearing = np.uintp(k)
+        i, stop, n = np.uintp(first[bearing]), np.uintp(first[k + 1]), np.uintp(0)
+        # up to which distance there are no lines, and no shade
+        safe, unshaded = zero, np.float32(math.inf)
+        if near_ball[bearing]:
+            unshaded = shade_from
         while i < stop:
             end, kind = ends[bearing, n], kinds[bearing, n]
             if kind == PAINT:
@@ -206,18 +215,22 @@ def draw_pixels(
                     out[pixel, 0] = np.uint8(min(b * gain + half, most))
                     out[pixel, 1] = np.uint8(min(g * gain + half, most))
                     out[pixel, 2] = np.uint8(min(r * gain + half, most))
-                    i += 1
-            elif kind == FLOOR and not is_shaded:
-                while i < stop and high_of[i] <= end and reach_of[i] <= safe:
-                    i += 1
+                    i += ONE
+            elif kind == FLOOR:
+                plain_until = min(safe, unshaded)
+                while i < stop and high_of[i] <= end and reach_of[i] <= plain_until:
+                    i += ONE
             # this and the next pixel may see floor: paint on it, the ball's shade, the edge to what comes next
             while i < stop and low_of[i] < end:
                 low, high = low_of[i], high_of[i]
                 part = one if high <= end else (end - low) / (high - low)
-                after = n + 1 if high > end else n
+                after = n + ONE if high > end else n
                 may_be_painted = reach_of[i] > safe
+                is_shaded = reach_of[i] > unshaded
+                if is_shaded and along_of[i] > shade_until:
+                    is_shaded, unshaded = False, np.float32(math.inf)
                 if kind == FLOOR and part == one and not is_shaded and not may_be_painted:
-                    i += 1
+                    i += ONE
                     continue
                 rx, ry = x_of[i], y_of[i]
                 x, y = eye_x + c * rx - s * ry, eye_y + s * rx + c * ry
@@ -239,9 +252,10 @@ def draw_pixels(
                                     painted_share(x, y, cos, sin, radial, tangential, half_line_m, near, lines, arcs)
                                 )
                     if kind == FLOOR and part == one and share == zero and not is_shaded:
-                        i += 1
-                        while i < stop and high_of[i] <= end and reach_of[i] <= safe:
-                            i += 1
+                        i += ONE
+                        plain_until = min(safe, unshaded)
+                        while i < stop and high_of[i] <= end and reach_of[i] <= plain_until:
+                            i += ONE
                         continue
                 blue, green, red = zero, zero, zero
                 for turn in range(2):
@@ -272,8 +286,8 @@ def draw_pixels(
                 out[pixel, 0] = np.uint8(min(blue * gain + half, most))
                 out[pixel, 1] = np.uint8(min(green * gain + half, most))
                 out[pixel, 2] = np.uint8(min(red * gain + half, most))
-                i += 1
-            n += 1
+                i += ONE
+            n += ONE
 
 
 @njit(cache=True, nogil=True)

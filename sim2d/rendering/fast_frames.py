@@ -77,6 +77,10 @@ class FastFrames:
         self._kinds = np.zeros((count, SPANS), dtype=np.int32)
         self._paint = np.zeros((count, SPANS, 3), dtype=np.float32)
         self._planes = np.zeros((3, width * height), dtype=np.uint8)
+        self._image_planes = [plane.reshape(height, width) for plane in self._planes]
+        self._eye, self._sphere = np.zeros(3), np.zeros(4)
+        paints = (COLOR_NAMES["green"], COLOR_NAMES[scene.field.line_color], (0, 0, 0))
+        self._plain = (np.array(paints) * self._cast).astype(np.float32)
 
     def _build_fixed(self, scene: Scene) -> None:
         """Rows of all things that do not move: walls from either side, faces of boxes, posts."""
@@ -143,9 +147,10 @@ class FastFrames:
         (H, W, 3) uint8
             Light through the lens, neither blurred nor noisy.
         """
-        table, grids = self._table, self._grids
-        x, y = pose.transform(self.camera.offset_m).tolist()
-        eye = np.array([x, y, pose.theta_rad])
+        table, grids, eye = self._table, self._grids, self._eye
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        forward, left = self.camera.offset_m
+        eye[:] = pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left, pose.theta_rad
         things, colors = self._things(tuple((r.radius_m, r.height_m, r.color_bgr, r.marker_bgr) for r in robots))
         round_things = self._posts + [(r.x_m, r.y_m, r.radius_m) for r in robots]
         cylinders = np.array(round_things, dtype=np.float64).reshape(-1, 3)
@@ -156,11 +161,12 @@ class FastFrames:
         meet_cylinders(
             cylinders, self._first_cylinder, eye, LAMP_DIRECTION_RAD, table.directions, table.per_turn, *lists
         )
-        sphere = np.zeros(4)
-        orange: Bgr = (0.0, 0.0, 0.0)
+        sphere, plain = self._sphere, self._plain
+        sphere[2] = 0.0
         if ball is not None:
             sphere[:] = ball.x_m, ball.y_m, ball.radius_m, SHADE_REACH * ball.radius_m
-            orange = ball.color_bgr
+            plain[2] = ball.color_bgr
+            plain[2] *= self._cast
         spans = self._ends, self._kinds, self._paint, self._near_ball
         stack_spans(
             *lists,
@@ -177,11 +183,8 @@ class FastFrames:
             sphere,
             *spans,
         )
-        paints = (COLOR_NAMES["green"], COLOR_NAMES[self.scene.field.line_color], orange)
-        plain = (np.array(paints) * self._cast).astype(np.float32)
         fill_carpet(table.floor, self._light, eye, plain[0], table.body, self._planes)
-        width, height = self.camera.size_px
-        frame = np.asarray(cv2.merge([plane.reshape(height, width) for plane in self._planes]), dtype=np.uint8)
+        frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
         draw_pixels(
             table.rays,
             table.pixels,

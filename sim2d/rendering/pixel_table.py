@@ -15,8 +15,6 @@ from sim2d.rendering.line_grids import LineGrids
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import MirrorRays
 
-MIRROR_BEARINGS = 960  # in a full turn: three quarters of a pixel on the rim of a 256 x 220 image
-
 
 @dataclass(frozen=True, eq=False)
 class PixelTable:
@@ -29,8 +27,10 @@ class PixelTable:
     rays : (9, P) float32
         Floor point (robot frame, from the viewpoint's foot), least and greatest slope, gain, size of the patch of
         floor, distance of the floor point and how far the patch reaches; by bearing, then by slope.
-    pixels, levels : (P,) int32
-        Flat pixel index, level of the line grids.
+    pixels : (P,) uint32
+        Flat pixel indices.
+    levels : (P,) int32
+        Level of the line grids.
     first : (K + 1,) int32
         First pixel of each bearing, and P.
     directions : (K, 3) float64
@@ -45,7 +45,7 @@ class PixelTable:
 
     height_m: float
     rays: npt.NDArray[np.float32]
-    pixels: npt.NDArray[np.int32]
+    pixels: npt.NDArray[np.uint32]
     levels: npt.NDArray[np.int32]
     first: npt.NDArray[np.int32]
     directions: FloatArray
@@ -69,10 +69,11 @@ def mirror_pixels(camera: OmniCamera, grids: LineGrids, gain: npt.NDArray[np.flo
         Floor points farther away are brought to this distance.
     """
     drawn = MirrorRays(camera, 1)
+    per_turn = round(math.tau * camera.usable_radius_px[1])  # as many bearings as the rim has pixels
     pixel = drawn.pixel_index
     width = camera.size_px[0]
     low, high = _slope_range(camera, np.stack([pixel % width, pixel // width], axis=-1).astype(np.float64))
-    place = np.rint(np.arctan2(drawn.sin, drawn.cos) * MIRROR_BEARINGS / math.tau).astype(np.int32) % MIRROR_BEARINGS
+    place = np.rint(np.arctan2(drawn.sin, drawn.cos) * per_turn / math.tau).astype(np.int32) % per_turn
     along = np.minimum(drawn.floor_m, farthest_m)
     half_patch = np.hypot(drawn.radial_m, drawn.tangential_m) / 2
     order = np.lexsort((low, place))
@@ -91,7 +92,7 @@ def mirror_pixels(camera: OmniCamera, grids: LineGrids, gain: npt.NDArray[np.flo
     )
     rays = np.ascontiguousarray(rows[:, order], dtype=np.float32)
     pixel = pixel[order]
-    angle = np.arange(MIRROR_BEARINGS) * math.tau / MIRROR_BEARINGS
+    angle = np.arange(per_turn) * math.tau / per_turn
     image = np.zeros((3, gain.size), dtype=np.float32)
     image[:, pixel] = rays[[X, Y, GAIN]]
     body = (drawn.body_share * gain).reshape(1, -1) * np.array(BODY_BGR)[:, None]
@@ -99,11 +100,11 @@ def mirror_pixels(camera: OmniCamera, grids: LineGrids, gain: npt.NDArray[np.flo
     return PixelTable(
         drawn.height_m,
         rays,
-        pixel.astype(np.int32),
+        pixel.astype(np.uint32),
         grids.level(half_patch[order]),
-        np.searchsorted(place[order], np.arange(MIRROR_BEARINGS + 1)).astype(np.int32),
+        np.searchsorted(place[order], np.arange(per_turn + 1)).astype(np.int32),
         np.stack([angle, np.cos(angle), np.sin(angle)], axis=1),
-        MIRROR_BEARINGS,
+        per_turn,
         image,
         np.rint(np.clip(body, 0, 255)).astype(np.uint8),
     )
