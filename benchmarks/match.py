@@ -4,9 +4,9 @@ A robot's belief is compared with the truth after every frame. "near": share of 
 5 cm and 3 degrees of the truth, in the right half of the field. "lost": longest time on end with no believed pose, or
 one more than 10 cm or 5 degrees off. "half": share of the poses believed after the first 2 s that are nearer to the
 truth than to its half turn. "stuck": longest time, from 5 s on, within 10 cm of one place although told to drive,
-faster than 5 cm/s, for at least half of it and twice as far as it came. Recovery: from a fault's end (a push's moment)
-until the belief is near the truth and stays so for half a second; the other robots of that match have faults of their
-own.
+faster than 5 cm/s, for at least half of it, and free wheels would have come twice as far. Recovery: from a fault's end
+(a push's moment) until the belief is near the truth and stays so for half a second; the other robots of that match have
+faults of their own.
 
 --full plays longer, and one match of a simulated hour (soak) whose memory must not grow.
 """

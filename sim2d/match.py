@@ -59,7 +59,7 @@ class Match:
     ) -> None:
         self.arena = Arena(field, players, seed, camera=camera, limits=limits, faults=faults)
         self.seed = seed
-        self._log = MatchLog(self.arena.state, self.arena.limits.radius_m + field.ball_radius_m, faults)
+        self._log = MatchLog(self.arena.state, self.arena.limits, field.ball_radius_m, faults)
         self._seats = [
             _Seat(ours if robot.side > 0 else theirs, self.arena.setup(robot.index))
             for robot in self.arena.state.robots

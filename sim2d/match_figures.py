@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from sim2d.faults import BodyFault, Fault
 from sim2d.moment import RobotMoment
 from sim2d.robot_figures import FaultFigures, RobotFigures, RobotLog
+from sim2d.robot_link import RobotLimits
 from sim2d.world import CONTROL_PERIOD_S
 from sim2d.world_state import Event, WorldState
 
@@ -51,16 +52,25 @@ class MatchLog:
     ----------
     state : WorldState
         At its beginning.
-    touch_m : float
-        Distance of robot and ball, centre to centre, when they touch.
+    limits : RobotLimits
+        Of every robot.
+    ball_radius_m : float
+        Of the ball.
     faults : sequence of Fault
         What goes wrong.
     """
 
-    def __init__(self, state: WorldState, touch_m: float, faults: Sequence[Fault]) -> None:
-        self._reach_m = touch_m + _REACH_M
+    def __init__(self, state: WorldState, limits: RobotLimits, ball_radius_m: float, faults: Sequence[Fault]) -> None:
+        self._reach_m = limits.radius_m + ball_radius_m + _REACH_M
         self._robots = [
-            RobotLog(r.index, r.side, r.number, CONTROL_PERIOD_S, [f for f in faults if f.robot == r.index])
+            RobotLog(
+                r.index,
+                r.side,
+                r.number,
+                CONTROL_PERIOD_S,
+                limits.acceleration_mps2,
+                [f for f in faults if f.robot == r.index],
+            )
             for r in state.robots
         ]
         self._carried = sorted((f.at_s, f.robot) for f in faults if isinstance(f, BodyFault) and f.carry_to is not None)

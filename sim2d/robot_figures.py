@@ -6,6 +6,7 @@ fits into memory.
 
 from __future__ import annotations
 
+import cmath
 import math
 from array import array
 from collections import deque
@@ -23,7 +24,7 @@ from sim2d.robot_link import Command
 # the two halves of the field are told apart only once something was seen of them
 SETTLING_S = 2.0
 # stuck: within this of one place for so long, though told to drive, faster than that, for at least half of it; and not
-# even half of the way it was told was driven, for a keeper sways on the spot as it wants to
+# even half as far as free wheels would have come, for a keeper sways on the spot as it wants to
 STUCK_S, STUCK_WITHIN_M, STUCK_TOLD_MPS = 5.0, 0.10, 0.05
 # a fault is over once the belief is right, and stays so for this long
 _STAYS_RIGHT_S = 0.5
@@ -59,7 +60,7 @@ class RobotFigures:
         Share of the time it had the ball within reach, nearer than any other robot.
     longest_stuck_s : float
         Longest time, of 5 s or more, that it stayed within 10 cm of a place though its commands told it to drive
-        (faster than 5 cm/s) for half of it or more, and twice as far as it came; 0 if never.
+        (faster than 5 cm/s) for half of it or more, and free wheels would have driven twice as far; 0 if never.
     stopped_s : float or None
         When it was stopped, its player having failed.
     stopped_reason : str
@@ -141,17 +142,28 @@ class RobotLog:
         See `RobotFigures`.
     step_s : float
         The control period.
+    acceleration_mps2 : float
+        Of free wheels.
     faults : sequence of Fault
         Those of this robot.
     """
 
-    def __init__(self, robot: int, side: int, number: int, step_s: float, faults: Sequence[Fault] = ()) -> None:
+    def __init__(
+        self,
+        robot: int,
+        side: int,
+        number: int,
+        step_s: float,
+        acceleration_mps2: float,
+        faults: Sequence[Fault] = (),
+    ) -> None:
         self._robot, self._side, self._number, self._step_s = robot, side, number, step_s
         self._frames = self._near = self._lost_frames = 0
         self._half_frames = self._right_half = 0
         self._error_m, self._error_rad = array("f"), array("f")
         self._lost, self._stuck = _Run(), _Run()
-        self._way = _Way(step_s)
+        self._acceleration_mps2 = acceleration_mps2
+        self._way = _Way(step_s, acceleration_mps2)
         self._distance_m = 0.0
         self._before: Pose2 | None = None
         self._possession_s = 0.0
@@ -188,7 +200,7 @@ class RobotLog:
     def put_down(self) -> None:
         """Say that the robot is being carried elsewhere, a way it does not drive."""
         self._before = None
-        self._way = _Way(self._step_s)
+        self._way = _Way(self._step_s, self._acceleration_mps2)
 
     @property
     def figures(self) -> RobotFigures:
@@ -228,26 +240,47 @@ class RobotLog:
 
 
 @dataclass(slots=True)
+class _Step:
+    """A control period: where the robot was, if it was told to drive, how far it came, how far free wheels would have."""
+
+    x_m: float
+    y_m: float
+    is_told: bool
+    came_m: float
+    free_m: float
+
+
+@dataclass(slots=True)
 class _Way:
-    """The last seconds: where the robot was, how far it was told to drive, and how far it came."""
+    """The last seconds, step by step."""
 
     step_s: float
-    # x and y (m), way told and way driven in that period (m)
-    places: deque[tuple[float, float, float, float]] = field(default_factory=deque)
+    acceleration_mps2: float
+    steps: deque[_Step] = field(default_factory=deque)
+    velocity_mps: complex = 0j
+    # what the robot was told a period ago, field frame: it obeys about that late
+    told_mps: complex = 0j
 
     def add(self, truth: Pose2, command: Command) -> bool:
         """Take in a period; tell whether the robot has been stuck for the last seconds."""
-        told_m = math.hypot(command.forward_mps, command.left_mps) * self.step_s
-        x_m, y_m = self.places[-1][:2] if self.places else (truth.x_m, truth.y_m)
-        self.places.append((truth.x_m, truth.y_m, told_m, math.hypot(truth.x_m - x_m, truth.y_m - y_m)))
-        if len(self.places) <= round(STUCK_S / self.step_s):
+        place = complex(truth.x_m, truth.y_m)
+        last = complex(self.steps[-1].x_m, self.steps[-1].y_m) if self.steps else place
+        change, most = self.told_mps - self.velocity_mps, self.acceleration_mps2 * self.step_s
+        free_mps = self.velocity_mps + change * min(1.0, most / max(abs(change), 1e-9))
+        step = _Step(
+            truth.x_m, truth.y_m, abs(self.told_mps) > STUCK_TOLD_MPS, abs(place - last), abs(free_mps) * self.step_s
+        )
+        self.steps.append(step)
+        self.velocity_mps = (place - last) / self.step_s
+        self.told_mps = complex(command.forward_mps, command.left_mps) * cmath.rect(1.0, truth.theta_rad)
+        if len(self.steps) <= round(STUCK_S / self.step_s):
             return False
-        x_m, y_m = self.places.popleft()[:2]
-        if any(abs(place[0] - x_m) > STUCK_WITHIN_M or abs(place[1] - y_m) > STUCK_WITHIN_M for place in self.places):
+        first = self.steps.popleft()
+        if any(math.hypot(s.x_m - first.x_m, s.y_m - first.y_m) > STUCK_WITHIN_M for s in self.steps):
             return False
-        _, _, told, driven = np.array(self.places).T
-        is_told = float(np.mean(told > STUCK_TOLD_MPS * self.step_s)) >= 0.5
-        return is_told and float(driven.sum()) < float(told.sum()) / 2
+        if sum(s.is_told for s in self.steps) < len(self.steps) / 2:
+            return False
+        return sum(s.came_m for s in self.steps) < sum(s.free_m for s in self.steps) / 2
 
 
 def _quantile(values: array[float], share: float) -> float | None:

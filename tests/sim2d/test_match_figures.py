@@ -10,10 +10,9 @@ from sim2d.faults import BodyFault
 from sim2d.match_figures import MatchLog
 from sim2d.match_files import match_json, write_json
 from sim2d.moment import RobotMoment
-from sim2d.robot_link import Belief, Command, Senses
+from sim2d.robot_link import Belief, Command, RobotLimits, Senses
 from sim2d.world_state import BallState, Event, RobotState, WorldState
 
-TOUCH_M = 0.11
 ODOMETRY = Pose2(0.0, 0.0, 0.0)
 
 
@@ -28,7 +27,7 @@ def robot(index, stopped=""):
 
 
 def new_log(faults=()):
-    return MatchLog(state(0), TOUCH_M, faults)
+    return MatchLog(state(0), RobotLimits(radius_m=0.09), 0.02, faults)
 
 
 def test_possession_is_the_nearest_robots_within_reach():

@@ -27,7 +27,7 @@ def off_by(x_m, theta_rad=0.0):
 
 def log_of(periods, faults=()):
     """Log (truth, belief, command) triples, one a control period."""
-    log = RobotLog(0, 1, 0, PERIOD_S, faults)
+    log = RobotLog(0, 1, 0, PERIOD_S, 1.2, faults)
     for index, (truth, belief, command) in enumerate(periods):
         log.add(index * PERIOD_S, truth, belief, command, index % 4 == 0)
     return log
@@ -62,7 +62,7 @@ def test_the_half_of_the_field_counts_after_two_seconds():
 
 
 def test_the_way_is_what_was_driven_not_where_it_was_carried():
-    log = RobotLog(0, 1, 0, PERIOD_S)
+    log = RobotLog(0, 1, 0, PERIOD_S, 1.2)
     log.add(0.0, Pose2(0.0, 0.0, 0.0), NOWHERE, Command(), False)
     log.add(0.1, Pose2(0.3, 0.4, 0.0), NOWHERE, Command(), False)
     log.put_down()
@@ -111,6 +111,6 @@ def test_a_fault_is_over_once_the_belief_stays_right(fault):
 
 
 def test_nothing_seen_is_nothing_claimed():
-    figures = RobotLog(2, -1, 0, PERIOD_S).figures
+    figures = RobotLog(2, -1, 0, PERIOD_S, 1.2).figures
     assert (figures.frames, figures.median_error_m, figures.right_half_share) == (0, None, None)
     assert figures.within_5cm_3deg == figures.lost_share == figures.possession == 0.0
