@@ -5,9 +5,9 @@ without the sensor's noise, and with it; each beside a conversion of such a fram
 medians.
 
 Matches: two against two on ssl_2001, every robot with its own mirror camera of 256 x 220 at 30 Hz and the built-in
-player; no film, no report. Simulated seconds over the processor's seconds, in one thread: what one core needs if nothing
-else runs on it; wall-clock seconds stand beside. The first second of play is left out, because colours are learnt and
-compiled code is loaded in it.
+player; no film, no report. Simulated seconds over the processor's seconds, in one thread: what one core needs if
+nothing else runs on it; wall-clock seconds stand beside. The first second of play is left out, because colours are
+learnt and compiled code is loaded in it.
 """
 
 from __future__ import annotations

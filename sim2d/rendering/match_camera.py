@@ -79,16 +79,20 @@ class MatchCamera:
 
     def scene(self, state: WorldState, index: int) -> Scene:
         """Return the world as one robot sees it: everything but itself."""
-        robots = tuple(
-            Robot(r.pose.x_m, r.pose.y_m, self.limits.radius_m, self.limits.height_m, marker_bgr=MARKERS_BGR[r.side])
+        return self._scene(self._robots(state, index), self._ball(state))
+
+    def _robots(self, state: WorldState, index: int) -> tuple[Robot, ...]:
+        radius_m, height_m = self.limits.radius_m, self.limits.height_m
+        return tuple(
+            Robot(r.pose.x_m, r.pose.y_m, radius_m, height_m, marker_bgr=MARKERS_BGR[r.side])
             for r in state.robots
             if r.index != index
         )
-        ball = None
-        if state.ball is not None:
-            color = COLOR_NAMES[self.field.ball_color]
-            ball = Ball(state.ball.x_m, state.ball.y_m, self.field.ball_radius_m, color)
-        return self._scene(robots, ball)
+
+    def _ball(self, state: WorldState) -> Ball | None:
+        if state.ball is None:
+            return None
+        return Ball(state.ball.x_m, state.ball.y_m, self.field.ball_radius_m, COLOR_NAMES[self.field.ball_color])
 
     def _scene(self, robots: tuple[Robot, ...], ball: Ball | None) -> Scene:
         margin = 0.0 if self.field.is_bounded else CARPET_MARGIN_M
@@ -109,9 +113,9 @@ class MatchCamera:
         (H, W, 3) uint8
             BGR frame, read-only.
         """
-        robot, scene = state.robots[index], self.scene(state, index)
+        robot = state.robots[index]
         if self._fast is not None:
-            frame = self._blur(self._fast.draw(scene.robots, scene.ball, robot.pose))
+            frame = self._blur(self._fast.draw(self._robots(state, index), self._ball(state), robot.pose))
             if self.sensor.noise_sigma:
                 # noise is drawn once; every frame takes it from another place
                 start = int(self._rng.integers(self._noise_starts))
@@ -122,7 +126,9 @@ class MatchCamera:
             x, y = robot.pose.transform(self.camera.offset_m).tolist()
             head = Pose2(x, y, robot.pose.theta_rad + robot.pan_rad)
             camera = replace(self.camera, offset_m=(0.0, 0.0))
-            frame = self.sensor.expose(render_pinhole(camera, scene, head, supersample=COARSE), self._rng)
+            frame = self.sensor.expose(
+                render_pinhole(camera, self.scene(state, index), head, supersample=COARSE), self._rng
+            )
         frame.flags.writeable = False
         return frame
 
