@@ -241,7 +241,7 @@ class RobotLog:
 
 @dataclass(slots=True)
 class _Step:
-    """A control period: where the robot was, if it was told to drive, how far it came, how far free wheels would have."""
+    """A control period: where the robot was, if it was told to drive, how far it and how far free wheels came."""
 
     x_m: float
     y_m: float
