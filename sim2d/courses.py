@@ -15,6 +15,7 @@ import numpy as np
 
 from field_models import Field
 from field_models.errors import ArgumentError
+from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import FloatArray, Pose2
@@ -213,7 +214,7 @@ def drive_course(
     world = World.course(course.field, course.boxes, [course.start], limits, rng)
     eye = MatchCamera(course.field, camera, limits, rng, boxes=course.boxes)
     vision = Vision(course.field, camera, directions=_DIRECTIONS, rings=_RINGS)
-    belief = PoseFilter()
+    belief, floor = PoseFilter(), SteadyFreeSpace()
     scene = Scene(course.field, boxes=course.boxes)
     wheels = WheelVelocity(limits, CONTROL_PERIOD_S)
     clearance_m = math.inf
@@ -231,14 +232,13 @@ def drive_course(
         belief.predict(odometry, state.t_s)
         view = vision.look(eye.render(state, 0), state.t_s, prior=belief.prior(state.t_s))
         belief.update(view.pose, state.t_s)
+        free_space = floor.see(view.free_space, odometry)
         wheels.sense(odometry)
         known = belief.belief
         wanted = (0.0, 0.0)
         if known:
             x, y = known.pose.inverse().transform(course.goal).tolist()
-            decision = pilot.steer(
-                view.free_space, wheels.now_mps, math.atan2(y, x), math.hypot(x, y), wheels.pending_mps
-            )
+            decision = pilot.steer(free_space, wheels.now_mps, math.atan2(y, x), math.hypot(x, y), wheels.pending_mps)
             wanted = (float(decision.velocity_mps[0]), float(decision.velocity_mps[1]))
         wheels.command(wanted)
         world.step({0: Command(*wanted)})

@@ -12,13 +12,14 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.pose_filter import PoseFilter
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
-from sim2d.player_memory import BallMemory, Point, block_ball, carry_free_space, is_in_sight
+from sim2d.player_memory import BallMemory, Point, block_ball, is_in_sight
 from sim2d.player_motion import Motion
 from sim2d.player_tactics import Plan, Situation, Tactics
 from sim2d.robot_link import Belief, Command, PlayerSetup, Senses
@@ -61,6 +62,8 @@ class BuiltInPlayer:
         self._view: View | None = None
         self._view_t_s = -math.inf
         self._view_mount = _NOWHERE
+        self._floor = SteadyFreeSpace()
+        self._free_space: FreeSpace | None = None
         self._last_frame: UInt8Array | None = None
         self._last_t_s: float | None = None
         self._held_since_s: float | None = None
@@ -117,8 +120,13 @@ class BuiltInPlayer:
         self._filter.update(pose, frame_t_s)
         if view.polar is None or not view.marks.any():
             return
-        self._view_t_s, self._view_mount = frame_t_s, mount
         belief, motion = self._filter.belief, self._filter.motion_since(frame_t_s)
+        before = self._filter.motion_since(self._view_t_s)
+        if before is None or motion is None:
+            self._floor = SteadyFreeSpace()
+        moved = _NOWHERE if before is None or motion is None else before.compose(motion.inverse())
+        self._free_space = view.free_space if self._head else self._floor.see(view.free_space, moved)
+        self._view_t_s, self._view_mount = frame_t_s, mount
         if belief and motion is not None and view.ball is not None:
             ball = (
                 belief.pose.compose(motion.inverse()).compose(mount).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
@@ -128,12 +136,18 @@ class BuiltInPlayer:
     def _decide(self, senses: Senses) -> Command:
         belief = self._filter.belief
         motion = self._filter.motion_since(self._view_t_s)
-        if not belief or motion is None or senses.t_s - self._view_t_s > _SIGHT_S or self._view is None:
+        if (
+            not belief
+            or motion is None
+            or senses.t_s - self._view_t_s > _SIGHT_S
+            or self._view is None
+            or not self._free_space
+        ):
             self._intent = "look around" if self._view is not None else "wait"
             blind = senses.t_s - self._view_t_s > _SIGHT_S
             return Command(turn_rps=0.0 if blind or self._head is not None else _LOST_RPS)
         pose = belief.pose
-        free_space = self._free_space(self._view, motion)
+        free_space = self._free_space_now(self._free_space, motion)
         seen_from = pose.compose(motion.inverse()).compose(self._view_mount)
         # nothing but the ball has room so near
         nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
@@ -169,11 +183,10 @@ class BuiltInPlayer:
     def _drive(self, plan: Plan, pose: Pose2, free_space: FreeSpace, t_s: float) -> Command:
         return self._motion.drive(plan, self._in_team(pose), free_space, t_s)
 
-    def _free_space(self, view: View, motion: Pose2) -> FreeSpace:
+    def _free_space_now(self, seen: FreeSpace, motion: Pose2) -> FreeSpace:
         if self._head is None:
-            return carry_free_space(view.free_space, motion)
-        turned = view.free_space.bearing_rad + self._view_mount.theta_rad - motion.theta_rad
-        return FreeSpace(turned, view.free_space.range_m)
+            return carry_free_space(seen, motion)
+        return FreeSpace(seen.bearing_rad + self._view_mount.theta_rad - motion.theta_rad, seen.range_m)
 
     def _in_team(self, pose: Pose2) -> Pose2:
         return pose if self._setup.attacks > 0 else pose.half_turn()

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
 Point = tuple[float, float]
@@ -58,35 +57,6 @@ class BallMemory:
         return t_s - self._seen_s
 
 
-def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
-    """Free space as seen from where the robot is by now.
-
-    Parameters
-    ----------
-    free_space : FreeSpace
-        All around, at evenly spaced bearings.
-    motion : Pose2
-        Motion since it was seen, in the robot's frame of then.
-    """
-    if math.hypot(motion.x_m, motion.y_m) < 1e-3 and abs(motion.theta_rad) < 1e-3:
-        return free_space
-    bearing, reach = free_space.bearing_rad, free_space.range_m
-    finite = np.isfinite(reach)
-    if not finite.any():
-        return free_space
-    half = math.pi / len(bearing)
-    ends = np.concatenate([_ends(bearing[finite] + turn, reach[finite]) for turn in (-half, 0.0, half)])
-    moved = motion.inverse().transform(ends)
-    turned, away = np.arctan2(moved[:, 1], moved[:, 0]), np.hypot(moved[:, 0], moved[:, 1])
-    order = np.argsort(turned)
-    seen = np.interp(bearing, turned[order], away[order], period=math.tau)
-    # what lies before something else hides it; a mean between the two would not
-    index = np.rint((turned - bearing[0]) / (2 * half)).astype(int) % len(bearing)
-    np.minimum.at(seen, index, away)
-    seen.flags.writeable = False
-    return FreeSpace(bearing, seen)
-
-
 def block_ball(free_space: FreeSpace, ball: Point, radius_m: float) -> FreeSpace:
     """Free space in which the ball (robot frame) is an obstacle too, for going round it."""
     away = math.hypot(*ball)
@@ -104,7 +74,3 @@ def is_in_sight(free_space: FreeSpace, place: Point) -> bool:
     off = np.abs(np.remainder(free_space.bearing_rad - math.atan2(place[1], place[0]) + math.pi, math.tau) - math.pi)
     nearest = int(np.argmin(off))
     return bool(off[nearest] < math.radians(5) and free_space.range_m[nearest] >= math.hypot(*place))
-
-
-def _ends(bearing_rad: FloatArray, range_m: FloatArray) -> FloatArray:
-    return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=1)
