@@ -4,7 +4,7 @@ Velocity-aware steering; the paper's variant that does not reckon with the robot
 2 v / alpha plus the dead time; the same with the threshold of the velocity-aware one; and a plain dynamic window. All
 drive the same courses: 5 to 10 cubes of 0.13 m on ssl_2001, through rendered frames with noise, localisation, slipping
 wheels and dead time. Courses count where a planner that knows the truth finds a way with 3 cm of clearance. The default
-drives the first 16 courses at each speed and 16 pockets, --full all 500 and 100. Judged is the first speed, the issue's.
+drives the first 16 courses at each speed and 16 pockets, --full all 500 and 100. Judged is the first speed.
 """
 
 from __future__ import annotations

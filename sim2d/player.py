@@ -19,6 +19,7 @@ from robocup_vision.localization.pose_filter import PoseFilter
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
+from sim2d.line_up import kick_off_pose
 from sim2d.player_memory import BallMemory, Point, block_ball, is_in_sight
 from sim2d.player_motion import Motion
 from sim2d.player_tactics import Plan, Situation, Tactics
@@ -56,6 +57,10 @@ class BuiltInPlayer:
             camera = dataclasses.replace(camera, pan_rad=0.0, offset_m=(0.0, 0.0))
         self._vision = Vision(setup.field, camera)
         self._filter = PoseFilter()
+        # the rules say where it begins, up to what a frame has to say
+        self._filter.expect(
+            kick_off_pose(setup.field, setup.attacks, setup.number, setup.players, setup.limits.radius_m)
+        )
         self._tactics = Tactics(setup.field, setup.limits, setup.number, setup.players)
         self._motion = Motion(setup.limits, np.random.default_rng(setup.seed))
         self._ball = BallMemory()

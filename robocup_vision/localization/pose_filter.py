@@ -96,8 +96,13 @@ class PoseFilter:
     def __init__(self) -> None:
         self._track: _Track | None = None
         self._rival: _Track | None = None
+        self._expected: Pose2 | None = None
         # (time, pose that odometry alone has led to)
         self._history: deque[tuple[float, Pose2]] = deque()
+
+    def expect(self, pose: Pose2) -> None:
+        """Say where the robot has probably been put: of what the first frame allows, the nearest is believed."""
+        self._expected = pose
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
         """Move the belief.
@@ -174,7 +179,7 @@ class PoseFilter:
         return self._track.pose.compose(motion.inverse())
 
     def motion_since(self, t_s: float) -> Pose2 | None:
-        """Motion by odometry from a time to the present, in the robot's frame of then; None before what is remembered."""
+        """Motion from a time to the present, in the robot's frame of then; None before what is remembered."""
         if not math.isfinite(t_s):
             return None
         if not self._history or t_s >= self._history[-1][0]:
@@ -203,8 +208,9 @@ class PoseFilter:
 
     def _likeliest(self, readings: list[_Reading]) -> _Reading:
         """Of what the frame allows, the nearest to where the robot was last believed; without that its first."""
-        allowed, track = [reading for reading in readings if reading.votes >= 0], self._track
-        return allowed[0] if track is None else min(allowed, key=lambda r: sum(r.pose.error_to(track.pose)))
+        allowed = [reading for reading in readings if reading.votes >= 0]
+        near = self._expected if self._track is None else self._track.pose
+        return allowed[0] if near is None else min(allowed, key=lambda r: sum(r.pose.error_to(near)))
 
 
 def _readings(estimate: PoseEstimate, motion: Pose2, noise: FloatArray) -> list[_Reading]:

@@ -35,7 +35,7 @@ def run(truth, steps, rng, *, scale=1.0, filter_=None, start_s=0.0, half=True):
     """Drive on with odometry of this scale, a frame a step; return the filter, the truth and the time at the end."""
     filter_ = filter_ or PoseFilter()
     felt = Pose2(scale * STEP.x_m, scale * STEP.y_m, scale * STEP.theta_rad)
-    for index in range(steps):
+    for _ in range(steps):
         start_s += DT
         filter_.predict(felt, start_s)
         truth = truth.compose(STEP) if filter_.belief else truth
@@ -161,6 +161,19 @@ def test_frames_that_do_not_tell_the_half_keep_it(start, seed):
         filter_.update(told(seen.half_turn() if rng.random() < 0.5 else seen, half=False), t_s)
     assert filter_.belief.pose.error_to(truth)[0] < 0.03
     assert len(filter_.belief.candidates) == 1
+
+
+def test_where_the_robot_was_put_orders_what_the_first_frame_allows():
+    truth = Pose2(0.4, 0.3, 1.0)
+    for expected, believed in ((truth, truth), (truth.half_turn(), truth.half_turn())):
+        filter_ = PoseFilter()
+        filter_.expect(Pose2(expected.x_m + 0.1, expected.y_m, expected.theta_rad))
+        filter_.predict(STILL, 0.0)
+        filter_.update(told(truth, half=False), 0.0)
+        assert filter_.belief.pose.error_to(believed) == pytest.approx((0.0, 0.0), abs=1e-9)
+        # but a frame that tells the half is believed
+        filter_.update(told(truth), 0.0)
+        assert filter_.belief.pose.error_to(truth)[0] < 1e-6
 
 
 def test_the_half_is_open_until_a_frame_tells_it_and_then_turned_only_by_many():
