@@ -12,6 +12,7 @@ from typing import Protocol
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from field_models import Field
 from field_models.errors import ArgumentError
@@ -65,8 +66,8 @@ class Course:
         """Whether a disc of this radius can get from start to goal with this clearance, as the truth has it."""
         low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
 
-        def cells(points_m: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.int32]]:
-            return np.rint((points_m - low) / _GRID_M + 1).astype(np.int32)
+        def cells(points_m: FloatArray) -> npt.NDArray[np.int32]:
+            return np.asarray(np.rint((points_m - low) / _GRID_M + 1), dtype=np.int32)
 
         width, height = (cells(high) + 2).tolist()
         free = np.zeros((height, width), dtype=np.uint8)

@@ -157,7 +157,7 @@ def test_a_camera_that_fails_for_a_second_stops_the_robot_until_it_sees_again(fa
 
 def test_odometry_that_is_no_number_never_leaves_it():
     def spoil(period, index, senses):
-        return dataclasses.replace(senses, odometry=Pose2(math.nan, 0.0, math.inf)) if period % 7 == 3 else senses
+        return dataclasses.replace(senses, odometry=Pose2(math.nan, 0.0, math.nan)) if period % 7 == 3 else senses
 
     _, rows, _, _ = play(2.0, spoil=spoil)
     assert right(rows).mean() > 0.8
