@@ -61,6 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
+    from sim2d.match_command import add_match_parser, add_tournament_parser, run_match_command, run_tournament
     from sim2d.rendering.command import add_render_parser, run_render
     from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
 
@@ -72,6 +73,10 @@ def _parser() -> argparse.ArgumentParser:
     render.set_defaults(run=run_render)
     render_goal: argparse.ArgumentParser = add_render_goal_parser(commands)
     render_goal.set_defaults(run=run_render_goal)
+    match: argparse.ArgumentParser = add_match_parser(commands)
+    match.set_defaults(run=run_match_command)
+    tournament: argparse.ArgumentParser = add_tournament_parser(commands)
+    tournament.set_defaults(run=run_tournament)
     fields = commands.add_parser("fields", help="list the built-in fields")
     fields.set_defaults(run=_run_fields)
     return parser

@@ -16,7 +16,8 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels import steering as kernels
+from robocup_vision.kernels import grown_profile
+from robocup_vision.kernels import steering as kernel
 
 # The slowest of the speeds tried is one from which the robot stops within this share of its radius.
 _STOP_SHARE = 0.25
@@ -95,8 +96,9 @@ class Steering:
     use_velocity : bool
         False: the paper's comparison, which takes the present velocity to be the commanded one (v_a = v_b).
     keep_side : bool
-        Once an obstacle is passed on one side, stay on it until the goal's direction is free again, so that two
-        equally good ways round do not make the robot waver between them. `forget` drops the memory.
+        Remember the detour: by how much, and to which side, obstacles have turned the robot from the goal's bearing.
+        Two equally good ways round then do not make it waver between them, and pockets do not hold it. `forget` drops
+        the memory.
 
     Notes
     -----
@@ -105,9 +107,18 @@ class Steering:
     unmeasured bearing (NaN range, or outside what the camera sees) is blocked at range 0: the robot's centre may not
     enter it, but nothing is known to stand there, so it is not grown.
 
-    Where the goal's direction is not safe at the speed asked for, half of it is tried too, then a quarter, down to a
-    speed from which the robot stops at once; of each speed's safe direction nearest to the goal, the one with the
-    greatest speed towards the goal is taken. Without that, a fast robot would shuttle before a gap that only a slow one
+    The detour is one signed angle, as in the Pledge algorithm for mazes. The direction wanted is the goal's bearing
+    turned by it. An obstacle in that direction winds it up further, to the other side only where that is much nearer;
+    driving on unwinds it, in the tightest arc that the robot can drive, against the obstacle and round its corners. A
+    robot in a pocket so follows its inside back out, and turns to the goal once it has turned back as much as it
+    turned away. Away from the goal it drives no faster than it can turn within its own length, for else it would
+    overshoot every corner. The detour ends early where the straight way to the goal is in sight and free. Wound up
+    beyond 225 degrees it is taken for one to the other side, since the walls of a field would lead the robot round and
+    round.
+
+    Where the wanted direction is not safe at the speed asked for, half of it is tried too, then a quarter, down to a
+    speed from which the robot stops at once; of each speed's safe direction nearest to it, the one with the
+    greatest speed that way is taken. Without that, a fast robot would shuttle before a gap that only a slow one
     may enter, because away from it there is always a safe direction at full speed. If no direction is safe at any
     speed, the robot brakes; if even that ends in contact though no command before was safe, the command with the
     latest contact is given.
@@ -160,7 +171,7 @@ class Steering:
         )
         self._use_velocity = bool(use_velocity)
         self._keep_side = bool(keep_side)
-        self._side = 0.0
+        self._detour_rad = 0.0
         self._may_brake = False
         self._directions: FloatArray = np.arange(directions, dtype=np.float64) * (math.tau / directions)
         self._directions.flags.writeable = False
@@ -170,15 +181,15 @@ class Steering:
         # Plain numbers are read faster than elements of arrays. The last one, index -1, is braking.
         self._moves = [*zip(self._directions.tolist(), *self._units.T.tolist(), strict=True), (math.nan, 0.0, 0.0)]
         self._near_goal_rad = math.pi / directions * 1.001
-        self._edges = profile_edges(kernels.BINS)
-        self._profile = np.empty(kernels.BINS)
-        self._fine = np.empty(kernels.FINE)
-        self._coarse = np.empty(kernels.COARSE)
+        self._edges = profile_edges(grown_profile.BINS)
+        self._profile = np.empty(grown_profile.BINS)
+        self._fine = np.empty(grown_profile.FINE)
+        self._coarse = np.empty(grown_profile.COARSE)
         self._resize(3)
 
     def forget(self) -> None:
-        """Drop the memory (the side obstacles are being passed on, a safe command): the next decision stands alone."""
-        self._side = 0.0
+        """Drop the memory (the detour, a safe command): the next decision stands alone."""
+        self._detour_rad = 0.0
         self._may_brake = False
 
     def steer(
@@ -187,6 +198,7 @@ class Steering:
         velocity_mps: Sequence[float] | FloatArray,
         goal_bearing_rad: float,
         goal_distance_m: float | None = None,
+        pending_mps: Sequence[float] | FloatArray | None = None,
     ) -> SteeringCommand:
         """Choose the next command (the paper's Steps 1 to 5).
 
@@ -202,6 +214,10 @@ class Steering:
             Lets the robot arrive at rest: speed at most sqrt(2 alpha d), less what it travels before it obeys.
             Contacts beyond the goal and the stopping distance then do not count towards the goal.
 
+        pending_mps : (2,) float64 or pair of float, optional
+            The command that is obeyed until this one is, robot frame: what was commanded last. Without it the robot
+            goes on with its present velocity during the dead time.
+
         Returns
         -------
         SteeringCommand
@@ -209,7 +225,7 @@ class Steering:
         Raises
         ------
         ArgumentError
-            Shapes do not fit, or velocity, goal bearing or goal distance are not finite.
+            Shapes do not fit, or velocities, goal bearing or goal distance are not finite.
         """
         bearing = np.array(free_space.bearing_rad, dtype=np.float64)
         range_m = np.array(free_space.range_m, dtype=np.float64)
@@ -218,13 +234,8 @@ class Steering:
                 "free space needs (J,) bearings and ranges, J at least 3,"
                 f" got bearing_rad {bearing.shape} and range_m {range_m.shape}"
             )
-        try:
-            velocity_x, velocity_y = velocity_mps
-            velocity = (float(velocity_x), float(velocity_y))
-        except (TypeError, ValueError):
-            raise ArgumentError(f"velocity_mps must be two numbers, got {velocity_mps!r}") from None
-        if not (math.isfinite(velocity[0]) and math.isfinite(velocity[1])):
-            raise ArgumentError(f"velocity_mps must be finite, got {velocity!r}")
+        velocity = _pair("velocity_mps", velocity_mps)
+        pending = velocity if pending_mps is None else _pair("pending_mps", pending_mps)
         if not math.isfinite(goal_bearing_rad):
             raise ArgumentError(f"goal_bearing_rad must be finite, got {goal_bearing_rad!r}")
         distance = math.inf if goal_distance_m is None else float(goal_distance_m)
@@ -233,11 +244,12 @@ class Steering:
         if bearing.shape[0] != self._known_bearing.shape[0]:
             self._resize(bearing.shape[0])
         time_to_contact = np.empty(self._directions.shape[0])
-        outcome, index, speed, side = kernels.steer(
+        outcome, index, speed, detour = kernel.steer(
             velocity,
+            pending,
             float(goal_bearing_rad),
             distance,
-            self._side,
+            self._detour_rad,
             self._limits,
             self._use_velocity,
             self._kernel_directions,
@@ -257,7 +269,7 @@ class Steering:
         if outcome < 0:
             raise ArgumentError("bearing_rad must be finite and ascend within one turn")
         if self._keep_side:
-            self._side = side
+            self._detour_rad = detour
         # The last safe command left room to stop; what the view from here adds to that is the width of its sectors.
         if outcome == 2 and self._may_brake:
             outcome, index, speed = 1, -1, 0.0
@@ -281,6 +293,16 @@ class Steering:
         self._known_bearing = np.full(bearings, np.nan)
         self._sectors = np.empty((bearings, 4))
         self._sector_bins = np.empty((bearings, 4), dtype=np.int64)
+
+
+def _pair(name: str, value: Sequence[float] | FloatArray) -> tuple[float, float]:
+    try:
+        x, y = (float(v) for v in value)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"{name} must be two numbers, got {value!r}") from None
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ArgumentError(f"{name} must be finite, got {(x, y)!r}")
+    return x, y
 
 
 def profile_edges(bins: int) -> FloatArray:

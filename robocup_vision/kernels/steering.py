@@ -1,4 +1,4 @@
-"""Compiled loops of steering: free ranges grown by the robot, and trajectories tried over them."""
+"""Compiled choice of a command: trajectories tried over the grown profile, and the memory of a way round."""
 
 from __future__ import annotations
 
@@ -8,303 +8,35 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels.grown_profile import grow_profile, measure_sectors, profile_bin
+from robocup_vision.kernels.trajectories import contact_time, predict_position, predict_velocity
+
 FloatArray = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 Pair = tuple[float, float]
 Limits = tuple[float, float, float, float, float, float, float]
 Outcome = tuple[int, int, float, float]
 
-# Bins of the grown profile (0.45 to 0.9 degrees) and the groups of them over which trajectories take long steps.
-# Constants of the compiler, because a division by them is then a shift.
-BINS = 512
-FINE = 128
-COARSE = 32
-# The diamond angle turns at most as fast as the bearing, so a group is at least 4 / groups radians wide.
-_FINE_SIN, _FINE_TAN = math.sin(4.0 / FINE), math.tan(4.0 / FINE)
-_COARSE_SIN, _COARSE_TAN = math.sin(4.0 / COARSE), math.tan(4.0 / COARSE)
+# a detour by more than this leads away from the goal
+AWAY_RAD = math.pi / 3.0
+# the other side is taken where it is nearer by more than this
+OTHER_SIDE_RAD = 0.25 * math.pi
+# a detour to one side by more than this is one to the other side
+MOST_TURNED_RAD = 1.25 * math.pi
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _profile_bin(x: float, y: float) -> int:
-    # The diamond angle grows with the bearing as atan2 does, at the price of one division.
-    along = y / (abs(x) + abs(y))
-    if x < 0.0:
-        along = 2.0 - along
-    elif along < 0.0:
-        along += 4.0
-    index = int(along * (0.25 * BINS))
-    return index if index < BINS else index - BINS
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def measure_sectors(bearing: FloatArray, sectors: FloatArray, sector_bins: Int64Array) -> bool:
-    """Give each bearing its sector, halfway to its neighbours; False where the bearings do not ascend within one turn.
-
-    Parameters
-    ----------
-    bearing : (J,) float64
-        Radians.
-    sectors : (J, 4) float64, written
-        Unit vectors (x, y) of the lower and the upper edge.
-    sector_bins : (J, 4) int64, written
-        Profile bins of the edges; whether the lower and the upper neighbour follow without a gap.
-
-    A gap of more than 1.5 times the smallest spacing belongs to nobody (a camera that does not see all around): there
-    a sector reaches half the smallest spacing, and the rest is unseen.
-    """
-    count = bearing.shape[0]
-    turn = 2.0 * np.pi
-    spacing = turn
-    for k in range(count):
-        ahead = bearing[k + 1] - bearing[k] if k + 1 < count else bearing[0] + turn - bearing[k]
-        if not ahead > 0.0:
-            return False
-        spacing = min(spacing, ahead)
-    for k in range(count):
-        for side in range(2):
-            if side == 0:
-                gap = bearing[k] - bearing[k - 1] if k > 0 else bearing[0] + turn - bearing[count - 1]
-            else:
-                gap = bearing[k + 1] - bearing[k] if k + 1 < count else bearing[0] + turn - bearing[k]
-            joined = gap <= 1.5 * spacing
-            half = 0.5 * (gap if joined else spacing)
-            angle = bearing[k] - half if side == 0 else bearing[k] + half
-            x, y = np.cos(angle), np.sin(angle)
-            sectors[k, 2 * side] = x
-            sectors[k, 2 * side + 1] = y
-            sector_bins[k, side] = _profile_bin(x, y)
-            sector_bins[k, 2 + side] = 1 if joined else 0
-    return True
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _widen(lows: FloatArray, count: int, out: FloatArray) -> None:
-    """Smallest of each of the first `count` values and its two neighbours around the turn."""
-    for k in range(count):
-        out[k] = min(lows[k], min(lows[k - 1 if k > 0 else count - 1], lows[k + 1 if k + 1 < count else 0]))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def grow_profile(
-    range_m: FloatArray,
-    sectors: FloatArray,
-    sector_bins: Int64Array,
-    edges: FloatArray,
-    radius_m: float,
-    profile: FloatArray,
-    fine: FloatArray,
-    coarse: FloatArray,
-) -> float:
-    """Fill the grown profile: per bin the smallest centre range at which a disc touches a sector's arc or its shadow.
-
-    Parameters
-    ----------
-    range_m : (J,) float64
-        Metres; NaN is unseen: its own bins become 0 and nothing grows from it.
-    sectors, sector_bins : (J, 4)
-        From `measure_sectors`.
-    edges : (BINS + 1, 2) float64
-        Unit vectors of the profile's bin edges.
-    radius_m : float
-        The robot's.
-    profile : (BINS,) float64, written
-        Metres; inf where nothing is ever touched.
-    fine, coarse : (FINE,), (COARSE,) float64, written
-        Smallest profile over each group of bins and its two neighbours.
-
-    Returns
-    -------
-    float
-        Smallest profile of all.
-    """
-    count = range_m.shape[0]
-    squared = radius_m * radius_m
-    # Bins that no sector covers are unseen; -1 marks them until all sectors are in.
-    profile[:] = -1.0
-    for k in range(count):
-        index = sector_bins[k, 0]
-        while True:
-            profile[index] = np.inf
-            if index == sector_bins[k, 1]:
-                break
-            index = index + 1 if index + 1 < BINS else 0
-    for index in range(BINS):
-        if profile[index] < 0.0:
-            profile[index] = 0.0
-    for k in range(count):
-        reach = range_m[k]
-        seen = not np.isnan(reach)
-        reach = max(reach, radius_m) if seen else radius_m
-        index = sector_bins[k, 0]
-        while True:
-            profile[index] = min(profile[index], reach - radius_m)
-            if index == sector_bins[k, 1]:
-                break
-            index = index + 1 if index + 1 < BINS else 0
-        if not seen or np.isinf(reach):
-            continue
-        for side in range(2):
-            if sector_bins[k, 2 + side] == 1:
-                other = range_m[(k + 1) % count] if side == 1 else range_m[k - 1]
-                # A nearer neighbour holds this end point in its own shadow.
-                if other <= range_m[k]:
-                    continue
-            x = reach * sectors[k, 2 * side]
-            y = reach * sectors[k, 2 * side + 1]
-            index = sector_bins[k, side]
-            for _ in range(BINS):
-                if side == 1:
-                    index = index + 1 if index + 1 < BINS else 0
-                    edge = index
-                else:
-                    edge = index
-                    index = index - 1 if index > 0 else BINS - 1
-                ahead = edges[edge, 0] * x + edges[edge, 1] * y
-                beside = edges[edge, 0] * y - edges[edge, 1] * x
-                rest = squared - beside * beside
-                if ahead <= 0.0 or rest < 0.0:
-                    break
-                touch = ahead - np.sqrt(rest)
-                if touch < profile[index]:
-                    profile[index] = max(touch, 0.0)
-    lows = np.empty(FINE)
-    for group in range(FINE):
-        low = np.inf
-        for index in range(group * (BINS // FINE), (group + 1) * (BINS // FINE)):
-            low = min(low, profile[index])
-        lows[group] = low
-    _widen(lows, FINE, fine)
-    for group in range(COARSE):
-        low = np.inf
-        for index in range(group * (FINE // COARSE), (group + 1) * (FINE // COARSE)):
-            low = min(low, lows[index])
-        lows[group] = low
-    _widen(lows, COARSE, coarse)
-    smallest = np.inf
-    for group in range(COARSE):
-        smallest = min(smallest, lows[group])
-    return smallest
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def predict_position(velocity: Pair, target: Pair, acceleration: float, dead_time: float, t: float) -> Pair:
-    """Return (x, y), metres, t seconds after the decision: eq. 12 with its second branch corrected, dead time included.
-
-    velocity, target : pair of float, m/s.
-    """
-    dv_x, dv_y = target[0] - velocity[0], target[1] - velocity[1]
-    settle = math.sqrt(dv_x * dv_x + dv_y * dv_y) / acceleration
-    pushed = max(t - dead_time, 0.0)
-    coasted = min(t, dead_time)
-    # 1/2 alpha t^2 dv/|dv| is 1/2 dv t^2/settle, which needs no direction of a vanishing dv.
-    if pushed < settle:
-        gained = 0.5 * pushed * pushed / settle
-        return velocity[0] * t + gained * dv_x, velocity[1] * t + gained * dv_y
-    lost = 0.5 * settle
-    return (
-        velocity[0] * coasted + target[0] * pushed - lost * dv_x,
-        velocity[1] * coasted + target[1] * pushed - lost * dv_y,
-    )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sure_time(
-    r: float, clear: float, out: float, inward: float, sideward: float, sine: float, tangent: float
-) -> float:
-    """Seconds for which a point at range r stays within a wedge (of its half angle's sine and tangent) and its range.
-
-    The speeds are times r, which saves their division. A quotient costs as much as all the rest here, hence one only.
-    """
-    over_range, over_wedge = out + sideward * sine, sideward + inward * tangent
-    if clear * over_wedge < r * tangent * over_range:
-        return r * clear / over_range
-    return r * r * tangent / over_wedge
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def contact_time(
-    velocity: Pair,
-    target: Pair,
-    acceleration: float,
-    dead_time: float,
-    horizon: float,
-    step_m: float,
-    profile: FloatArray,
-    fine: FloatArray,
-    coarse: FloatArray,
-    smallest: float,
-) -> float:
-    """Return T_j (eq. 15), the last moment sure to be free before the trajectory leaves the profile; inf: no contact.
-
-    The next sample is as late as the profile's minima around the present one are sure to allow, at least `step_m` on;
-    the contact is then bracketed to a tenth of that from the free side, because a late T_j is a collision.
-
-    How late: the velocity goes straight to its target, so from now on no component of it exceeds the greater of its
-    present and its target value. With the outward speed u, the inward speed d and the sideward speed w so bounded, the
-    bearing turns by less than phi while w t <= (r - d t) tan(phi), and until then the range grows by at most
-    (u + w sin(phi)) t.
-    """
-    fastest = math.sqrt(max(velocity[0] ** 2 + velocity[1] ** 2, target[0] ** 2 + target[1] ** 2))
-    if fastest == 0.0:
-        return np.inf
-    dv_x, dv_y = target[0] - velocity[0], target[1] - velocity[1]
-    size = math.sqrt(dv_x * dv_x + dv_y * dv_y)
-    push = acceleration / size if size > 0.0 else 0.0
-    settle = size / acceleration
-    lag = dead_time + 0.5 * settle
-    least = step_m / fastest
-    slowness = 1.0 / fastest
-    free = 0.0
-    t = min(max(smallest * slowness, least), horizon)
-    while True:
-        # predict_position, written out to share what does not change along a trajectory, and with the velocity.
-        if t < dead_time:
-            x, y = velocity[0] * t, velocity[1] * t
-            v_x, v_y = velocity
-        elif t < dead_time + settle:
-            share = push * (t - dead_time)
-            gained = 0.5 * share * (t - dead_time)
-            x, y = velocity[0] * t + gained * dv_x, velocity[1] * t + gained * dv_y
-            v_x, v_y = velocity[0] + share * dv_x, velocity[1] + share * dv_y
-        else:
-            x, y = velocity[0] * lag + target[0] * (t - lag), velocity[1] * lag + target[1] * (t - lag)
-            v_x, v_y = target
-        r = math.sqrt(x * x + y * y)
-        later = least
-        if r > 1e-12:
-            index = _profile_bin(x, y)
-            if r >= profile[index]:
-                break
-            out_now, out_then = v_x * x + v_y * y, target[0] * x + target[1] * y
-            out = max(out_now, out_then, 0.0)
-            inward = max(-out_now, -out_then, 0.0)
-            sideward = max(abs(v_y * x - v_x * y), abs(target[1] * x - target[0] * y)) + 1e-12
-            later = max(
-                later,
-                (smallest - r) * slowness,
-                _sure_time(r, coarse[index // (BINS // COARSE)] - r, out, inward, sideward, _COARSE_SIN, _COARSE_TAN),
-                _sure_time(r, fine[index // (BINS // FINE)] - r, out, inward, sideward, _FINE_SIN, _FINE_TAN),
-            )
-        free = t
-        if t >= horizon:
-            return np.inf
-        t = min(t + later, horizon)
-    hit = t
-    while (hit - free) * fastest > 0.1 * step_m:
-        t = 0.5 * (free + hit)
-        x, y = predict_position(velocity, target, acceleration, dead_time, t)
-        r = math.sqrt(x * x + y * y)
-        if r > 1e-12 and r >= profile[_profile_bin(x, y)]:
-            hit = t
-        else:
-            free = t
-    return free
+def unwind(detour: float, way_m: float, radius_m: float) -> float:
+    """Return what is left of a detour (radians, signed) after a way driven: it turns back in an arc of this radius."""
+    left = max(abs(detour) - way_m / radius_m, 0.0)
+    return math.copysign(left, detour)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def choose_direction(
     velocity: Pair,
-    goal_bearing: float,
+    pending: Pair,
+    wanted_bearing: float,
     goal_distance: float,
     side: float,
     limits: Limits,
@@ -321,12 +53,12 @@ def choose_direction(
 
     Parameters
     ----------
-    velocity : (float, float)
-        m/s.
-    goal_bearing, goal_distance : float
-        Radians; metres, inf when unknown.
+    velocity, pending : (float, float)
+        m/s: now, and of the command that is obeyed during the dead time.
+    wanted_bearing, goal_distance : float
+        Radians; metres, inf when unknown, or when the goal does not lie in that direction.
     side : float
-        -1, 0 or 1: the side on which obstacles are being passed.
+        -1, 0 or 1: the side to which it rather turns from the wanted bearing.
     limits : (float,) * 7
         Top speed, acceleration, dead time, period, threshold (negative: derived), sample distance; levels of speed.
     use_velocity : bool
@@ -346,46 +78,68 @@ def choose_direction(
         The direction; -1 for braking.
     speed : float
         m/s.
-    side : float
-        To be handed in next time.
+    turned : float
+        Radians, to the left, from the wanted bearing to the direction, within [-pi, pi).
     """
     speed, acceleration, dead_time, period, threshold, step_m, levels = limits
     count = directions.shape[0]
     turn = 2.0 * math.pi
     same = math.pi / count * 1.001
-    goal_bearing %= turn
+    wanted_bearing %= turn
     if goal_distance < np.inf:
         lag = acceleration * (dead_time + period)
         speed = min(speed, math.sqrt(lag * lag + 2.0 * acceleration * goal_distance) - lag)
+    here = (0.0, 0.0)
+    # what happens before the new command is obeyed, no choice can change
+    coasted = contact_time(
+        here, velocity, pending, acceleration, dead_time, step_m, profile, fine, coarse, smallest
+    )  # fmt: skip
+    start = predict_position(here, velocity, pending, acceleration, dead_time)
+    obeying = predict_velocity(velocity, pending, acceleration, dead_time)
     best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
     for level in range(int(levels)):
         slower = speed * 0.5**level
-        # At best it goes straight to the goal; and a direction no nearer to the goal is not worth the lower speed.
+        # At best it goes straight there; and a direction no nearer to it is not worth the lower speed.
         if slower <= progress:
             break
         chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0
         for j in range(count):
-            turned = directions[j] - goal_bearing
+            turned = directions[j] - wanted_bearing
             if turned >= math.pi:
                 turned -= turn
             elif turned < -math.pi:
                 turned += turn
             ahead = abs(turned) <= same
-            away = turn - abs(turned) if turned * side < 0.0 and not ahead else abs(turned)
+            away = abs(turned)
+            if turned * side < 0.0 and not ahead:
+                away += OTHER_SIDE_RAD
             if level > 0 and away > least + 1e-9:
                 continue
             target = (slower * units[j, 0], slower * units[j, 1])
-            present = velocity if use_velocity else target
+            present = obeying if use_velocity else target
             settle = math.sqrt((target[0] - present[0]) ** 2 + (target[1] - present[1]) ** 2) / acceleration
             needed = threshold if threshold >= 0.0 else 2.0 * dead_time + period + settle + 0.5 * slower / acceleration
             horizon = 1.1 * needed
-            t = contact_time(present, target, acceleration, dead_time, horizon, step_m, profile, fine, coarse, smallest)
+            if not use_velocity:
+                t = contact_time(
+                    here, target, target, acceleration, horizon, step_m, profile, fine, coarse, smallest
+                )  # fmt: skip
+            elif coasted < np.inf:
+                t = coasted
+            else:
+                t = dead_time + contact_time(
+                    start, obeying, target, acceleration, max(horizon - dead_time, 0.0), step_m, profile, fine, coarse,
+                    smallest,
+                )  # fmt: skip
             if level == 0:
                 time_to_contact[j] = t
             if t < needed:
                 beyond = False
-                if ahead and goal_distance < np.inf:
-                    x, y = predict_position(present, target, acceleration, dead_time, t)
+                if ahead and goal_distance < np.inf and t >= dead_time:
+                    if use_velocity:
+                        x, y = predict_position(start, obeying, target, acceleration, t - dead_time)
+                    else:
+                        x, y = target[0] * t, target[1] * t
                     beyond = math.hypot(x, y) >= goal_distance + 0.5 * slower * slower / acceleration
                 if not beyond:
                     continue
@@ -395,30 +149,29 @@ def choose_direction(
             best, nearest, toward, pace = chosen, least, turned_least, slower
             progress = slower * math.cos(min(least, math.pi))
     if best >= 0:
-        if abs(toward) <= same:
-            side = 0.0
-        elif side == 0.0:
-            side = 1.0 if toward > 0.0 else -1.0
-        return 0, best, pace, side
-    standing = (0.0, 0.0)
-    present = velocity if use_velocity else standing
-    stop = dead_time + math.hypot(present[0], present[1]) / acceleration
-    latest = contact_time(present, standing, acceleration, dead_time, stop, step_m, profile, fine, coarse, smallest)
+        return 0, best, pace, toward
+    latest = coasted
+    if latest == np.inf or not use_velocity:
+        stop = math.hypot(obeying[0], obeying[1]) / acceleration if use_velocity else 0.0
+        latest = dead_time + contact_time(
+            start, obeying, here, acceleration, stop, step_m, profile, fine, coarse, smallest
+        )  # fmt: skip
     # Later by less than contacts are told apart is no later, and braking then touches more softly.
-    latest += 0.1 * step_m / max(speed, math.hypot(present[0], present[1]), step_m)
+    latest += 0.1 * step_m / max(speed, math.hypot(velocity[0], velocity[1]), step_m)
     chosen = -1
     for j in range(count):
         if time_to_contact[j] > latest:
             chosen, latest = j, time_to_contact[j]
-    return (1, -1, 0.0, side) if chosen < 0 else (2, chosen, speed, side)
+    return (1, -1, 0.0, 0.0) if chosen < 0 else (2, chosen, speed, 0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def steer(
     velocity: Pair,
+    pending: Pair,
     goal_bearing: float,
     goal_distance: float,
-    side: float,
+    detour: float,
     limits: Limits,
     use_velocity: bool,
     directions: FloatArray,
@@ -435,9 +188,10 @@ def steer(
     coarse: FloatArray,
     time_to_contact: FloatArray,
 ) -> Outcome:
-    """Join the three steps in one call; the sectors are measured again only when the bearings have changed.
+    """Join the steps in one call; the sectors are measured again only when the bearings have changed.
 
-    Returns what `choose_direction` does; outcome -1 where the bearings do not ascend within one turn.
+    Takes the detour, radians to the left of the goal's bearing, and returns what `choose_direction` does, but last the
+    detour to be handed in next time; outcome -1 where the bearings do not ascend within one turn.
     """
     same = True
     for k in range(bearing.shape[0]):
@@ -445,10 +199,28 @@ def steer(
     if not same:
         known_bearing[:] = np.nan
         if not measure_sectors(bearing, sectors, sector_bins):
-            return -1, -1, 0.0, side
+            return -1, -1, 0.0, detour
         known_bearing[:] = bearing
     smallest = grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, fine, coarse)
-    return choose_direction(
-        velocity, goal_bearing, goal_distance, side, limits, use_velocity, directions, units,
+    resolution = math.pi / directions.shape[0] * 1.001
+    pace = math.hypot(velocity[0], velocity[1])
+    detour = unwind(detour, pace * limits[3], max(radius_m, pace * pace / limits[1]))
+    if goal_distance < profile[profile_bin(math.cos(goal_bearing), math.sin(goal_bearing))]:
+        detour = 0.0
+    side = 0.0 if detour == 0.0 else math.copysign(1.0, detour)
+    if abs(detour) > AWAY_RAD:
+        # away from the goal no faster than it can turn within its own length: else it overshoots every corner
+        speed, acceleration, dead_time, period, threshold, step_m, levels = limits
+        slower = min(speed, math.sqrt(acceleration * 2.0 * radius_m))
+        limits = (slower, acceleration, dead_time, period, threshold, step_m, levels)
+    # a goal that is not driven towards is not arrived at
+    distance = goal_distance if abs(detour) <= resolution else np.inf
+    outcome, index, speed, turned = choose_direction(
+        velocity, pending, goal_bearing + detour, distance, side, limits, use_velocity, directions, units,
         profile, fine, coarse, smallest, time_to_contact,
     )  # fmt: skip
+    if outcome == 0 and abs(turned) > resolution:
+        detour += turned
+        while abs(detour) > MOST_TURNED_RAD:
+            detour -= math.copysign(2.0 * math.pi, detour)
+    return outcome, index, speed, detour

@@ -69,7 +69,7 @@ class Sensor:
         """
         light = radiance.astype(np.float32)
         if self.vignette:
-            light *= _vignette(light.shape[0], light.shape[1], self.vignette)[..., None]
+            light *= vignette_gain(light.shape[0], light.shape[1], self.vignette)[..., None]
         if self.blur_px:
             light = np.asarray(cv2.GaussianBlur(light, (0, 0), self.blur_px, borderType=cv2.BORDER_REPLICATE))
         light *= np.array(self.cast_bgr, dtype=np.float32) * np.float32(self.gain)
@@ -80,7 +80,8 @@ class Sensor:
 
 
 @lru_cache(maxsize=16)
-def _vignette(height: int, width: int, strength: float) -> npt.NDArray[np.float32]:
+def vignette_gain(height: int, width: int, strength: float) -> npt.NDArray[np.float32]:
+    """Share of light (H, W) float32 that a lens lets through: 1 in the middle, 1 - `strength` in the corners."""
     v, u = np.mgrid[:height, :width].astype(np.float32)
     squared = (u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2
     return np.asarray(1 - strength * squared / max(float(squared.max()), 1.0), dtype=np.float32)

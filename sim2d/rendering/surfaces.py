@@ -87,8 +87,8 @@ class FirstHits:
         start, end = (wall.x0_m, wall.y0_m), (wall.x1_m, wall.y1_m)
         normal = math.atan2(wall.y1_m - wall.y0_m, wall.x1_m - wall.x0_m) + math.pi / 2
         sides = (
-            self.add_surface(wall.left_bgr, _face_light(normal)),
-            self.add_surface(wall.right_bgr, _face_light(normal + math.pi)),
+            self.add_surface(wall.left_bgr, face_light(normal)),
+            self.add_surface(wall.right_bgr, face_light(normal + math.pi)),
         )
         for part, distance, from_left in self._meet_segment(start, end):
             self._keep(part, distance, wall.height_m, sides[0] if from_left else sides[1])
@@ -101,7 +101,7 @@ class FirstHits:
             normal = math.atan2(end[1] - start[1], end[0] - start[0]) - math.pi / 2
             for part, distance, from_left in self._meet_segment(start, end):
                 if not from_left:
-                    face = self.add_surface(box.color_bgr, _face_light(normal))
+                    face = self.add_surface(box.color_bgr, face_light(normal))
                     self._keep(part, distance, box.height_m, face)
         if box.height_m < self.rays.height_m:
             top = self.add_surface(box.color_bgr)
@@ -260,6 +260,6 @@ class FirstHits:
         np.copyto(self.surface[part], np.uint16(number), where=hit)
 
 
-def _face_light(normal_rad: float) -> float:
+def face_light(normal_rad: float) -> float:
     """Share of the light that an upright face gets, by the field-frame direction it looks to."""
     return 0.78 + 0.14 * math.cos(normal_rad - LAMP_DIRECTION_RAD)

@@ -1,0 +1,38 @@
+"""A player of your own: it sees by its camera alone, drives to the ball and kicks it at the other goal."""
+
+import math
+
+from robocup_vision import Vision
+from robocup_vision.localization.pose_filter import PoseFilter
+from sim2d.match_run import MatchPlan, run_match
+from sim2d.robot_link import Belief, Command, PlayerSetup, Senses
+
+
+class Chaser:
+    """Gets its robot's senses 30 times a second, and answers with a command."""
+
+    def __init__(self, setup: PlayerSetup) -> None:
+        self.vision, self.filter, self.view = Vision(setup.field, setup.camera), PoseFilter(), None
+        self.goal_m = (setup.attacks * setup.field.length_m / 2, 0.0)
+
+    def act(self, senses: Senses) -> Command:
+        """Return what the robot shall do; `senses` is all there is to know."""
+        self.filter.predict(senses.odometry, senses.t_s)
+        if senses.frame is not None:
+            self.view = self.vision.look(senses.frame, prior=self.filter.prior(senses.frame_t_s))
+            self.filter.update(self.view.pose, senses.frame_t_s)
+        pose, ball = self.filter.belief, self.view and self.view.ball
+        if senses.phase == "kick_off" or not pose or not (ball or senses.ball_in_mouth):
+            return Command(turn_rps=0.0 if senses.phase == "kick_off" else 2.0)
+        ahead_m, left_m = pose.pose.inverse().transform(self.goal_m)
+        if senses.ball_in_mouth:  # turn with it, then shoot
+            off_rad = math.atan2(left_m, ahead_m)
+            return Command(0.1, turn_rps=1.5 * off_rad, dribble=True, kick_mps=2.0 * (abs(off_rad) < 0.2))
+        return Command(1.5 * ball.x_m, 1.5 * ball.y_m, 4.0 * math.atan2(ball.y_m, ball.x_m), dribble=True)
+
+    belief = property(lambda self: Belief(self.filter.belief, None, "chase", self.view))  # for the film
+
+
+if __name__ == "__main__":
+    summary = run_match(MatchPlan(players=1, seconds=10.0, seed=1, ours=Chaser), "out/own_player")
+    print("score {} : {},".format(*summary.figures.score), summary.report or summary.out)

@@ -1,0 +1,179 @@
+"""Compiled loops of free ranges grown by the robot: the profile that its centre, taken as a point, may move in."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
+
+# Bins of the grown profile (0.45 to 0.9 degrees) and the groups of them over which trajectories take long steps.
+# Constants of the compiler, because a division by them is then a shift.
+BINS = 512
+FINE = 128
+COARSE = 32
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def profile_bin(x: float, y: float) -> int:
+    """Bin of the direction (x, y)."""
+    # The diamond angle grows with the bearing as atan2 does, at the price of one division.
+    along = y / (abs(x) + abs(y))
+    if x < 0.0:
+        along = 2.0 - along
+    elif along < 0.0:
+        along += 4.0
+    index = int(along * (0.25 * BINS))
+    return index if index < BINS else index - BINS
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def measure_sectors(bearing: FloatArray, sectors: FloatArray, sector_bins: Int64Array) -> bool:
+    """Give each bearing its sector, halfway to its neighbours; False where the bearings do not ascend within one turn.
+
+    Parameters
+    ----------
+    bearing : (J,) float64
+        Radians.
+    sectors : (J, 4) float64, written
+        Unit vectors (x, y) of the lower and the upper edge.
+    sector_bins : (J, 4) int64, written
+        Profile bins of the edges; whether the lower and the upper neighbour follow without a gap.
+
+    A gap of more than 1.5 times the smallest spacing belongs to nobody (a camera that does not see all around): there
+    a sector reaches half the smallest spacing, and the rest is unseen.
+    """
+    count = bearing.shape[0]
+    turn = 2.0 * np.pi
+    spacing = turn
+    for k in range(count):
+        ahead = bearing[k + 1] - bearing[k] if k + 1 < count else bearing[0] + turn - bearing[k]
+        if not ahead > 0.0:
+            return False
+        spacing = min(spacing, ahead)
+    for k in range(count):
+        for side in range(2):
+            if side == 0:
+                gap = bearing[k] - bearing[k - 1] if k > 0 else bearing[0] + turn - bearing[count - 1]
+            else:
+                gap = bearing[k + 1] - bearing[k] if k + 1 < count else bearing[0] + turn - bearing[k]
+            joined = gap <= 1.5 * spacing
+            half = 0.5 * (gap if joined else spacing)
+            angle = bearing[k] - half if side == 0 else bearing[k] + half
+            x, y = np.cos(angle), np.sin(angle)
+            sectors[k, 2 * side] = x
+            sectors[k, 2 * side + 1] = y
+            sector_bins[k, side] = profile_bin(x, y)
+            sector_bins[k, 2 + side] = 1 if joined else 0
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _widen(lows: FloatArray, count: int, out: FloatArray) -> None:
+    """Smallest of each of the first `count` values and its two neighbours around the turn."""
+    for k in range(count):
+        out[k] = min(lows[k], min(lows[k - 1 if k > 0 else count - 1], lows[k + 1 if k + 1 < count else 0]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def grow_profile(
+    range_m: FloatArray,
+    sectors: FloatArray,
+    sector_bins: Int64Array,
+    edges: FloatArray,
+    radius_m: float,
+    profile: FloatArray,
+    fine: FloatArray,
+    coarse: FloatArray,
+) -> float:
+    """Fill the grown profile: per bin the smallest centre range at which a disc touches a sector's arc or its shadow.
+
+    Parameters
+    ----------
+    range_m : (J,) float64
+        Metres; NaN is unseen: its own bins become 0 and nothing grows from it.
+    sectors, sector_bins : (J, 4)
+        From `measure_sectors`.
+    edges : (BINS + 1, 2) float64
+        Unit vectors of the profile's bin edges.
+    radius_m : float
+        The robot's.
+    profile : (BINS,) float64, written
+        Metres; inf where nothing is ever touched.
+    fine, coarse : (FINE,), (COARSE,) float64, written
+        Smallest profile over each group of bins and its two neighbours.
+
+    Returns
+    -------
+    float
+        Smallest profile of all.
+    """
+    count = range_m.shape[0]
+    squared = radius_m * radius_m
+    # Bins that no sector covers are unseen; -1 marks them until all sectors are in.
+    profile[:] = -1.0
+    for k in range(count):
+        index = sector_bins[k, 0]
+        while True:
+            profile[index] = np.inf
+            if index == sector_bins[k, 1]:
+                break
+            index = index + 1 if index + 1 < BINS else 0
+    for index in range(BINS):
+        if profile[index] < 0.0:
+            profile[index] = 0.0
+    for k in range(count):
+        reach = range_m[k]
+        seen = not np.isnan(reach)
+        reach = max(reach, radius_m) if seen else radius_m
+        index = sector_bins[k, 0]
+        while True:
+            profile[index] = min(profile[index], reach - radius_m)
+            if index == sector_bins[k, 1]:
+                break
+            index = index + 1 if index + 1 < BINS else 0
+        if not seen or np.isinf(reach):
+            continue
+        for side in range(2):
+            if sector_bins[k, 2 + side] == 1:
+                other = range_m[(k + 1) % count] if side == 1 else range_m[k - 1]
+                # A nearer neighbour holds this end point in its own shadow.
+                if other <= range_m[k]:
+                    continue
+            x = reach * sectors[k, 2 * side]
+            y = reach * sectors[k, 2 * side + 1]
+            index = sector_bins[k, side]
+            for _ in range(BINS):
+                if side == 1:
+                    index = index + 1 if index + 1 < BINS else 0
+                    edge = index
+                else:
+                    edge = index
+                    index = index - 1 if index > 0 else BINS - 1
+                ahead = edges[edge, 0] * x + edges[edge, 1] * y
+                beside = edges[edge, 0] * y - edges[edge, 1] * x
+                rest = squared - beside * beside
+                if ahead <= 0.0 or rest < 0.0:
+                    break
+                touch = ahead - np.sqrt(rest)
+                if touch < profile[index]:
+                    profile[index] = max(touch, 0.0)
+    lows = np.empty(FINE)
+    for group in range(FINE):
+        low = np.inf
+        for index in range(group * (BINS // FINE), (group + 1) * (BINS // FINE)):
+            low = min(low, profile[index])
+        lows[group] = low
+    _widen(lows, FINE, fine)
+    for group in range(COARSE):
+        low = np.inf
+        for index in range(group * (FINE // COARSE), (group + 1) * (FINE // COARSE)):
+            low = min(low, lows[index])
+        lows[group] = low
+    _widen(lows, COARSE, coarse)
+    smallest = np.inf
+    for group in range(COARSE):
+        smallest = min(smallest, lows[group])
+    return smallest

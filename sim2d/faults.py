@@ -1,0 +1,176 @@
+"""What goes wrong with a robot in a match: its camera, its odometry, and hands that push or carry it off.
+
+A fault is a plain value with its time. `FaultySenses` stands between what a robot would sense and what its player gets.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2
+from sim2d.robot_link import Senses
+
+UInt8Array = npt.NDArray[np.uint8]
+SenseFaultKind = Literal["dropped", "delayed", "frozen", "black", "odometry"]
+
+_KINDS = ("dropped", "delayed", "frozen", "black", "odometry")
+# frames come at whole control periods, whose times are sums of binary fractions
+_TIME_SLACK_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class SenseFault:
+    """A camera or an odometry that fails for a while.
+
+    Parameters
+    ----------
+    robot : int
+        Its index.
+    kind : {"dropped", "delayed", "frozen", "black", "odometry"}
+        Frames are lost at random, come late, repeat the last good one as if it were new, or are black; or the odometry
+        errs.
+    from_s, until_s : float
+        When.
+    amount : float
+        "dropped": share of the frames, 0 to 1. "delayed": seconds. "odometry": relative error, 0.2 for a fifth too
+        much, -0.2 for a fifth too little. Otherwise unused.
+
+    Raises
+    ------
+    ArgumentError
+        If one of them is out of its range.
+    """
+
+    robot: int
+    kind: SenseFaultKind
+    from_s: float = 0.0
+    until_s: float = math.inf
+    amount: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in _KINDS:
+            raise ArgumentError(f"a fault's kind must be one of {', '.join(_KINDS)}, got {self.kind!r}")
+        if not 0.0 <= self.from_s <= self.until_s:
+            raise ArgumentError(f"a fault must not end before it begins, got {self.from_s!r} to {self.until_s!r} s")
+        least, most = {"dropped": (0.0, 1.0), "delayed": (0.0, 10.0), "odometry": (-1.0, 1.0)}.get(
+            self.kind, (-math.inf, math.inf)
+        )
+        if not least <= self.amount <= most:
+            raise ArgumentError(f"amount of '{self.kind}' must be within {least:g} to {most:g}, got {self.amount!r}")
+
+    def is_on(self, t_s: float) -> bool:
+        """Tell whether it holds at a time."""
+        return self.from_s - _TIME_SLACK_S <= t_s < self.until_s - _TIME_SLACK_S
+
+
+@dataclass(frozen=True, slots=True)
+class BodyFault:
+    """A robot pushed, turned or carried off by a force that neither wheels nor commands know of.
+
+    Parameters
+    ----------
+    robot : int
+        Its index.
+    at_s : float
+        When.
+    push_m : (float, float)
+        Way it is shoved, field frame, metres.
+    turn_rad : float
+        By which it is turned on that way.
+    carry_to : Pose2 or None
+        Where it is put down, field frame.
+    """
+
+    robot: int
+    at_s: float
+    push_m: tuple[float, float] = (0.0, 0.0)
+    turn_rad: float = 0.0
+    carry_to: Pose2 | None = None
+
+    def __post_init__(self) -> None:
+        if not self.at_s >= 0.0:
+            raise ArgumentError(f"a fault's time must not be negative, got {self.at_s!r} s")
+
+    @property
+    def kind(self) -> Literal["pushed", "turned", "carried"]:
+        """What happens to the robot, in a word."""
+        if self.carry_to is not None:
+            return "carried"
+        return "pushed" if any(self.push_m) else "turned"
+
+    @property
+    def from_s(self) -> float:
+        """Its beginning."""
+        return self.at_s
+
+    @property
+    def until_s(self) -> float:
+        """Its end, which is its beginning."""
+        return self.at_s
+
+
+Fault = SenseFault | BodyFault
+
+
+class FaultySenses:
+    """Spoils one robot's senses as its faults say.
+
+    Parameters
+    ----------
+    faults : sequence of SenseFault
+        Those of this robot.
+    rng : numpy Generator
+        Chooses the frames that are dropped.
+    """
+
+    def __init__(self, faults: Sequence[SenseFault], rng: np.random.Generator) -> None:
+        self._faults = tuple(faults)
+        self._rng = rng
+        self._longest_delay_s = max((f.amount for f in self._faults if f.kind == "delayed"), default=0.0)
+        self._exposed: deque[tuple[float, UInt8Array]] = deque()
+        self._last_good: UInt8Array | None = None
+        self._handed_on_s = -math.inf
+
+    def apply(self, senses: Senses) -> Senses:
+        """Return what is left of the senses; call it once each control period, in order."""
+        on = {fault.kind: fault.amount for fault in self._faults if fault.is_on(senses.t_s)}
+        if "odometry" in on:
+            gain, step = 1.0 + on["odometry"], senses.odometry
+            odometry = Pose2(gain * step.x_m, gain * step.y_m, gain * step.theta_rad)
+            senses = replace(senses, odometry=odometry)
+        if "delayed" in on or self._longest_delay_s:
+            senses = self._delayed(senses, on.get("delayed", 0.0))
+        if "frozen" in on:
+            frame_t_s = None if self._last_good is None else senses.t_s
+            senses = replace(senses, frame=self._last_good, frame_t_s=frame_t_s)
+        elif senses.frame is not None:
+            self._last_good = senses.frame
+        if "black" in on and senses.frame is not None:
+            black = np.zeros_like(senses.frame)
+            black.flags.writeable = False
+            senses = replace(senses, frame=black)
+        if "dropped" in on and self._rng.random() < on["dropped"]:
+            senses = replace(senses, frame=None, frame_t_s=None)
+        return senses
+
+    def _delayed(self, senses: Senses, delay_s: float) -> Senses:
+        if senses.frame is not None and senses.frame_t_s is not None:
+            self._exposed.append((senses.frame_t_s, senses.frame))
+        newest: tuple[float, UInt8Array] | None = None
+        while self._exposed and self._exposed[0][0] < senses.t_s - self._longest_delay_s - _TIME_SLACK_S:
+            self._exposed.popleft()
+        for exposed_s, frame in self._exposed:
+            if self._handed_on_s < exposed_s <= senses.t_s - delay_s + _TIME_SLACK_S:
+                newest = exposed_s, frame
+        if newest is None:
+            return replace(senses, frame=None, frame_t_s=None)
+        self._handed_on_s = newest[0]
+        return replace(senses, frame=newest[1], frame_t_s=newest[0])

@@ -1,0 +1,347 @@
+"""Compiled: what a viewpoint sees along each bearing, as a stack of spans from steeply down to above the horizon.
+
+Along one bearing a ray is told by its slope (rise over run). Things that stand on the floor hide what is behind them
+from the slope of their foot up to that of their upper edge, nearest first, so a bearing's picture is a list of spans of
+slope; a pixel is then the mean over the slopes it covers.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Floats = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
+Doubles = npt.NDArray[np.float64]
+
+# kinds of spans
+FLOOR, PAINT, BALL = 0, 1, 2
+# columns of the bearings' lists
+NEAR, FAR, THING, SHADE = range(4)
+# the room's wall is worked out for every so many bearings, and between them by proportion
+ROOM_STRIDE = 16
+# columns of `things`: one row for each wall, box face, cylinder
+HEIGHT, BANDS, COLOR, TOP_COLOR, MARKER_COLOR, MARKER_GAP_M2, IS_EDGE = range(7)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add(
+    bearing: int, near_m: float, far_m: float, thing: int, shade: float, count: Int32Array, entries: Floats
+) -> None:
+    """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
+    k = count[bearing]
+    is_full = k == entries.shape[1]
+    if is_full:
+        k -= 1
+    if not is_full or entries[bearing, k, NEAR] > near_m:
+        count[bearing] = k + 1
+        while k > 0 and entries[bearing, k - 1, NEAR] > near_m:
+            for column in range(4):
+                entries[bearing, k, column] = entries[bearing, k - 1, column]
+            k -= 1
+        entries[bearing, k, NEAR], entries[bearing, k, FAR] = near_m, far_m
+        entries[bearing, k, THING], entries[bearing, k, SHADE] = thing, shade
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def meet_walls(
+    walls: Doubles,
+    first: int,
+    eye: Doubles,
+    directions: Doubles,
+    per_turn: int,
+    count: Int32Array,
+    entries: Floats,
+) -> None:
+    """Enter upright sheets into the lists of the bearings that meet them.
+
+    Parameters
+    ----------
+    walls : (W, 4) float64
+        x0, y0, x1, y1, field frame, metres.
+    first : int
+        Wall w is thing `first + 2 w` seen from its left and `first + 2 w + 1` from its right.
+    eye : (3,) float64
+        x, y (m) and heading (rad) of the viewpoint.
+    directions : (K, 3) float64
+        Bearing (rad), its cosine and sine, in the eye's frame, evenly spaced.
+    per_turn : int
+        How many bearings would make a full turn.
+    count : (K,) int32
+        Lengths of the lists.
+    entries : (K, E, 4) float32
+        The lists: distances where a thing begins and ends (m), its number, its shade.
+    """
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    per_rad = per_turn / math.tau
+    for w in range(len(walls)):
+        x, y = walls[w, 0] - eye[0], walls[w, 1] - eye[1]
+        ax, ay = c * x + s * y, c * y - s * x
+        x, y = walls[w, 2] - eye[0], walls[w, 3] - eye[1]
+        bx, by = c * x + s * y, c * y - s * x
+        turn = ax * by - ay * bx
+        thing = first + 2 * w
+        if turn < 0:
+            ax, ay, bx, by, turn = bx, by, ax, ay, -turn
+            thing += 1
+        if turn < 1e-9:
+            continue
+        low = math.atan2(ay, ax) - directions[0, 0]
+        low -= math.floor(low / math.tau) * math.tau
+        span = math.atan2(turn, ax * bx + ay * by)
+        for i in range(math.ceil(low * per_rad), math.ceil((low + span) * per_rad)):
+            k = i if i < per_turn else i - per_turn
+            if k >= len(directions):
+                continue
+            across = directions[k, 2] * (ax - bx) - directions[k, 1] * (ay - by)
+            if across > 0:
+                distance = turn / across
+                _add(k, distance, distance, thing, 1.0, count, entries)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def meet_cylinders(
+    cylinders: Doubles,
+    first: int,
+    eye: Doubles,
+    lamp_rad: float,
+    directions: Doubles,
+    per_turn: int,
+    count: Int32Array,
+    entries: Floats,
+) -> None:
+    """Enter upright cylinders, (C, 3) float64: x, y, radius (m), field frame; cylinder i is thing `first + i`.
+
+    Other parameters as in `meet_walls`; `lamp_rad` is the field-frame direction of the light.
+    """
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    lamp_x, lamp_y = math.cos(lamp_rad - eye[2]), math.sin(lamp_rad - eye[2])
+    per_rad = per_turn / math.tau
+    for i in range(len(cylinders)):
+        dx, dy, radius = cylinders[i, 0] - eye[0], cylinders[i, 1] - eye[1], cylinders[i, 2]
+        x, y = c * dx + s * dy, c * dy - s * dx
+        away = math.hypot(x, y)
+        if away <= radius:
+            continue
+        half = math.asin(radius / away)
+        low = math.atan2(y, x) - half - directions[0, 0]
+        low -= math.floor(low / math.tau) * math.tau
+        for j in range(math.ceil(low * per_rad), math.ceil((low + 2 * half) * per_rad)):
+            k = j if j < per_turn else j - per_turn
+            if k >= len(directions):
+                continue
+            cos, sin = directions[k, 1], directions[k, 2]
+            toward, aside = cos * x + sin * y, cos * y - sin * x
+            chord = math.sqrt(max(radius * radius - aside * aside, 0.0))
+            distance = toward - chord
+            facing = ((distance * cos - x) * lamp_x + (distance * sin - y) * lamp_y) / radius
+            _add(k, distance, toward + chord, first + i, 0.75 + 0.20 * facing, count, entries)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def meet_boxes(
+    corners: Doubles,
+    first: int,
+    eye: Doubles,
+    directions: Doubles,
+    per_turn: int,
+    count: Int32Array,
+    entries: Floats,
+) -> None:
+    """Enter upright boxes, (B, 4, 2) float64 corners, field frame (m), counter-clockwise.
+
+    Face f of box b, between corners f - 1 and f, is thing `first + 4 b + f`. Other parameters as in `meet_walls`.
+    """
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    per_rad = per_turn / math.tau
+    x, y = np.empty(4), np.empty(4)
+    for b in range(len(corners)):
+        for f in range(4):
+            dx, dy = corners[b, f, 0] - eye[0], corners[b, f, 1] - eye[1]
+            x[f], y[f] = c * dx + s * dy, c * dy - s * dx
+        middle_x, middle_y = (x[0] + x[2]) / 2, (y[0] + y[2]) / 2
+        low, high = 0.0, 0.0
+        for f in range(4):
+            beside = math.atan2(middle_x * y[f] - middle_y * x[f], middle_x * x[f] + middle_y * y[f])
+            low, high = min(low, beside), max(high, beside)
+        start = math.atan2(middle_y, middle_x) + low - directions[0, 0]
+        start -= math.floor(start / math.tau) * math.tau
+        for i in range(math.ceil(start * per_rad), math.ceil((start + high - low) * per_rad)):
+            k = i if i < per_turn else i - per_turn
+            if k >= len(directions):
+                continue
+            cos, sin = directions[k, 1], directions[k, 2]
+            enter, leave, face = -1.0, math.inf, -1
+            for f in range(4):
+                g = (f + 3) % 4
+                # the line through corners g and f; inside is to its left
+                ex, ey = x[f] - x[g], y[f] - y[g]
+                at_eye = ey * x[g] - ex * y[g]  # > 0: the eye is on the inner side
+                speed = ex * sin - ey * cos
+                if abs(speed) < 1e-12:
+                    continue
+                at = -at_eye / speed
+                if speed > 0:
+                    if at > enter:
+                        enter, face = at, f
+                else:
+                    leave = min(leave, at)
+            if face >= 0 and 0 < enter < leave:
+                _add(k, enter, leave, first + 4 * b + face, 1.0, count, entries)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _room_wall(along: float, aside: float, c: float, s: float, eye: Doubles, radius_m: float) -> tuple[float, float]:
+    """Distance (m) of the round wall in a direction of the eye's frame, and its azimuth in turns, 0 to 1."""
+    cos, sin = c * along - s * aside, s * along + c * aside
+    toward = -(cos * eye[0] + sin * eye[1])
+    away2 = eye[0] * eye[0] + eye[1] * eye[1]
+    distance = toward + math.sqrt(max(toward * toward + radius_m * radius_m - away2, 0.0))
+    turn = math.atan2(eye[1] + distance * sin, eye[0] + distance * cos) / math.tau
+    return distance, turn - math.floor(turn)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _end_span(
+    k: int, n: int, end: float, kind: int, color: Doubles, light: float, ends: Floats, kinds: Int32Array, paint: Floats
+) -> int:
+    """Append a span to bearing k's stack of n unless it is hidden or the stack is full; return the new n."""
+    if (n > 0 and end <= ends[k, n - 1]) or n == ends.shape[1] - 1:
+        return n
+    ends[k, n], kinds[k, n] = end, kind
+    for channel in range(3):
+        paint[k, n, channel] = color[channel] * light
+    return n + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def stack_spans(
+    count: Int32Array,
+    entries: Floats,
+    things: Doubles,
+    colors: Doubles,
+    directions: Doubles,
+    eye: Doubles,
+    height_m: float,
+    light: Doubles,
+    ground: Doubles,
+    room: Floats,
+    room_rows_per_m: float,
+    room_radius_m: float,
+    ball: Doubles,
+    ends: Floats,
+    kinds: Int32Array,
+    paint: Floats,
+    near_ball: Int32Array,
+) -> None:
+    """Turn each bearing's list into spans of slope, in ascending order.
+
+    Parameters
+    ----------
+    count, entries
+        The lists, nearest first.
+    things : (T, 7) float64
+        See the columns' names: height (m), number of colour bands, row of the lowest band's colour, of the top's and
+        of the marker's colour (-1: none), squared radius less that of the marker (m^2), whether the floor ends there.
+    colors : (C, 3) float64
+        BGR.
+    directions, eye
+        As in `meet_walls`.
+    height_m : float
+        Of the viewpoint.
+    light : (4,) float64
+        Level at the field's centre, change per metre along x and y, least level.
+    ground : (3,) float64
+        BGR of the ground where the floor has ended.
+    room : (H, W, 3) float32
+        The round wall behind everything, row 0 at the floor; a bearing shows one colour of it.
+    room_rows_per_m, room_radius_m : float
+        Its scale and radius.
+    ball : (4,) float64
+        x, y (field frame), radius (0: none), metres, and reach of its shade on the floor.
+    ends : (K, S) float32
+        Filled with the slope at which each span ends; the last is infinite.
+    kinds : (K, S) int32
+        Filled with what each span shows: FLOOR, PAINT or BALL.
+    paint : (K, S, 3) float32
+        Filled with the light of PAINT spans, BGR.
+    near_ball : (K,) int32
+        Filled with whether the ball's shade may be met.
+    """
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    dx, dy = ball[0] - eye[0], ball[1] - eye[1]
+    ball_x, ball_y = c * dx + s * dy, c * dy - s * dx
+    radius = ball[2]
+    from_k, until_k = 0, 0
+    room_from, turn_from = _room_wall(directions[0, 1], directions[0, 2], c, s, eye, room_radius_m)
+    room_until, turn_until = room_from, turn_from
+    for k in range(len(directions)):
+        cos, sin = c * directions[k, 1] - s * directions[k, 2], s * directions[k, 1] + c * directions[k, 2]
+        if k > until_k:
+            from_k, room_from, turn_from = until_k, room_until, turn_until
+            until_k = min(until_k + ROOM_STRIDE, len(directions) - 1)
+            room_until, turn_until = _room_wall(
+                directions[until_k, 1], directions[until_k, 2], c, s, eye, room_radius_m
+            )
+            turn_until += np.rint(turn_from - turn_until)
+        part = (k - from_k) / max(until_k - from_k, 1)
+        room_m = room_from + part * (room_until - room_from)
+        turn = turn_from + part * (turn_until - turn_from)
+        column = int((turn - math.floor(turn)) * room.shape[1]) % room.shape[1]
+
+        # the ball: slopes of the two rays that touch its section with the bearing's upright plane
+        ball_m, ball_low, ball_high = math.inf, 0.0, 0.0
+        toward = directions[k, 1] * ball_x + directions[k, 2] * ball_y
+        aside = directions[k, 1] * ball_y - directions[k, 2] * ball_x
+        near_ball[k] = radius > 0 and abs(aside) < ball[3] and toward > -ball[3]
+        section2 = radius * radius - aside * aside
+        if section2 > 0 and toward > 0 and toward * toward > section2:
+            drop = height_m - radius
+            root = math.sqrt(section2 * (toward * toward + drop * drop - section2))
+            ball_m = toward
+            ball_low = (-toward * drop - root) / (toward * toward - section2)
+            ball_high = (-toward * drop + root) / (toward * toward - section2)
+
+        on_floor, n = True, 0
+        lit_ground = light[0]
+        for e in range(count[k] + 1):
+            is_last = e == count[k]
+            distance = room_m if is_last else float(entries[k, e, NEAR])
+            if ball_m < distance:
+                n = _end_span(k, n, ball_low, FLOOR if on_floor else PAINT, ground, lit_ground, ends, kinds, paint)
+                n = _end_span(k, n, ball_high, BALL, ground, 0.0, ends, kinds, paint)
+                ball_m = math.inf
+            lit = max(light[0] + light[1] * (eye[0] + distance * cos) + light[2] * (eye[1] + distance * sin), light[3])
+            foot = -height_m / distance
+            n = _end_span(k, n, foot, FLOOR if on_floor else PAINT, ground, lit, ends, kinds, paint)
+            if is_last:
+                break
+            thing = int(entries[k, e, THING])
+            if things[thing, IS_EDGE]:
+                on_floor = not on_floor
+            height, bands = things[thing, HEIGHT], int(things[thing, BANDS])
+            for band in range(bands):
+                top = (height * (band + 1) / bands - height_m) / distance
+                row = int(things[thing, COLOR]) + band
+                n = _end_span(k, n, top, PAINT, colors[row], lit * entries[k, e, SHADE], ends, kinds, paint)
+            if things[thing, TOP_COLOR] >= 0 and height < height_m:
+                drop, far = height - height_m, entries[k, e, FAR]
+                top_color = colors[int(things[thing, TOP_COLOR])]
+                middle, half = (distance + far) / 2, (far - distance) / 2
+                marker2 = half * half - things[thing, MARKER_GAP_M2]
+                if things[thing, MARKER_COLOR] >= 0 and marker2 > 0:
+                    marker = math.sqrt(marker2)
+                    marker_color = colors[int(things[thing, MARKER_COLOR])]
+                    n = _end_span(k, n, drop / (middle - marker), PAINT, top_color, lit, ends, kinds, paint)
+                    n = _end_span(k, n, drop / (middle + marker), PAINT, marker_color, lit, ends, kinds, paint)
+                n = _end_span(k, n, drop / far, PAINT, top_color, lit, ends, kinds, paint)
+            lit_ground = lit
+        # seen at the middle between the last edge and the horizon
+        up = height_m + room_m * (float(ends[k, n - 1]) + 0.02) / 2
+        row = min(max(int(up * room_rows_per_m), 0), room.shape[0] - 1)
+        ends[k, n], kinds[k, n] = np.float32(math.inf), PAINT
+        for channel in range(3):
+            paint[k, n, channel] = room[row, column, channel]

@@ -1,0 +1,217 @@
+"""The built-in player: from camera frames and odometry alone to commands for one robot.
+
+What it believes comes from `Vision` and `PoseFilter`; what it wants from `player_tactics`, in its team's frame; how it
+gets there from `player_motion`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.pose_filter import PoseFilter
+from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.view import View
+from robocup_vision.vision import Vision
+from sim2d.line_up import kick_off_pose
+from sim2d.player_memory import BallMemory, Point, block_ball, is_in_sight
+from sim2d.player_motion import Motion
+from sim2d.player_tactics import Plan, Situation, Tactics
+from sim2d.robot_link import Belief, Command, PlayerSetup, Senses
+
+UInt8Array = npt.NDArray[np.uint8]
+
+# what was seen is driven by for so long; after that the robot stops until it sees again
+_SIGHT_S = 0.4
+# a ball that has not been seen for so long where nothing hides it is gone
+_MISSED_S = 0.5
+# a head looks at the ball, then sweeps for goals: seconds of each, and how far it sweeps
+_WATCH_S, _SWEEP_S, _SWEEP_RAD = 1.5, 1.5, 1.4
+# how fast a robot turns that does not know where it is
+_LOST_RPS = 1.0
+_NOWHERE = Pose2(0.0, 0.0, 0.0)
+
+
+class BuiltInPlayer:
+    """Plays one robot; satisfies `sim2d.robot_link.Player`.
+
+    Parameters
+    ----------
+    setup : PlayerSetup
+        What it knows before the match.
+    """
+
+    def __init__(self, setup: PlayerSetup) -> None:
+        self._setup = setup
+        camera = setup.camera
+        self._head: PinholeCamera | None = None
+        if isinstance(camera, PinholeCamera):
+            # seen from the head, wherever it turns; `_mount` places the head on the robot
+            self._head = camera
+            camera = dataclasses.replace(camera, pan_rad=0.0, offset_m=(0.0, 0.0))
+        self._vision = Vision(setup.field, camera)
+        self._filter = PoseFilter()
+        # the rules say where it begins, up to what a frame has to say
+        self._filter.expect(
+            kick_off_pose(setup.field, setup.attacks, setup.number, setup.players, setup.limits.radius_m)
+        )
+        self._tactics = Tactics(setup.field, setup.limits, setup.number, setup.players)
+        self._motion = Motion(setup.limits, np.random.default_rng(setup.seed))
+        self._ball = BallMemory()
+        self._view: View | None = None
+        self._view_t_s = -math.inf
+        self._view_mount = _NOWHERE
+        self._floor = SteadyFreeSpace()
+        self._free_space: FreeSpace | None = None
+        self._last_frame: UInt8Array | None = None
+        self._last_t_s: float | None = None
+        self._held_since_s: float | None = None
+        self._pan_rad = 0.0
+        self._intent = "wait"
+
+    @property
+    def belief(self) -> Belief:
+        """What it believes after the last `act`."""
+        place = None if self._last_t_s is None else self._ball.place(self._last_t_s)
+        return Belief(self._filter.belief, place, self._intent, self._view)
+
+    def act(self, senses: Senses) -> Command:
+        """Return what the robot shall do until the next senses come."""
+        self._feel(senses)
+        self._look(senses)
+        command = self._decide(senses)
+        pan = self._turn_head(senses.t_s) if self._head is not None else None
+        numbers = (command.forward_mps, command.left_mps, command.turn_rps, command.kick_mps)
+        if not all(map(math.isfinite, numbers)):
+            return Command(pan_rad=pan)
+        return dataclasses.replace(command, pan_rad=pan)
+
+    def _feel(self, senses: Senses) -> None:
+        odometry = senses.odometry
+        if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad))):
+            odometry = _NOWHERE
+        self._filter.predict(odometry, senses.t_s)
+        self._motion.feel(odometry, senses.t_s)
+        self._last_t_s = senses.t_s
+        if not senses.ball_in_mouth:
+            self._held_since_s = None
+        elif self._held_since_s is None:
+            self._held_since_s = senses.t_s
+
+    def _look(self, senses: Senses) -> None:
+        """See the frame, unless there is none or it is the last one again: then the camera stands still."""
+        frame, frame_t_s = senses.frame, senses.frame_t_s
+        if frame is None or frame_t_s is None:
+            return
+        if self._last_frame is not None and np.array_equal(frame, self._last_frame):
+            return
+        self._last_frame = frame.copy()
+        mount = self._mount()
+        prior = self._filter.prior(frame_t_s)
+        self._view = view = self._vision.look(frame, frame_t_s, prior=None if prior is None else prior.compose(mount))
+        pose = view.pose
+        if pose and self._head is not None:
+            pose = dataclasses.replace(
+                pose,
+                pose=pose.pose.compose(mount.inverse()),
+                candidates=tuple(candidate.compose(mount.inverse()) for candidate in pose.candidates),
+            )
+        self._filter.update(pose, frame_t_s)
+        if view.polar is None or not view.marks.any():
+            return
+        belief, motion = self._filter.belief, self._filter.motion_since(frame_t_s)
+        before = self._filter.motion_since(self._view_t_s)
+        if before is None or motion is None:
+            self._floor = SteadyFreeSpace()
+        moved = _NOWHERE if before is None or motion is None else before.compose(motion.inverse())
+        self._free_space = view.free_space if self._head else self._floor.see(view.free_space, moved)
+        self._view_t_s, self._view_mount = frame_t_s, mount
+        if belief and motion is not None and view.ball is not None:
+            ball = (
+                belief.pose.compose(motion.inverse()).compose(mount).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
+            )
+            self._ball.see((ball.x_m, ball.y_m), frame_t_s)
+
+    def _decide(self, senses: Senses) -> Command:
+        belief = self._filter.belief
+        motion = self._filter.motion_since(self._view_t_s)
+        if (
+            not belief
+            or motion is None
+            or senses.t_s - self._view_t_s > _SIGHT_S
+            or self._view is None
+            or not self._free_space
+        ):
+            self._intent = "look around" if self._view is not None else "wait"
+            blind = senses.t_s - self._view_t_s > _SIGHT_S
+            return Command(turn_rps=0.0 if blind or self._head is not None else _LOST_RPS)
+        pose = belief.pose
+        free_space = self._free_space_now(self._free_space, motion)
+        seen_from = pose.compose(motion.inverse()).compose(self._view_mount)
+        # nothing but the ball has room so near
+        nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
+        things = [seen_from.compose(Pose2(o.x_m, o.y_m, 0.0)) for o in self._view.obstacles if o.range_m > nearest]
+        if senses.ball_in_mouth:
+            mouth = pose.compose(Pose2(self._setup.limits.radius_m + self._setup.field.ball_radius_m, 0.0, 0.0))
+            self._ball.see((mouth.x_m, mouth.y_m), senses.t_s)
+        ball = self._ball.place(senses.t_s)
+        if ball is not None and self._ball.age_s(senses.t_s) > _MISSED_S:
+            there = pose.inverse().transform(ball)
+            if is_in_sight(free_space, (float(there[0]), float(there[1]))):
+                self._ball.miss()
+                ball = None
+        plan = self._tactics.decide(
+            Situation(
+                self._in_team(pose),
+                None if ball is None else self._point_in_team(ball),
+                self._point_in_team(self._ball.velocity_mps),
+                senses.ball_in_mouth,
+                0.0 if self._held_since_s is None else senses.t_s - self._held_since_s,
+                tuple(self._point_in_team((thing.x_m, thing.y_m)) for thing in things),
+                senses.phase,
+                senses.kick_off,
+                senses.t_s,
+            )
+        )
+        self._intent = plan.intent
+        if ball is not None and plan.avoid_ball:
+            at = pose.inverse().transform(ball)
+            free_space = block_ball(free_space, (float(at[0]), float(at[1])), self._setup.field.ball_radius_m)
+        return self._drive(plan, pose, free_space, senses.t_s)
+
+    def _drive(self, plan: Plan, pose: Pose2, free_space: FreeSpace, t_s: float) -> Command:
+        return self._motion.drive(plan, self._in_team(pose), free_space, t_s)
+
+    def _free_space_now(self, seen: FreeSpace, motion: Pose2) -> FreeSpace:
+        if self._head is None:
+            return carry_free_space(seen, motion)
+        return FreeSpace(seen.bearing_rad + self._view_mount.theta_rad - motion.theta_rad, seen.range_m)
+
+    def _in_team(self, pose: Pose2) -> Pose2:
+        return pose if self._setup.attacks > 0 else pose.half_turn()
+
+    def _point_in_team(self, point: Point) -> Point:
+        return point if self._setup.attacks > 0 else (-point[0], -point[1])
+
+    def _mount(self) -> Pose2:
+        if self._head is None:
+            return _NOWHERE
+        return Pose2(*self._head.offset_m, self._pan_rad)
+
+    def _turn_head(self, t_s: float) -> float:
+        """Watch the ball, and in between look left and right for goals."""
+        belief, ball = self._filter.belief, self._ball.place(t_s)
+        phase_s = t_s % (_WATCH_S + _SWEEP_S)
+        if belief and ball is not None and phase_s < _WATCH_S:
+            at = belief.pose.inverse().transform(ball)
+            wanted = math.atan2(at[1], at[0])
+        else:
+            wanted = _SWEEP_RAD * math.sin(math.tau * phase_s / _SWEEP_S)
+        self._pan_rad = max(-_SWEEP_RAD, min(_SWEEP_RAD, wanted))
+        return self._pan_rad

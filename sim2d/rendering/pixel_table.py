@@ -1,0 +1,123 @@
+"""What a camera's pixels see of an empty floor, worked out once: floor points, slopes, patches, bearings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import FloatArray
+from sim2d.kernels.match_pixels import GAIN, X, Y
+from sim2d.rendering.line_grids import LineGrids
+from sim2d.rendering.mirror import BODY_BGR
+from sim2d.rendering.rays import MirrorRays
+
+
+@dataclass(frozen=True, eq=False)
+class PixelTable:
+    """A camera's pixels as the compiled loops take them (`kernels.match_pixels`).
+
+    Parameters
+    ----------
+    height_m : float
+        Of the viewpoint.
+    rays : (9, P) float32
+        Floor point (robot frame, from the viewpoint's foot), least and greatest slope, gain, size of the patch of
+        floor, distance of the floor point and how far the patch reaches; by bearing, then by slope.
+    pixels : (P,) uint32
+        Flat pixel indices.
+    levels : (P,) int32
+        Level of the line grids.
+    first : (K + 1,) int32
+        First pixel of each bearing, and P.
+    directions : (K, 3) float64
+        Bearings, cosines, sines.
+    per_turn : int
+        How many bearings would make a full turn.
+    floor : (3, H * W) float32
+        Floor point and gain of every pixel in the order of the image; 0 where no ray goes.
+    body : (3, H * W) uint8
+        The picture where no ray goes: the robot's own body, and black.
+    """
+
+    height_m: float
+    rays: npt.NDArray[np.float32]
+    pixels: npt.NDArray[np.uint32]
+    levels: npt.NDArray[np.int32]
+    first: npt.NDArray[np.int32]
+    directions: FloatArray
+    per_turn: int
+    floor: npt.NDArray[np.float32]
+    body: npt.NDArray[np.uint8]
+
+
+def mirror_pixels(camera: OmniCamera, grids: LineGrids, gain: npt.NDArray[np.float32], farthest_m: float) -> PixelTable:
+    """Work out a mirror camera's pixels.
+
+    Parameters
+    ----------
+    camera : OmniCamera
+        With a known viewpoint height.
+    grids : LineGrids
+        Of the field.
+    gain : (H, W) float32
+        Light that each pixel gets, relative.
+    farthest_m : float
+        Floor points farther away are brought to this distance.
+    """
+    drawn = MirrorRays(camera, 1)
+    per_turn = round(math.tau * camera.usable_radius_px[1])  # as many bearings as the rim has pixels
+    pixel = drawn.pixel_index
+    width = camera.size_px[0]
+    low, high = _slope_range(camera, np.stack([pixel % width, pixel // width], axis=-1).astype(np.float64))
+    place = np.rint(np.arctan2(drawn.sin, drawn.cos) * per_turn / math.tau).astype(np.int32) % per_turn
+    along = np.minimum(drawn.floor_m, farthest_m)
+    half_patch = np.hypot(drawn.radial_m, drawn.tangential_m) / 2
+    order = np.lexsort((low, place))
+    rows = np.stack(
+        [
+            along * drawn.cos,
+            along * drawn.sin,
+            low,
+            high,
+            gain.ravel()[pixel],
+            drawn.radial_m,
+            drawn.tangential_m,
+            along,
+            along + half_patch + drawn.tangential_m / 2,
+        ]
+    )
+    rays = np.ascontiguousarray(rows[:, order], dtype=np.float32)
+    pixel = pixel[order]
+    angle = np.arange(per_turn) * math.tau / per_turn
+    image = np.zeros((3, gain.size), dtype=np.float32)
+    image[:, pixel] = rays[[X, Y, GAIN]]
+    body = (drawn.body_share * gain).reshape(1, -1) * np.array(BODY_BGR)[:, None]
+    body[:, pixel] = 0
+    return PixelTable(
+        drawn.height_m,
+        rays,
+        pixel.astype(np.uint32),
+        grids.level(half_patch[order]),
+        np.searchsorted(place[order], np.arange(per_turn + 1)).astype(np.int32),
+        np.stack([angle, np.cos(angle), np.sin(angle)], axis=1),
+        per_turn,
+        image,
+        np.rint(np.clip(body, 0, 255)).astype(np.uint8),
+    )
+
+
+def _slope_range(camera: OmniCamera, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least and greatest slope (N,) over each pixel (N, 2): half a pixel down and up the slope's gradient."""
+
+    def slope(du: float, dv: float) -> FloatArray:
+        ray = camera.pixel_to_ray(pixels + np.array([du, dv]))
+        return np.asarray(ray[:, 2] / np.maximum(np.hypot(ray[:, 0], ray[:, 1]), 1e-9))
+
+    middle = slope(0.0, 0.0)
+    half = np.hypot(slope(0.25, 0.0) - slope(-0.25, 0.0), slope(0.0, 0.25) - slope(0.0, -0.25))
+    half = np.maximum(np.nan_to_num(half), 1e-6)  # a table's curve may end beside the pixel
+    return middle - half, middle + half

@@ -1,0 +1,176 @@
+"""What passes between a player and its robot: what it knows beforehand, what it senses, what it may command.
+
+Plain values only. Nothing here knows of the world, so a player that imports this module cannot reach the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.view import View
+
+UInt8Array = npt.NDArray[np.uint8]
+Phase = Literal["kick_off", "play"]
+
+
+@dataclass(frozen=True, slots=True)
+class RobotLimits:
+    """What a robot can do.
+
+    Parameters
+    ----------
+    radius_m, height_m : float
+        The robot is an upright cylinder.
+    speed_mps, turn_rps : float
+        Largest speed in any direction, metres a second, and largest turning rate, radians a second.
+    acceleration_mps2 : float
+        Largest change of the velocity vector, in any direction (Sekimori et al. 2001, eq. 10).
+    turn_acceleration_rps2 : float
+        Largest change of the turning rate.
+    dead_time_s : float
+        How long a command takes until the wheels obey it.
+    kick_speed_mps : float
+        Largest speed that the kicker gives the ball.
+    """
+
+    radius_m: float = 0.09
+    height_m: float = 0.14
+    speed_mps: float = 1.0
+    turn_rps: float = 6.0
+    acceleration_mps2: float = 1.2
+    turn_acceleration_rps2: float = 30.0
+    dead_time_s: float = 0.03
+    kick_speed_mps: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlayerSetup:
+    """What a player knows before the match.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch; both teams use its one field frame.
+    camera : OmniCamera or PinholeCamera
+        The robot's camera as calibrated.
+    limits : RobotLimits
+        What the robot can do.
+    attacks : int
+        +1: the opponent's goal is at +x of the field frame; -1: at -x.
+    number : int
+        0, 1, ... within its side; 0 keeps the goal when there is more than one.
+    players : int
+        Per side.
+    seed : int
+        For the player's own random numbers.
+    """
+
+    field: Field
+    camera: OmniCamera | PinholeCamera
+    limits: RobotLimits
+    attacks: int
+    number: int
+    players: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class Senses:
+    """All a player gets, 30 times a second.
+
+    Parameters
+    ----------
+    t_s : float
+        Now.
+    frame : (H, W, 3) uint8 or None
+        The newest camera frame, BGR; None if it was dropped.
+    frame_t_s : float or None
+        When it was exposed; may lie back.
+    odometry : Pose2
+        Motion since the senses before, in the robot frame of then, as the wheels tell it.
+    ball_in_mouth : bool
+        The light barrier in the dribbler's mouth.
+    phase : {"kick_off", "play"}
+        What the referee's whistle last said.
+    kick_off : bool
+        Own team kicks off; meaningful in phase "kick_off".
+    """
+
+    t_s: float
+    frame: UInt8Array | None
+    frame_t_s: float | None
+    odometry: Pose2
+    ball_in_mouth: bool
+    phase: Phase
+    kick_off: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """All a player may say.
+
+    Parameters
+    ----------
+    forward_mps, left_mps, turn_rps : float
+        Wanted velocity in the robot frame.
+    kick_mps : float
+        Speed to kick the ball with; 0: do not kick.
+    dribble : bool
+        Whether the dribbler spins.
+    pan_rad : float or None
+        Wanted pan of a pinhole camera's head, from straight ahead, positive to the left; None: as it is.
+    """
+
+    forward_mps: float = 0.0
+    left_mps: float = 0.0
+    turn_rps: float = 0.0
+    kick_mps: float = 0.0
+    dribble: bool = False
+    pan_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What a player says it believes: for reports and videos, the game never uses it.
+
+    Parameters
+    ----------
+    pose : PoseEstimate or NotLocated
+        Itself on the field.
+    ball_in_field : (float, float) or None
+        The ball, field frame, metres.
+    intent : str
+        What it is about to do, in a word or two.
+    view : View or None
+        What the last frame showed.
+    """
+
+    pose: PoseEstimate | NotLocated
+    ball_in_field: tuple[float, float] | None
+    intent: str
+    view: View | None
+
+
+class Player(Protocol):
+    """Plays one robot."""
+
+    def act(self, senses: Senses) -> Command:
+        """Return what the robot shall do until the next senses come."""
+        ...
+
+    @property
+    def belief(self) -> Belief:
+        """What it believes after the last `act`."""
+        ...
+
+
+PlayerFactory: TypeAlias = Callable[[PlayerSetup], Player]

@@ -1,0 +1,55 @@
+"""How fast a robot moves now: from odometry, which tells the mean over the last period, and from its commands."""
+
+from __future__ import annotations
+
+import math
+
+from robocup_vision.geometry import Pose2
+from sim2d.robot_link import RobotLimits
+
+Velocity = tuple[float, float]
+
+
+class WheelVelocity:
+    """Follows one robot's velocity; shown what is sensed and what is commanded, in turn.
+
+    Parameters
+    ----------
+    limits : RobotLimits
+        What the robot can do.
+    period_s : float
+        Between two commands.
+    """
+
+    def __init__(self, limits: RobotLimits, period_s: float) -> None:
+        self._limits, self._period_s = limits, period_s
+        self._now: Velocity = (0.0, 0.0)
+        self._pending: Velocity = (0.0, 0.0)
+        self._before: Velocity = (0.0, 0.0)
+
+    @property
+    def now_mps(self) -> Velocity:
+        """Velocity at the end of the last period, robot frame."""
+        return self._now
+
+    @property
+    def pending_mps(self) -> Velocity:
+        """The command under way: obeyed until the next one is."""
+        return self._pending
+
+    def sense(self, odometry: Pose2) -> None:
+        """Take in the motion over the last period, in the robot frame at its beginning."""
+        x, y = odometry.x_m / self._period_s, odometry.y_m / self._period_s
+        # which command was obeyed over the second half of the period
+        obeyed = self._before if self._limits.dead_time_s > self._period_s / 2 else self._pending
+        off_x, off_y = obeyed[0] - x, obeyed[1] - y
+        size = math.hypot(off_x, off_y)
+        gained = self._limits.acceleration_mps2 * self._period_s / 2
+        share = min(1.0, gained / size) if size > 0 else 0.0
+        x, y = x + share * off_x, y + share * off_y
+        c, s = math.cos(odometry.theta_rad), math.sin(odometry.theta_rad)
+        self._now = (c * x + s * y, c * y - s * x)
+
+    def command(self, velocity_mps: Velocity) -> None:
+        """Take in what is commanded now, robot frame."""
+        self._before, self._pending = self._pending, velocity_mps
