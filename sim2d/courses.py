@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from field_models import Field
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace
+from robocup_vision.avoidance import SteadyFreeSpace
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import FloatArray, Pose2
