@@ -140,7 +140,7 @@ class PinholeSight(Sight):
             if isinstance(prior, Pose2):
                 prior = PoseEstimate(prior, np.diag([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
             if prior is not None:
-                return locate_nearby(self._lines.finder.find(frame), self._lines.line_map, prior), self.camera
+                return locate_nearby(self._lines.finder.find(frame), self._lines.line_map, prior, self.camera)
             return self._by_lines_alone(frame, self._lines), self.camera
         assert self._goal is not None
         start = prior.pose if isinstance(prior, PoseEstimate) else prior
