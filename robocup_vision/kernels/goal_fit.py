@@ -95,9 +95,12 @@ def goal_residuals(
     foot_at: Int64Array,
     foot_uv: FloatArray,
     foot_direction: FloatArray,
+    mark_m: FloatArray,
+    mark_uv: FloatArray,
+    mark_direction: FloatArray,
     residual: FloatArray,
 ) -> None:
-    """Signed pixel residuals of edge samples and of foot samples, in this order."""
+    """Signed pixel residuals of edge samples, foot samples and floor marks, in this order."""
     lines, feet = np.empty((6, 3)), np.empty((2, offsets.shape[0], 2))
     goal_prediction(shape, view, p, offsets, lines, feet)
     for n in range(edge.shape[0]):
@@ -110,6 +113,30 @@ def goal_residuals(
             + (foot_uv[n, 1] - feet[post, k, 1]) * foot_direction[n, 1]
             - p[7]
         )
+    floor_residuals(view, p, mark_m, mark_uv, mark_direction, residual[edge.shape[0] + foot_post.shape[0] :])
+
+
+@njit(cache=True, nogil=True)
+def floor_residuals(
+    view: FloatArray, p: FloatArray, mark_m: FloatArray, uv: FloatArray, direction: FloatArray, residual: FloatArray
+) -> None:
+    """Signed pixel residuals, along a direction each, of floor points (N, 2) in the field frame, metres."""
+    cp, sp = math.cos(p[2]), math.sin(p[2])
+    ct, st = math.cos(p[3]), math.sin(p[3])
+    cr, sr = math.cos(p[4]), math.sin(p[4])
+    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
+    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
+    r20, r21, r22 = st, ct * sr, ct * cr
+    scale = math.exp(p[6])
+    for n in range(mark_m.shape[0]):
+        x, y, z = mark_m[n, 0] - p[0], mark_m[n, 1] - p[1], -p[5]
+        depth = x * r00 + y * r10 + z * r20
+        if depth > 1e-6:
+            u = view[2] - scale * view[0] * (x * r01 + y * r11 + z * r21) / depth
+            v = view[3] - scale * view[1] * (x * r02 + y * r12 + z * r22) / depth
+            residual[n] = (uv[n, 0] - u) * direction[n, 0] + (uv[n, 1] - v) * direction[n, 1]
+        else:
+            residual[n] = np.nan
 
 
 @njit(cache=True, nogil=True)
@@ -167,6 +194,9 @@ def fit_goal(
     foot_at: Int64Array,
     foot_uv: FloatArray,
     foot_direction: FloatArray,
+    mark_m: FloatArray,
+    mark_uv: FloatArray,
+    mark_direction: FloatArray,
     sigma: FloatArray,
     scales: FloatArray,
     normal: FloatArray,
@@ -180,8 +210,8 @@ def fit_goal(
         Start, overwritten with the result.
     prior, weight : (8,) float64
         Expected unknowns and their inverse variances; a weight of infinity holds the unknown at its start.
-    edge, uv, foot_post, foot_at, foot_uv, foot_direction, sigma
-        Edge samples (N) and foot samples (M), with the noise (N + M) of both, pixels.
+    edge, uv, foot_post, foot_at, foot_uv, foot_direction, mark_m, mark_uv, mark_direction, sigma
+        Edge samples (N), foot samples (M) and floor marks (L), with the noise (N + M + L) of all, pixels.
     scales : (K,) float64
         Cauchy scale of each iteration, pixels.
     normal : (8, 8) float64
@@ -192,7 +222,7 @@ def fit_goal(
     float
         The last iteration's `robust_cost`, or infinity where the fit broke down.
     """
-    count = edge.shape[0] + foot_post.shape[0]
+    count = edge.shape[0] + foot_post.shape[0] + mark_m.shape[0]
     base, moved = np.empty(count), np.empty(count)
     jacobian = np.empty((count, 8))
     step = np.array([1e-5, 1e-5, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4])
@@ -200,13 +230,43 @@ def fit_goal(
     trial = np.empty(8)
     cost = np.inf
     for iteration in range(scales.shape[0]):
-        goal_residuals(shape, view, p, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, base)
+        goal_residuals(
+            shape,
+            view,
+            p,
+            offsets,
+            edge,
+            uv,
+            foot_post,
+            foot_at,
+            foot_uv,
+            foot_direction,
+            mark_m,
+            mark_uv,
+            mark_direction,
+            base,
+        )
         for k in range(8):
             if math.isinf(weight[k]):
                 continue
             trial[:] = p
             trial[k] += step[k]
-            goal_residuals(shape, view, trial, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, moved)
+            goal_residuals(
+                shape,
+                view,
+                trial,
+                offsets,
+                edge,
+                uv,
+                foot_post,
+                foot_at,
+                foot_uv,
+                foot_direction,
+                mark_m,
+                mark_uv,
+                mark_direction,
+                moved,
+            )
             for n in range(count):
                 jacobian[n, k] = (moved[n] - base[n]) / step[k]
         normal[:, :] = 0.0
@@ -244,7 +304,22 @@ def fit_goal(
         for _ in range(5):
             for i in range(8):
                 trial[i] = p[i] + limit * right[i]
-            goal_residuals(shape, view, trial, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, moved)
+            goal_residuals(
+                shape,
+                view,
+                trial,
+                offsets,
+                edge,
+                uv,
+                foot_post,
+                foot_at,
+                foot_uv,
+                foot_direction,
+                mark_m,
+                mark_uv,
+                mark_direction,
+                moved,
+            )
             cost = robust_cost(moved, sigma, scales[iteration], trial, prior, weight)
             if cost <= before:
                 p[:] = trial

@@ -6,7 +6,7 @@ Yako et al.'s method is kept beside it, to measure against.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -30,7 +30,9 @@ from robocup_vision.localization.goal_lines import (
     line_starts,
     loosened,
 )
+from robocup_vision.localization.goal_marks import GoalMarks
 from robocup_vision.localization.goal_paper import PaperMethod
+from robocup_vision.localization.goal_profile import polish
 from robocup_vision.localization.goal_search import (
     PRIOR_STD_M,
     PRIOR_STD_RAD,
@@ -115,6 +117,7 @@ class GoalLocalizer:
         self.method = method
         self._search = GoalSearch(field, camera)
         self._lines = LineMap(field) if use_lines and len(field.lines) + len(field.arcs) else None
+        self._marks = GoalMarks(self._lines, camera) if self._lines is not None else None
         self._paper: PaperMethod | None = None
         if method != "edges":
             if not self._search.families:
@@ -151,6 +154,8 @@ class GoalLocalizer:
         """Place the camera as `locate` does, with its tilt, roll and height and what was measured."""
         self._check(frame)
         candidates, reason = self._search.candidates(frame)
+        if candidates and candidates[0].objection is None and candidates[0].model is self._search.colored_model:
+            return self._colored(frame, candidates[0])
         for candidate in candidates[: _MOST_LINE_TRIALS if self._lines is not None else 0]:
             joined = self._with_lines(frame, candidate)
             if joined is not None:
@@ -171,6 +176,14 @@ class GoalLocalizer:
         return (
             _goal_alone(part) if part is not None else NotLocated(f"{reason}; nor does enough of it bear out the prior")
         )
+
+    def _colored(self, frame: ByteImage, candidate: Candidate) -> GoalSight:
+        """Make a goal of a hue, which is certain, exact by its profiles, and by the lines where they bear it out."""
+        fine = polish(frame, self.camera, candidate.model, candidate.fit, candidate.look)
+        joined = self._marks.join(frame, candidate.model, fine) if self._marks is not None else None
+        if joined is not None:
+            return GoalSight(joined.unknowns, joined.covariance, candidate.sides, fine, joined)
+        return _goal_alone(replace(candidate, fit=fine))
 
     def _with_lines(self, frame: ByteImage, candidate: Candidate) -> GoalSight | None:
         """Fit goal and lines together; None where lines do not bear the goal out."""
