@@ -26,7 +26,6 @@ from robocup_vision.localization.line_map import LineMap
 
 _SPACING_PX = 6.0
 _LEAST_WIDTH_PX = 0.15
-_PLAIN_WIDTH_PX = 0.3  # lines this wide are seen wherever nothing hides them
 _REACHES_PX = (8.0, 4.0, 2.5)
 _SCALES_PX = (3.0, 1.5, 1.0)
 _FLOOR_PX = 1.5
@@ -35,12 +34,14 @@ _SHARP_WIDTH_PX = 0.5  # thinner lines are fainter
 _LINE_ERROR_PX = 0.045  # of all places together
 _PAINTED_TO_M = 0.003
 _LEAST_MARKS = 10
-_LEAST_SHARE = 0.6
+_LEAST_SHARE = 0.45
+# a second place as far off as this that is nearly as good leaves the choice open
+_SAME_M, _RIVAL = 0.15, 0.93
 _INLIER_PX = 1.0
-_SURE_M = 0.02
 _LEAST_CONTRAST = 0.4  # of the median, for its width
 _FULL_WIDTH_PX = 1.5  # wider paint looks no brighter
-_SWINGS = (-1.0, 1.0, -2.0, 2.0)  # standard deviations along what the goal tells least
+# other starts, where the goal leaves more than this open: how far, and how far apart, along what it tells least
+_SURE_M, _SWING_STDS, _FARTHEST_M, _SWING_M = 0.06, 2.5, 1.6, 0.15
 _ITERATIONS = 4
 
 
@@ -74,19 +75,27 @@ class GoalMarks:
             The goal.
         """
         covariance = np.asarray(np.linalg.inv(found.information), np.float64)
-        best = self._from(frame, model, found, found.unknowns, covariance)
-        if best is None or best.line_share < _LEAST_SHARE:
-            # what the goal tells least: the camera's place along one direction, and all that goes with it
-            variance, direction = np.linalg.eigh(covariance[:2, :2])
-            if variance[-1] < _SURE_M**2:
-                return None
-            swing = covariance[:, :2] @ direction[:, -1] / math.sqrt(float(variance[-1]))
-            for share in _SWINGS:
-                other = self._from(frame, model, found, found.unknowns + share * swing, covariance / 4)
-                if other is not None and (best is None or other.line_share > best.line_share):
-                    best = other
-        if best is None or best.line_share < _LEAST_SHARE:
+        tried = [self._from(frame, model, found, found.unknowns, covariance)]
+        # what the goal tells least: the camera's place along one direction, and all that goes with it
+        variance, direction = np.linalg.eigh(covariance[:2, :2])
+        std = math.sqrt(max(float(variance[-1]), 0.0))
+        if std > _SURE_M:
+            swing = covariance[:, :2] @ direction[:, -1] / std
+            farthest = min(_SWING_STDS * std, _FARTHEST_M)
+            steps = math.ceil(farthest / _SWING_M)
+            tried += [
+                self._from(frame, model, found, found.unknowns + k / steps * farthest / std * swing, covariance / 4)
+                for k in range(-steps, steps + 1)
+                if k
+            ]
+        fits = sorted((t for t in tried if t is not None), key=lambda t: -t.line_share)
+        if not fits or fits[0].line_share < _LEAST_SHARE:
             return None
+        best = fits[0]
+        for other in fits[1:]:
+            apart = math.dist(other.unknowns[:2], best.unknowns[:2])
+            if apart > _SAME_M and other.line_share > _RIVAL * best.line_share:
+                return None
         strain = np.abs(residuals(model, found.samples, best.unknowns))
         return best if float(np.median(strain)) < INLIER_PX else None
 
@@ -98,19 +107,20 @@ class GoalMarks:
         start: FloatArray,
         covariance: FloatArray,
     ) -> LineFit | None:
-        p, samples, plain, expected = start, found.samples, np.empty(0, np.bool_), 0
+        p, samples, worth, expected = start, found.samples, np.empty(0), 1.0
         for reach, scale in zip(_REACHES_PX, _SCALES_PX, strict=True):
             marked = self._marked(frame, model, found.samples, p, covariance, reach)
             if marked is None:
                 return None
-            samples, plain, expected = marked
+            samples, worth, expected = marked
             p, cost, information = fit(model, samples, p, np.full(_ITERATIONS, scale))
             if not math.isfinite(cost):
                 return None
             covariance = np.asarray(np.linalg.inv(information), np.float64)
-        residual = residuals(model, samples, p)[-len(plain) :]
-        good = (np.abs(residual) < _INLIER_PX) & plain
-        return LineFit(p, covariance, float(good.sum()) / max(expected, _LEAST_MARKS), residual)
+        residual = residuals(model, samples, p)[-len(worth) :]
+        # near is better than within reach: lines that a wrong camera meets by chance lie anywhere there
+        agreed = worth * np.maximum(0.0, 1.0 - (residual / _INLIER_PX) ** 2)
+        return LineFit(p, covariance, float(agreed.sum()) / expected, residual)
 
     def _marked(
         self,
@@ -120,8 +130,8 @@ class GoalMarks:
         p: FloatArray,
         covariance: FloatArray,
         most_px: float,
-    ) -> tuple[EdgeSamples, npt.NDArray[np.bool_], int] | None:
-        """Return samples with marks, which of these are on plain lines, and how many plain places were looked at."""
+    ) -> tuple[EdgeSamples, FloatArray, float] | None:
+        """Return samples with marks, what each of these is worth, and what all places that were looked at are worth."""
         room = len(self._points)
         marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
         n = line_marks(
@@ -166,7 +176,7 @@ class GoalMarks:
             + paint**2
             + _LINE_ERROR_PX**2 * count
         )
-        plain = widths > _PLAIN_WIDTH_PX
+        worth = np.minimum(1.0, widths / _SHARP_WIDTH_PX) ** 2
         joined = replace(
             samples,
             mark_m=marks[seen],
@@ -174,4 +184,4 @@ class GoalMarks:
             mark_direction=normals[seen],
             sigma=np.concatenate([samples.sigma, sigma]),
         )
-        return joined, plain[seen], int(plain.sum())
+        return joined, worth[seen], float(worth.sum())
