@@ -1,9 +1,12 @@
-"""Vision by a pinhole camera: its place by a goal or by lines, and the floor in view where its tilt is known."""
+"""Vision by a pinhole camera: its place by a goal or by lines, and the floor in view.
+
+Where the file does not know the tilt, a goal or lines tell it frame by frame, and with it where the floor is.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -38,10 +41,22 @@ _STRIP_NATS = 5.0
 _LINE_GAP = 3
 # logarithm of the strongest cast of light: white beyond it is some paint
 _CAST = math.log(2.0)
+# at which a camera of unknown tilt is tried out before the first frame
+_WARM_TILT_RAD = -0.3
 # a narrow view shows few lines, which other poses explain nearly as well: without a prior so many points must agree
 _LEAST_LINE_SHARE = 0.75
 # and on so many lines, for two lines are any corner; a line counts with this share of the points, so near to it
 _LEAST_LINES, _LEAST_ON_A_LINE, _ON_LINE_WIDTHS = 3, 0.08, 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Floor:
+    """What looks at the floor, for one camera as it is held."""
+
+    view: FloorView
+    grid: FreeSpaceGrid
+    marking: FloorMarking
+    ball: FloorBallFinder
 
 
 class PinholeSight(Sight):
@@ -66,19 +81,41 @@ class PinholeSight(Sight):
         self.camera = camera
         self._goal = GoalLocalizer(field, camera) if method == "goal" else None
         self._lines = LineLocalizer(field, camera, self._mask) if method == "field" else None
-        self.polar: FloorView | None = None
-        self.grid: FreeSpaceGrid | None = None
-        if camera.known_orientation:
-            view = FloorView(camera, max(BEARINGS, 2 * directions), self._mask, 1.1 * field.robot_radius_m)
-            if view.sees_floor:
-                self.polar = view
-                self.grid = FreeSpaceGrid(view, directions, rings)
-                self._marking = FloorMarking(view, field.line_width_m, 2 * field.robot_radius_m)
-                self._ball = FloorBallFinder(field, camera, self._mask)
-                self._edge_px = np.append(view.radius_px + view.step_px / 2, np.nan)
-        width, height = camera.size_px
-        self.look(np.full((height, width, 3), (50, 130, 45), dtype=np.uint8))
+        self._directions, self._rings = directions, rings
+        self._floor = self._floor_of(camera) if camera.known_orientation else None
+        # so that no frame pays for compiling what the floor needs
+        self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_TILT_RAD, 0.0))
         self.forget()
+
+    @property
+    def polar(self) -> FloorView | None:
+        """The floor samples of every frame, or, where the tilt is unknown, of the last one; None: there are none."""
+        return None if self._floor is None else self._floor.view
+
+    @property
+    def grid(self) -> FreeSpaceGrid | None:
+        """The cells of the free space, as `polar`."""
+        return None if self._floor is None else self._floor.grid
+
+    def _floor_of(self, camera: PinholeCamera) -> _Floor | None:
+        """Prepare to look at the floor by a camera whose tilt is known; None if it sees none."""
+        view = FloorView(camera, max(BEARINGS, 2 * self._directions), self._mask, 1.1 * self.field.robot_radius_m)
+        if not view.sees_floor:
+            return None
+        return _Floor(
+            view,
+            FreeSpaceGrid(view, self._directions, self._rings),
+            FloorMarking(view, self.field.line_width_m, 2 * self.field.robot_radius_m),
+            FloorBallFinder(self.field, camera, self._mask),
+        )
+
+    def _warm_up(self, camera: PinholeCamera) -> None:
+        width, height = camera.size_px
+        frame = np.full((height, width, 3), (50, 130, 45), dtype=np.uint8)
+        self.look(frame)
+        floor = self._floor or self._floor_of(camera)
+        if floor is not None:
+            self._see_floor(frame, floor, None, {})
 
     def look(
         self,
@@ -94,37 +131,67 @@ class PinholeSight(Sight):
         self._last_pose = pose.pose if pose else None
         located = perf_counter()
         timings = {"pose": located - begin}
-        if self.polar is None or self.grid is None:
+        if not self.camera.known_orientation:
+            self._floor = self._floor_of(pose_camera) if pose else None
+        floor = self._floor
+        if floor is None:
             nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
             timings["total"] = perf_counter() - begin
             free_space = FreeSpace(nothing, np.empty(0))
             return View(pose, free_space, None, timings, nothing, none, np.empty(0), None, pose_camera, t_s)
-        samples = self.polar.sample(frame)
-        table, llr = self._classify(samples, self.polar)
+        stands = self._stands(pose.pose) if pose else None
+        edge, marks, ball, free_space = self._see_floor(frame, floor, stands, timings)
+        walls = np.full(floor.view.bearings, np.nan) if stands is None else self._walls(stands, floor.view)
+        timings["total"] = perf_counter() - begin
+        return View(pose, free_space, ball, timings, edge, marks, walls, floor.view, pose_camera, t_s)
+
+    def _see_floor(
+        self, frame: UInt8Array, floor: _Floor, stands: Pose2 | None, timings: dict[str, float]
+    ) -> tuple[FloatArray, UInt8Array, Ball | None, FreeSpace]:
+        """Tell the floor's edge (K,), what the samples (K, M) show, the ball and the free space.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        floor : _Floor
+            For the camera as it is held.
+        stands : Pose2 or None
+            Where what carries the camera is on the field.
+        timings : dict
+            Takes what the stages took, seconds.
+        """
+        begin = perf_counter()
+        view = floor.view
+        samples = view.sample(frame)
+        table, llr = self._classify(samples, view)
         colored = perf_counter()
-        edge = np.full(self.polar.bearings, np.nan)
+        edge = np.full(view.bearings, np.nan)
         if table is None:
             marks, ball = np.zeros(llr.shape, dtype=np.uint8), None
-            free_space = FreeSpace(self.grid.bearing_rad, np.zeros(len(self.grid.bearing_rad)))
+            free_space = FreeSpace(floor.grid.bearing_rad, np.zeros(len(floor.grid.bearing_rad)))
             balled = perf_counter()
         else:
-            column = np.empty(self.polar.bearings, dtype=np.int64)
+            column = np.empty(view.bearings, dtype=np.int64)
             certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
-            polar.outer_boundary(llr, self.polar.valid, certain, _LINE_GAP, strip, column)
-            edge = self._edge_px[column]
-            ball = self._ball.find(frame, table)
-            if ball is not None and pose and self.field.is_bounded and not self._is_ball_on_floor(ball, pose.pose):
+            polar.outer_boundary(llr, view.valid, certain, _LINE_GAP, strip, column)
+            edge = np.append(view.radius_px + view.step_px / 2, np.nan)[column]
+            ball = floor.ball.find(frame, table)
+            if (
+                ball is not None
+                and stands is not None
+                and self.field.is_bounded
+                and not self._is_on_floor(ball, stands)
+            ):
                 ball = None
             balled = perf_counter()
-            marks = self._marking.mark(samples, llr)
+            marks = floor.marking.mark(samples, llr)
             if ball is not None:
-                self._ball.clear(ball, self.polar, marks)
-            free_space = self.grid.measure(marks)
+                floor.ball.clear(ball, view, marks)
+            free_space = floor.grid.measure(marks)
         end = perf_counter()
-        timings |= {"colors": colored - located, "ball": balled - colored, "free_space": end - balled}
-        walls = self._walls(pose.pose) if pose else np.full(self.polar.bearings, np.nan)
-        timings["total"] = perf_counter() - begin
-        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, pose_camera, t_s)
+        timings |= {"colors": colored - begin, "ball": balled - colored, "free_space": end - balled}
+        return edge, marks, ball, free_space
 
     def _learn(self, samples: UInt8Array, view: PolarView | FloorView) -> Colors | None:
         colors = super()._learn(samples, view)
@@ -191,20 +258,19 @@ class PinholeSight(Sight):
     def _mounting(self) -> Pose2:
         return Pose2(*self.camera.offset_m, self.camera.pan_rad or 0.0)
 
-    def _robot(self, pose: Pose2) -> Pose2:
-        return pose if self._goal is None else pose.compose(self._mounting.inverse())
+    def _stands(self, pose: Pose2) -> Pose2:
+        """Where on the field the frame lies in which the floor is told: the robot's, or the camera's where it tilts."""
+        if self._goal is None or not self.camera.known_orientation:
+            return pose
+        return pose.compose(self._mounting.inverse())
 
-    def _is_ball_on_floor(self, ball: Ball, pose: Pose2) -> bool:
-        return self._is_on_floor(ball, self._robot(pose))
-
-    def _walls(self, pose: Pose2) -> FloatArray:
-        """Where the pose puts the walls, as `radius_px` of each bearing (K,); NaN where none is to be seen."""
-        assert self.polar is not None
+    def _walls(self, stands: Pose2, view: FloorView) -> FloatArray:
+        """Where a pose puts the walls, as `radius_px` of each bearing (K,); NaN where none is to be seen."""
         walls = self.field.walls if self.field.is_bounded else np.empty((0, 4))
         if not len(walls):
-            return np.full(self.polar.bearings, np.nan)
-        foot = self._robot(pose).compose(Pose2(*self.camera.offset_m, 0.0))
-        angle = foot.theta_rad + self.polar.bearing_rad[:, None]
+            return np.full(view.bearings, np.nan)
+        foot = stands.compose(Pose2(*view.camera.offset_m, 0.0))
+        angle = foot.theta_rad + view.bearing_rad[:, None]
         dx, dy = np.cos(angle), np.sin(angle)
         x0, y0, x1, y1 = walls.T
         ax, ay, bx, by = x0 - foot.x_m, y0 - foot.y_m, x1 - x0, y1 - y0
@@ -214,6 +280,6 @@ class PinholeSight(Sight):
             along = (ax * dy - ay * dx) / across
         hit = (away > 0) & (along >= 0) & (along <= 1)
         nearest = np.where(hit, away, np.inf).min(axis=1)
-        used = self.polar.columns_in_use
-        radius = np.interp(-1.0 / nearest, -1.0 / self.polar.range_m[:used], self.polar.radius_px[:used])
+        used = view.columns_in_use
+        radius = np.interp(-1.0 / nearest, -1.0 / view.range_m[:used], view.radius_px[:used])
         return read_only(np.where(np.isfinite(nearest), radius, np.nan))

@@ -140,7 +140,7 @@ def test_lines_refine_a_prior_and_contradict_a_wrong_one(field, camera, vision):
     assert vision.look(painted(camera), prior=near).pose.reason.startswith("only")
 
 
-def test_a_goal_places_a_camera_of_unknown_tilt_and_nothing_else_is_told():
+def test_a_goal_places_a_camera_of_unknown_tilt_and_tells_where_the_floor_is():
     field, condition = load_field("four_legged_2007"), GOAL_CONDITIONS["clean_416x320"]
     vision = Vision(field, condition.camera)
     assert vision.method == "goal"
@@ -148,20 +148,28 @@ def test_a_goal_places_a_camera_of_unknown_tilt_and_nothing_else_is_told():
     view = vision.look(one.frame)
     assert view.pose
     assert view.pose.pose.error_to(one.pose)[0] < 0.2
-    assert view.free_space.bearing_rad.shape == view.free_space.range_m.shape == (0,)
-    assert view.ball is None
-    assert view.obstacles == ()
-    assert view.boundary_px.shape == view.line_points_px.shape == (0, 2)
-    with pytest.raises(ArgumentError, match="tilt_rad"):
-        _ = vision.polar
-    with pytest.raises(ArgumentError, match="tilt_rad"):
-        _ = vision.grid
+    assert view.polar is vision.polar
+    assert np.median(view.free_space.range_m) > 0.3
+    shown = view.boundary_px[np.isfinite(view.boundary_px).all(axis=1)]
+    assert len(shown) > 80
     picture = draw(view, one.frame, vision)
     assert np.mean(np.abs(picture.astype(int) - FIELD_COLOR).max(axis=-1) <= 12) > 1e-4
     assert view.pose_camera.tilt_rad is not None
     # the next frame goes on from there only where the neck's pan is known
     again = vision.look(one.frame, odometry=Pose2(0.0, 0.0, 0.0))
     assert again.pose
+    # a frame that tells no pose tells no floor
+    blank = vision.look(np.full_like(one.frame, 90))
+    assert not blank.pose
+    assert blank.polar is None
+    assert blank.free_space.bearing_rad.shape == blank.free_space.range_m.shape == (0,)
+    assert blank.ball is None
+    assert blank.obstacles == ()
+    assert blank.boundary_px.shape == blank.line_points_px.shape == (0, 2)
+    with pytest.raises(ArgumentError, match="tilt_rad"):
+        _ = vision.polar
+    with pytest.raises(ArgumentError, match="tilt_rad"):
+        _ = vision.grid
 
 
 def test_a_view_over_the_floor_is_drawn(vision, camera, field):
