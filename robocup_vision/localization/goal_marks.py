@@ -36,7 +36,7 @@ _PAINTED_TO_M = 0.003
 _LEAST_MARKS = 10
 _LEAST_SHARE = 0.45
 # a second place as far off as this that is nearly as good leaves the choice open
-_SAME_M, _RIVAL = 0.15, 0.93
+_SAME_M, _RIVAL = 0.2, 0.95
 _INLIER_PX = 1.0
 _LEAST_CONTRAST = 0.4  # of the median, for its width
 _FULL_WIDTH_PX = 1.5  # wider paint looks no brighter
