@@ -135,9 +135,10 @@ def forward_camera(draws: int, seed: int) -> bool:
 
 def error_text(errors: list[FloatArray], which: int) -> str:
     """Mean error in metres and degrees; poses that were not located do not count."""
-    if not errors:
+    told = [one[which] for one in errors if np.isfinite(one[which]).all()]
+    if not told:
         return "-"
-    away, turn = np.nanmean(np.array(errors)[:, which], axis=0)
+    away, turn = np.mean(told, axis=0)
     return f"{away:.3f}, {math.degrees(turn):.1f}"
 
 
@@ -196,8 +197,8 @@ def main() -> None:
             ("cold look", f"{1e3 * float(np.median(look_s)):.1f} ms", None, True),
             ("overlay", str(OUT / name), None, True),
         ]
-        for label, measured, target, ok in rows:
-            table.row(label, measured, target, None if target is None else verdict(ok))
+        for label, measured, due, ok in rows:
+            table.row(label, measured, due, None if due is None else verdict(ok))
             all_ok &= ok
     all_ok &= forward_camera(2 * repeats, arguments.seed)
     finish(arguments.check, all_ok)
