@@ -20,7 +20,16 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
 from robocup_vision.localization.goal_edges import measure
 from robocup_vision.localization.goal_fit import INLIER_PX, LEAST_ELEMENT_SHARE, GoalFit, residuals
-from robocup_vision.localization.goal_geometry import HEADING, LOG_FOCAL, TILT, IdealView, X, Y, pose_of
+from robocup_vision.localization.goal_geometry import (
+    BAR_TOP,
+    HEADING,
+    LOG_FOCAL,
+    TILT,
+    IdealView,
+    X,
+    Y,
+    pose_of,
+)
 from robocup_vision.localization.goal_lines import (
     LineFit,
     expected_ridges,
@@ -51,6 +60,7 @@ _LEAST_LINE_POINTS = 20
 _POST_REACH_PX = 3.0
 # so many places along lines in view, and lines that are not there speak against a white goal
 _TELLING_RIDGES = 60
+_LEAST_ALONE_SCORE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +176,9 @@ class GoalLocalizer:
             if self._lines is not None and self._contradicted(candidate):
                 reason = "no whole goal: what looks like one would have field lines in view that are not there"
                 continue
+            if candidate.model is self._search.white_model and not _is_plain(candidate):
+                reason = "no certain goal: white posts and bar are too faint among the clutter to count without lines"
+                continue
             return _goal_alone(candidate)
         if prior is None:
             return NotLocated(reason)
@@ -275,6 +288,11 @@ class GoalLocalizer:
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
             got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
             raise FrameError(f"frame must be uint8 ({height}, {width}, 3) as camera.toml says, got {got}")
+
+
+def _is_plain(candidate: Candidate) -> bool:
+    """Whether a white goal is one without lines to confirm it: the net's own bar, below, must not pass for the bar."""
+    return bool(candidate.fit.share[BAR_TOP] >= LEAST_ELEMENT_SHARE and candidate.fit.score >= _LEAST_ALONE_SCORE)
 
 
 def _goal_alone(candidate: Candidate) -> GoalSight:

@@ -172,3 +172,15 @@ def test_photographs_of_a_white_goal(focal_share):
             errors.append(error)
     assert len(errors) == 3
     assert np.mean(errors) < 0.10
+
+
+@pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
+def test_a_white_goal_alone_is_right_or_refused():
+    localizer = GoalLocalizer(WHITE_FIELD, load_camera(PHOTOS / "camera.toml"), use_lines=False)
+    for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
+        name, x, y, *_ = line.split(",")
+        estimate = localizer.locate(cv2.imread(str(PHOTOS / "images" / name)))
+        if not estimate:
+            assert "goal" in estimate.reason
+            continue
+        assert min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in estimate.candidates) < 0.3
