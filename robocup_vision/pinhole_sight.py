@@ -1,4 +1,4 @@
-"""Vision by a pinhole camera: its place by a goal or by lines, and the floor in view.
+"""Vision by a pinhole camera: its place by a goal, lines or walls, and the floor in view.
 
 Where the file does not know the tilt, a goal or lines tell it frame by frame, and with it where the floor is.
 """
@@ -23,12 +23,14 @@ from robocup_vision.localization.goal_geometry import HEIGHT, LOG_FOCAL, ROLL, T
 from robocup_vision.localization.goal_search import PRIOR_STD_M, PRIOR_STD_RAD
 from robocup_vision.localization.lines import LineLocalizer
 from robocup_vision.localization.lines_nearby import locate_nearby
+from robocup_vision.localization.lines_walls import localizer_by_walls, wall_points
 from robocup_vision.perception.ball import Ball
-from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, colors_for
+from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable, colors_for
 from robocup_vision.perception.floor_ball import FloorBallFinder
 from robocup_vision.perception.floor_color import PaintColor
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
+from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.sight import Sight
 from robocup_vision.view import View
@@ -39,6 +41,8 @@ UInt8Array = npt.NDArray[np.uint8]
 _CERTAIN_NATS = 3.0
 _STRIP_NATS = 5.0
 _LINE_GAP = 3
+# an edge of the floor differs by this many times the floor's noise
+_LEAST_CONTRAST = 5.0
 # logarithm of the strongest cast of light: white beyond it is some paint
 _CAST = math.log(2.0)
 # at which a camera of unknown tilt is tried out before the first frame
@@ -59,8 +63,18 @@ class _Floor:
     ball: FloorBallFinder
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reading:
+    """What a frame's floor samples tell by colour: the samples, their floor likelihoods, each bearing's last one."""
+
+    samples: UInt8Array
+    table: ColorTable | None
+    llr: npt.NDArray[np.int8]
+    columns: npt.NDArray[np.int64]
+
+
 class PinholeSight(Sight):
-    """Turns frames of a pinhole camera into views; parameters as those of `Vision`, methods "goal" and "field"."""
+    """Turns frames of a pinhole camera into views; parameters as those of `Vision`, without method "hull"."""
 
     def __init__(
         self,
@@ -73,14 +87,15 @@ class PinholeSight(Sight):
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
     ) -> None:
-        if method not in ("goal", "field"):
-            raise ArgumentError(f"method must be 'goal' or 'field' for a pinhole camera, got {method!r}")
-        if method == "field" and not camera.known_orientation:
-            raise ArgumentError("method 'field' needs a camera whose tilt_rad is known")
+        if method not in ("goal", "field", "floor"):
+            raise ArgumentError(f"method must be 'goal', 'field' or 'floor' for a pinhole camera, got {method!r}")
+        if method != "goal" and not camera.known_orientation:
+            raise ArgumentError(f"method '{method}' needs a camera whose tilt_rad is known")
         super().__init__(field, camera.size_px, colors, mask)
         self.camera = camera
         self._goal = GoalLocalizer(field, camera) if method == "goal" else None
         self._lines = LineLocalizer(field, camera, self._mask) if method == "field" else None
+        self._walls = localizer_by_walls(field, camera) if method == "floor" else None
         self._directions, self._rings = directions, rings
         self._floor = self._floor_of(camera) if camera.known_orientation else None
         # so that no frame pays for compiling what the floor needs
@@ -115,7 +130,7 @@ class PinholeSight(Sight):
         self.look(frame)
         floor = self._floor or self._floor_of(camera)
         if floor is not None:
-            self._see_floor(frame, floor, None, {})
+            self._see_floor(frame, floor, self._read(frame, floor.view), None, {})
 
     def look(
         self,
@@ -127,10 +142,14 @@ class PinholeSight(Sight):
         """See `Vision.look`."""
         begin = perf_counter()
         frame = self._checked(frame)
-        pose, pose_camera = self._locate(frame, prior if prior is not None else self._moved(odometry))
+        timings: dict[str, float] = {}
+        reading = None
+        if self.camera.known_orientation and self._floor is not None:
+            reading = self._read(frame, self._floor.view, timings)
+        start = perf_counter()
+        pose, pose_camera = self._locate(frame, reading, prior if prior is not None else self._moved(odometry))
         self._last_pose = pose.pose if pose else None
-        located = perf_counter()
-        timings = {"pose": located - begin}
+        timings["pose"] = perf_counter() - start
         if not self.camera.known_orientation:
             self._floor = self._floor_of(pose_camera) if pose else None
         floor = self._floor
@@ -140,13 +159,26 @@ class PinholeSight(Sight):
             free_space = FreeSpace(nothing, np.empty(0))
             return View(pose, free_space, None, timings, nothing, none, np.empty(0), None, pose_camera, t_s)
         stands = self._stands(pose.pose) if pose else None
-        edge, marks, ball, free_space = self._see_floor(frame, floor, stands, timings)
-        walls = np.full(floor.view.bearings, np.nan) if stands is None else self._walls(stands, floor.view)
+        reading = reading or self._read(frame, floor.view, timings)
+        edge, marks, ball, free_space = self._see_floor(frame, floor, reading, stands, timings)
+        walls = np.full(floor.view.bearings, np.nan) if stands is None else self._walls_px(stands, floor.view)
         timings["total"] = perf_counter() - begin
         return View(pose, free_space, ball, timings, edge, marks, walls, floor.view, pose_camera, t_s)
 
+    def _read(self, frame: UInt8Array, view: FloorView, timings: dict[str, float] | None = None) -> _Reading:
+        begin = perf_counter()
+        samples = view.sample(frame)
+        table, llr = self._classify(samples, view)
+        columns = np.full(view.bearings, -1, dtype=np.int64)
+        if table is not None:
+            certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
+            polar.outer_boundary(llr, view.valid, certain, _LINE_GAP, strip, columns)
+        if timings is not None:
+            timings["colors"] = perf_counter() - begin
+        return _Reading(samples, table, llr, columns)
+
     def _see_floor(
-        self, frame: UInt8Array, floor: _Floor, stands: Pose2 | None, timings: dict[str, float]
+        self, frame: UInt8Array, floor: _Floor, reading: _Reading, stands: Pose2 | None, timings: dict[str, float]
     ) -> tuple[FloatArray, UInt8Array, Ball | None, FreeSpace]:
         """Tell the floor's edge (K,), what the samples (K, M) show, the ball and the free space.
 
@@ -156,6 +188,8 @@ class PinholeSight(Sight):
             BGR.
         floor : _Floor
             For the camera as it is held.
+        reading : _Reading
+            Of this frame.
         stands : Pose2 or None
             Where what carries the camera is on the field.
         timings : dict
@@ -163,20 +197,13 @@ class PinholeSight(Sight):
         """
         begin = perf_counter()
         view = floor.view
-        samples = view.sample(frame)
-        table, llr = self._classify(samples, view)
-        colored = perf_counter()
-        edge = np.full(view.bearings, np.nan)
-        if table is None:
-            marks, ball = np.zeros(llr.shape, dtype=np.uint8), None
+        edge = np.append(view.radius_px + view.step_px / 2, np.nan)[reading.columns]
+        if reading.table is None:
+            marks, ball = np.zeros(reading.llr.shape, dtype=np.uint8), None
             free_space = FreeSpace(floor.grid.bearing_rad, np.zeros(len(floor.grid.bearing_rad)))
             balled = perf_counter()
         else:
-            column = np.empty(view.bearings, dtype=np.int64)
-            certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
-            polar.outer_boundary(llr, view.valid, certain, _LINE_GAP, strip, column)
-            edge = np.append(view.radius_px + view.step_px / 2, np.nan)[column]
-            ball = floor.ball.find(frame, table)
+            ball = floor.ball.find(frame, reading.table)
             if (
                 ball is not None
                 and stands is not None
@@ -185,12 +212,11 @@ class PinholeSight(Sight):
             ):
                 ball = None
             balled = perf_counter()
-            marks = floor.marking.mark(samples, llr)
+            marks = floor.marking.mark(reading.samples, reading.llr)
             if ball is not None:
                 floor.ball.clear(ball, view, marks)
             free_space = floor.grid.measure(marks)
-        end = perf_counter()
-        timings |= {"colors": colored - begin, "ball": balled - colored, "free_space": end - balled}
+        timings |= {"ball": balled - begin, "free_space": perf_counter() - balled}
         return edge, marks, ball, free_space
 
     def _learn(self, samples: UInt8Array, view: PolarView | FloorView) -> Colors | None:
@@ -201,14 +227,20 @@ class PinholeSight(Sight):
         return colors_for(self.field, colors.floor, PaintColor(1.0, 1.0))
 
     def _locate(
-        self, frame: UInt8Array, prior: PoseEstimate | Pose2 | None
+        self, frame: UInt8Array, reading: _Reading | None, prior: PoseEstimate | Pose2 | None
     ) -> tuple[PoseEstimate | NotLocated, PinholeCamera]:
         if self._lines is not None:
-            if isinstance(prior, Pose2):
-                prior = PoseEstimate(prior, np.diag([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
-            if prior is not None:
-                return locate_nearby(self._lines.finder.find(frame), self._lines.line_map, prior, self.camera)
-            return self._by_lines_alone(frame, self._lines), self.camera
+            return self._by_lines(self._lines.finder.find(frame), self._lines, prior)
+        if self._walls is not None:
+            if reading is None or reading.table is None or self._floor is None:
+                return NotLocated("no floor in view"), self.camera
+            least = _LEAST_CONTRAST * reading.table.colors.floor.noise
+            view = self._floor.view
+            points = wall_points(frame, view, reading.columns, view.hidden_px, least)
+            answer, camera = self._by_lines(points, self._walls, prior)
+            if isinstance(answer, NotLocated):
+                answer = NotLocated(f"the floor's edge, by lines where the walls stand: {answer.reason}")
+            return answer, camera
         assert self._goal is not None
         start = prior.pose if isinstance(prior, PoseEstimate) else prior
         sight = self._goal.look(frame, start)
@@ -228,8 +260,16 @@ class PinholeSight(Sight):
         )
         return sight.estimate(start), seen_from
 
-    def _by_lines_alone(self, frame: UInt8Array, lines: LineLocalizer) -> PoseEstimate | NotLocated:
-        points = lines.finder.find(frame)
+    def _by_lines(
+        self, points: LinePoints, lines: LineLocalizer, prior: PoseEstimate | Pose2 | None
+    ) -> tuple[PoseEstimate | NotLocated, PinholeCamera]:
+        if isinstance(prior, Pose2):
+            prior = PoseEstimate(prior, np.diag([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
+        if prior is not None:
+            return locate_nearby(points, lines.line_map, prior, self.camera)
+        return self._by_lines_alone(points, lines), self.camera
+
+    def _by_lines_alone(self, points: LinePoints, lines: LineLocalizer) -> PoseEstimate | NotLocated:
         estimate = lines.locate(points)
         if not isinstance(estimate, PoseEstimate):
             return estimate
@@ -264,7 +304,7 @@ class PinholeSight(Sight):
             return pose
         return pose.compose(self._mounting.inverse())
 
-    def _walls(self, stands: Pose2, view: FloorView) -> FloatArray:
+    def _walls_px(self, stands: Pose2, view: FloorView) -> FloatArray:
         """Where a pose puts the walls, as `radius_px` of each bearing (K,); NaN where none is to be seen."""
         walls = self.field.walls if self.field.is_bounded else np.empty((0, 4))
         if not len(walls):

@@ -222,8 +222,8 @@ def test_a_camera_that_looks_up_tells_no_floor(field, camera):
 
 
 def test_what_does_not_fit_is_refused(field, camera):
-    with pytest.raises(ArgumentError, match="'goal' or 'field' for a pinhole camera, got 'floor'"):
-        Vision(field, camera, method="floor")
+    with pytest.raises(ArgumentError, match="'goal', 'field' or 'floor' for a pinhole camera, got 'hull'"):
+        Vision(field, camera, method="hull")
     with pytest.raises(ArgumentError, match="tilt_rad"):
         Vision(field, camera.with_orientation(None, None, None), method="field")
     with pytest.raises(ArgumentError, match="no goals of posts"):
