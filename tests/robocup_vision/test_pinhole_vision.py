@@ -117,6 +117,25 @@ def test_the_ball_is_found_and_blocks_nothing(vision, camera, ball):
     assert view.free_space.range_m[beside] > 1.5
 
 
+@pytest.mark.parametrize("hidden", [0.25, 0.4, 0.5])
+@pytest.mark.parametrize("aside_px", [0.0, 60.0])
+def test_a_near_ball_that_the_picture_cuts_is_found_where_it_is(vision, camera, hidden, aside_px):
+    half_px = 0.0215 * 300 / 0.36
+    ray = camera.pixel_to_ray((159.5 + aside_px, 239.5 + (2 * hidden - 1) * half_px))
+    ball = (camera.viewpoint_m - ray * (camera.height_m - 0.0215) / ray[2])[:2]
+    vision.forget()
+    view = vision.look(painted(camera, ball=tuple(ball)))
+    assert view.ball is not None
+    assert math.hypot(view.ball.x_m - ball[0], view.ball.y_m - ball[1]) < 0.01
+
+
+def test_a_lone_orange_strip_at_the_picture_s_edge_is_no_ball(vision, camera):
+    frame = painted(camera)
+    frame[-8:, 60:200] = ORANGE
+    vision.forget()
+    assert vision.look(frame).ball is None
+
+
 def test_steering_takes_bearings_in_view(vision, camera):
     view = vision.look(painted(camera))
     command = Steering(0.09, 3.0, 0.1, 1.0).steer(view.free_space, (0.0, 0.0), 0.0)
