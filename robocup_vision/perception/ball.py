@@ -143,7 +143,18 @@ class BallSearch(ABC):
             table.floor_llr,
             out,
         )
-        return self._place(*self._whole(out[:2])) if score >= _LEAST_SCORE else None
+        if score < _LEAST_SCORE:
+            return None
+        return self._place(*self._whole(out[:2])) if self._is_cut(out[0], out[1]) else self._place(out[:2])
+
+    def _is_cut(self, u: float, v: float) -> bool:
+        """Whether a ball with its centre there may reach beyond the picture; in plain floats, as it is once a frame."""
+        axis_u, axis_v = self._axis_px
+        along_px, across_px = self._sizes_px
+        index = min(round(math.hypot(u - axis_u, v - axis_v)), len(along_px) - 1)
+        reach = max(float(along_px[index]), float(across_px[index])) - 0.5
+        width, height = self._any_camera.size_px
+        return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
 
     def _whole(self, blob_px: FloatArray) -> tuple[FloatArray, float]:
         """Centre (2,) of the whole ball whose part in the picture has this centre, and the share of it that is shown.
@@ -161,9 +172,6 @@ class BallSearch(ABC):
             radius = math.hypot(*ray)
             index = min(round(radius), len(along_px) - 1)
             along, across = float(along_px[index]), float(across_px[index])
-            reach = max(along, across)
-            if (center - reach >= -0.5).all() and (center + reach <= last).all():
-                break
             ray /= max(radius, 1e-9)
             points = center + _DISC @ np.array([along * ray, [-across * ray[1], across * ray[0]]])
             shown = points[((points >= -0.5) & (points <= last)).all(axis=1)]
@@ -173,7 +181,7 @@ class BallSearch(ABC):
             center += blob_px - shown.mean(axis=0)
         return center, share
 
-    def _place(self, pixel: FloatArray, share: float) -> Ball:
+    def _place(self, pixel: FloatArray, share: float = 1.0) -> Ball:
         u, v = float(pixel[0]), float(pixel[1])
         x, y = self._on_plane(u, v)
         (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
