@@ -42,32 +42,36 @@ def goal_prediction(
     dx = shape[0] - p[0]
     dz = shape[2] - p[5]
     side = -1.0 if dx < 0 else 1.0
-    elevation = math.atan2(dz, abs(dx))
-    bar_half = math.asin(min(1.0, shape[3] / math.hypot(dx, dz)))
+    # planes that touch a cylinder: the direction to its axis, turned by the angle that its radius subtends
+    bar_away = math.sqrt(dx * dx + dz * dz)
+    bar_sin, bar_cos = dz / bar_away, abs(dx) / bar_away
+    bar_half = min(1.0, shape[3] / bar_away)
+    bar_rest = math.sqrt(1.0 - bar_half * bar_half)
     for e in range(6):
         nx, ny, nz = 0.0, 0.0, 0.0
         if e < 4:
             dy = (0.5 if e < 2 else -0.5) * shape[1] - p[1]
-            bearing = math.atan2(dy, dx)
-            half = math.asin(min(1.0, shape[3] / math.hypot(dx, dy)))
+            away = math.sqrt(dx * dx + dy * dy)
+            half = min(1.0, shape[3] / away)
+            rest = math.sqrt(1.0 - half * half)
             if e == 0 or e == 2:
-                nx, ny = -math.sin(bearing + half), math.cos(bearing + half)
+                nx, ny = -(dy * rest + dx * half) / away, (dx * rest - dy * half) / away
             else:
-                nx, ny = math.sin(bearing - half), -math.cos(bearing - half)
+                nx, ny = (dy * rest - dx * half) / away, -(dx * rest + dy * half) / away
         elif e == 4:
-            nx, nz = -side * math.sin(elevation + bar_half), math.cos(elevation + bar_half)
+            nx, nz = -side * (bar_sin * bar_rest + bar_cos * bar_half), bar_cos * bar_rest - bar_sin * bar_half
         else:
-            nx, nz = side * math.sin(elevation - bar_half), -math.cos(elevation - bar_half)
+            nx, nz = side * (bar_sin * bar_rest - bar_cos * bar_half), -(bar_cos * bar_rest + bar_sin * bar_half)
         cx = nx * r00 + ny * r10 + nz * r20
         cy = nx * r01 + ny * r11 + nz * r21
         cz = nx * r02 + ny * r12 + nz * r22
         a, b = -cy / fu, -cz / fv
         c = cx - a * view[2] - b * view[3]
-        norm = math.hypot(a, b)
+        norm = math.sqrt(a * a + b * b)
         lines[e, 0], lines[e, 1], lines[e, 2] = a / norm, b / norm, c / norm - p[7]
     for post in range(2):
         dy = (0.5 if post == 0 else -0.5) * shape[1] - p[1]
-        distance = math.hypot(dx, dy)
+        distance = math.sqrt(dx * dx + dy * dy)
         ux, uy = dx / distance, dy / distance
         for k in range(offsets.shape[0]):
             along = math.sqrt(1.0 - offsets[k] ** 2)

@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels.goal_fit import floor_residuals
+
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -90,3 +92,47 @@ def line_marks(
         last_u, last_v = u, v
         n += 1
     return n
+
+
+@njit(cache=True, nogil=True)
+def mark_stds(
+    marks: FloatArray,
+    pixels: FloatArray,
+    normals: FloatArray,
+    view: FloatArray,
+    p: FloatArray,
+    unknowns: int,
+    covariance: FloatArray,
+    std: FloatArray,
+) -> None:
+    """How far from where it is due each place may be seen, along its normal, one standard deviation, pixels.
+
+    Parameters
+    ----------
+    marks, pixels, normals : (N, 2) float64
+        Of `line_marks`.
+    view, p
+        See `kernels.goal_fit.goal_prediction`.
+    unknowns : int
+        How many of the unknowns, from the first on, move the floor in the picture.
+    covariance : (8, 8) float64
+        Of the unknowns.
+    std : (N,) float64
+        Result.
+    """
+    count = marks.shape[0]
+    jacobian, base, moved = np.zeros((count, unknowns)), np.empty(count), np.empty(count)
+    floor_residuals(view, p, marks, pixels, normals, base)
+    trial = p.copy()
+    for k in range(unknowns):
+        trial[k] = p[k] + 1e-6
+        floor_residuals(view, trial, marks, pixels, normals, moved)
+        trial[k] = p[k]
+        for n in range(count):
+            jacobian[n, k] = (moved[n] - base[n]) / 1e-6
+    for n in range(count):
+        variance = 0.0
+        for i in range(unknowns):
+            for j in range(unknowns):
+                variance += jacobian[n, i] * covariance[i, j] * jacobian[n, j]
+        std[n] = math.sqrt(max(variance, 0.0))

@@ -17,6 +17,8 @@ _LEAST_BLUR_PX, _MOST_BLUR_PX = 0.35, 2.0
 _CUT = 2.5  # of Cauchy's weights, in standard deviations
 _CUT_BIAS = 0.79  # weighted mean square over variance of normal noise under these weights
 _MOST_MOVE_PX = 0.7  # in one step
+_STILL_PX = 0.005
+_ALL = 4 + TOUCHED
 
 
 @njit(cache=True, nogil=True)
@@ -42,13 +44,13 @@ def fit_profiles(
     Parameters
     ----------
     values, places, owner, lane, pieces
-        See `gather_profiles`.
+        See `gather_profiles`; sorted by owner.
     expected, weight : (SHARED,) float64
         Prior on the shared unknowns: values and inverse variances.
     move_std_px : float
         Prior on the edges' moves.
     rounds : int
-        Of Gauss-Newton; the first finds brightness and backgrounds only.
+        Of Gauss-Newton, at most; the first finds brightness and backgrounds only.
     shared, own : (SHARED,), (3 * pieces + 2, OWN) float64
         The unknowns: start (all of `own` and the brightnesses 0) and result.
     variance : (3 * pieces + 2, 2) float64
@@ -62,18 +64,22 @@ def fit_profiles(
     count, segments = values.shape[0], own.shape[0]
     feet_from = MEMBERS * pieces
     by_own, by_shared = np.empty(4), np.empty(TOUCHED)
+    # of one segment and channel: its own four unknowns, the shared ones, the residual; weighted sums of their products
+    slopes, sums = np.empty(_ALL + 1), np.empty((_ALL, _ALL + 1))
     index, mine = np.empty(TOUCHED, np.int64), np.empty(4, np.int64)
     a, b = np.empty((segments, OWN, OWN)), np.empty((segments, OWN, SHARED))
     g, right_g = np.empty((SHARED, SHARED)), np.empty(SHARED)
     right_a, solved = np.empty((segments, OWN)), np.empty((segments, SHARED, OWN))
     residual = np.empty((count, CHANNELS))
-    seen = np.zeros(segments, np.int64)
+    first = np.zeros(segments + 1, np.int64)
     strange, asked = np.zeros((segments, 2)), np.zeros((segments, 2))
     lanes = np.empty((segments, LANES))
     noise2, inflation = np.ones(CHANNELS), np.ones(CHANNELS)
     for n in range(count):
-        seen[owner[n]] += 1
-    for turn in range(rounds + 1):
+        first[owner[n] + 1] += 1
+    for s in range(segments):
+        first[s + 1] += first[s]
+    for turn in range(rounds):
         g[:, :] = 0.0
         for i in range(SHARED):
             g[i, i] = weight[i]
@@ -81,46 +87,51 @@ def fit_profiles(
         for s in range(segments):
             a[s] = 0.0
             b[s] = 0.0
-            right_a[s] = 0.0
             strange[s] = 0.0
             asked[s] = 1e-9
             for i in range(OWN):
                 a[s, i, i] = move_std_px**-2 if i < 2 else 1e-6
                 right_a[s, i] = -a[s, i, i] * own[s, i]
         sum_w, sum_r = np.zeros(CHANNELS), np.zeros(CHANNELS)
-        for n in range(count):
-            s = owner[n]
+        for s in range(segments):
             is_foot = s >= feet_from
             member = s - feet_from if is_foot else s // pieces
             base = CHANNELS + PER_MEMBER * member
             for c in range(CHANNELS):
-                r = values[n, c] - pixel_model(places[n], is_foot, c, member, shared, own[s], by_own, by_shared)
-                residual[n, c] = r
-                scaled = r * r / noise2[c]
-                w = 1.0 / (1.0 + scaled / _CUT**2) if turn > 0 else 1.0
-                sum_w[c] += w
-                sum_r[c] += w * r * r
-                side = 0 if is_foot or places[n, 0] < places[n, 1] else 1
-                strange[s, side] += min(scaled, 30.0)
-                asked[s, side] += 1.0
-                w /= noise2[c] * inflation[c]
+                sums[:, :] = 0.0
+                for n in range(first[s], first[s + 1]):
+                    r = values[n, c] - pixel_model(places[n], is_foot, c, member, shared, own[s], by_own, by_shared)
+                    residual[n, c] = r
+                    scaled = r * r / noise2[c]
+                    w = 1.0 / (1.0 + scaled / _CUT**2) if turn > 0 else 1.0
+                    sum_w[c] += w
+                    sum_r[c] += w * r * r
+                    side = 0 if is_foot or places[n, 0] < places[n, 1] else 1
+                    strange[s, side] += min(scaled, 30.0)
+                    asked[s, side] += 1.0
+                    w /= noise2[c] * inflation[c]
+                    for i in range(4):
+                        slopes[i] = by_own[i]
+                    for i in range(TOUCHED):
+                        slopes[4 + i] = by_shared[i]
+                    slopes[_ALL] = r
+                    for i in range(_ALL):
+                        wi = w * slopes[i]
+                        for j in range(i, _ALL + 1):
+                            sums[i, j] += wi * slopes[j]
                 index[0], index[1], index[2] = c, base, base + 1
                 index[3], index[4] = base + 2 + 2 * c, base + 3 + 2 * c
                 mine[0], mine[1], mine[2], mine[3] = 0, 1, 2 + 2 * c, 3 + 2 * c
                 for i in range(4):
-                    wi = w * by_own[i]
-                    if wi != 0.0:
-                        right_a[s, mine[i]] += wi * r
-                        for j in range(i + 1):
-                            a[s, mine[i], mine[j]] += wi * by_own[j]
-                        for j in range(TOUCHED):
-                            b[s, mine[i], index[j]] += wi * by_shared[j]
-                for i in range(TOUCHED):
-                    wi = w * by_shared[i]
-                    right_g[index[i]] += wi * r
+                    right_a[s, mine[i]] += sums[i, _ALL]
+                    for j in range(i + 1):
+                        a[s, mine[i], mine[j]] += sums[j, i]
                     for j in range(TOUCHED):
-                        if index[j] <= index[i]:
-                            g[index[i], index[j]] += wi * by_shared[j]
+                        b[s, mine[i], index[j]] += sums[i, 4 + j]
+                for i in range(TOUCHED):
+                    right_g[index[i]] += sums[4 + i, _ALL]
+                    for j in range(i + 1):
+                        g[index[i], index[j]] += sums[4 + j, 4 + i]
         for c in range(CHANNELS):
             noise2[c] = max(0.25, sum_r[c] / max(sum_w[c], 1e-9) / (_CUT_BIAS if turn > 0 else 1.0))
             lanes[:, :] = 0.0
@@ -134,7 +145,7 @@ def fit_profiles(
                     above += lanes[s, k] ** 2
             inflation[c] = max(1.0, above / below)
         for s in range(segments):
-            if seen[s] == 0:
+            if first[s] == first[s + 1]:
                 continue
             if not _factor(a[s], OWN):
                 return False
@@ -153,11 +164,10 @@ def fit_profiles(
                         g[j, k] -= solved[s, j, i] * b[s, i, k]
         if not _factor(g, SHARED):
             return False
-        if turn == rounds:
-            break
         _substitute(g, SHARED, right_g)
+        farthest = 0.0
         for s in range(segments):
-            if seen[s] == 0:
+            if first[s] == first[s + 1]:
                 continue
             member = s - feet_from if s >= feet_from else s // pieces
             base = CHANNELS + PER_MEMBER * member
@@ -168,14 +178,19 @@ def fit_profiles(
                     right_a[s, i] -= solved[s, j, i] * right_g[j]
                 step = right_a[s, i]
                 own[s, i] += min(_MOST_MOVE_PX, max(-_MOST_MOVE_PX, step)) if i < 2 else step
+                if i < 2:
+                    farthest = max(farthest, abs(step))
         for i in range(SHARED):
             shared[i] += right_g[i]
         for c in range(CHANNELS):
             shared[c] = min(_MOST_BLUR_PX, max(_LEAST_BLUR_PX, shared[c]))
+        # the weights settle with the noise, two rounds after brightness and backgrounds are known
+        if turn >= 2 and farthest < _STILL_PX:
+            break
     unit, back, alone = np.empty(SHARED), np.empty(SHARED), np.empty(OWN)
     for s in range(segments):
         variance[s, 0] = variance[s, 1] = np.inf
-        if seen[s] == 0:
+        if first[s] == first[s + 1]:
             continue
         member = s - feet_from if s >= feet_from else s // pieces
         base = CHANNELS + PER_MEMBER * member

@@ -16,11 +16,10 @@ import numpy.typing as npt
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal_edges import measure_ridges
-from robocup_vision.kernels.goal_fit import floor_residuals
-from robocup_vision.kernels.goal_marks import line_marks
+from robocup_vision.kernels.goal_marks import line_marks, mark_stds
 from robocup_vision.localization.goal_edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal_fit import INLIER_PX, GoalFit, GoalModel, fit, residuals
-from robocup_vision.localization.goal_geometry import LOG_FOCAL, UNKNOWNS
+from robocup_vision.localization.goal_geometry import LOG_FOCAL
 from robocup_vision.localization.goal_lines import LineFit, along_lines
 from robocup_vision.localization.line_map import LineMap
 
@@ -151,14 +150,8 @@ class GoalMarks:
         marks, pixels, normals, widths = marks[:n], pixels[:n], normals[:n], widths[:n]
         if n < _LEAST_MARKS:
             return None
-        jacobian, base, moved = np.zeros((n, UNKNOWNS)), np.empty(n), np.empty(n)
-        floor_residuals(model.view_array, p, marks, pixels, normals, base)
-        for k in range(LOG_FOCAL + 1):
-            step = np.zeros(UNKNOWNS)
-            step[k] = 1e-6
-            floor_residuals(model.view_array, p + step, marks, pixels, normals, moved)
-            jacobian[:, k] = (moved - base) / 1e-6
-        std = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian), 0.0))
+        std = np.empty(n)
+        mark_stds(marks, pixels, normals, model.view_array, p, LOG_FOCAL + 1, covariance, std)
         start = np.ascontiguousarray(from_ideal(self._camera, pixels))
         offset, contrast = np.empty(n), np.empty(n)
         measure_ridges(frame, start, normals, np.minimum(3 * std + _FLOOR_PX, most_px), widths, offset, contrast)

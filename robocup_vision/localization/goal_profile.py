@@ -191,8 +191,6 @@ def polish(
         Of the paint.
     """
     alone = measure_profiles(image, camera, model, found.unknowns, look)
-    if 0:
-        print("alone", None if alone is None else (len(alone.edge), np.unique(alone.edge)))
     if alone is None or len(alone.edge) < _LEAST_SAMPLES or len(np.unique(alone.edge)) < EDGES:
         return found
     samples, single = _with_feet(*_weighed(alone), found.samples)
