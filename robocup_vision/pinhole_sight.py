@@ -234,6 +234,11 @@ class PinholeSight(Sight):
         if self._walls is not None:
             if reading is None or reading.table is None or self._floor is None:
                 return NotLocated("no floor in view"), self.camera
+            if prior is None:
+                # a sway of half a degree makes three walls fit elsewhere, and fit well
+                return NotLocated(
+                    "a pinhole camera sees too little of the floor's edge to do without a prior"
+                ), self.camera
             least = _LEAST_CONTRAST * reading.table.colors.floor.noise
             view = self._floor.view
             points = wall_points(frame, view, reading.columns, view.hidden_px, least)

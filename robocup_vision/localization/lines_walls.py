@@ -1,8 +1,7 @@
 """A pinhole camera's pose from where the floor ends: the feet of walls and boards, taken for lines of the field.
 
 A mirror camera sees the whole outline at once and has a fit of its own (`localization.floor`). A pinhole camera sees a
-stretch of it, and needs what lines need: a prior, whose tilt sways with the robot, or a view so wide that the walls in
-it fit in one place only.
+stretch of it, from a height and tilt that sway: that refines a prior, as a few lines do, and tells no place alone.
 """
 
 from __future__ import annotations
