@@ -63,6 +63,7 @@ class _FieldFile(StrictStruct):
     boundary: _Boundary
     goal: _Goal | None = None
     center_line: bool = True
+    goal_to_goal_line: bool = False
     outer_lines: bool = True
     center_circle_radius_m: Length | None = None
     goal_area: _Area | None = None
@@ -205,6 +206,8 @@ def _lines(f: _FieldFile) -> list[list[float]]:
         rows += [[side * x, -f.goal.width_m / 2, side * x, f.goal.width_m / 2] for side in (1, -1)]
     if f.center_line:
         rows.append([0.0, -y, 0.0, y])
+    if f.goal_to_goal_line:
+        rows.append([-x, 0.0, x, 0.0])
     for area in (f.goal_area, f.penalty_area):
         if area is not None:
             for side in (1, -1):

@@ -66,17 +66,18 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     for points, color in ((view.line_points_px, LINE_POINT_COLOR), (view.boundary_px, BOUNDARY_COLOR)):
         for u, v in points[np.isfinite(points).all(axis=1)]:
             cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
+    camera = vision.camera if view.polar is None else view.polar.camera
     for obstacle in view.obstacles:
         across = np.array([-math.sin(obstacle.bearing_rad), math.cos(obstacle.bearing_rad)]) * obstacle.width_m / 2
         middle = np.array([obstacle.x_m, obstacle.y_m])
         ends = middle + np.linspace(-1.0, 1.0, 7)[:, None] * across
-        _draw_path(canvas, vision.camera.floor_to_pixel(ends), vision, scale, OBSTACLE_COLOR, 2)
+        _draw_path(canvas, camera.floor_to_pixel(ends), vision, scale, OBSTACLE_COLOR, 2)
     if view.ball is not None:
         angle = np.linspace(0.0, math.tau, 25)
         rim = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1) * vision.field.ball_radius_m
         # about its centre where the camera's height is known, else as if it lay flat on the floor
-        rim[:, 2] *= vision.camera.height_m is not None
-        pixels = vision.camera.point_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m, 0.0]))
+        rim[:, 2] *= camera.height_m is not None
+        pixels = camera.point_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m, 0.0]))
         _draw_path(canvas, pixels, vision, scale, BALL_COLOR, 2)
     _write(canvas, _summary(view))
     return canvas
@@ -122,7 +123,7 @@ def _draw_free_space(canvas: UInt8Array, view: View, vision: Vision, scale: int)
     if not view.polar.is_ring:
         # back along the nearest floor in view
         corners += [inner * np.array([[math.cos(b), math.sin(b)]]) for b in bearing[::-1]]
-    pixels = vision.camera.floor_to_pixel(np.vstack(corners))
+    pixels = view.polar.camera.floor_to_pixel(np.vstack(corners))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     shape = np.array([_fixed(u, v, scale) for u, v in pixels], dtype=np.int32).reshape(-1, 2)
     if not len(shape):  # a table that ends before the free floor does

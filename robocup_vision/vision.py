@@ -43,10 +43,11 @@ class Vision:
     method : {"field", "floor", "hull", "goal"}, optional
         How the pose is told. "field", the default of a mirror camera: by the floor's outline where walls or boards
         bound it, and by the white lines where it leaves a choice, does not tell, or is not bounded, with no prior; a
-        pinhole camera, whose tilt must be known, goes by the lines. "floor" (mirror): by the outline alone. "hull"
-        (mirror): as Sekimori et al. print it, by the convex hull of the whole floor mask; the published reference, for
-        comparison. "goal", the default of a pinhole camera: by the posts and bar of a goal, with the lines around it;
-        the pose is then that of the camera's foot and optical axis.
+        pinhole camera, whose tilt must be known, goes by the lines. "floor": by the outline alone; a pinhole camera
+        sees too little of it to do without a prior. "hull" (mirror): as Sekimori et al. print it, by the
+        convex hull of the whole floor mask; the published reference, for comparison. "goal", the default of a pinhole
+        camera: by the posts and bar of a goal, with the lines around it; the pose is then that of the camera's foot and
+        optical axis.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     directions : int

@@ -151,9 +151,11 @@ def find_ball(
         across = 2.0 * math.sqrt(max(0.0, ey * ey * uu - 2 * ex * ey * uv + ex * ex * vv))
         if radial > 1.6 * a + 1.0 or across > 1.6 * t + 1.0 or radial < 0.35 * a - 0.5 or across < 0.35 * t - 0.5:
             continue
-        # floor before it and on both sides; behind it may be anything, but not more of its own colour
-        floor, like = 0, 0
-        for step in range(16):
+        # floor before it and on both sides; behind it may be anything, but not more of its own colour. Where it lies at
+        # the picture's edge, what is shown of its surroundings must do, the nearest first
+        floor, like, asked = 0, 0, 0
+        for k in range(16):
+            step = 8 + ((k + 1) // 2 if k % 2 else -(k // 2))
             angle = step * math.pi / 8
             along = (1.35 * a + 2.0) * math.cos(angle)
             aside = (1.35 * t + 2.0) * math.sin(angle)
@@ -161,6 +163,7 @@ def find_ball(
             v = int(center_v + y + along * ey + aside * ex + 0.5)
             if u < 1 or v < 1 or u >= width - 1 or v >= height - 1:
                 continue
+            asked += 1
             blue, green, red = 0, 0, 0
             for nv in range(v - 1, v + 2):
                 for nu in range(u - 1, u + 2):
@@ -170,7 +173,7 @@ def find_ball(
             blue, green, red = blue // 9, green // 9, red // 9
             if f0 * blue + f1 * green + f2 * red > 0.0 and w0 * blue + w1 * green + w2 * red > 0.0:
                 like += blue + green + red >= least_level
-            elif 4 <= step <= 12 and floor_llr[packing[0, blue] + packing[1, green] + packing[2, red]] > 0:
+            elif asked <= 9 and floor_llr[packing[0, blue] + packing[1, green] + packing[2, red]] > 0:
                 floor += 1
         score = floor / 9.0 - like / 8.0
         if score > best:

@@ -12,6 +12,8 @@ FloatArray = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 UInt8Array = npt.NDArray[np.uint8]
 
+_WASHED = 0.5
+
 
 @njit(cache=True, nogil=True)
 def _sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
@@ -51,7 +53,7 @@ def measure_edges(
     towards : (N, 3) float64
         Colour difference object - surroundings that each edge must agree with in sign.
     glare : float
-        Samples whose inside is brighter than this in all channels within 2 px of the edge are dropped.
+        Samples are dropped whose inside is brighter than this and has lost half of its colour to white.
     grey : (N,) float64
         How much of the two classes' difference in brightness counts: 1 for white paint, less for paint of a hue, beside
         which grey clutter has edges of its own.
@@ -108,7 +110,8 @@ def measure_edges(
             for i in range(at + 3, high + 1):
                 mean_out[c] += profile[i, c] / n_out
             brightness += (mean_in[c] - mean_out[c]) / 3.0
-        if min(mean_in[0], mean_in[1], mean_in[2]) >= glare:
+        brightest = max(mean_in[0], mean_in[1], mean_in[2])
+        if brightest >= glare and min(mean_in[0], mean_in[1], mean_in[2]) >= _WASHED * brightest:
             contrast[n] = -1.0
             continue
         for turn in range(1 if grey[n] >= 1.0 else 2):

@@ -42,32 +42,36 @@ def goal_prediction(
     dx = shape[0] - p[0]
     dz = shape[2] - p[5]
     side = -1.0 if dx < 0 else 1.0
-    elevation = math.atan2(dz, abs(dx))
-    bar_half = math.asin(min(1.0, shape[3] / math.hypot(dx, dz)))
+    # planes that touch a cylinder: the direction to its axis, turned by the angle that its radius subtends
+    bar_away = math.sqrt(dx * dx + dz * dz)
+    bar_sin, bar_cos = dz / bar_away, abs(dx) / bar_away
+    bar_half = min(1.0, shape[3] / bar_away)
+    bar_rest = math.sqrt(1.0 - bar_half * bar_half)
     for e in range(6):
         nx, ny, nz = 0.0, 0.0, 0.0
         if e < 4:
             dy = (0.5 if e < 2 else -0.5) * shape[1] - p[1]
-            bearing = math.atan2(dy, dx)
-            half = math.asin(min(1.0, shape[3] / math.hypot(dx, dy)))
+            away = math.sqrt(dx * dx + dy * dy)
+            half = min(1.0, shape[3] / away)
+            rest = math.sqrt(1.0 - half * half)
             if e == 0 or e == 2:
-                nx, ny = -math.sin(bearing + half), math.cos(bearing + half)
+                nx, ny = -(dy * rest + dx * half) / away, (dx * rest - dy * half) / away
             else:
-                nx, ny = math.sin(bearing - half), -math.cos(bearing - half)
+                nx, ny = (dy * rest - dx * half) / away, -(dx * rest + dy * half) / away
         elif e == 4:
-            nx, nz = -side * math.sin(elevation + bar_half), math.cos(elevation + bar_half)
+            nx, nz = -side * (bar_sin * bar_rest + bar_cos * bar_half), bar_cos * bar_rest - bar_sin * bar_half
         else:
-            nx, nz = side * math.sin(elevation - bar_half), -math.cos(elevation - bar_half)
+            nx, nz = side * (bar_sin * bar_rest - bar_cos * bar_half), -(bar_cos * bar_rest + bar_sin * bar_half)
         cx = nx * r00 + ny * r10 + nz * r20
         cy = nx * r01 + ny * r11 + nz * r21
         cz = nx * r02 + ny * r12 + nz * r22
         a, b = -cy / fu, -cz / fv
         c = cx - a * view[2] - b * view[3]
-        norm = math.hypot(a, b)
+        norm = math.sqrt(a * a + b * b)
         lines[e, 0], lines[e, 1], lines[e, 2] = a / norm, b / norm, c / norm - p[7]
     for post in range(2):
         dy = (0.5 if post == 0 else -0.5) * shape[1] - p[1]
-        distance = math.hypot(dx, dy)
+        distance = math.sqrt(dx * dx + dy * dy)
         ux, uy = dx / distance, dy / distance
         for k in range(offsets.shape[0]):
             along = math.sqrt(1.0 - offsets[k] ** 2)
@@ -95,9 +99,12 @@ def goal_residuals(
     foot_at: Int64Array,
     foot_uv: FloatArray,
     foot_direction: FloatArray,
+    mark_m: FloatArray,
+    mark_uv: FloatArray,
+    mark_direction: FloatArray,
     residual: FloatArray,
 ) -> None:
-    """Signed pixel residuals of edge samples and of foot samples, in this order."""
+    """Signed pixel residuals of edge samples, foot samples and floor marks, in this order."""
     lines, feet = np.empty((6, 3)), np.empty((2, offsets.shape[0], 2))
     goal_prediction(shape, view, p, offsets, lines, feet)
     for n in range(edge.shape[0]):
@@ -110,6 +117,30 @@ def goal_residuals(
             + (foot_uv[n, 1] - feet[post, k, 1]) * foot_direction[n, 1]
             - p[7]
         )
+    floor_residuals(view, p, mark_m, mark_uv, mark_direction, residual[edge.shape[0] + foot_post.shape[0] :])
+
+
+@njit(cache=True, nogil=True)
+def floor_residuals(
+    view: FloatArray, p: FloatArray, mark_m: FloatArray, uv: FloatArray, direction: FloatArray, residual: FloatArray
+) -> None:
+    """Signed pixel residuals, along a direction each, of floor points (N, 2) in the field frame, metres."""
+    cp, sp = math.cos(p[2]), math.sin(p[2])
+    ct, st = math.cos(p[3]), math.sin(p[3])
+    cr, sr = math.cos(p[4]), math.sin(p[4])
+    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
+    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
+    r20, r21, r22 = st, ct * sr, ct * cr
+    scale = math.exp(p[6])
+    for n in range(mark_m.shape[0]):
+        x, y, z = mark_m[n, 0] - p[0], mark_m[n, 1] - p[1], -p[5]
+        depth = x * r00 + y * r10 + z * r20
+        if depth > 1e-6:
+            u = view[2] - scale * view[0] * (x * r01 + y * r11 + z * r21) / depth
+            v = view[3] - scale * view[1] * (x * r02 + y * r12 + z * r22) / depth
+            residual[n] = (uv[n, 0] - u) * direction[n, 0] + (uv[n, 1] - v) * direction[n, 1]
+        else:
+            residual[n] = np.nan
 
 
 @njit(cache=True, nogil=True)
@@ -167,6 +198,9 @@ def fit_goal(
     foot_at: Int64Array,
     foot_uv: FloatArray,
     foot_direction: FloatArray,
+    mark_m: FloatArray,
+    mark_uv: FloatArray,
+    mark_direction: FloatArray,
     sigma: FloatArray,
     scales: FloatArray,
     normal: FloatArray,
@@ -180,8 +214,8 @@ def fit_goal(
         Start, overwritten with the result.
     prior, weight : (8,) float64
         Expected unknowns and their inverse variances; a weight of infinity holds the unknown at its start.
-    edge, uv, foot_post, foot_at, foot_uv, foot_direction, sigma
-        Edge samples (N) and foot samples (M), with the noise (N + M) of both, pixels.
+    edge, uv, foot_post, foot_at, foot_uv, foot_direction, mark_m, mark_uv, mark_direction, sigma
+        Edge samples (N), foot samples (M) and floor marks (L), with the noise (N + M + L) of all, pixels.
     scales : (K,) float64
         Cauchy scale of each iteration, pixels.
     normal : (8, 8) float64
@@ -192,7 +226,7 @@ def fit_goal(
     float
         The last iteration's `robust_cost`, or infinity where the fit broke down.
     """
-    count = edge.shape[0] + foot_post.shape[0]
+    count = edge.shape[0] + foot_post.shape[0] + mark_m.shape[0]
     base, moved = np.empty(count), np.empty(count)
     jacobian = np.empty((count, 8))
     step = np.array([1e-5, 1e-5, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4])
@@ -200,13 +234,43 @@ def fit_goal(
     trial = np.empty(8)
     cost = np.inf
     for iteration in range(scales.shape[0]):
-        goal_residuals(shape, view, p, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, base)
+        goal_residuals(
+            shape,
+            view,
+            p,
+            offsets,
+            edge,
+            uv,
+            foot_post,
+            foot_at,
+            foot_uv,
+            foot_direction,
+            mark_m,
+            mark_uv,
+            mark_direction,
+            base,
+        )
         for k in range(8):
             if math.isinf(weight[k]):
                 continue
             trial[:] = p
             trial[k] += step[k]
-            goal_residuals(shape, view, trial, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, moved)
+            goal_residuals(
+                shape,
+                view,
+                trial,
+                offsets,
+                edge,
+                uv,
+                foot_post,
+                foot_at,
+                foot_uv,
+                foot_direction,
+                mark_m,
+                mark_uv,
+                mark_direction,
+                moved,
+            )
             for n in range(count):
                 jacobian[n, k] = (moved[n] - base[n]) / step[k]
         normal[:, :] = 0.0
@@ -244,7 +308,22 @@ def fit_goal(
         for _ in range(5):
             for i in range(8):
                 trial[i] = p[i] + limit * right[i]
-            goal_residuals(shape, view, trial, offsets, edge, uv, foot_post, foot_at, foot_uv, foot_direction, moved)
+            goal_residuals(
+                shape,
+                view,
+                trial,
+                offsets,
+                edge,
+                uv,
+                foot_post,
+                foot_at,
+                foot_uv,
+                foot_direction,
+                mark_m,
+                mark_uv,
+                mark_direction,
+                moved,
+            )
             cost = robust_cost(moved, sigma, scales[iteration], trial, prior, weight)
             if cost <= before:
                 p[:] = trial

@@ -6,7 +6,7 @@ Yako et al.'s method is kept beside it, to measure against.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -20,7 +20,16 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
 from robocup_vision.localization.goal_edges import measure
 from robocup_vision.localization.goal_fit import INLIER_PX, LEAST_ELEMENT_SHARE, GoalFit, residuals
-from robocup_vision.localization.goal_geometry import HEADING, LOG_FOCAL, TILT, IdealView, X, Y, pose_of
+from robocup_vision.localization.goal_geometry import (
+    BAR_TOP,
+    HEADING,
+    LOG_FOCAL,
+    TILT,
+    IdealView,
+    X,
+    Y,
+    pose_of,
+)
 from robocup_vision.localization.goal_lines import (
     LineFit,
     expected_ridges,
@@ -30,7 +39,9 @@ from robocup_vision.localization.goal_lines import (
     line_starts,
     loosened,
 )
+from robocup_vision.localization.goal_marks import GoalMarks
 from robocup_vision.localization.goal_paper import PaperMethod
+from robocup_vision.localization.goal_profile import polish
 from robocup_vision.localization.goal_search import (
     PRIOR_STD_M,
     PRIOR_STD_RAD,
@@ -49,6 +60,7 @@ _LEAST_LINE_POINTS = 20
 _POST_REACH_PX = 3.0
 # so many places along lines in view, and lines that are not there speak against a white goal
 _TELLING_RIDGES = 60
+_LEAST_ALONE_SCORE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +127,7 @@ class GoalLocalizer:
         self.method = method
         self._search = GoalSearch(field, camera)
         self._lines = LineMap(field) if use_lines and len(field.lines) + len(field.arcs) else None
+        self._marks = GoalMarks(self._lines, camera) if self._lines is not None else None
         self._paper: PaperMethod | None = None
         if method != "edges":
             if not self._search.families:
@@ -151,6 +164,8 @@ class GoalLocalizer:
         """Place the camera as `locate` does, with its tilt, roll and height and what was measured."""
         self._check(frame)
         candidates, reason = self._search.candidates(frame)
+        if candidates and candidates[0].objection is None and candidates[0].model is self._search.colored_model:
+            return self._colored(frame, candidates[0])
         for candidate in candidates[: _MOST_LINE_TRIALS if self._lines is not None else 0]:
             joined = self._with_lines(frame, candidate)
             if joined is not None:
@@ -160,6 +175,9 @@ class GoalLocalizer:
                 break
             if self._lines is not None and self._contradicted(candidate):
                 reason = "no whole goal: what looks like one would have field lines in view that are not there"
+                continue
+            if candidate.model is self._search.white_model and not _is_plain(candidate):
+                reason = "no certain goal: white posts and bar are too faint among the clutter to count without lines"
                 continue
             return _goal_alone(candidate)
         if prior is None:
@@ -171,6 +189,14 @@ class GoalLocalizer:
         return (
             _goal_alone(part) if part is not None else NotLocated(f"{reason}; nor does enough of it bear out the prior")
         )
+
+    def _colored(self, frame: ByteImage, candidate: Candidate) -> GoalSight:
+        """Make a goal of a hue, which is certain, exact by its profiles, and by the lines where they bear it out."""
+        fine = polish(frame, self.camera, candidate.model, candidate.fit, candidate.look)
+        joined = self._marks.join(frame, candidate.model, fine) if self._marks is not None else None
+        if joined is not None:
+            return GoalSight(joined.unknowns, joined.covariance, candidate.sides, fine, joined)
+        return _goal_alone(replace(candidate, fit=fine))
 
     def _with_lines(self, frame: ByteImage, candidate: Candidate) -> GoalSight | None:
         """Fit goal and lines together; None where lines do not bear the goal out."""
@@ -262,6 +288,11 @@ class GoalLocalizer:
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
             got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
             raise FrameError(f"frame must be uint8 ({height}, {width}, 3) as camera.toml says, got {got}")
+
+
+def _is_plain(candidate: Candidate) -> bool:
+    """Whether a white goal is one without lines to confirm it: the net's own bar, below, must not pass for the bar."""
+    return bool(candidate.fit.share[BAR_TOP] >= LEAST_ELEMENT_SHARE and candidate.fit.score >= _LEAST_ALONE_SCORE)
 
 
 def _goal_alone(candidate: Candidate) -> GoalSight:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +37,7 @@ class Look:
     towards : (3,) float64
         Colour difference (BGR) paint - surroundings that every edge agrees with in sign.
     glare : float
-        Samples whose paint is brighter than this in all channels are dropped.
+        Samples whose paint is brighter than this and half washed white are dropped.
     grey : float
         How much of the difference in brightness counts, see `kernels.goal_edges.measure_edges`.
     """
@@ -45,6 +45,10 @@ class Look:
     towards: FloatArray
     glare: float
     grey: float
+
+
+def _none() -> FloatArray:
+    return np.empty((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +65,14 @@ class EdgeSamples:
         Post (0 left, 1 right) of each foot sample, and its index into `FOOT_OFFSETS`.
     foot_uv, foot_direction : (M, 2) float64
         Where the paint ends, and along which direction that was measured.
-    sigma : (N + M,) float64
-        Noise of both, pixels.
+    sigma : (N + M + L,) float64
+        Noise of all, pixels.
     expected : (6,) int64
         How many samples each edge has inside the image, found or not, less those in glare.
+    mark_m : (L, 2) float64
+        Floor points on the field's lines, field frame, metres.
+    mark_uv, mark_direction : (L, 2) float64
+        Where the line was seen near each, and along which direction that was measured.
     """
 
     edge: npt.NDArray[np.int64]
@@ -75,6 +83,9 @@ class EdgeSamples:
     foot_direction: FloatArray
     sigma: FloatArray
     expected: npt.NDArray[np.int64]
+    mark_m: FloatArray = field(default_factory=_none)
+    mark_uv: FloatArray = field(default_factory=_none)
+    mark_direction: FloatArray = field(default_factory=_none)
 
 
 def to_ideal(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:

@@ -42,6 +42,7 @@ FOOT_WORTH = 3.0
 # shares of an element's edges, and of all, that must be in place
 LEAST_ELEMENT_SHARE = 0.45
 LEAST_EDGE_SHARE = 0.2  # a post has two edges
+LEAST_OTHER_SHARE = 0.6  # of the other five edges, where one post edge is missing
 LEAST_SCORE = 0.5
 MOST_STRAIN = 3.5  # standard deviations that a prior may be off
 # what an edge as a whole may be off, however many samples it has: paint, shading, posts that are no perfect cylinders
@@ -143,8 +144,13 @@ class GoalFit:
     @property
     def element_shares(self) -> tuple[float, float, float]:
         """Shares of the left post, the right post and the bar."""
-        s = self.share
-        return float(s[0] + s[1]) / 2, float(s[2] + s[3]) / 2, float(max(s[BAR_TOP], (s[4] + s[5]) / 2))
+        return element_shares(self.share)
+
+
+def element_shares(share: FloatArray) -> tuple[float, float, float]:
+    """Shares of the left post, the right post and the bar from those of the six edges."""
+    left, right, bar = share[:2].mean(), share[2:4].mean(), max(share[BAR_TOP], share[BAR_TOP:].mean())
+    return float(left), float(right), float(bar)
 
 
 def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | None:
@@ -157,8 +163,15 @@ def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | N
     extent_m : (2,) float64
         Greatest |x| and |y| at which a camera can stand.
     """
-    shares = found.element_shares
-    if min(shares) < LEAST_ELEMENT_SHARE or found.score < LEAST_SCORE or min(found.share[:4]) < LEAST_EDGE_SHARE:
+    feet = np.abs(found.residual_px[len(found.samples.edge) :]) < 2 * INLIER_PX
+    standing = np.bincount(found.samples.foot_post[feet], minlength=2) >= 2
+    share = found.share.copy()
+    bare = np.flatnonzero(share[:BAR_TOP] < LEAST_EDGE_SHARE)
+    if len(bare) == 1 and standing.all() and np.delete(share, bare).min() >= LEAST_OTHER_SHARE:
+        # something of the goal's own hue right behind it may hide one edge: all the others speak for it
+        share[bare] = share[bare ^ 1]
+    shares = element_shares(share)
+    if min(shares) < LEAST_ELEMENT_SHARE or found.score < LEAST_SCORE or min(share[:BAR_TOP]) < LEAST_EDGE_SHARE:
         weakest = ("left post", "right post", "bar")[int(np.argmin(shares))]
         return f"only {min(shares):.0%} of the {weakest}'s edges are where they should be"
     if np.any(np.abs(found.unknowns[:2]) > extent_m):
@@ -168,8 +181,6 @@ def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | N
     if float(strain.max()) > MOST_STRAIN:
         what = ("x", "y", "heading", "tilt", "roll", "height", "focal length", "bleeding")[int(np.argmax(strain))]
         return f"what looks like one would need a camera {what} that is {strain.max():.0f} standard deviations off"
-    feet = np.abs(found.residual_px[len(found.samples.edge) :]) < 2 * INLIER_PX
-    standing = np.bincount(found.samples.foot_post[feet], minlength=2) >= 2
     if not standing.any():
         return "what looks like one does not stand on the carpet"
     return None
@@ -247,6 +258,9 @@ def fit(
         samples.foot_at,
         samples.foot_uv,
         samples.foot_direction,
+        samples.mark_m,
+        samples.mark_uv,
+        samples.mark_direction,
         samples.sigma,
         scales,
         information,
@@ -335,8 +349,8 @@ def refine(
 
 
 def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:
-    """Signed residuals (N + M,), pixels."""
-    residual = np.empty(len(samples.edge) + len(samples.foot_post))
+    """Signed residuals (N + M + L,), pixels."""
+    residual = np.empty(len(samples.edge) + len(samples.foot_post) + len(samples.mark_m))
     goal_residuals(
         model.shape_array,
         model.view_array,
@@ -348,6 +362,9 @@ def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> F
         samples.foot_at,
         samples.foot_uv,
         samples.foot_direction,
+        samples.mark_m,
+        samples.mark_uv,
+        samples.mark_direction,
         residual,
     )
     return residual

@@ -325,7 +325,7 @@ def _ridge_places(
     line_width_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where lines are due (N, 2) in the ideal image, normals (N, 2) across them and their widths (N,), pixels."""
-    field_points, directions = _along_lines(line_map)
+    field_points, directions = along_lines(line_map)
     rotation = camera_rotation(unknowns[HEADING], unknowns[TILT], unknowns[ROLL])
     eye = np.array([unknowns[X], unknowns[Y], unknowns[HEIGHT]])
     scale = math.exp(unknowns[LOG_FOCAL]) * np.array(camera.focal_px)
@@ -391,7 +391,7 @@ def fit_ridges(
 
 
 @lru_cache(maxsize=4)
-def _along_lines(line_map: LineMap) -> tuple[FloatArray, FloatArray]:
+def along_lines(line_map: LineMap) -> tuple[FloatArray, FloatArray]:
     """Points (N, 2) every 4 cm along a field's lines, and their directions (N, 2)."""
     points, directions = [], []
     for x0, y0, x1, y1 in line_map.lines:

@@ -33,7 +33,7 @@ from robocup_vision.localization.goal_fit import (
     with_bar,
 )
 from robocup_vision.localization.goal_geometry import HEADING, TILT, X, Y, goal_shape
-from robocup_vision.perception.goal_color import hue_families, hue_masks, is_chromatic, narrower
+from robocup_vision.perception.goal_color import hue_families, hue_masks, hue_modes, is_chromatic, narrower
 from robocup_vision.perception.goal_region import Strip, carpet_mask, enlarged, mask_runs, strips, white_runs
 
 ByteImage = npt.NDArray[np.uint8]
@@ -228,12 +228,18 @@ class GoalSearch:
             yield Proposal(sides, found, pairs, paint, 1, self.white_model, look)
 
     def _last_resorts(self, frame: ByteImage, found: list[Candidate]) -> Iterator[Proposal]:
-        """Yield halves of each hue, where clutter of a neighbouring hue touches the goal; nothing once one is found."""
+        """Yield parts of each hue, where clutter of a neighbouring hue touches the goal; nothing once one is found."""
         if not self.families or any(c.objection is None for c in found):
             return
         small, factor = self.reduced(frame)
-        for half in narrower(self.families):
-            masks = hue_masks(small, half)
+        whole = hue_masks(small, self.families)
+        modes = [
+            {color: (max(low, self.families[color][0]), min(high, self.families[color][1]))}
+            for color, mask in whole.items()
+            for low, high in hue_modes(small, mask)
+        ]
+        for part in (*modes, *narrower(self.families)):
+            masks = hue_masks(small, part)
             carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
             for color, mask in masks.items():
                 yield self._colored(color, mask, carpet, factor)

@@ -1,8 +1,4 @@
-"""A robot's pose from white line points: searched over the whole field without any prior, or refined from a guess.
-
-Residuals are in PIXELS across the line, because what errs is the image, and an error of one pixel is a centimetre
-beside the robot and half a metre at the horizon.
-"""
+"""A robot's pose from white line points: searched over the whole field without any prior, or refined from a guess."""
 
 from __future__ import annotations
 
@@ -14,10 +10,10 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.localization.line_fit import pixel_residuals, refine_by_lines
 from robocup_vision.localization.line_map import LineMap
 from robocup_vision.localization.line_search import (
-    INLIER_PX,
     LEAST_SEARCH_POINTS,
     PATCH_M,
     SEARCH_NOISE_PX,
@@ -35,66 +31,8 @@ RIVAL_RATIO, RIVAL_EXCESS = 1.35, 0.15
 CLEARLY = 2.0
 # Of the lines that a pose predicts on floor in plain sight, this share must have been seen.
 LEAST_SUPPORT = 0.75
-# No single point is better than this, however smooth the picture.
-LEAST_NOISE_PX = 0.1
-# A wrong centre or tilt shifts whole stretches of line together. The pose takes up most of such a shift, the residuals
-# keep the rest: the shift is taken to be this many times what the stretches are off by on average.
-HIDDEN_SHIFT = 2.0
-# Neighbours along a line share the errors of lens, carpet and paint over about this length of floor.
-CORRELATION_M = 0.5
 LARGEST_STD_M = 0.25
 LARGEST_STD_RAD = math.radians(8.0)
-
-
-def refine_by_lines(
-    pose: Pose2,
-    points: LinePoints,
-    line_map: LineMap,
-    prior_covariance: FloatArray | None = None,
-    *,
-    start_px: float = 8.0,
-) -> PoseEstimate | NotLocated:
-    """Refine a pose by line points, with residuals in pixels across the lines.
-
-    Parameters
-    ----------
-    pose : Pose2
-        Where to start.
-    points : LinePoints
-        As seen in one frame.
-    line_map : LineMap
-        Of the field.
-    prior_covariance : (3, 3) float64, optional
-        How well `pose` is known beforehand; it then counts as a measurement of its own.
-    start_px : float
-        Residuals well beyond this are ignored from the first step on.
-    """
-    low, high = line_map.extent_m
-    points = points.take(np.hypot(*points.floor_m.T) <= np.hypot(*(high - low)))
-    if len(points) < LEAST_SEARCH_POINTS:
-        return NotLocated(f"only {len(points)} line points")
-    information = np.zeros((3, 3)) if prior_covariance is None else np.asarray(np.linalg.inv(prior_covariance))
-    start = pose.array
-    estimate = start.copy()
-    scale = start_px
-    for _ in range(15):
-        residual, jacobian, _, _ = _pixel_residuals(estimate, points, line_map)
-        weight = points.weight / (1 + (residual / scale) ** 2) ** 2
-        sigma2 = max(_spread_px(residual, scale), LEAST_NOISE_PX) ** 2
-        offset = estimate - start
-        offset[2] = wrap_angle(offset[2])
-        hessian = (jacobian.T * weight) @ jacobian / sigma2 + information
-        gradient = jacobian.T @ (weight * residual) / sigma2 + information @ offset
-        try:
-            step = np.linalg.solve(hessian + 1e-9 * np.trace(hessian) * np.eye(3), -gradient)
-        except np.linalg.LinAlgError:
-            return NotLocated("the lines in view do not fix the pose")
-        estimate += step * min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12))
-        narrow = max(3 * math.sqrt(sigma2), 1.0)
-        if scale <= narrow and float(np.abs(step).max()) < 1e-5:
-            break
-        scale = max(0.6 * scale, narrow) if scale > narrow else narrow
-    return _estimate(estimate, points, line_map, information, scale)
 
 
 class LineLocalizer:
@@ -231,7 +169,7 @@ class LineLocalizer:
         return int(agreed.sum()) / spoken if spoken else 1.0
 
     def _pixel_loss(self, pose: Pose2, points: LinePoints) -> float:
-        residual = _pixel_residuals(pose.array, points, self.line_map)[0]
+        residual = pixel_residuals(pose.array, points.floor_m, points.floor_per_px, self.line_map).residual
         return float(np.average(np.log1p((residual / SEARCH_NOISE_PX) ** 2), weights=points.weight))
 
     def _with_candidates(self, estimate: PoseEstimate, prior: PoseEstimate | None) -> PoseEstimate:
@@ -259,74 +197,3 @@ def _consistent(pose: Pose2, prior: PoseEstimate) -> bool:
     offset[2] = wrap_angle(offset[2])
     # 3 degrees of freedom, 99.9 %
     return float(offset @ np.linalg.solve(prior.covariance, offset)) < 16.3
-
-
-def _pixel_residuals(
-    pose: FloatArray, points: LinePoints, line_map: LineMap
-) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64]]:
-    """Measure line points against the field's lines in the image.
-
-    Returns
-    -------
-    residual : (N,) float64
-        Distances from the nearest lines, px, never negative.
-    jacobian : (N, 3) float64
-        Their derivatives by x, y (px/m) and theta (px/rad).
-    normal_px : (N, 2) float64
-        Unit normals in the image, from the line towards the point.
-    index : (N,) int64
-        Which line or arc.
-    """
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    turned = points.floor_m @ np.array([[c, s], [-s, c]])
-    near = line_map.nearest(turned + pose[:2])
-    normal_in_robot = near.normal @ np.array([[c, -s], [s, c]])
-    slope = np.einsum("ni,nij->nj", normal_in_robot, points.floor_per_px)
-    metres_per_px = np.maximum(np.hypot(slope[:, 0], slope[:, 1]), 1e-9)
-    by_theta = near.normal[:, 1] * turned[:, 0] - near.normal[:, 0] * turned[:, 1]
-    jacobian = np.column_stack([near.normal, by_theta]) / metres_per_px[:, None]
-    return near.distance_m / metres_per_px, jacobian, slope / metres_per_px[:, None], near.index
-
-
-def _spread_px(residual: FloatArray, within: float) -> float:
-    """Robust standard deviation of unsigned residuals, from those within a bound."""
-    good = residual <= 2 * within
-    return 1.48 * float(np.median(residual[good])) if good.any() else within
-
-
-def _estimate(
-    pose: FloatArray, points: LinePoints, line_map: LineMap, information: FloatArray, scale: float
-) -> PoseEstimate | NotLocated:
-    residual, jacobian, normal_px, index = _pixel_residuals(pose, points, line_map)
-    good = residual <= INLIER_PX
-    if np.count_nonzero(good) < LEAST_SEARCH_POINTS:
-        return NotLocated("too few line points lie on lines")
-    sigma2 = max(_spread_px(residual, scale), LEAST_NOISE_PX) ** 2
-    weight = points.weight / (1 + (residual / scale) ** 2) ** 2 / sigma2
-    fisher = (jacobian.T * weight) @ jacobian
-    # one group per line and stretch of floor: what errs there errs together (a cluster-robust "sandwich")
-    patch = np.floor(points.floor_m / CORRELATION_M).astype(np.int64)
-    _, member = np.unique((index * 40_009 + patch[:, 0]) * 40_009 + patch[:, 1], return_inverse=True)
-    count = np.bincount(member.ravel())
-    scores = np.zeros((len(count), 3))
-    np.add.at(scores, member.ravel(), jacobian * (weight * residual)[:, None])
-    spread = scores.T @ scores * (len(count) / max(len(count) - 3, 1))
-    shifts = np.zeros((len(count), 2))
-    np.add.at(shifts, member.ravel(), normal_px * np.where(good, residual, 0.0)[:, None])
-    long = count >= 5
-    shift2_px2 = float(np.mean((shifts[long] / count[long, None]) ** 2)) * 2 if long.any() else sigma2
-    pull = jacobian.T @ (normal_px * weight[:, None])
-    meat = fisher + spread + HIDDEN_SHIFT**2 * shift2_px2 * (pull @ pull.T) + information
-    try:
-        bread = np.linalg.inv(fisher + information)
-    except np.linalg.LinAlgError:
-        return NotLocated("the lines in view do not fix the pose")
-    covariance = bread @ meat @ bread
-    if not (np.isfinite(covariance).all() and np.isfinite(pose).all() and (np.diag(covariance) > 0).all()):
-        return NotLocated("the lines in view do not fix the pose")
-    return PoseEstimate(
-        Pose2(*pose.tolist()),
-        (covariance + covariance.T) / 2,
-        float(points.weight[good].sum() / points.weight.sum()),
-        float(np.sqrt(np.mean(residual[good] ** 2))),
-    )

@@ -37,6 +37,9 @@ _LEAST_SIGNAL = 4.0
 _FLOOR_STDS = 3.5
 # of the blob's centre, pixels
 _CENTER_STD_PX = 0.3
+# points all over a disc of radius 1, and how often a ball that the picture cuts is moved until its part in it fits
+_DISC = np.array([(x, y) for x in np.linspace(-1, 1, 33) for y in np.linspace(-1, 1, 33) if x * x + y * y <= 1])
+_CUT_STEPS = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,15 +143,51 @@ class BallSearch(ABC):
             table.floor_llr,
             out,
         )
-        return self._place(out[:2]) if score >= _LEAST_SCORE else None
+        if score < _LEAST_SCORE:
+            return None
+        return self._place(*self._whole(out[:2])) if self._is_cut(out[0], out[1]) else self._place(out[:2])
 
-    def _place(self, pixel: FloatArray) -> Ball:
+    def _is_cut(self, u: float, v: float) -> bool:
+        """Whether a ball with its centre there may reach beyond the picture; in plain floats, as it is once a frame."""
+        axis_u, axis_v = self._axis_px
+        along_px, across_px = self._sizes_px
+        index = min(round(math.hypot(u - axis_u, v - axis_v)), len(along_px) - 1)
+        reach = max(float(along_px[index]), float(across_px[index])) - 0.5
+        width, height = self._any_camera.size_px
+        return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
+
+    def _whole(self, blob_px: FloatArray) -> tuple[FloatArray, float]:
+        """Centre (2,) of the whole ball whose part in the picture has this centre, and the share of it that is shown.
+
+        Parameters
+        ----------
+        blob_px : (2,) float64
+            Centre of what is shown.
+        """
+        axis, last = np.array(self._axis_px), np.array(self._any_camera.size_px) - 0.5
+        along_px, across_px = self._sizes_px
+        center, share = blob_px.copy(), 1.0
+        for _ in range(_CUT_STEPS):
+            ray = center - axis
+            radius = math.hypot(*ray)
+            index = min(round(radius), len(along_px) - 1)
+            along, across = float(along_px[index]), float(across_px[index])
+            ray /= max(radius, 1e-9)
+            points = center + _DISC @ np.array([along * ray, [-across * ray[1], across * ray[0]]])
+            shown = points[((points >= -0.5) & (points <= last)).all(axis=1)]
+            if not len(shown):
+                break
+            share = len(shown) / len(points)
+            center += blob_px - shown.mean(axis=0)
+        return center, share
+
+    def _place(self, pixel: FloatArray, share: float = 1.0) -> Ball:
         u, v = float(pixel[0]), float(pixel[1])
         x, y = self._on_plane(u, v)
         (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
         (x_down, y_down), (x_up, y_up) = self._on_plane(u, v + 0.5), self._on_plane(u, v - 0.5)
         jacobian = np.array([[x_right - x_left, x_down - x_up], [y_right - y_left, y_down - y_up]])
-        return Ball(x, y, read_only(_CENTER_STD_PX**2 * jacobian @ jacobian.T), u, v)
+        return Ball(x, y, read_only((_CENTER_STD_PX / share) ** 2 * jacobian @ jacobian.T), u, v)
 
     @abstractmethod
     def _on_plane(self, u: float, v: float) -> tuple[float, float]:

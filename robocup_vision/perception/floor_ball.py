@@ -13,12 +13,10 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels import free_floor
 from robocup_vision.perception.ball import Ball, BallSearch
-from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
 
 UInt8Array = npt.NDArray[np.uint8]
 
-# seen from so far below the picture, circles are rows: all of one row show the ball at one size
-_FAR_BELOW_PX = 20_000
 # half the size of the smallest ball that is told
 _LEAST_HALF_PX = 2.0
 
@@ -42,16 +40,12 @@ class FloorBallFinder(BallSearch):
 
     @cached_property
     def _down(self) -> tuple[float, float]:
-        """Unit direction in the picture in which the floor comes nearer."""
-        _, y, z = (float(v) for v in self.camera.camera_to_robot[2])
-        length = math.hypot(y, z)
-        # image u grows to the camera's right, v downwards; its own down is minus the robot's up
-        return (y / length, z / length) if length > 1e-6 else (0.0, 1.0)
+        return down_in_picture(self.camera)
 
     @cached_property
     def _axis_px(self) -> tuple[float, float]:
         (u, v), (down_u, down_v) = self.camera.center_px, self._down
-        return u + _FAR_BELOW_PX * down_u, v + _FAR_BELOW_PX * down_v
+        return u + FAR_BELOW_PX * down_u, v + FAR_BELOW_PX * down_v
 
     @cached_property
     def _reach_px(self) -> int:
@@ -59,9 +53,9 @@ class FloorBallFinder(BallSearch):
 
     @cached_property
     def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
-        place = np.arange(_FAR_BELOW_PX + self._reach_px + 2, dtype=np.float64)
+        place = np.arange(FAR_BELOW_PX + self._reach_px + 2, dtype=np.float64)
         along, across = np.zeros(len(place)), np.zeros(len(place))
-        near = np.abs(place - _FAR_BELOW_PX) <= self._reach_px
+        near = np.abs(place - FAR_BELOW_PX) <= self._reach_px
         pixels = np.array(self._axis_px) - place[near, None] * np.array(self._down)
         ray = self.camera.pixel_to_ray(pixels)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -87,8 +81,8 @@ class FloorBallFinder(BallSearch):
         along, across = self._sizes_px
         down_u, down_v = self._down
         rows: list[FloatArray] = []
-        place = float(_FAR_BELOW_PX - self._reach_px)
-        while place < _FAR_BELOW_PX + self._reach_px:
+        place = float(FAR_BELOW_PX - self._reach_px)
+        while place < FAR_BELOW_PX + self._reach_px:
             half_px = across[round(place)]
             if half_px < _LEAST_HALF_PX:
                 place += 1.0

@@ -28,6 +28,16 @@ _FARTHEST_HEIGHTS = 40.0
 _BEYOND_HORIZON_PX = 12.0
 # steeper than this nothing is looked at: tangent of the depression
 _STEEPEST = 8.0
+# seen from so far below the picture, rays up it are all but parallel, and circles are rows
+FAR_BELOW_PX = 20_000
+
+
+def down_in_picture(camera: PinholeCamera) -> tuple[float, float]:
+    """Tell the unit direction in the picture in which the floor comes nearer."""
+    _, y, z = (float(v) for v in camera.camera_to_robot[2])
+    length = math.hypot(y, z)
+    # image u grows to the camera's right, v downwards; its own down is minus the robot's up
+    return (y / length, z / length) if length > 1e-6 else (0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +205,19 @@ class FloorView:
         first = self._rows_rad[0]
         turn = math.remainder(math.atan2(y, x) - first - math.pi / 2, math.tau) + math.pi / 2
         return first + turn, float(np.interp(z / max(math.hypot(x, y), 1e-9), self._slopes, self.radius_px))
+
+    @cached_property
+    def below_px(self) -> tuple[float, float]:
+        """Where in the picture's plane, far below it, rays up the picture start."""
+        (u, v), (down_u, down_v) = self.camera.center_px, down_in_picture(self.camera)
+        return u + FAR_BELOW_PX * down_u, v + FAR_BELOW_PX * down_v
+
+    @cached_property
+    def hidden_px(self) -> UInt8Array:
+        """(H, W) uint8: 1 where no bilinear sample may be taken, (0, 0) without a mask."""
+        if self.mask is None:
+            return np.empty((0, 0), dtype=np.uint8)
+        return np.asarray(cv2.dilate((self.mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8)), dtype=np.uint8)
 
     @cached_property
     def pixels(self) -> FloatArray:

@@ -6,6 +6,8 @@ boundaries lie half-way between goal, carpet, ball and beacons.
 
 from __future__ import annotations
 
+import itertools
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,8 @@ ByteImage = npt.NDArray[np.uint8]
 _LEAST_SATURATION = 0.30  # a third of full paint: glare that leaves less is white for all we can tell
 _LEAST_VALUE = 25  # of 255, below which hue is noise
 _SHINE = 170.0
+# a hue peak's least share of a mask (one of three smoothed bins), and how deep the valley to the next must be
+_LEAST_PEAK, _DEEP = 0.02, 0.75
 _CAST = 1.3  # the strongest colour cast that the image's bright end is trusted with
 
 
@@ -64,11 +68,33 @@ def narrower(families: dict[str, tuple[float, float]]) -> list[dict[str, tuple[f
     return halves
 
 
+def hue_modes(image: ByteImage, mask: ByteImage) -> list[tuple[float, float]]:
+    """Hue intervals about each peak among a mask's pixels, where there are several: things touch in the picture."""
+    _, hsv = _balanced(image)
+    found = np.bincount(hsv[..., 0][mask > 0], minlength=180).astype(np.float64)
+    smooth = (np.roll(found, 1) + 2 * found + np.roll(found, -1)) / 4
+    peaks = [
+        int(k)
+        for k in np.flatnonzero((smooth > np.roll(smooth, 1)) & (smooth >= np.roll(smooth, -1)))
+        if smooth[k] > _LEAST_PEAK * smooth.sum()
+    ]
+    cuts: list[int] = []
+    kept = peaks[:1]
+    for peak in peaks[1:]:
+        between = smooth[kept[-1] : peak + 1]
+        valley = kept[-1] + int(np.mean(np.flatnonzero(between == between.min())))
+        if smooth[valley] < _DEEP * min(smooth[kept[-1]], smooth[peak]):
+            cuts.append(valley)
+            kept.append(peak)
+        elif smooth[peak] > smooth[kept[-1]]:
+            kept[-1] = peak
+    ends = [-0.5, *(float(cut) for cut in cuts), 179.5]
+    return list(itertools.pairwise(ends)) if cuts else []
+
+
 def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dict[str, ByteImage]:
     """Masks (H, W) uint8, 255 on paint, one for each hue family."""
-    gains = white_gains(image)
-    balanced = image if np.all(gains < 1.02) else cv2.LUT(image, _gain_table(gains))
-    hsv = cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV)
+    balanced, hsv = _balanced(image)
     # what a lamp washes white: bright in all channels
     shine = cv2.inRange(balanced, np.full(3, _SHINE), np.full(3, 255.0))
     masks = {}
@@ -82,6 +108,13 @@ def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dic
                 mask = cv2.bitwise_or(mask, cv2.inRange(hsv, least, most))
         masks[color] = _filled(np.asarray(mask, np.uint8), np.asarray(shine, np.uint8))
     return masks
+
+
+def _balanced(image: ByteImage) -> tuple[ByteImage, ByteImage]:
+    """Return the image with its bright end made white, and its hue, saturation and value."""
+    gains = white_gains(image)
+    balanced = image if np.all(gains < 1.02) else np.asarray(cv2.LUT(image, _gain_table(gains)), np.uint8)
+    return balanced, np.asarray(cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV), np.uint8)
 
 
 def _filled(mask: ByteImage, shine: ByteImage) -> ByteImage:

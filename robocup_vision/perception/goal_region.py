@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal_edges import link_runs
+from robocup_vision.kernels.goal_strips import fit_strip, straight_line
 
 ByteImage = npt.NDArray[np.uint8]
 
@@ -211,7 +212,7 @@ def _join(
         free[i] = False
         own = float(width[i])
         while len(members) >= 4:
-            lean, at = _line(row[members], middle[members])
+            lean, at = straight_line(row[members], middle[members], np.ones(len(members), np.bool_))
             gap = np.maximum(top - row[members[-1]], row[members[0]] - bottom)
             fits = free & (gap > 0) & (gap <= longest_gap * own) & (np.abs(center - at - lean * height) < 0.3 * own)
             fits &= (width > 0.7 * own) & (width < 1.4 * own)
@@ -224,63 +225,17 @@ def _join(
     return joined
 
 
-def _line(row: FloatArray, value: FloatArray) -> tuple[float, float]:
-    """Slope and value at row 0 of the least-squares line."""
-    middle = row.mean()
-    offset = row - middle
-    slope = float(offset @ (value - value.mean()) / max(float(offset @ offset), 1e-12))
-    return slope, float(value.mean() - slope * middle)
-
-
 def _strip(
     members: npt.NDArray[np.int64],
     runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     carpet: ByteImage,
     shortest: float,
 ) -> Strip | None:
-    row, left, right = (array[members] for array in runs[:3])
-    width = float(np.median(right - left))
-    if row[-1] - row[0] < shortest * width or len(row) < 4:
+    found = np.empty(8)
+    if not fit_strip(*runs, members, carpet, shortest, _LEAN, 0.8 * _THINNEST_PX, found):
         return None
-    edges = []
-    for side in (left, right):
-        keep = np.ones(len(row), bool)
-        for _ in range(3):
-            lean, at = _line(row[keep], side[keep])
-            off = np.abs(side - at - lean * row)
-            keep = off <= max(0.75, 2.5 * float(np.median(off)))
-        if abs(lean) > _LEAN or float(np.median(off)) > 1.0:
-            return None
-        edges.append((at, lean))
-    strength = len(row) * float(np.minimum(runs[3][members], 20.0).mean())
-    strip = Strip(edges[0], edges[1], float(row[0]), float(row[-1]), float("nan"), strength)
-    if strip.width_at(strip.top) < _THINNEST_PX * 0.8 or strip.width_at(strip.bottom) < _THINNEST_PX * 0.8:
-        return None
-    return Strip(edges[0], edges[1], strip.top, strip.bottom, _foot_row(strip, carpet), strength)
-
-
-def _foot_row(strip: Strip, carpet: ByteImage) -> float:
-    """First row at or below the strip's end from which carpet lies between its edges."""
-    width = max(3.0, strip.width_at(strip.bottom))
-    first = max(0, int(strip.bottom - 1.5 * width))
-    # not much further: a ball or a line in front would count as paint again
-    last = min(carpet.shape[0] - 1, int(strip.bottom + 0.5 * width) + 8)
-    rows = np.arange(first, last + 1)
-    if len(rows) < 4:
-        return float("nan")
-    left = strip.left[0] + strip.left[1] * rows
-    right = strip.right[0] + strip.right[1] * rows
-    columns = left[:, None] + (right - left)[:, None] * np.linspace(0.15, 0.85, 7)
-    inside = (columns >= 0) & (columns <= carpet.shape[1] - 1)
-    picked = carpet[rows[:, None], np.clip(np.rint(columns), 0, carpet.shape[1] - 1).astype(np.int64)] > 0
-    green = (picked & inside).mean(axis=1)
-    # the foot splits the rows into paint above and carpet below with the fewest rows on the wrong side
-    wrong = np.concatenate([[0.0], np.cumsum(green)]) + np.concatenate([np.cumsum((1 - green)[::-1])[::-1], [0.0]])
-    split = int(np.argmin(wrong))
-    below = green[split : split + 4]
-    if split == len(rows) or len(below) < 3 or float(below.mean()) < 0.6:
-        return float("nan")
-    return float(rows[0] + split) - 0.5
+    left_at, left_lean, right_at, right_lean, top, bottom, foot, strength = found.tolist()
+    return Strip((left_at, left_lean), (right_at, right_lean), top, bottom, foot, strength)
 
 
 def enlarged(strip: Strip, factor: int) -> Strip:

@@ -235,6 +235,14 @@ def test_field_without_goal_circle_and_lines(write: Write):
     assert field.line_points(0.1).shape == (0, 2)
 
 
+def test_a_line_from_goal_to_goal_where_the_file_says_so(write: Write):
+    plain = load_field(write(OWN))
+    striped = load_field(write(OWN.replace("length_m = 7.8\n", "length_m = 7.8\ngoal_to_goal_line = true\n")))
+    assert len(striped.lines) == len(plain.lines) + 1
+    assert [-3.9, 0.0, 3.9, 0.0] in striped.lines.tolist()
+    assert [-3.9, 0.0, 3.9, 0.0] not in plain.lines.tolist()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

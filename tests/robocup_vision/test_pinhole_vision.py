@@ -117,6 +117,25 @@ def test_the_ball_is_found_and_blocks_nothing(vision, camera, ball):
     assert view.free_space.range_m[beside] > 1.5
 
 
+@pytest.mark.parametrize("hidden", [0.25, 0.4, 0.5])
+@pytest.mark.parametrize("aside_px", [0.0, 60.0])
+def test_a_near_ball_that_the_picture_cuts_is_found_where_it_is(vision, camera, hidden, aside_px):
+    half_px = 0.0215 * 300 / 0.36
+    ray = camera.pixel_to_ray((159.5 + aside_px, 239.5 + (2 * hidden - 1) * half_px))
+    ball = (camera.viewpoint_m - ray * (camera.height_m - 0.0215) / ray[2])[:2]
+    vision.forget()
+    view = vision.look(painted(camera, ball=tuple(ball)))
+    assert view.ball is not None
+    assert math.hypot(view.ball.x_m - ball[0], view.ball.y_m - ball[1]) < 0.01
+
+
+def test_a_lone_orange_strip_at_the_picture_s_edge_is_no_ball(vision, camera):
+    frame = painted(camera)
+    frame[-8:, 60:200] = ORANGE
+    vision.forget()
+    assert vision.look(frame).ball is None
+
+
 def test_steering_takes_bearings_in_view(vision, camera):
     view = vision.look(painted(camera))
     command = Steering(0.09, 3.0, 0.1, 1.0).steer(view.free_space, (0.0, 0.0), 0.0)
@@ -140,7 +159,7 @@ def test_lines_refine_a_prior_and_contradict_a_wrong_one(field, camera, vision):
     assert vision.look(painted(camera), prior=near).pose.reason.startswith("only")
 
 
-def test_a_goal_places_a_camera_of_unknown_tilt_and_nothing_else_is_told():
+def test_a_goal_places_a_camera_of_unknown_tilt_and_tells_where_the_floor_is():
     field, condition = load_field("four_legged_2007"), GOAL_CONDITIONS["clean_416x320"]
     vision = Vision(field, condition.camera)
     assert vision.method == "goal"
@@ -148,20 +167,28 @@ def test_a_goal_places_a_camera_of_unknown_tilt_and_nothing_else_is_told():
     view = vision.look(one.frame)
     assert view.pose
     assert view.pose.pose.error_to(one.pose)[0] < 0.2
-    assert view.free_space.bearing_rad.shape == view.free_space.range_m.shape == (0,)
-    assert view.ball is None
-    assert view.obstacles == ()
-    assert view.boundary_px.shape == view.line_points_px.shape == (0, 2)
-    with pytest.raises(ArgumentError, match="tilt_rad"):
-        _ = vision.polar
-    with pytest.raises(ArgumentError, match="tilt_rad"):
-        _ = vision.grid
+    assert view.polar is vision.polar
+    assert np.median(view.free_space.range_m) > 0.3
+    shown = view.boundary_px[np.isfinite(view.boundary_px).all(axis=1)]
+    assert len(shown) > 80
     picture = draw(view, one.frame, vision)
     assert np.mean(np.abs(picture.astype(int) - FIELD_COLOR).max(axis=-1) <= 12) > 1e-4
     assert view.pose_camera.tilt_rad is not None
     # the next frame goes on from there only where the neck's pan is known
     again = vision.look(one.frame, odometry=Pose2(0.0, 0.0, 0.0))
     assert again.pose
+    # a frame that tells no pose tells no floor
+    blank = vision.look(np.full_like(one.frame, 90))
+    assert not blank.pose
+    assert blank.polar is None
+    assert blank.free_space.bearing_rad.shape == blank.free_space.range_m.shape == (0,)
+    assert blank.ball is None
+    assert blank.obstacles == ()
+    assert blank.boundary_px.shape == blank.line_points_px.shape == (0, 2)
+    with pytest.raises(ArgumentError, match="tilt_rad"):
+        _ = vision.polar
+    with pytest.raises(ArgumentError, match="tilt_rad"):
+        _ = vision.grid
 
 
 def test_a_view_over_the_floor_is_drawn(vision, camera, field):
@@ -214,8 +241,8 @@ def test_a_camera_that_looks_up_tells_no_floor(field, camera):
 
 
 def test_what_does_not_fit_is_refused(field, camera):
-    with pytest.raises(ArgumentError, match="'goal' or 'field' for a pinhole camera, got 'floor'"):
-        Vision(field, camera, method="floor")
+    with pytest.raises(ArgumentError, match="'goal', 'field' or 'floor' for a pinhole camera, got 'hull'"):
+        Vision(field, camera, method="hull")
     with pytest.raises(ArgumentError, match="tilt_rad"):
         Vision(field, camera.with_orientation(None, None, None), method="field")
     with pytest.raises(ArgumentError, match="no goals of posts"):

@@ -8,7 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.goal_fit import fit_goal, goal_prediction, goal_residuals, robust_cost, solve_symmetric
+from robocup_vision.kernels.goal_fit import (
+    fit_goal,
+    floor_residuals,
+    goal_prediction,
+    goal_residuals,
+    robust_cost,
+    solve_symmetric,
+)
 from robocup_vision.localization.goal_geometry import (
     IdealView,
     foot_points,
@@ -47,6 +54,8 @@ def perfect_samples(p, per_edge=10):
             uv.append(point)
     feet = project(VIEW, p, foot_points(SHAPE, p, OFFSETS).reshape(-1, 3))
     direction = np.tile([0.0, 1.0], (6, 1))
+    # eight places on the goal line beside the posts
+    marks = np.column_stack([np.full(8, SHAPE.line_x_m), np.linspace(-0.8, 0.8, 8)])
     return (
         np.array(edge),
         np.array(uv),
@@ -54,6 +63,9 @@ def perfect_samples(p, per_edge=10):
         np.tile([0, 1, 2], 2),
         feet + p[7] * direction,
         direction,
+        marks,
+        project(VIEW, p, np.column_stack([marks, np.zeros(8)])),
+        np.tile([0.6, 0.8], (8, 1)),
     )
 
 
@@ -73,13 +85,34 @@ def test_prediction_agrees_with_numpy(seed):
 def test_residuals_of_perfect_samples_vanish_and_grow_by_the_offset(seed):
     p = some_camera(np.random.default_rng(seed))
     samples = perfect_samples(p)
-    residual = np.empty(66)
+    residual = np.empty(74)
     goal_residuals(SHAPE_ARRAY, VIEW_ARRAY, p, OFFSETS, *samples, residual)
     np.testing.assert_allclose(residual, 0, atol=1e-6)
     lines = silhouette_lines(SHAPE, VIEW, p)
     moved = (samples[0], samples[1] + 2.0 * lines[samples[0], :2], *samples[2:])
     goal_residuals(SHAPE_ARRAY, VIEW_ARRAY, p, OFFSETS, *moved, residual)
     np.testing.assert_allclose(residual[:60], 2.0, atol=1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_floor_marks_agree_with_numpy(seed):
+    rng = np.random.default_rng(seed)
+    p = some_camera(rng)
+    marks = p[:2] + rng.uniform(0.5, 3.0, (5, 1)) * [np.cos(p[2]), np.sin(p[2])] + rng.uniform(-0.3, 0.3, (5, 2))
+    turn = rng.uniform(0, 2 * np.pi, 5)
+    direction, uv = np.column_stack([np.cos(turn), np.sin(turn)]), rng.uniform(0, 400, (5, 2))
+    residual = np.empty(5)
+    floor_residuals(VIEW_ARRAY, p, marks, uv, direction, residual)
+    expected = ((uv - project(VIEW, p, np.column_stack([marks, np.zeros(5)]))) * direction).sum(axis=1)
+    np.testing.assert_allclose(residual, expected, rtol=1e-9, atol=1e-7)
+
+
+def test_a_mark_behind_the_camera_is_no_number():
+    p = np.array([0.0, 0, 0, 0, 0, 0.2, 0, 0])
+    residual = np.zeros(1)
+    floor_residuals(VIEW_ARRAY, p, np.array([[-1.0, 0.0]]), np.zeros((1, 2)), np.array([[1.0, 0.0]]), residual)
+    assert np.isnan(residual[0])
 
 
 @settings(deadline=None, max_examples=30)
@@ -128,7 +161,7 @@ def test_fit_comes_back_to_the_camera(seed):
     information = np.zeros((8, 8))
     p = start.copy()
     cost = fit_goal(
-        SHAPE_ARRAY, VIEW_ARRAY, p, prior, weight, OFFSETS, samples[0], uv, *samples[2:], np.full(66, 0.1),
+        SHAPE_ARRAY, VIEW_ARRAY, p, prior, weight, OFFSETS, samples[0], uv, *samples[2:], np.full(74, 0.1),
         np.array([4.0] * 8 + [1.0] * 8 + [0.2] * 12), information,
     )  # fmt: skip
     assert np.isfinite(cost)

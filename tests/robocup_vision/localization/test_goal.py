@@ -43,6 +43,33 @@ def test_clean_frames_are_located(clean, localizer):
         assert offset @ np.linalg.solve(estimate.covariance, offset) < 16.3  # 99.9 % of 3 degrees of freedom
 
 
+def test_shading_alone_moves_no_edge(clean):
+    goal_alone = GoalLocalizer(FIELD, CLEAN.camera, use_lines=False)
+    for sample in clean:
+        sight = goal_alone.look(sample.frame)
+        assert sight.lines is None
+        distance = np.hypot(FIELD.length_m / 2 - sample.pose.x_m, sample.pose.y_m)
+        assert sight.estimate().pose.error_to(sample.pose)[0] < 0.01 * distance
+
+
+def test_lines_make_a_far_goal_exact():
+    places = paper_places(FIELD)
+    localizer = GoalLocalizer(FIELD, GOAL_CONDITIONS["mild_glare_416x320"].camera)
+    for sample in sample_goal(
+        FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 7, 66, places=places, indices=[53, 55], supersample=3
+    ):
+        sight = localizer.look(sample.frame)
+        assert sight.lines is not None
+        assert sight.estimate().pose.error_to(sample.pose)[0] < 0.05
+
+
+def test_a_panel_of_nearly_the_same_hue_may_touch_a_post(localizer):
+    sample = next(sample_goal(FIELD, CLEAN, 8, 66, places=paper_places(FIELD), indices=[31], supersample=3))
+    estimate = localizer.locate(sample.frame)
+    assert estimate
+    assert estimate.pose.error_to(sample.pose)[0] < 0.05
+
+
 def test_tilt_roll_and_height_are_by_products(clean, localizer):
     sight = localizer.look(clean[0].frame)
     assert sight
@@ -145,3 +172,15 @@ def test_photographs_of_a_white_goal(focal_share):
             errors.append(error)
     assert len(errors) == 3
     assert np.mean(errors) < 0.10
+
+
+@pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
+def test_a_white_goal_alone_is_right_or_refused():
+    localizer = GoalLocalizer(WHITE_FIELD, load_camera(PHOTOS / "camera.toml"), use_lines=False)
+    for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
+        name, x, y, *_ = line.split(",")
+        estimate = localizer.locate(cv2.imread(str(PHOTOS / "images" / name)))
+        if not estimate:
+            assert "goal" in estimate.reason
+            continue
+        assert min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in estimate.candidates) < 0.3

@@ -6,7 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import COLOR_NAMES, load_field
-from robocup_vision.perception.goal_color import hue_families, hue_masks, hue_of, is_chromatic, narrower, white_gains
+from robocup_vision.perception.goal_color import (
+    hue_families,
+    hue_masks,
+    hue_modes,
+    hue_of,
+    is_chromatic,
+    narrower,
+    white_gains,
+)
 from robocup_vision.perception.goal_region import carpet_mask, enlarged, mask_runs, strips, white_runs
 
 FIELD = load_field("four_legged_2007")
@@ -67,6 +75,17 @@ def test_families_part_the_pitch_s_colours():
     assert hue_families(load_field("spl_2020")) == {}
     assert is_chromatic("orange")
     assert not is_chromatic("white")
+
+
+def test_two_hues_that_touch_are_told_apart():
+    frame = np.full((60, 80, 3), 215, np.uint8)
+    frame[20:40, 10:30], frame[20:40, 30:60] = (215, 185, 35), (215, 130, 60)
+    whole = hue_masks(frame, hue_families(FIELD))["cyan"]
+    assert whole[30, 20]
+    assert whole[30, 45]
+    low, high = hue_modes(frame, whole)[0]
+    assert low < hue_of("cyan") < high
+    assert hue_modes(frame[:, :30], whole[:, :30]) == []
 
 
 def test_a_colour_cast_is_taken_out():

@@ -1,0 +1,138 @@
+"""Where field lines are due in a pinhole camera's picture, a few pixels apart along each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from robocup_vision.kernels.goal_fit import floor_residuals
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def line_marks(
+    points: FloatArray,
+    directions: FloatArray,
+    view: FloatArray,
+    p: FloatArray,
+    size: tuple[int, int],
+    line_width_m: float,
+    spacing_px: float,
+    least_width_px: float,
+    marks: FloatArray,
+    pixels: FloatArray,
+    normals: FloatArray,
+    widths: FloatArray,
+) -> int:
+    """Places along lines.
+
+    Parameters
+    ----------
+    points, directions : (N, 2) float64
+        Points along the lines, one line after the other, field frame, metres, and unit vectors along them.
+    view, p
+        See `kernels.goal_fit.goal_prediction`.
+    size : (int, int)
+        Width and height of the image, pixels.
+    line_width_m : float
+        Of the paint.
+    spacing_px : float
+        Between places on a line.
+    least_width_px : float
+        Lines that look thinner are left out.
+    marks, pixels, normals, widths : (N, 2), (N, 2), (N, 2), (N,) float64
+        Results: the places in the field and in the ideal image, unit vectors across the line there, seen widths.
+
+    Returns
+    -------
+    int
+        How many places there are.
+    """
+    cp, sp = math.cos(p[2]), math.sin(p[2])
+    ct, st = math.cos(p[3]), math.sin(p[3])
+    cr, sr = math.cos(p[4]), math.sin(p[4])
+    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
+    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
+    r20, r21, r22 = st, ct * sr, ct * cr
+    fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
+    n = 0
+    last_u, last_v = -1e9, -1e9
+    z = -p[5]
+    for k in range(points.shape[0]):
+        x, y = points[k, 0] - p[0], points[k, 1] - p[1]
+        depth = x * r00 + y * r10 + z * r20
+        if depth < 0.1:
+            continue
+        a = (x * r01 + y * r11 + z * r21) / depth
+        b = (x * r02 + y * r12 + z * r22) / depth
+        u, v = view[2] - fu * a, view[3] - fv * b
+        if not (3.0 < u < size[0] - 4.0 and 3.0 < v < size[1] - 4.0):
+            continue
+        if math.hypot(u - last_u, v - last_v) < spacing_px:
+            continue
+        # derivative of the picture by a step on the floor
+        dx, dy = directions[k, 0], directions[k, 1]
+        along_u = -fu * (dx * (r01 - a * r00) + dy * (r11 - a * r10)) / depth
+        along_v = -fv * (dx * (r02 - b * r00) + dy * (r12 - b * r10)) / depth
+        across_u = -fu * (-dy * (r01 - a * r00) + dx * (r11 - a * r10)) / depth
+        across_v = -fv * (-dy * (r02 - b * r00) + dx * (r12 - b * r10)) / depth
+        length = max(math.hypot(along_u, along_v), 1e-12)
+        nu, nv = along_v / length, -along_u / length
+        width = abs(across_u * nu + across_v * nv) * line_width_m
+        if width < least_width_px:
+            continue
+        marks[n, 0], marks[n, 1] = points[k, 0], points[k, 1]
+        pixels[n, 0], pixels[n, 1] = u, v
+        normals[n, 0], normals[n, 1] = nu, nv
+        widths[n] = width
+        last_u, last_v = u, v
+        n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def mark_stds(
+    marks: FloatArray,
+    pixels: FloatArray,
+    normals: FloatArray,
+    view: FloatArray,
+    p: FloatArray,
+    unknowns: int,
+    covariance: FloatArray,
+    std: FloatArray,
+) -> None:
+    """How far from where it is due each place may be seen, along its normal, one standard deviation, pixels.
+
+    Parameters
+    ----------
+    marks, pixels, normals : (N, 2) float64
+        Of `line_marks`.
+    view, p
+        See `kernels.goal_fit.goal_prediction`.
+    unknowns : int
+        How many of the unknowns, from the first on, move the floor in the picture.
+    covariance : (8, 8) float64
+        Of the unknowns.
+    std : (N,) float64
+        Result.
+    """
+    count = marks.shape[0]
+    jacobian, base, moved = np.zeros((count, unknowns)), np.empty(count), np.empty(count)
+    floor_residuals(view, p, marks, pixels, normals, base)
+    trial = p.copy()
+    for k in range(unknowns):
+        trial[k] = p[k] + 1e-6
+        floor_residuals(view, trial, marks, pixels, normals, moved)
+        trial[k] = p[k]
+        for n in range(count):
+            jacobian[n, k] = (moved[n] - base[n]) / 1e-6
+    for n in range(count):
+        variance = 0.0
+        for i in range(unknowns):
+            for j in range(unknowns):
+                variance += jacobian[n, i] * covariance[i, j] * jacobian[n, j]
+        std[n] = math.sqrt(max(variance, 0.0))

@@ -1,0 +1,47 @@
+"""Places on lines against the plain NumPy picture of floor points."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robocup_vision.kernels.goal_marks import line_marks
+from robocup_vision.localization.goal_geometry import IdealView, project
+
+VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
+VIEW_ARRAY = np.array([384.0, 380.0, 207.5, 159.5])
+ALONG = np.arange(-1.5, 1.5, 0.02)
+POINTS = np.column_stack([np.full(len(ALONG), 2.0), ALONG])
+DIRECTIONS = np.tile([0.0, 1.0], (len(ALONG), 1))
+
+
+def places(p, spacing=6.0, least=0.2):
+    room = len(POINTS)
+    marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
+    n = line_marks(POINTS, DIRECTIONS, VIEW_ARRAY, p, (416, 320), 0.05, spacing, least, marks, pixels, normals, widths)
+    return marks[:n], pixels[:n], normals[:n], widths[:n]
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_places_are_where_numpy_projects_them(seed):
+    rng = np.random.default_rng(seed)
+    p = np.array([*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-0.1, 0.1, 3), rng.uniform(0.2, 0.5), 0.01, 0.3])
+    marks, pixels, normals, widths = places(p)
+    assert len(marks) > 5
+    floor = np.column_stack([marks, np.zeros(len(marks))])
+    np.testing.assert_allclose(pixels, project(VIEW, p, floor), atol=1e-6)
+    # both borders of the paint, measured across the line in the picture
+    near, far = (project(VIEW, p, floor + np.array([x, 0, 0])) for x in (-0.025, 0.025))
+    np.testing.assert_allclose(np.abs(((far - near) * normals).sum(axis=1)), widths, rtol=0.02)
+    ahead = project(VIEW, p, floor + np.array([0, 1e-4, 0])) - pixels
+    np.testing.assert_allclose((ahead * normals).sum(axis=1), 0, atol=1e-6)
+    assert np.hypot(*np.diff(pixels, axis=0).T).min() >= 6.0
+
+
+def test_thin_and_hidden_lines_are_left_out():
+    p = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0])
+    assert len(places(p)[0]) > 20
+    assert len(places(p, least=3.0)[0]) == 0
+    turned = p.copy()
+    turned[2] = np.pi  # looks away
+    assert len(places(turned)[0]) == 0
