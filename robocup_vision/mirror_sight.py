@@ -86,7 +86,7 @@ class MirrorSight(Sight):
         if start is None and odometry is not None and self._last_pose is not None:
             start = self._last_pose.compose(odometry)
         samples = self.polar.sample(frame)
-        table, llr = self._classify(samples, self.polar)
+        table, llr = self._memory.classify(samples, self.polar)
         if table is None:
             return self._blind(begin, t_s)
         colored = perf_counter()

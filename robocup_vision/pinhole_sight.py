@@ -21,12 +21,10 @@ from robocup_vision.localization.goal_search import PRIOR_STD_M, PRIOR_STD_RAD
 from robocup_vision.localization.lines import LineLocalizer
 from robocup_vision.localization.lines_nearby import locate_nearby
 from robocup_vision.perception.ball import Ball
-from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, colors_for
+from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_ball import FloorBallFinder
-from robocup_vision.perception.floor_color import PaintColor
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
-from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.sight import Sight
 from robocup_vision.view import View
 
@@ -62,7 +60,8 @@ class PinholeSight(Sight):
             raise ArgumentError(f"method must be 'goal' or 'field' for a pinhole camera, got {method!r}")
         if method == "field" and not camera.known_orientation:
             raise ArgumentError("method 'field' needs a camera whose tilt_rad is known")
-        super().__init__(field, camera.size_px, colors, mask)
+        # so narrow a view may show nothing white, but a ball or a goal
+        super().__init__(field, camera.size_px, colors, mask, _CAST)
         self.camera = camera
         self._goal = GoalLocalizer(field, camera) if method == "goal" else None
         self._lines = LineLocalizer(field, camera, self._mask) if method == "field" else None
@@ -100,7 +99,7 @@ class PinholeSight(Sight):
             free_space = FreeSpace(nothing, np.empty(0))
             return View(pose, free_space, None, timings, nothing, none, np.empty(0), None, pose_camera, t_s)
         samples = self.polar.sample(frame)
-        table, llr = self._classify(samples, self.polar)
+        table, llr = self._memory.classify(samples, self.polar)
         colored = perf_counter()
         edge = np.full(self.polar.bearings, np.nan)
         if table is None:
@@ -125,13 +124,6 @@ class PinholeSight(Sight):
         walls = self._walls(pose.pose) if pose else np.full(self.polar.bearings, np.nan)
         timings["total"] = perf_counter() - begin
         return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, pose_camera, t_s)
-
-    def _learn(self, samples: UInt8Array, view: PolarView | FloorView) -> Colors | None:
-        colors = super()._learn(samples, view)
-        if colors is None or max(abs(math.log(r)) for r in (colors.line.red_ratio, colors.line.blue_ratio)) < _CAST:
-            return colors
-        # nothing white in so narrow a view, but a ball or a goal
-        return colors_for(self.field, colors.floor, PaintColor(1.0, 1.0))
 
     def _locate(
         self, frame: UInt8Array, prior: PoseEstimate | Pose2 | None
