@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robocup_vision.calibration.colors_command import add_colors_parser
+
 if TYPE_CHECKING:
     from field_models.field import Field
     from robocup_vision.calibration.image_files import ImageFiles
@@ -27,6 +29,7 @@ def add_calibrate_parser(subparsers: Any) -> argparse.ArgumentParser:
     )
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     _add_omni_parser(kinds)
+    add_colors_parser(kinds)
     return parser
 
 

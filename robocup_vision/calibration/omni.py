@@ -43,7 +43,7 @@ from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.localization.line_map import LineMap
 from robocup_vision.progress import progress
 
-__all__ = ["CalibratedFrame", "NotCalibrated", "OmniCalibration", "calibrate_omni", "guessed_camera"]
+__all__ = ["CalibratedFrame", "NotCalibrated", "OmniCalibration", "calibrate_omni", "guessed_cameras"]
 
 UInt8Array = npt.NDArray[np.uint8]
 
@@ -52,8 +52,11 @@ _CENTER_REACH = 0.1
 # how far the logarithms of the curve's scale and horizon may lie from the start's: a tangent's a and b 35 % each;
 # without a start the curve may be anything
 _CURVE_REACH, _UNKNOWN_CURVE_REACH = (0.7, 0.4), (2.0, 2.0)
-# a guessed camera sees from here to the image's edge, of its smaller side
+# a guessed camera sees from here to the image's edge, of its smaller side; its horizon, of that outer radius, lies
+# outside all that is looked at; and half-way out it sees this share of the field's length
 _GUESSED_INNER = 0.09
+_GUESSED_HORIZON = 1.15
+_GUESSED_HALF_WAY = (0.09, 0.15, 0.25, 0.4)
 # the farthest floor worth looking at, in diagonals of the field, where no start says it
 _FARTHEST = 1.1
 # a point agrees within this many units of the search
@@ -64,6 +67,8 @@ _LEAST_AGREEING = 0.4
 _LEAST_AGREEING_IN_FRAME = 0.3
 # least share of the images with enough points that must end up in agreement
 _LEAST_KEPT = 0.5
+# without walls and without a start so many different lines must be seen: a circle and a line across it have no size
+_LEAST_FEATURES = 4
 # greatest standard deviations that still count as determined: centre, of the smaller side; curve, of itself
 _CENTER_STD, _CURVE_STD = 0.015, 0.04
 # a first fit this poor (0 to 1) explains next to nothing
@@ -75,14 +80,23 @@ _RIVAL_COST, _RIVAL_EXCESS, _RIVAL_CENTER, _RIVAL_CURVE = 1.15, 0.02, 0.03, 0.1
 _MORE = "give more frames, from other places and headings"
 
 
-def guessed_camera(size_px: tuple[int, int]) -> OmniCamera:
-    """Return a mirror camera of which nothing is known but the size of its images: its centre is their middle."""
+def guessed_cameras(field: Field, size_px: tuple[int, int]) -> list[OmniCamera]:
+    """Mirror cameras of which nothing is known but the size of their images, and that they were made for a field.
+
+    The centre is the images' middle. What half of the radius shows is farther from one camera to the next: where walls
+    bound the floor that is left to the search and there is but one, without them it says how wide lines look.
+    """
     width, height = size_px
     side = min(width, height)
     outer = side / 2 - 1.0
-    # its curve is never used: the horizon lies outside all that is looked at
-    curve = hyperboloid_of(2.0 * outer, 1.3 * outer, 4.0 * outer)
-    return OmniCamera(size_px, ((width - 1) / 2, (height - 1) / 2), (_GUESSED_INNER * side, outer), curve)
+    horizon = _GUESSED_HORIZON * outer
+    cameras = []
+    for share in _GUESSED_HALF_WAY[:1] if field.is_bounded else _GUESSED_HALF_WAY:
+        scale = (1 - (outer / 2 / horizon) ** 2) ** -1 * outer / 2 / (share * field.length_m)
+        curve = hyperboloid_of(scale, horizon, 4.0 * horizon)
+        center = (width - 1) / 2, (height - 1) / 2
+        cameras.append(OmniCamera(size_px, center, (_GUESSED_INNER * side, outer), curve))
+    return cameras
 
 
 def calibrate_omni(
@@ -151,17 +165,23 @@ class _Calibration:
         self.notes: dict[int, str] = {}
 
     def run(self) -> OmniCalibration | NotCalibrated:
-        first = self.start or guessed_camera(self._size_px())
-        observer = Observer(self.field, first, self.mask, locate=False)
-        sightings = self._look(observer, "points")
-        if not sightings:
+        attempts = []
+        for first in [self.start] if self.start is not None else guessed_cameras(self.field, self._size_px()):
+            observer = Observer(self.field, first, self.mask, locate=False)
+            seen = self._look(observer, "points")
+            if not seen:
+                continue
+            if self.start is None:
+                usable = observer.inner_radius_px, first.usable_radius_px[1]
+                first = dataclasses.replace(first, usable_radius_px=usable)
+            search = self._search(first)
+            attempts.append((search.best(seen, observer.polar), seen, search))
+        if not attempts:
             return self._refuse("no frame shows enough of " + self._wanted)
-        if self.start is None:
-            first = dataclasses.replace(first, usable_radius_px=(observer.inner_radius_px, first.usable_radius_px[1]))
-        search = self._search(first)
-        fits = search.best(sightings, observer.polar)
-        if not fits:
+        attempts = [attempt for attempt in attempts if attempt[0]]
+        if not attempts:
             return self._refuse("from no start could the robot be placed on the field")
+        fits, sightings, search = min(attempts, key=lambda attempt: attempt[0][0].cost)
         if fits[0].cost > _MOST_COST:
             return self._refuse(f"from no start do the points seen come to lie on what field '{self.field.name}' has")
         explained = [self._again(fit, search) for fit in _unlike(fits, _DOUBTFUL_COST)]
@@ -315,6 +335,8 @@ class _Calibration:
         share = float(points.weight[agrees].sum() / points.weight.sum())
         if share < _LEAST_AGREEING:
             return f"only {share:.0%} of the points seen lie on the walls and lines of field '{self.field.name}'"
+        if self.start is None and not self.field.is_bounded and self._features(fit, points, agrees) < _LEAST_FEATURES:
+            return "the few lines in view look alike at any size; give more frames, from other places, or a start"
         side = min(fit.camera.size_px)
         std = np.sqrt(np.diag(covariance))
         if std[CENTER].max() > _CENTER_STD * side:
@@ -330,6 +352,17 @@ class _Calibration:
         if self.start is not None and off[SCALE : HORIZON + 1].min() < 1e-6:
             return "the curve ran to the limit of what the start allows; try without a start"
         return ""
+
+    def _features(self, fit: Fit, points: Points, agrees: npt.NDArray[np.bool_]) -> int:
+        """How many of the field's lines and arcs have points enough to be there."""
+        floor_m = fit.camera.pixel_to_floor(points.pixels[agrees])
+        frame = points.frame[agrees]
+        count = np.zeros(len(self.field.lines) + len(self.field.arcs), dtype=np.int64)
+        for place, pose in enumerate(fit.poses):
+            on_field = Pose2(*pose.tolist()).transform(floor_m[frame == place])
+            on_field = on_field[np.isfinite(on_field).all(axis=1)]
+            count += np.bincount(self.line_map.nearest(on_field).index, minlength=len(count))
+        return int(np.count_nonzero(count >= LEAST_LINE_POINTS))
 
 
 @dataclass(frozen=True, eq=False)

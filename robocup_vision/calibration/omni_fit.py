@@ -18,12 +18,14 @@ from field_models.field import Field
 from robocup_vision.calibration.omni_model import CENTER, TILT, CameraModel
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.calibration import floor_points
 from robocup_vision.kernels.lines import nearest_lines
 
 Int64Array = npt.NDArray[np.int64]
 
 # steps of the numerical derivatives, in the vector's own units
 _STEP = 1e-4
+_LEAST_SLOPE = 1e-9
 # most that one iteration may move: centre px, tilt, log curve and shape, pose m and rad
 _MOST_CENTER_PX, _MOST_TILT, _MOST_LOG, _MOST_POSE = 4.0, 0.02, 0.08, 0.15
 # line points farther away than this many field diagonals tell nothing
@@ -125,11 +127,13 @@ class FieldShape:
 
 def homogeneous(camera: OmniCamera, pixels: FloatArray) -> FloatArray:
     """Floor points (N, 3) as X, Y, W, robot frame: the floor point is (X, Y) / W, and W <= 0 from the horizon on."""
-    ray = camera.pixel_to_ray(pixels)
-    height = camera.height_m if camera.height_m is not None else 1.0
-    w = -ray[:, 2] / height
-    point = np.column_stack([ray[:, :2] + w[:, None] * np.array(camera.offset_m), w])
-    return np.where(np.isfinite(point), point, -1.0)
+    u, v = camera.center_px
+    q = camera.floor_range.inverse_range_per_m(np.hypot(pixels[:, 0] - u, pixels[:, 1] - v))
+    point = np.empty((len(pixels), 3))
+    sign = 1.0 if camera.mirrored else -1.0
+    x, y, height = camera.viewpoint_m.tolist()
+    floor_points(pixels, u, v, sign, camera.heading_rad, q, camera.camera_to_robot, x, y, height, point)
+    return point
 
 
 class JointFit:
@@ -160,6 +164,7 @@ class JointFit:
         free: npt.NDArray[np.bool_] | None = None,
         *,
         repeats: int = 3,
+        most: int = 15,
     ) -> Fit:
         """Fit from a start.
 
@@ -180,13 +185,15 @@ class JointFit:
         free : (G,) bool, optional
             What may move; everything unless given.
         repeats : int
-            Iterations at each width; at the last one until nothing moves, at most five times as many.
+            Iterations at each width.
+        most : int
+            Iterations at the last one; fewer if nothing moves any more.
         """
         vector, poses = vector.copy(), poses.copy()
         free = np.ones(len(vector), dtype=bool) if free is None else free
         for place, scale in enumerate(scales_px):
             last = place == len(scales_px) - 1
-            for _ in range(5 * repeats if last else repeats):
+            for _ in range(most if last else repeats):
                 moved = self._step(model, vector, poses, scale, prior, bounds, free)
                 if last and moved < 1e-4:
                     break
@@ -205,18 +212,14 @@ class JointFit:
         """Signed distances (N,) in pixels of the points from the walls and lines of poses (F, 3)."""
         place = homogeneous(camera, self.points.pixels)
         covector, _, known = self._covectors(camera, place, poses)
-        value = np.einsum("ij,ij->i", covector, place)
-        return np.where(known, value / self._slope(camera, covector), np.inf)
+        slope = np.maximum(np.hypot(*self._by_pixel(camera, place, covector).T), _LEAST_SLOPE)
+        return np.where(known, np.einsum("ij,ij->i", covector, place) / slope, np.inf)
 
-    def _slope(self, camera: OmniCamera, covector: FloatArray) -> FloatArray:
-        pixels = self.points.pixels
-        by_u, by_v = (
-            (homogeneous(camera, pixels + step) - homogeneous(camera, pixels - step)) / (2 * _STEP)
-            for step in (np.array([_STEP, 0.0]), np.array([0.0, _STEP]))
-        )
-        return np.asarray(
-            np.maximum(np.hypot(np.einsum("ij,ij->i", covector, by_u), np.einsum("ij,ij->i", covector, by_v)), 1e-9)
-        )
+    def _by_pixel(self, camera: OmniCamera, place: FloatArray, covector: FloatArray) -> FloatArray:
+        """Differentiate the covectors' values by u and v: (N, 2)."""
+        steps = np.array([[_STEP, 0.0], [0.0, _STEP]])
+        moved = [homogeneous(camera, self.points.pixels + step) - place for step in steps]
+        return np.stack([np.einsum("ij,ij->i", covector, by) for by in moved], axis=1) / _STEP
 
     def _covectors(
         self, camera: OmniCamera, place: FloatArray, poses: FloatArray
@@ -273,10 +276,15 @@ class JointFit:
         camera = model.camera(vector)
         place = homogeneous(camera, pixels)
         covector, by_pose, known = self._covectors(camera, place, poses)
-        slope = self._slope(camera, covector)
+        by_pixel = self._by_pixel(camera, place, covector)
+        slope = np.maximum(np.hypot(by_pixel[:, 0], by_pixel[:, 1]), _LEAST_SLOPE)
         residual = np.where(known, np.einsum("ij,ij->i", covector, place) / slope, 0.0)
         by_vector = np.zeros((len(pixels), len(vector)))
+        # only a pixel's place relative to the centre counts
+        by_vector[:, CENTER] = -by_pixel / slope[:, None]
         for g in np.flatnonzero(free):
+            if g < TILT.start:
+                continue
             ahead = vector.copy()
             ahead[g] += _STEP
             moved = homogeneous(model.camera(ahead), pixels)
@@ -369,7 +377,7 @@ def spread_px(residual_px: FloatArray) -> float:
     for _ in range(5):
         good = size[size <= within]
         if not len(good):
-            return within
+            break
         # half of the points that agree lie within 0.67 standard deviations
         within = max(3 * 1.48 * float(np.median(good)), 3 * _LEAST_NOISE_PX)
     return within / 3

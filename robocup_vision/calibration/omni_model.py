@@ -59,7 +59,7 @@ class BentCurve:
         """R, see `FloorRange`."""
         wanted = self.base.radius_px(inverse_range_per_m)
         radius = wanted
-        for _ in range(8):
+        for _ in range(20):
             radius = wanted / (1.0 + np.interp(radius, self.nodes_px, self.stretch))
         return np.asarray(radius)
 

@@ -28,16 +28,21 @@ from robocup_vision.perception.polar_view import PolarView
 # horizons tried, as factors of the start's, or, without a start, of the outer usable radius
 _HORIZONS = (0.78, 0.88, 1.0, 1.13, 1.28)
 _UNKNOWN_HORIZONS = (0.75, 0.88, 1.02, 1.2, 1.45, 1.8)
-# scales tried, as factors of the one that gives the floor its area; without walls, of the start's or of a guess
+# scales tried, as factors of the one that gives the floor its area; without walls, of
+# the start's, or of a guess, of which there are several
 _SCALES_BY_AREA = (0.93, 1.0, 1.07)
-_SCALES = (0.6, 0.71, 0.84, 1.0, 1.19, 1.41, 1.68)
-_UNKNOWN_SCALES = (0.5, 0.62, 0.77, 0.95, 1.18, 1.46, 1.8)
+_SCALES = (0.62, 0.79, 1.0, 1.27, 1.61)
+_GUESSED_SCALES = (0.8, 1.0, 1.25)
 # frames that starts are judged by
-_FRAMES = 8
+_FRAMES = 6
 # widths of the weights in the short fits and in the long ones, in units of 1/86 of the usable radius
 _SHORT_SCALES = (12.0, 6.0, 3.0)
 LONG_SCALES = (8.0, 4.0, 2.0, 1.0)
-_JUDGED_SCALE = 3.0
+# about so many points a frame are enough for that
+_SHORT_POINTS = 120
+# starts are judged by so many frames first, and so many of them go on to all frames, then to the long fit
+_FIRST_FRAMES = 2
+_CURVES_KEPT = 8
 _KEPT = 4
 _UNITS = 86.0
 
@@ -61,7 +66,7 @@ class Search:
     bounds : ((G,), (G,)) float64
         How far from it a fit may go.
     is_guess : bool
-        Whether the start's curve is a mere guess.
+        Whether the start's curve is a mere guess: its horizon then counts for nothing.
     """
 
     field: Field
@@ -89,20 +94,30 @@ class Search:
             That the floor's edges were seen in.
         """
         most = sorted(sightings, key=lambda s: -(len(s.boundary_px) + len(s.line_px)))[:_FRAMES]
+        vectors = self._curves(most, polar)
+        if len(most) > _FIRST_FRAMES:
+            vectors = [fit.vector for fit in self._short_fits(vectors, most[:_FIRST_FRAMES], polar)[:_CURVES_KEPT]]
+        kept = self._short_fits(vectors, most, polar)[:_KEPT]
         joint = JointFit(self.shape, points_of(most))
+        scales = (*(scale * self.unit_px for scale in LONG_SCALES), 1.0)
+        fits = [joint.solve(self.model, fit.vector, fit.poses, scales, self.start, self.bounds) for fit in kept]
+        return sorted(fits, key=lambda fit: fit.cost)
+
+    def _short_fits(self, vectors: list[FloatArray], sightings: Sequence[Sighting], polar: PolarView) -> list[Fit]:
+        """Fits of level cameras from several starts, best first, just far enough to tell good starts from bad ones."""
+        points = points_of(sightings)
+        stride = -(-len(points.pixels) // (_SHORT_POINTS * len(sightings)))
+        joint = JointFit(self.shape, points.take(np.arange(len(points.pixels)) % stride == 0))
         level = np.ones(self.model.size, dtype=bool)
         level[TILT] = False
-        tried: list[tuple[float, int, Fit]] = []
-        for vector in self._curves(most, polar):
-            poses = self._poses(self.model.camera(vector), most, polar)
-            if poses is None:
-                continue
-            scales = tuple(scale * self.unit_px for scale in _SHORT_SCALES)
-            fit = joint.solve(self.model, vector, poses, scales, vector, self.bounds, level, repeats=2)
-            tried.append((joint.cost(fit.residual_px, _JUDGED_SCALE * self.unit_px), len(tried), fit))
-        scales = (*(scale * self.unit_px for scale in LONG_SCALES), 1.0)
-        kept = [fit for _, _, fit in sorted(tried)[:_KEPT]]
-        fits = [joint.solve(self.model, fit.vector, fit.poses, scales, self.start, self.bounds) for fit in kept]
+        scales = tuple(scale * self.unit_px for scale in _SHORT_SCALES)
+        fits = []
+        for vector in vectors:
+            poses = self._poses(self.model.camera(vector), sightings, polar)
+            if poses is not None:
+                fits.append(
+                    joint.solve(self.model, vector, poses, scales, vector, self.bounds, level, repeats=2, most=4)
+                )
         return sorted(fits, key=lambda fit: fit.cost)
 
     def _curves(self, sightings: Sequence[Sighting], polar: PolarView) -> list[FloatArray]:
@@ -115,9 +130,7 @@ class Search:
         for horizon in horizons:
             vector = self.start.copy()
             vector[HORIZON] = horizon
-            factors: tuple[float, ...] = _UNKNOWN_SCALES if self.is_guess else _SCALES
-            if self.is_guess:
-                vector[SCALE] = horizon - math.log(2 * _guessed_height_m(self.field))
+            factors: tuple[float, ...] = _GUESSED_SCALES if self.is_guess else _SCALES
             if self.field.is_bounded:
                 grown = self._scale_by_area(vector, sightings, polar)
                 if grown is not None:
@@ -165,8 +178,3 @@ class Search:
                 return None
             poses.append(pose.array)
         return np.array(poses)
-
-
-def _guessed_height_m(field: Field) -> float:
-    """Viewpoint of a robot as the field's robots are: a bit more than twice as high as it is wide."""
-    return 5.0 * field.robot_radius_m
