@@ -144,7 +144,7 @@ class ColorMemory:
             self._hidden_frames = self._lost_frames = 0
             return self._table, llr
         light = self._light(samples, llr, self._table.colors.floor)
-        is_readable = light.share >= _LEAST_SURE * self._learnt_light.share
+        is_readable = light.share > 0 and light.share >= _LEAST_SURE * self._learnt_light.share
         has_moved = is_readable and self._has_moved(light)
         # a robot parked at the camera, or the dark, must not cost an attempt a frame
         hidden, lost = self._hidden_frames, self._lost_frames
