@@ -14,8 +14,8 @@ camera's two maps puts the median more than 5 mm from the other's, after the rig
 are those of one core (process time), with the largest of all.
 
 "photographs": the two in ../shared/real, "not installed" without them: from the image's middle and a curve 20 % off in
-both numbers, each way; "picked": the hand-picked line pixels' distances from the field's lines. "held back": line points
-that the fit did not see. Overlays go to out/calibration: look at them.
+both numbers, each way; "picked": the hand-picked line pixels' distances from the field's lines. "held back": line
+points that the fit did not see. Overlays go to out/calibration: look at them.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ TRUE = CONDITION.true_camera(GIVEN)
 
 def frames(seed: int, count: int) -> Iterator[Sample]:
     """Images through the true camera."""
-    return sample(FIELD, GIVEN, CONDITION, seed, count)
+    return sample(FIELD, GIVEN, CONDITION, seed, count, supersample=2)
 
 
 def start_off(center_px: float, curve: float, rng: np.random.Generator) -> OmniCamera:

@@ -72,6 +72,15 @@ class MirrorSight(Sight):
         self._nothing = read_only(np.full(bearings, np.nan))
         self._warm_up()
 
+    def with_camera(self, camera: OmniCamera) -> MirrorSight:
+        """Return the same sight, with all it has learnt, through another calibration of its camera."""
+        rings = self.grid.rings
+        sight = MirrorSight(
+            self.field, camera, method=self.method, mask=self._mask, directions=self.grid.directions, rings=rings
+        )
+        sight._memory, sight._last_pose = self._memory, self._last_pose
+        return sight
+
     def look(
         self,
         frame: UInt8Array,

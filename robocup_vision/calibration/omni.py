@@ -300,7 +300,7 @@ class _Calibration:
         side = min(fit.camera.size_px)
         reach = _UNKNOWN_CURVE_REACH if self.start is None else _CURVE_REACH
         chooser = Chooser(self.shape, points, fit, (_CENTER_REACH * side, *reach), search.unit_px)
-        choices = chooser.choose(search.model.curve)
+        choices = chooser.choose("tangent" if search.model.curve == "tangent" else "hyperboloid")
         fit = chooser.final(choices[0], max(1.0, 2 * spread_px(fit.residual_px)))
         covariance = JointFit(self.shape, points).covariance(fit)
         problem = self._problem(fit, covariance, points, search)

@@ -21,6 +21,8 @@ from robocup_vision.geometry import FloatArray
 
 Curve = Literal["hyperboloid", "tangent", "table"]
 CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
+# the curve of the camera at hand, whatever it is: only centre and tilt move
+Family = Literal[Curve, "kept"]
 
 CENTER, TILT, SCALE, HORIZON, SHAPE = slice(0, 2), slice(2, 4), 4, 5, slice(6, None)
 # how far a hyperboloid's sqrt(C) may lie beyond the horizon's radius: farther, it is a paraboloid for all one can see
@@ -106,30 +108,29 @@ class CameraModel:
     """A family of cameras: what stays as it is, and how a vector becomes one of them.
 
     The vector: centre u, v (px); tilt about x, y (rad); log K, log H; a hyperboloid's and a table's log of sqrt(C)/H; a
-    table's stretches.
+    table's stretches. Of the family "kept" only the first four.
 
     Parameters
     ----------
     frame : OmniCamera
         Gives everything that is not in the vector: size, usable radii, heading, offset, whether it is mirrored.
-    curve : {"hyperboloid", "tangent", "table"}
+    curve : {"hyperboloid", "tangent", "table", "kept"}
         The family.
     """
 
     frame: OmniCamera
-    curve: Curve
+    curve: Family
 
     @property
     def size(self) -> int:
         """Length of the vector."""
-        return {"hyperboloid": 7, "tangent": 6, "table": 7 + BENDS}[self.curve]
+        return {"hyperboloid": 7, "tangent": 6, "table": 7 + BENDS, "kept": 4}[self.curve]
 
     @property
     def names(self) -> tuple[str, ...]:
         """What each number of the vector is called."""
-        shape = {"hyperboloid": 1, "tangent": 0, "table": 1 + BENDS}[self.curve]
-        bends = tuple(f"bend at {radius:.0f} px" for radius in self._nodes_px)
-        return ("center u", "center v", "tilt x", "tilt y", "scale", "horizon", *(("shape", *bends)[:shape]))
+        bends = (f"bend at {radius:.0f} px" for radius in self._nodes_px)
+        return ("center u", "center v", "tilt x", "tilt y", "scale", "horizon", "shape", *bends)[: self.size]
 
     @property
     def _nodes_px(self) -> FloatArray:
@@ -137,6 +138,8 @@ class CameraModel:
 
     def vector(self, camera: OmniCamera) -> FloatArray:
         """Vector (G,) of the member of this family that is most like a camera."""
+        if self.curve == "kept":
+            return np.array([*camera.center_px, *camera.tilt_rad])
         scale, horizon = scale_and_horizon(camera.floor_range, self.frame.usable_radius_px)
         head = [*camera.center_px, *camera.tilt_rad, math.log(scale), math.log(horizon)]
         root = 4.0
@@ -149,12 +152,15 @@ class CameraModel:
 
     def camera(self, vector: FloatArray) -> OmniCamera:
         """Return the camera of a vector; a table's still as the bent curve it is fitted as (see `written`)."""
-        scale, horizon = math.exp(vector[SCALE]), math.exp(vector[HORIZON])
         height = None
-        curve: FloorRange
+        curve = self.frame.floor_range
+        if self.curve == "kept":
+            scale, horizon = scale_and_horizon(curve, self.frame.usable_radius_px)
+        else:
+            scale, horizon = math.exp(vector[SCALE]), math.exp(vector[HORIZON])
         if self.curve == "tangent":
             curve = tangent_of(scale, horizon)
-        else:
+        elif self.curve != "kept":
             base = hyperboloid_of(scale, horizon, horizon * math.exp(vector[6]))
             curve = base if self.curve == "hyperboloid" else BentCurve(base, self._nodes_px, vector[7:])
         if self.curve != "hyperboloid":

@@ -82,6 +82,19 @@ def test_vector_and_camera_go_there_and_back(curve):
     )
 
 
+def test_a_kept_curve_stays_as_it_is():
+    table = Table(np.array([20.0, 60.0, 110.0]), np.array([0.1, 0.4, 3.0]))
+    frame = OmniCamera((256, 220), (127.5, 109.5), (26.0, 105.0), table)
+    model = CameraModel(frame, "kept")
+    np.testing.assert_array_equal(model.vector(frame), [127.5, 109.5, 0.0, 0.0])
+    assert model.names == ("center u", "center v", "tilt x", "tilt y")
+    camera = model.camera(np.array([128.0, 110.0, 0.01, 0.0]))
+    assert camera.floor_range is table
+    assert camera.center_px == (128.0, 110.0)
+    assert camera.tilt_rad == (0.01, 0.0)
+    assert camera.height_m is not None
+
+
 def test_a_table_starts_as_the_hyperboloid_it_bends():
     frame = sekimori_camera()
     model = CameraModel(frame, "table")
