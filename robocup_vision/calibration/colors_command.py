@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from robocup_vision.calibration.image_files import ImageFiles
-    from robocup_vision.geometry import Pose2
     from robocup_vision.perception.color_table import Colors
 
 # frames in the preview, one below the other
@@ -52,6 +51,7 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
     from field_models.errors import ArgumentError, FileError, FrameError
     from robocup_vision.calibration.colors import NotCalibrated, calibrate_colors
     from robocup_vision.calibration.image_files import ImageFiles
+    from robocup_vision.calibration.pose_file import read_poses
     from robocup_vision.camera import load_camera
     from robocup_vision.evaluation.image_file import read_mask
     from robocup_vision.perception.color_table import save_colors
@@ -69,7 +69,7 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
     width, height = images.size_px
     if mask is not None and mask.shape != (height, width):
         raise FrameError(f"{Path(args.mask).name}: must be as large as the images ({width}x{height})")
-    poses = None if args.poses is None else _poses(args.poses, images.names)
+    poses = None if args.poses is None else read_poses(args.poses, images.names)
     reads = ((name, partial(images.__getitem__, i)) for i, name in enumerate(images.names))
     result = calibrate_colors(field, progress(reads, len(images), "colors"), camera, poses, mask)
     for note in result.notes:
@@ -94,21 +94,6 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
     print(f"colour file  {args.out}")
     print(f"preview      {preview}")
     return 0
-
-
-def _poses(path: str, names: list[str]) -> dict[str, Pose2]:
-    from field_models.errors import FileError
-    from robocup_vision.evaluation.csv_file import read_csv
-    from robocup_vision.geometry import Pose2
-
-    poses = {}
-    for row in read_csv(Path(path), ("image", "x_m", "y_m", "theta_rad"), ignore_others=True):
-        theta = row.number_or_none("theta_rad")
-        if theta is not None:
-            poses[row.entries["image"]] = Pose2(row.number("x_m"), row.number("y_m"), theta)
-    if not poses.keys() & set(names):
-        raise FileError(path, "names none of the images with a heading")
-    return poses
 
 
 def _write_preview(colors: Colors, images: ImageFiles, path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robocup_vision.calibration.colors_command import add_colors_parser
+from robocup_vision.calibration.pinhole_command import add_pinhole_parser
 
 if TYPE_CHECKING:
     from field_models.field import Field
@@ -30,6 +31,7 @@ def add_calibrate_parser(subparsers: Any) -> argparse.ArgumentParser:
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     _add_omni_parser(kinds)
     add_colors_parser(kinds)
+    add_pinhole_parser(kinds)
     return parser
 
 
