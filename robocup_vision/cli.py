@@ -61,6 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
+    from robocup_vision.calibration.check_command import add_check_parser
     from robocup_vision.calibration.command import add_calibrate_parser
     from sim2d.rendering.command import add_render_parser, run_render
     from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
@@ -70,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_evaluate_parser(commands)
     add_calibrate_parser(commands)
+    add_check_parser(commands)
     render: argparse.ArgumentParser = add_render_parser(commands)
     render.set_defaults(run=run_render)
     render_goal: argparse.ArgumentParser = add_render_goal_parser(commands)
