@@ -35,12 +35,14 @@ from robocup_vision.localization.goal_geometry import (
 from robocup_vision.localization.goal_lines import loosened
 from robocup_vision.progress import progress
 
-# what a start may be off: one standard deviation of the logarithm of the focal length, and of the height
-FOCAL_STD, HEIGHT_STD_M = 0.10, 0.05
-# starts where nothing is known: horizontal fields of view, and heights of small and of larger robots
-VIEWS_RAD = tuple(math.radians(degrees) for degrees in (46.0, 56.0, 68.0, 82.0))
+# a goal is found only where the focal length is roughly right: one standard deviation of its logarithm, of the height
+FOCAL_STD, HEIGHT_STD_M = 0.05, 0.03
+# so it is scanned: logarithms about a start; where nothing is known horizontal fields of view, with heights of small
+# and of larger robots
+SCAN = tuple(0.04 * i for i in range(-4, 5))
+VIEWS_RAD = tuple(math.radians(degrees) for degrees in (44, 46, 48.5, 51, 53.5, 56, 59, 62, 65, 68, 71, 75, 79, 83))
 HEIGHTS_M = (0.19, 0.45)
-_START_FRAMES, _ROUNDS = 6, 4
+_START_FRAMES, _ROUNDS = 5, 3
 _SHARED = (LOG_FOCAL, HEIGHT)
 # how far bright paint bleeds over its edge
 _BLOOM_STD_PX = 1.0
@@ -130,7 +132,7 @@ def calibrate_pinhole(
     images : sequence of (H, W, 3) uint8
         BGR, all of one size; read when they are asked for.
     start : PinholeCamera, optional
-        Roughly right, some 15 % in focal length and 10 cm in height; its image centre and distortion are kept. Without
+        Roughly right, some 18 % in focal length and 5 cm in height; its image centre and distortion are kept. Without
         it several are tried, with the image's middle as centre and no distortion.
     names : sequence of str, optional
         Of the images.
@@ -156,9 +158,12 @@ def calibrate_pinhole(
     if not frames:
         return NotCalibrated("none of the images can be read", tuple(notes))
     prior = {index: (poses or {}).get(called[index]) for index in frames}
-    camera = _best_start(field, frames, prior) if start is None else _loosened(start)
+    camera = _best_start(field, frames, start)
+    if camera is None and start is not None and any(pose is not None for pose in prior.values()):
+        # lines may do without a goal
+        camera = _loosened(start)
     if camera is None:
-        return NotCalibrated("no goal is found in any of the images, whatever the focal length", tuple(notes))
+        return NotCalibrated("no goal is found in any of the images, whatever the focal length may be", tuple(notes))
     joint, sights = None, {}
     for _ in progress(range(_ROUNDS), _ROUNDS, "pinhole"):
         sights = _sights(field, camera, frames, prior)
@@ -229,26 +234,26 @@ def _loosened(camera: PinholeCamera) -> PinholeCamera:
     )
 
 
-def _best_start(
-    field: Field, frames: Mapping[int, np.ndarray], prior: Mapping[int, Pose2 | None]
-) -> PinholeCamera | None:
+def _best_start(field: Field, frames: Mapping[int, np.ndarray], given: PinholeCamera | None) -> PinholeCamera | None:
     height, width = next(iter(frames.values())).shape[:2]
     some = dict(list(frames.items())[:: -(-len(frames) // _START_FRAMES)])
-    starts = [(view, up) for view in VIEWS_RAD for up in HEIGHTS_M]
+    middle = (width - 1) / 2, (height - 1) / 2
+    if given is None:
+        focals = [width / 2 / math.tan(view / 2) for view in VIEWS_RAD]
+        starts = [PinholeCamera((width, height), (f, f), middle, up) for f in focals for up in HEIGHTS_M]
+    else:
+        (fu, fv), scales = given.focal_px, [math.exp(log) for log in SCAN]
+        starts = [replace(given, focal_px=(fu * scale, fv * scale)) for scale in scales]
     best: tuple[tuple[int, float], PinholeCamera] | None = None
-    for view, height_m in progress(starts, len(starts), "starts"):
-        focal = width / 2 / math.tan(view / 2)
-        middle = (width - 1) / 2, (height - 1) / 2
-        camera = _loosened(PinholeCamera((width, height), (focal, focal), middle, height_m))
-        sights = _sights(field, camera, some, prior)
+    for camera in progress([_loosened(start) for start in starts], len(starts), "starts"):
+        sights = _sights(field, camera, some, dict.fromkeys(some))
         if not sights:
             continue
         # among starts that see as many goals the one that must move least under its priors
-        p = np.array([s.unknowns[list(_SHARED)] for s in sights.values()]) - (0.0, height_m)
-        strain = float(np.median(np.abs(p / (FOCAL_STD, HEIGHT_STD_M)).max(axis=1)))
-        rank = len(sights), -strain
-        if best is None or rank > best[0]:
-            best = rank, camera
+        moved = np.array([s.unknowns[list(_SHARED)] for s in sights.values()]) - (0.0, camera.height_m)
+        strain = float(np.median(np.abs(moved / (FOCAL_STD, HEIGHT_STD_M)).max(axis=1)))
+        if best is None or (len(sights), -strain) > best[0]:
+            best = (len(sights), -strain), camera
     return None if best is None else best[1]
 
 
@@ -269,7 +274,7 @@ def _join(shape: GoalShape, camera: PinholeCamera, sights: Sequence[GoalSight]) 
     scale = 1.0
     for _ in range(6):
         total = information[agrees].sum(axis=0)
-        if np.linalg.eigvalsh(total * np.outer((FOCAL_STD, HEIGHT_STD_M), (FOCAL_STD, HEIGHT_STD_M))).min() < 1.0:
+        if np.linalg.eigvalsh(total * np.outer((FOCAL_STD, HEIGHT_STD_M), (FOCAL_STD, HEIGHT_STD_M))).min() < 0.5:
             return None
         joint = np.linalg.inv(total)
         mean = joint @ weighted[agrees].sum(axis=0)
