@@ -27,7 +27,7 @@ def test_a_rough_start_leads_to_the_true_camera(from_rough, true_camera, floor_e
 
 
 def test_no_start_at_all_leads_there_too(ssl_field, off_frames, true_camera, floor_error_m):
-    result = calibrate_omni(ssl_field, off_frames)
+    result = calibrate_omni(ssl_field, off_frames[:4])
     assert isinstance(result, OmniCalibration)
     assert floor_error_m(result.camera, true_camera) < 2e-3
     inner, outer = result.camera.usable_radius_px
