@@ -42,7 +42,7 @@ FOCAL_STD, HEIGHT_STD_M = 0.05, 0.03
 SCAN = tuple(0.04 * i for i in range(-4, 5))
 VIEWS_RAD = tuple(math.radians(degrees) for degrees in (44, 46, 48.5, 51, 53.5, 56, 59, 62, 65, 68, 71, 75, 79, 83))
 HEIGHTS_M = (0.19, 0.45)
-_START_FRAMES, _ROUNDS = 5, 3
+_START_FRAMES, _STARTS_TRIED, _ROUNDS = 5, 3, 3
 _SHARED = (LOG_FOCAL, HEIGHT)
 # how far bright paint bleeds over its edge
 _BLOOM_STD_PX = 1.0
@@ -158,12 +158,30 @@ def calibrate_pinhole(
     if not frames:
         return NotCalibrated("none of the images can be read", tuple(notes))
     prior = {index: (poses or {}).get(called[index]) for index in frames}
-    camera = _best_start(field, frames, start)
-    if camera is None and start is not None and any(pose is not None for pose in prior.values()):
+    cameras = _best_starts(field, frames, start)
+    if not cameras and start is not None and any(pose is not None for pose in prior.values()):
         # lines may do without a goal
-        camera = _loosened(start)
-    if camera is None:
-        return NotCalibrated("no goal is found in any of the images, whatever the focal length may be", tuple(notes))
+        cameras = [_loosened(start)]
+    results = []
+    for camera in cameras:
+        results.append(_calibrated(field, camera, frames, prior, called, tuple(notes)))
+        if results[-1]:
+            return results[-1]
+    if results:
+        return results[0]
+    return NotCalibrated("no goal is found in any of the images, whatever the focal length may be", tuple(notes))
+
+
+def _calibrated(
+    field: Field,
+    camera: PinholeCamera,
+    frames: Mapping[int, np.ndarray],
+    prior: Mapping[int, Pose2 | None],
+    called: Sequence[str],
+    told: tuple[str, ...],
+) -> PinholeCalibration | NotCalibrated:
+    """Calibrate from one start, near enough for goals to be found."""
+    notes = list(told)
     joint, sights = None, {}
     for _ in progress(range(_ROUNDS), _ROUNDS, "pinhole"):
         sights = _sights(field, camera, frames, prior)
@@ -234,7 +252,8 @@ def _loosened(camera: PinholeCamera) -> PinholeCamera:
     )
 
 
-def _best_start(field: Field, frames: Mapping[int, np.ndarray], given: PinholeCamera | None) -> PinholeCamera | None:
+def _best_starts(field: Field, frames: Mapping[int, np.ndarray], given: PinholeCamera | None) -> list[PinholeCamera]:
+    """Return the most promising starts, best first."""
     height, width = next(iter(frames.values())).shape[:2]
     some = dict(list(frames.items())[:: -(-len(frames) // _START_FRAMES)])
     middle = (width - 1) / 2, (height - 1) / 2
@@ -244,7 +263,7 @@ def _best_start(field: Field, frames: Mapping[int, np.ndarray], given: PinholeCa
     else:
         (fu, fv), scales = given.focal_px, [math.exp(log) for log in SCAN]
         starts = [replace(given, focal_px=(fu * scale, fv * scale)) for scale in scales]
-    best: tuple[tuple[int, float], PinholeCamera] | None = None
+    ranked: list[tuple[int, float, PinholeCamera]] = []
     for camera in progress([_loosened(start) for start in starts], len(starts), "starts"):
         sights = _sights(field, camera, some, dict.fromkeys(some))
         if not sights:
@@ -252,9 +271,9 @@ def _best_start(field: Field, frames: Mapping[int, np.ndarray], given: PinholeCa
         # among starts that see as many goals the one that must move least under its priors
         moved = np.array([s.unknowns[list(_SHARED)] for s in sights.values()]) - (0.0, camera.height_m)
         strain = float(np.median(np.abs(moved / (FOCAL_STD, HEIGHT_STD_M)).max(axis=1)))
-        if best is None or (len(sights), -strain) > best[0]:
-            best = (len(sights), -strain), camera
-    return None if best is None else best[1]
+        ranked.append((len(sights), -strain, camera))
+    ranked.sort(key=lambda entry: entry[:2], reverse=True)
+    return [camera for _, _, camera in ranked[:_STARTS_TRIED]]
 
 
 def _sights(
