@@ -69,6 +69,8 @@ _LEAST_AGREEING_IN_FRAME = 0.3
 _LEAST_KEPT = 0.5
 # without walls and without a start so many different lines must be seen: a circle and a line across it have no size
 _LEAST_FEATURES = 4
+# so many points, and of all that agree this share, make a line seen
+_FEATURE_POINTS, _FEATURE_SHARE = 12, 0.02
 # greatest standard deviations that still count as determined: centre, of the smaller side; curve, of itself
 _CENTER_STD, _CURVE_STD = 0.015, 0.04
 # a first fit this poor (0 to 1) explains next to nothing
@@ -118,7 +120,7 @@ def calibrate_omni(
     field : Field
         The pitch.
     frames : sequence of (H, W, 3) uint8
-        BGR, all of one size; looked at one at a time, twice each, so that they may lie on a disk. One that raises a
+        BGR, all of one size; looked at one at a time, several times each: they may lie on a disk. One that raises a
         `FrameError` is left out.
     start : OmniCamera, optional
         Where to start. Without it the centre starts in the image's middle, with curves of every kind.
@@ -362,7 +364,7 @@ class _Calibration:
             on_field = Pose2(*pose.tolist()).transform(floor_m[frame == place])
             on_field = on_field[np.isfinite(on_field).all(axis=1)]
             count += np.bincount(self.line_map.nearest(on_field).index, minlength=len(count))
-        return int(np.count_nonzero(count >= LEAST_LINE_POINTS))
+        return int(np.count_nonzero(count >= max(_FEATURE_POINTS, _FEATURE_SHARE * count.sum())))
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,8 @@ UInt8Array = npt.NDArray[np.uint8]
 
 # a frame is of use with so many points of either kind
 LEAST_BOUNDARY_POINTS, LEAST_LINE_POINTS = 25, 40
+# floor is all around where it fills this share of what it fills at best: before that the robot's body is in the way
+_ALL_AROUND = 0.9
 # more line points than this are thinned out: they are neighbours of one another
 _MOST_LINE_POINTS = 500
 
@@ -107,7 +109,7 @@ class Observer:
     @property
     def inner_radius_px(self) -> float:
         """Image radius beyond which floor surrounds the robot in the frames looked at."""
-        return float(self.polar.radius_px[int(np.argmax(self.floor_share >= 0.5 * self.floor_share.max()))])
+        return float(self.polar.radius_px[int(np.argmax(self.floor_share >= _ALL_AROUND * self.floor_share.max()))])
 
 
 def points_of(sightings: Sequence[Sighting]) -> Points:
