@@ -61,6 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
+    from robocup_vision.calibration.check_command import add_check_parser
+    from robocup_vision.calibration.command import add_calibrate_parser
     from sim2d.match_command import add_match_parser, add_tournament_parser, run_match_command, run_tournament
     from sim2d.rendering.command import add_render_parser, run_render
     from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
@@ -69,6 +71,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_evaluate_parser(commands)
+    add_calibrate_parser(commands)
+    add_check_parser(commands)
     render: argparse.ArgumentParser = add_render_parser(commands)
     render.set_defaults(run=run_render)
     render_goal: argparse.ArgumentParser = add_render_goal_parser(commands)

@@ -72,6 +72,15 @@ class MirrorSight(Sight):
         self._nothing = read_only(np.full(bearings, np.nan))
         self._warm_up()
 
+    def with_camera(self, camera: OmniCamera) -> MirrorSight:
+        """Return the same sight, with all it has learnt, through another calibration of its camera."""
+        rings = self.grid.rings
+        sight = MirrorSight(
+            self.field, camera, method=self.method, mask=self._mask, directions=self.grid.directions, rings=rings
+        )
+        sight._memory, sight._last_pose = self._memory, self._last_pose
+        return sight
+
     def look(
         self,
         frame: UInt8Array,
@@ -86,7 +95,7 @@ class MirrorSight(Sight):
         if start is None and odometry is not None and self._last_pose is not None:
             start = self._last_pose.compose(odometry)
         samples = self.polar.sample(frame)
-        table, llr = self._classify(samples, self.polar)
+        table, llr = self._memory.classify(samples, self.polar)
         if table is None:
             return self._blind(begin, t_s)
         colored = perf_counter()

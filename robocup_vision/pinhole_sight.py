@@ -25,13 +25,11 @@ from robocup_vision.localization.lines import LineLocalizer
 from robocup_vision.localization.lines_nearby import locate_nearby
 from robocup_vision.localization.lines_walls import localizer_by_walls, wall_points
 from robocup_vision.perception.ball import Ball
-from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable, colors_for
+from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
 from robocup_vision.perception.floor_ball import FloorBallFinder
-from robocup_vision.perception.floor_color import PaintColor
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.line_points import LinePoints
-from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.sight import Sight
 from robocup_vision.view import View
 
@@ -91,7 +89,8 @@ class PinholeSight(Sight):
             raise ArgumentError(f"method must be 'goal', 'field' or 'floor' for a pinhole camera, got {method!r}")
         if method != "goal" and not camera.known_orientation:
             raise ArgumentError(f"method '{method}' needs a camera whose tilt_rad is known")
-        super().__init__(field, camera.size_px, colors, mask)
+        # so narrow a view may show nothing white, but a ball or a goal
+        super().__init__(field, camera.size_px, colors, mask, _CAST)
         self.camera = camera
         self._goal = GoalLocalizer(field, camera) if method == "goal" else None
         self._lines = LineLocalizer(field, camera, self._mask) if method == "field" else None
@@ -168,7 +167,7 @@ class PinholeSight(Sight):
     def _read(self, frame: UInt8Array, view: FloorView, timings: dict[str, float] | None = None) -> _Reading:
         begin = perf_counter()
         samples = view.sample(frame)
-        table, llr = self._classify(samples, view)
+        table, llr = self._memory.classify(samples, view)
         columns = np.full(view.bearings, -1, dtype=np.int64)
         if table is not None:
             certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
@@ -218,13 +217,6 @@ class PinholeSight(Sight):
             free_space = floor.grid.measure(marks)
         timings |= {"ball": balled - begin, "free_space": perf_counter() - balled}
         return edge, marks, ball, free_space
-
-    def _learn(self, samples: UInt8Array, view: PolarView | FloorView) -> Colors | None:
-        colors = super()._learn(samples, view)
-        if colors is None or max(abs(math.log(r)) for r in (colors.line.red_ratio, colors.line.blue_ratio)) < _CAST:
-            return colors
-        # nothing white in so narrow a view, but a ball or a goal
-        return colors_for(self.field, colors.floor, PaintColor(1.0, 1.0))
 
     def _locate(
         self, frame: UInt8Array, reading: _Reading | None, prior: PoseEstimate | Pose2 | None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -9,17 +11,11 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels import polar
 from robocup_vision.perception.ball import Ball
-from robocup_vision.perception.color_table import Colors, ColorTable, build_color_table, learn_colors
-from robocup_vision.perception.floor_color import RING_COLUMNS
-from robocup_vision.perception.floor_view import FloorView
-from robocup_vision.perception.polar_view import PolarView
+from robocup_vision.perception.color_memory import ColorMemory
+from robocup_vision.perception.color_table import Colors
 
 UInt8Array = npt.NDArray[np.uint8]
-
-# the nearest floor's mean likelihood ratio below this share of what it was when learnt: the light has changed
-_DRIFT_SHARE = 0.6
 
 
 class Sight:
@@ -31,9 +27,18 @@ class Sight:
         See `Vision`.
     size_px : (int, int)
         Of the frames.
+    strongest_cast : float
+        See `ColorMemory`.
     """
 
-    def __init__(self, field: Field, size_px: tuple[int, int], colors: Colors | None, mask: UInt8Array | None) -> None:
+    def __init__(
+        self,
+        field: Field,
+        size_px: tuple[int, int],
+        colors: Colors | None,
+        mask: UInt8Array | None,
+        strongest_cast: float = math.inf,
+    ) -> None:
         self.field = field
         self._size_px = size_px
         width, height = size_px
@@ -44,20 +49,18 @@ class Sight:
                 raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
         self._mask = mask
         self._keep = None if mask is None else (mask == 0).astype(np.uint8)
-        self._fixed = None if colors is None else build_color_table(colors)
-        self._table = self._fixed
-        self._learnt_ring = 0.0
+        self._memory = ColorMemory(field, colors, strongest_cast)
         self._last_pose: Pose2 | None = None
 
     def forget(self) -> None:
         """Forget learnt colours and the last pose: the next frame stands alone."""
-        self._table = self._fixed
+        self._memory.forget()
         self._last_pose = None
 
     @property
     def colors(self) -> Colors | None:
         """The colours in use, None before the first frame."""
-        return None if self._table is None else self._table.colors
+        return self._memory.colors
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
         on_field = pose.compose(Pose2(ball.x_m, ball.y_m, 0.0))
@@ -75,26 +78,3 @@ class Sight:
             return plain
         # black under the mask, so that nothing there can tell whatever a stage reads beside it
         return np.asarray(cv2.copyTo(plain, self._keep), dtype=np.uint8)
-
-    def _classify(
-        self, samples: UInt8Array, view: PolarView | FloorView
-    ) -> tuple[ColorTable | None, npt.NDArray[np.int8]]:
-        llr = np.empty(samples.shape[:2], dtype=np.int8)
-        if self._table is not None:
-            ring = self._look_up(samples, view, self._table, llr)
-            if self._fixed is not None or ring >= _DRIFT_SHARE * self._learnt_ring:
-                return self._table, llr
-        colors = self._learn(samples, view)
-        if colors is None:
-            return self._table, llr
-        self._table = build_color_table(colors)
-        self._learnt_ring = self._look_up(samples, view, self._table, llr)
-        return self._table, llr
-
-    def _learn(self, samples: UInt8Array, view: PolarView | FloorView) -> Colors | None:
-        return learn_colors(samples, view.valid, self.field)
-
-    def _look_up(
-        self, samples: UInt8Array, view: PolarView | FloorView, table: ColorTable, llr: npt.NDArray[np.int8]
-    ) -> float:
-        return float(polar.classify(samples, table.packing, table.floor_llr, view.valid, RING_COLUMNS, llr))

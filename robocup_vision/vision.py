@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.pinhole_sight import PinholeSight
 from robocup_vision.view import View
+
+if TYPE_CHECKING:
+    from robocup_vision.calibration.online import OnlineCalibration
 
 UInt8Array = npt.NDArray[np.uint8]
 Method = Literal["floor", "field", "hull", "goal"]
@@ -54,11 +57,15 @@ class Vision:
         Number J of directions of the free space, all around or over what a pinhole camera has in view.
     rings : int or tuple of float
         Its rings, as in `FreeSpaceGrid`.
+    online : OnlineCalibration, optional
+        Refines this mirror camera's centre and tilt while frames are looked at; `camera` is then the one now in use,
+        and `online.state` tells how far it has moved.
 
     Raises
     ------
     ArgumentError
-        If the mask's size is not the camera's, or the method does not fit the field or the camera.
+        If the mask's size is not the camera's, the method does not fit the field or the camera, or `online` was made
+        for another camera.
     """
 
     def __init__(
@@ -71,7 +78,11 @@ class Vision:
         mask: UInt8Array | None = None,
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
+        online: OnlineCalibration | None = None,
     ) -> None:
+        if online is not None and online.camera is not camera:
+            raise ArgumentError("online must be made for this very camera, which must be a mirror camera")
+        self._online = online
         self._sight: MirrorSight | PinholeSight
         if isinstance(camera, PinholeCamera):
             chosen = method or "goal"
@@ -111,7 +122,13 @@ class Vision:
         FrameError
             If the frame has another size or type.
         """
-        return self._sight.look(frame, t_s, odometry, prior)
+        view = self._sight.look(frame, t_s, odometry, prior)
+        if self._online is not None and isinstance(self._sight, MirrorSight):
+            better = self._online.follow(frame, view)
+            if better is not None:
+                self._sight = self._sight.with_camera(better)
+                self.camera = better
+        return view
 
     def forget(self) -> None:
         """Forget learnt colours and the last pose: the next frame stands alone."""

@@ -236,7 +236,8 @@ class BallFinder(BallSearch):
             far = camera.floor_range.radius_px(np.tan(depression - half) / height)
             along = (far - near) / 2
             across = radius * np.sin(half) / np.cos(depression)
-        usable = (radius >= inner) & (radius <= outer) & (q > 0) & np.isfinite(along)
+        # a ball that reaches over the axis has no near side: it is none that could lie there
+        usable = (radius >= inner) & (radius <= outer) & (q > 0) & (along > 0)
         return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
 
     @property

@@ -7,6 +7,7 @@ cold.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +21,14 @@ from field_models.errors import FileError
 from field_models.field import COLOR_NAMES, Field
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor, learn_floor_color
+from robocup_vision.kernels import floor_colors as kernel
+from robocup_vision.perception.floor_color import (
+    LEVELS,
+    FloorColor,
+    PaintColor,
+    follow_floor_color,
+    learn_floor_color,
+)
 
 UInt8Array = npt.NDArray[np.uint8]
 Int8Array = npt.NDArray[np.int8]
@@ -60,7 +68,9 @@ class Colors:
         return read_only([(p.blue_ratio - p.red_ratio) / (p.blue_ratio + 1.0 + p.red_ratio) for p in paints])
 
 
-def learn_colors(samples: UInt8Array, valid: UInt8Array, field: Field) -> Colors | None:
+def learn_colors(
+    samples: UInt8Array, valid: UInt8Array, field: Field, strongest_cast: float = math.inf
+) -> Colors | None:
     """Learn a frame's colours from its unrolled, slightly blurred samples.
 
     Parameters
@@ -71,6 +81,8 @@ def learn_colors(samples: UInt8Array, valid: UInt8Array, field: Field) -> Colors
         1 where a sample may be looked at.
     field : Field
         Says which colours the ball and the goals have under white light.
+    strongest_cast : float
+        Logarithm of the strongest cast of light: what seems white beyond it is some paint, and white is then neutral.
 
     Returns
     -------
@@ -78,9 +90,31 @@ def learn_colors(samples: UInt8Array, valid: UInt8Array, field: Field) -> Colors
         None if nothing can be learnt: too dark, or too little of the ring around the robot in view.
     """
     floor = learn_floor_color(samples, valid)
-    if floor is None:
-        return None
-    return colors_for(field, floor, _learn_white(samples[valid > 0].astype(np.float64), floor))
+    return None if floor is None else _colors_beside(floor, samples, valid, field, strongest_cast)
+
+
+def follow_colors(
+    samples: UInt8Array,
+    valid: UInt8Array,
+    is_floor: npt.NDArray[np.bool_],
+    before: Colors,
+    field: Field,
+    strongest_cast: float = math.inf,
+    lift: float = 0.0,
+) -> Colors | None:
+    """Learn a frame's colours anew from what is still known to be floor; see `follow_floor_color`, `learn_colors`."""
+    floor = follow_floor_color(samples, valid, is_floor, before.floor, lift)
+    return None if floor is None else _colors_beside(floor, samples, valid, field, strongest_cast)
+
+
+def _colors_beside(
+    floor: FloorColor, samples: UInt8Array, valid: UInt8Array, field: Field, strongest_cast: float
+) -> Colors:
+    # every other bearing tells white as well
+    white = _learn_white(samples[::2][valid[::2] > 0].astype(np.float64), floor)
+    if max(abs(math.log(ratio)) for ratio in (white.red_ratio, white.blue_ratio)) >= strongest_cast:
+        white = PaintColor(1.0, 1.0)
+    return colors_for(field, floor, white)
 
 
 def colors_for(field: Field, floor: FloorColor, white: PaintColor) -> Colors:
@@ -163,12 +197,19 @@ def build_color_table(colors: Colors) -> ColorTable:
     values = np.arange(256)
     bins = {bits: np.minimum(values * (1 << bits) / (top + 1), (1 << bits) - 1).astype(np.uint16) for bits in (5, 6)}
     packing = np.stack([bins[5] << 11, bins[6] << 5, bins[5]]).astype(np.uint16)
-    llr = floor.log_likelihood_ratio(*_packed_colors(packing), colors.line)
-    units = np.clip(llr, -LLR_CLIP, LLR_CLIP) / LLR_PER_UNIT
-    return ColorTable(colors, packing, np.rint(units).astype(np.int8))
+    llr = np.empty(1 << 16, dtype=np.int8)
+    blue, green, red = _bin_colors(packing)
+    of_floor, of_white = floor.densities(colors.line)
+    kernel.tabulate(blue, green, red, of_floor, of_white, LLR_CLIP, LLR_PER_UNIT, llr)
+    return ColorTable(colors, packing, llr)
 
 
 def _packed_colors(packing: UInt16Array) -> tuple[FloatArray, FloatArray, FloatArray]:
+    blue, green, red = np.meshgrid(*_bin_colors(packing), indexing="ij")
+    return blue.ravel(), green.ravel(), red.ravel()
+
+
+def _bin_colors(packing: UInt16Array) -> list[FloatArray]:
     # the mean of the values that share a bin stands for it; the last bin's own start, as it holds all that is brighter
     channels = []
     for row, bits, shift in zip(packing, (5, 6, 5), (11, 5, 0), strict=True):
@@ -178,8 +219,7 @@ def _packed_colors(packing: UInt16Array) -> tuple[FloatArray, FloatArray, FloatA
         empty = count == 0
         center[empty] = np.interp(np.flatnonzero(empty), np.flatnonzero(~empty), center[~empty])
         channels.append(center)
-    blue, green, red = np.meshgrid(*channels, indexing="ij")
-    return blue.ravel(), green.ravel(), red.ravel()
+    return channels
 
 
 Ratio = Annotated[float, msgspec.Meta(gt=0)]

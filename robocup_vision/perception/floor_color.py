@@ -11,18 +11,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels import floor_colors as kernel
 
 UInt8Array = npt.NDArray[np.uint8]
 
 RING_COLUMNS = 10
 RING_WEIGHT = 2.0
 # log brightness relative to the ring: from a deep shadow to a highlight
-_LEVEL_STEP = 0.25
-LEVELS = np.arange(-7, 6) * _LEVEL_STEP
+LEVEL_STEP = 0.25
+LEVELS = np.arange(-7, 6) * LEVEL_STEP
 _CENTER = 7
 # how far the log of a ratio may drift from one brightness step to the next, and in all: a sky-lit shadow is some 20 %
 # bluer, a highlight mixes in white until green is half-way to it
@@ -32,6 +34,10 @@ _DRIFT_TO_GREY = 0.2
 _SPREAD = 0.05
 # share of the commonest colour's weight that makes another one a candidate for the floor
 _COMMON = 0.25
+# the steps reach so far up for sure
+_SUN = float(LEVELS[-2]) - 0.1
+# fewer tell nothing
+_LEAST_SAMPLES = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +94,7 @@ class FloorColor:
         blue_ratio = np.interp(level, LEVELS, self.blue_ratio)
         floor = self._log_density(blue, green, red, red_ratio, blue_ratio)
         # brightness is blurred by the noise, too: the green it stands for
-        expected_green = np.maximum((red + 2 * green + blue) / (2 + red_ratio + blue_ratio), 1.0)
+        expected_green = self._green_of((red + 2 * green + blue) / 4, red_ratio, blue_ratio)
         # any colour: R and B anything between 0 and twice the green
         background = -np.log(4 * expected_green**2)
         if white is not None:
@@ -97,16 +103,47 @@ class FloorColor:
         outside = np.maximum(LEVELS[0] - level, 0.0) + np.maximum(level - LEVELS[-2], 0.0)
         return np.asarray(floor - background - 0.5 * (outside / 0.2) ** 2)
 
+    def densities(self, white: PaintColor) -> tuple[FloatArray, FloatArray]:
+        """Numbers (6, S) float64 of the floor's and white's densities over brightness, for `kernels.floor_colors`."""
+        level = np.arange(255 * int(kernel.FINE) + 1) / kernel.FINE
+        log_level = np.log(np.maximum(level, 0.5) / self.level)
+        red_ratio = np.interp(log_level, LEVELS, self.red_ratio)
+        blue_ratio = np.interp(log_level, LEVELS, self.blue_ratio)
+        background = -np.log(4 * self._green_of(level, red_ratio, blue_ratio) ** 2)
+        outside = np.maximum(LEVELS[0] - log_level, 0.0) + np.maximum(log_level - LEVELS[-2], 0.0)
+        floor = self._density_numbers(level, red_ratio, blue_ratio)
+        floor[kernel.PEAK] -= background + 0.5 * (outside / 0.2) ** 2
+        of_white = np.full_like(level, white.red_ratio), np.full_like(level, white.blue_ratio)
+        rival = self._density_numbers(level, *of_white)
+        rival[kernel.PEAK] -= background
+        return floor, rival
+
+    @staticmethod
+    def _green_of(level: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray) -> FloatArray:
+        return np.asarray(np.maximum(4 * level / (2 + red_ratio + blue_ratio), 1.0))
+
+    def _density_numbers(self, level: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray) -> FloatArray:
+        expected_green = self._green_of(level, red_ratio, blue_ratio)
+        var_red, var_blue, cov = self._covariance(expected_green, red_ratio, blue_ratio)
+        det = var_red * var_blue - cov**2
+        peak = -0.5 * np.log(det) - math.log(math.tau)
+        return np.stack([red_ratio, blue_ratio, var_blue / det, -cov / det, var_red / det, peak])
+
+    def _covariance(
+        self, expected_green: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        n2 = self.noise**2 + 0.25
+        var_red = n2 * (1 + red_ratio**2) + (self.spread[0] * red_ratio * expected_green) ** 2
+        var_blue = n2 * (1 + blue_ratio**2) + (self.spread[1] * blue_ratio * expected_green) ** 2
+        return var_red, var_blue, n2 * red_ratio * blue_ratio
+
     def _log_density(
         self, blue: FloatArray, green: FloatArray, red: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray
     ) -> FloatArray:
         """Log density of (R, B) given the brightness, for paint of these ratios under this camera's noise."""
-        expected_green = np.maximum((red + 2 * green + blue) / (2 + red_ratio + blue_ratio), 1.0)
+        expected_green = self._green_of((red + 2 * green + blue) / 4, red_ratio, blue_ratio)
         d_red, d_blue = red - red_ratio * green, blue - blue_ratio * green
-        n2 = self.noise**2 + 0.25
-        var_red = n2 * (1 + red_ratio**2) + (self.spread[0] * red_ratio * expected_green) ** 2
-        var_blue = n2 * (1 + blue_ratio**2) + (self.spread[1] * blue_ratio * expected_green) ** 2
-        cov = n2 * red_ratio * blue_ratio
+        var_red, var_blue, cov = self._covariance(expected_green, red_ratio, blue_ratio)
         det = var_red * var_blue - cov**2
         distance2 = (var_blue * d_red**2 - 2 * cov * d_red * d_blue + var_red * d_blue**2) / det
         return np.asarray(-0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau))
@@ -130,7 +167,7 @@ def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | No
     ring = samples[:, :RING_COLUMNS]
     usable = valid[:, :RING_COLUMNS] > 0
     colors = ring[usable].astype(np.float64)
-    if len(colors) < 50:
+    if len(colors) < _LEAST_SAMPLES:
         return None
     noise = _noise(ring.astype(np.float64), usable)
     # the ring alone may lie in a highlight or beside a robot: what is around it has a say, too
@@ -140,14 +177,58 @@ def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | No
     blue, green, red = colors.T
     level = (red + 2 * green + blue) / 4
     bright = (level > 4) & (green > 2)
-    if np.count_nonzero(bright) < 50:
+    if np.count_nonzero(bright) < _LEAST_SAMPLES:
         return None
     log_red = np.log((red[bright] + 1) / (green[bright] + 1))
     log_blue = np.log((blue[bright] + 1) / (green[bright] + 1))
     red0, blue0, member = _mode(log_red, log_blue, weight[bright])
-    level0 = float(np.median(level[bright][member]))
+    level0 = _lit_level(level[bright][member])
     red_ratio, blue_ratio, spread = _follow(samples, valid, level0, noise, math.exp(red0), math.exp(blue0))
     return FloorColor(level0, noise, red_ratio, blue_ratio, spread)
+
+
+def follow_floor_color(
+    samples: UInt8Array, valid: UInt8Array, is_floor: npt.NDArray[np.bool_], before: FloorColor, lift: float = 0.0
+) -> FloorColor | None:
+    """Learn the floor's colour anew under light that has changed, from what is still known to be floor.
+
+    Unlike `learn_floor_color` it cannot take a robot or a wall for the floor, however much of the frame it fills.
+
+    Parameters
+    ----------
+    samples, valid
+        As for `learn_floor_color`.
+    is_floor : (K, M) bool
+        Samples that the colours from before take for floor.
+    before : FloorColor
+        These colours.
+    lift : float
+        Reach so much farther up in log brightness, and less far down.
+
+    Returns
+    -------
+    FloorColor or None
+        None if too few samples are floor.
+    """
+    colors = samples[is_floor].astype(np.float64)
+    blue, green, red = colors.T
+    level = (red + 2 * green + blue) / 4
+    bright = (level > 4) & (green > 2)
+    if np.count_nonzero(bright) < _LEAST_SAMPLES:
+        return None
+    level0 = _lit_level(level[bright]) * math.exp(lift)
+    near = bright & (np.abs(np.log(np.maximum(level, 0.5) / level0)) < 2 * LEVEL_STEP)
+    near = near if np.count_nonzero(near) >= _LEAST_SAMPLES else bright
+    red0, blue0 = (float(np.median((c[near] + 1) / (green[near] + 1))) for c in (red, blue))
+    ring = samples[:, :RING_COLUMNS].astype(np.float64)
+    usable = is_floor[:, :RING_COLUMNS]
+    noise = _noise(ring, usable) if np.count_nonzero(usable) >= _LEAST_SAMPLES else before.noise
+    return FloorColor(level0, noise, *_follow(samples, valid, level0, noise, red0, blue0))
+
+
+def _lit_level(level: FloatArray) -> float:
+    """Return the usual brightness, or where sun and shade lie farther apart than the steps reach, a sunnier one."""
+    return float(max(np.median(level), np.percentile(level, 95) * math.exp(-_SUN)))
 
 
 def _noise(ring: FloatArray, usable: npt.NDArray[np.bool_]) -> float:
@@ -164,8 +245,7 @@ def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tupl
     i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
     j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
     histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
-    around = [np.roll(histogram, (di, dj), (0, 1)) for di in (-1, 0, 1) for dj in (-1, 0, 1)]
-    pooled = np.sum(around, axis=0)
+    pooled = np.asarray(cv2.boxFilter(histogram, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT))
     # a robot in a corner sees more of the hall's floor than of the carpet, which is the greener one under any light
     common = np.argwhere(pooled >= _COMMON * pooled.max())
     top_i, top_j = common[np.argmin(common.max(axis=1))]
@@ -183,7 +263,7 @@ def _follow(
     colors = samples[valid > 0].astype(np.float64)
     blue, green, red = colors.T
     level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / level0)
-    step = np.rint(level / _LEVEL_STEP).astype(int) + _CENTER
+    step = np.rint(level / LEVEL_STEP).astype(int) + _CENTER
     red_ratio, blue_ratio = np.full(len(LEVELS), red0), np.full(len(LEVELS), blue0)
     spread = np.array([_SPREAD, _SPREAD])
     enough = max(40, len(colors) // 300)

@@ -1,0 +1,320 @@
+"""What is wrong with a set-up, told from its own images: sizes, field, mirroring, heading, centre, curve and colours.
+
+Each finding comes with its evidence. What images cannot tell is said, too: a field looks the same in a mirror, so
+mirroring and heading need odometry or truth.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.catalog import field_names, load_field
+from field_models.errors import FrameError
+from field_models.field import Field
+from robocup_vision.calibration.omni import OmniCalibration, calibrate_omni
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.progress import progress
+from robocup_vision.view import View
+from robocup_vision.vision import Vision
+
+UInt8Array = npt.NDArray[np.uint8]
+
+# images looked at, evenly spread, and those tried on other fields and with colours learnt anew
+_MOST_IMAGES, _MOST_TRIED = 24, 8
+# share of images that should be placed on the field, share of what they show that should agree with it, and how much
+# better another field, or the image mirrored, must do
+_PLACED, _AGREE, _FIELD_BETTER = 0.8, 0.6, 1.3
+# a centre, of the smaller side, and a floor range, relative, that are off by more than this matter
+_CENTER_OFF, _RANGE_OFF = 0.0015, 0.01
+_BEYOND_STD = 3.0
+# headings that all differ from truth by the same angle: the angle, and the spread it must stand out from
+_HEADING_OFF_RAD = math.radians(3.0)
+# what fixed colours and colours learnt from the image itself both call floor, of what either does
+_FLOOR_ALIKE = 0.8
+_LEAST_TURNS = 3
+
+State = Literal["ok", "wrong", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was checked.
+
+    Parameters
+    ----------
+    subject : str
+        What: "size", "field", "mirrored", "heading", "centre", "curve", "colours".
+    state : {"ok", "wrong", "unknown"}
+        How it is.
+    evidence : str
+        A sentence.
+    """
+
+    subject: str
+    state: State
+    evidence: str
+
+
+def check_dataset(dataset: Dataset) -> list[Finding]:
+    """Look for what is wrong with a dataset's files, by at most some two dozen of its images.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        A folder of images; of a video the first images are taken.
+
+    Returns
+    -------
+    list of Finding
+        In the order in which they should be mended; the first ones hide those after them, which are then left out.
+    """
+    images = list(_some_images(dataset))
+    findings = [_check_size(dataset, images)]
+    good = [(name, frame) for name, frame in images if not isinstance(frame, FrameError)]
+    if findings[0].state == "wrong" or not good:
+        return findings
+    return [*findings, *_Check(dataset, [name for name, _ in good], [frame for _, frame in good]).run()]
+
+
+def _some_images(dataset: Dataset) -> Iterator[tuple[str, UInt8Array | FrameError]]:
+    count = len(dataset.image_names)
+    if dataset.is_video:
+        yield from zip(dataset.image_names[:_MOST_IMAGES], dataset.read_frames(), strict=False)
+        return
+    chosen = sorted({int(i) for i in np.linspace(0, count - 1, min(count, _MOST_IMAGES)).round()})
+    for index in progress(chosen, len(chosen), "reading"):
+        try:
+            yield dataset.image_names[index], dataset.read_frame(index)
+        except FrameError as error:
+            yield dataset.image_names[index], error
+
+
+def _check_size(dataset: Dataset, images: list[tuple[str, UInt8Array | FrameError]]) -> Finding:
+    width, height = dataset.camera.size_px
+    bad = [(name, error) for name, error in images if isinstance(error, FrameError)]
+    if not bad:
+        return Finding("size", "ok", f"{len(images)} images read, all {width}x{height} as the camera file says")
+    evidence = f"{len(bad)} of {len(images)} images cannot be used; {bad[0][1]}"
+    sizes = Counter(size for name, _ in bad if (size := _size_px(dataset, name)) is not None)
+    if sizes:
+        (own_width, own_height), _ = sizes.most_common(1)[0]
+        if own_width * height == own_height * width and own_width != width:
+            factor = own_width / width
+            evidence += (
+                f"; the images are {factor:g} times as large with the same shape: a mirror camera's centre and radii "
+                f"times {factor:g} would fit them"
+            )
+    return Finding("size", "wrong", evidence)
+
+
+def _size_px(dataset: Dataset, name: str) -> tuple[int, int] | None:
+    image = None if dataset.is_video else cv2.imread(str(dataset.path / name), cv2.IMREAD_COLOR)
+    return None if image is None else (image.shape[1], image.shape[0])
+
+
+class _Check:
+    """All that needs images of the right size."""
+
+    def __init__(self, dataset: Dataset, names: list[str], frames: list[UInt8Array]) -> None:
+        self.dataset, self.names, self.frames = dataset, names, frames
+        self.views = self._look(self._vision(dataset.field), frames)
+
+    def run(self) -> list[Finding]:
+        field = self._check_field()
+        findings = [field]
+        if isinstance(self.dataset.camera, OmniCamera):
+            if field.state != "wrong":
+                findings += self._check_turning(self.dataset.camera)
+            findings += self._check_camera(self.dataset.camera, field.state == "ok")
+        if self.dataset.colors is not None:
+            findings.append(self._check_colors())
+        return findings
+
+    def _vision(self, field: Field, *, learnt: bool = False, camera: OmniCamera | None = None) -> Vision:
+        d = self.dataset
+        colors = None if learnt else d.colors
+        method = (
+            None if d.method == "landmarks" or (d.method in ("floor", "hull") and not field.is_bounded) else d.method
+        )
+        return Vision(field, camera or d.camera, colors, method=method, mask=d.mask)
+
+    def _look(self, vision: Vision, frames: list[UInt8Array], label: str = "looking") -> list[View]:
+        views = []
+        for frame in progress(frames, len(frames), label):
+            vision.forget()
+            views.append(vision.look(frame))
+        return views
+
+    def _check_field(self) -> Finding:
+        name = self.dataset.field.name
+        placed = sum(bool(view.pose) for view in self.views)
+        evidence = f"{placed} of {len(self.views)} images can be placed on '{name}'"
+        if placed >= _PLACED * len(self.views) and _agreement(self.views) >= _AGREE:
+            return Finding("field", "ok", f"{evidence}, {_agreement(self.views):.0%} of what they show agrees")
+        chosen = slice(None, None, -(-len(self.frames) // _MOST_TRIED))
+        own = _agreement(self.views[chosen])
+        scores = {}
+        for other in field_names():
+            field = load_field(other)
+            if other != name and (field.is_bounded or len(field.lines)):
+                scores[other] = _agreement(self._look(self._vision(field), self.frames[chosen], other))
+        best = max(scores, key=lambda other: scores[other])
+        evidence += f" ({own:.0%} of what they show agrees)"
+        if scores[best] > _FIELD_BETTER * own and scores[best] > _AGREE:
+            return Finding("field", "wrong", f"{evidence}, on '{best}' {scores[best]:.0%}: is it that field?")
+        if placed >= _PLACED * len(self.views):
+            return Finding("field", "ok", evidence)
+        reasons = Counter(view.pose.reason for view in self.views if isinstance(view.pose, NotLocated))
+        return Finding("field", "unknown", f"{evidence}; most often: {reasons.most_common(1)[0][0]}")
+
+    def _check_turning(self, camera: OmniCamera) -> list[Finding]:
+        """Mirroring and heading, by truth or else by odometry."""
+        if self.dataset.truth:
+            return self._check_by_truth(camera)
+        turned = self._turns_by_odometry()
+        if turned is None:
+            told = "a field looks the same in a mirror: only truth.csv, or frames.csv with odometry, would tell"
+            return [Finding("mirrored", "unknown", told)]
+        agreeing, count = turned
+        state: State = "ok" if agreeing > 0.5 * count else "wrong"
+        evidence = f"in {agreeing} of {count} turns between images the robot turned as its odometry says"
+        if state == "wrong":
+            evidence += f": mirrored = {str(not camera.mirrored).lower()} in the camera file?"
+        return [Finding("mirrored", state, evidence)]
+
+    def _check_by_truth(self, camera: OmniCamera) -> list[Finding]:
+        flipped = dataclasses.replace(camera, mirrored=not camera.mirrored)
+        shares = []
+        for views in (
+            self.views,
+            self._look(self._vision(self.dataset.field, camera=flipped), self.frames, "mirrored"),
+        ):
+            pairs = self._pairs(views)
+            near = [pose.error_to(truth, symmetric=True)[0] < 0.1 for pose, truth in pairs]
+            shares.append((sum(near), len(near)))
+        (right, count), (mirrored, _) = shares
+        if not count:
+            return [Finding("mirrored", "unknown", "no image with truth could be placed")]
+        evidence = (
+            f"{right} of {count} images lie within 10 cm of the truth as it is, {mirrored} with the image mirrored"
+        )
+        if mirrored > _FIELD_BETTER * right and mirrored > count / 3:
+            wanted = str(not camera.mirrored).lower()
+            return [Finding("mirrored", "wrong", f"{evidence}: mirrored = {wanted} in the camera file?")]
+        return [Finding("mirrored", "ok" if right else "unknown", evidence), *self._check_heading(camera)]
+
+    def _check_heading(self, camera: OmniCamera) -> list[Finding]:
+        # twice the angle, so that the other half of a symmetric field says the same
+        off = np.array([2 * (pose.theta_rad - truth.theta_rad) for pose, truth in self._pairs(self.views, True)])
+        if len(off) < _LEAST_TURNS:
+            return []
+        middle = math.atan2(float(np.median(np.sin(off))), float(np.median(np.cos(off))))
+        spread = float(np.median([abs(wrap_angle(value - middle)) for value in off])) / 2
+        middle /= 2
+        degrees = math.degrees(middle)
+        if abs(middle) > _HEADING_OFF_RAD and abs(middle) > 2 * spread:
+            advice = f"heading_rad = {camera.heading_rad + middle:.3f} in the camera file (or half a turn from it)?"
+            return [Finding("heading", "wrong", f"all headings differ from the truth by {degrees:+.1f} deg: {advice}")]
+        return [Finding("heading", "ok", f"headings differ from the truth by {degrees:+.1f} deg (median)")]
+
+    def _pairs(self, views: list[View], with_heading: bool = False) -> list[tuple[Pose2, Pose2]]:
+        pairs = []
+        for name, view in zip(self.names, views, strict=True):
+            truth = self.dataset.truth.get(name)
+            if view.pose and truth is not None and not (with_heading and truth.theta_rad is None):
+                theta = view.pose.pose.theta_rad if truth.theta_rad is None else truth.theta_rad
+                pairs.append((view.pose.pose, Pose2(truth.x_m, truth.y_m, theta)))
+        return pairs
+
+    def _turns_by_odometry(self) -> tuple[int, int] | None:
+        """Count turns that agree with the odometry in sign, and all that are large enough; None if there are few."""
+        times = self.dataset.times
+        if times is None or self.dataset.is_video:
+            return None
+        order = {name: index for index, name in enumerate(self.dataset.image_names)}
+        vision = self._vision(self.dataset.field)
+        agreeing, count = 0, 0
+        for name, view in zip(self.names, self.views, strict=True):
+            following = order[name] + 1
+            if not view.pose or following >= len(self.dataset.image_names):
+                continue
+            moved = times[self.dataset.image_names[following]].odometry
+            if moved is None or not math.radians(2.0) < abs(moved.theta_rad) < math.radians(60.0):
+                continue
+            try:
+                vision.forget()
+                after = vision.look(self.dataset.read_frame(following)).pose
+            except FrameError:
+                continue
+            if not after:
+                continue
+            turn = math.remainder(after.pose.theta_rad - view.pose.pose.theta_rad, math.pi)
+            agreeing += (turn > 0) == (moved.theta_rad > 0)
+            count += 1
+        return (agreeing, count) if count >= _LEAST_TURNS else None
+
+    def _check_camera(self, camera: OmniCamera, can_place: bool) -> list[Finding]:
+        result = calibrate_omni(self.dataset.field, self.frames, camera, self.dataset.mask, names=self.names)
+        if not isinstance(result, OmniCalibration):
+            state: State = "unknown" if can_place else "wrong"
+            return [Finding("centre", state, f"no camera near this one explains the images: {result.reason}")]
+        (u, v), (u_new, v_new) = camera.center_px, result.camera.center_px
+        off = np.array([u_new - u, v_new - v])
+        std = np.array([result.std["center_u_px"], result.std["center_v_px"]])
+        least = np.maximum(_BEYOND_STD * std, _CENTER_OFF * min(camera.size_px))
+        words = f"({off[0]:+.2f}, {off[1]:+.2f}) +- ({std[0]:.2f}, {std[1]:.2f}) px"
+        mend = "robocup-vision calibrate omni --start CAMERA mends it"
+        if np.any(np.abs(off) > least):
+            centre = Finding("centre", "wrong", f"the images put it off by {words}: {mend}")
+        else:
+            centre = Finding("centre", "ok", f"the images put it within {words}")
+        return [centre, self._check_curve(camera, result.camera, mend)]
+
+    def _check_curve(self, camera: OmniCamera, better: OmniCamera, mend: str) -> Finding:
+        radius = np.linspace(*camera.usable_radius_px, 40)[:30]
+        told = camera.floor_range.inverse_range_per_m(radius)
+        seen = better.floor_range.inverse_range_per_m(radius)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = told / seen - 1
+        known = np.isfinite(ratio) & (told > 0) & (seen > 0)
+        if not known.any():
+            return Finding("curve", "wrong", f"it shows no floor where the images do: {mend}")
+        worst = float(ratio[known][np.argmax(np.abs(ratio[known]))])
+        evidence = f"floor ranges differ from what the images say by up to {100 * abs(worst):.1f} %"
+        if float(np.median(np.abs(ratio[known]))) > _RANGE_OFF:
+            return Finding("curve", "wrong", f"{evidence}: {mend}")
+        return Finding("curve", "ok", evidence)
+
+    def _check_colors(self) -> Finding:
+        chosen = slice(None, None, -(-len(self.frames) // _MOST_TRIED))
+        learnt = self._look(self._vision(self.dataset.field, learnt=True), self.frames[chosen], "colours")
+        shares = []
+        for fixed, own in zip(self.views[chosen], learnt, strict=True):
+            if fixed.marks.shape != own.marks.shape or not own.marks.any():
+                continue
+            a, b = fixed.marks > 0, own.marks > 0
+            shares.append(float((a & b).sum() / max((a | b).sum(), 1)))
+        if not shares:
+            return Finding("colours", "unknown", "no floor can be told in the images by colours learnt from themselves")
+        alike = float(np.median(shares))
+        evidence = f"colour file and images agree on {100 * alike:.0f} % of the floor (median image)"
+        if alike < _FLOOR_ALIKE:
+            return Finding("colours", "wrong", f"{evidence}: leave it out, or make a new one")
+        return Finding("colours", "ok", evidence)
+
+
+def _agreement(views: list[View]) -> float:
+    """Mean share of what images show that agrees with their poses; nothing where there is none."""
+    return float(np.mean([view.pose.inlier_share if isinstance(view.pose, PoseEstimate) else 0.0 for view in views]))

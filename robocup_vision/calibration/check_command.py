@@ -1,0 +1,42 @@
+"""`robocup-vision check`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+
+def add_check_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `check` to the subparsers of an argparse parser."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "check",
+        help="say what is wrong with a set-up: size, field, mirroring, centre, colours",
+        description="Look at some images of a dataset and say in plain words what is wrong with its files.",
+    )
+    add = parser.add_argument
+    add("dataset", help="folder with a dataset.toml, folder of images, or video file")
+    add("--field", metavar="F", help="built-in field or field file (needed without a dataset.toml)")
+    add("--camera", metavar="C", help="camera file (needed without a dataset.toml)")
+    add("--colors", metavar="K", help="colour file")
+    parser.set_defaults(run=run_check)
+    return parser
+
+
+def run_check(args: argparse.Namespace) -> int:
+    """Check a dataset and print what was found; return 0 if nothing is wrong, else 1.
+
+    Raises
+    ------
+    RobocupVisionError
+        If its files cannot be read at all.
+    """
+    from robocup_vision.calibration.check import check_dataset
+    from robocup_vision.evaluation.dataset import load_dataset
+
+    dataset = load_dataset(args.dataset, field=args.field, camera=args.camera, colors=args.colors)
+    findings = check_dataset(dataset)
+    words = {"ok": "ok", "wrong": "WRONG", "unknown": "unknown"}
+    print(dataset.name)
+    for finding in findings:
+        print(f"  {words[finding.state]:<8} {finding.subject}: {finding.evidence}")
+    return 1 if any(finding.state == "wrong" for finding in findings) else 0

@@ -1,0 +1,350 @@
+"""Colour files from images of the field, without a click: floor, white paint, ball and goals.
+
+The floor is learnt in each frame as `Vision` learns it, and the frames' median kept, so that a few frames with a robot
+before the lens spoil nothing. A coloured thing is first sought where it must be (the goal that the pose puts into the
+picture, the ball that was found) with the colour that the field file names under the light that white paint shows; its
+own colour is then what was found there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import FrameError
+from field_models.field import Field, Goal
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.perception.color_table import Colors, build_color_table, colors_for, learn_colors
+from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.polar_view import PolarView
+from robocup_vision.vision import Vision
+
+UInt8Array = npt.NDArray[np.uint8]
+BoolArray = npt.NDArray[np.bool_]
+
+COLORED = ("ball", "goal_positive_x", "goal_negative_x")
+# of a picture without a camera file
+_ROWS, _COLUMNS = 120, 150
+# a frame whose floor is so far off the frames' median, in log ratios, shows something else
+_ODD = 0.35
+# a thing's colour is so near the one its name has under this light, in log ratios, and so bright beside the floor
+_NEAR, _LEAST_LEVEL = 0.6, 0.35
+_LEAST_PIXELS = 30
+# a thing found by its colour alone is at least this compact: share of its pixels that others of it surround
+_COMPACT = 0.3
+# of a goal's inside, metres between places that are looked at
+_GOAL_STEP_M = 0.02
+_MOST_SPREAD = 0.15
+# painted lines are brighter than the floor by this factor, and pure in their middle where so wide in the picture
+_LINE_LEVEL, _WIDE_PX = 1.2, 4.0
+
+
+@dataclass(frozen=True)
+class ColorCalibration:
+    """Colours that images showed.
+
+    Parameters
+    ----------
+    colors : Colors
+        What a colour file holds.
+    frames : int
+        Frames that were used.
+    pixels : mapping of str to int
+        Of each coloured class, the pixels that told its colour; 0: not in view, so as the field file names it.
+    notes : tuple of str
+        Lines the user should see.
+    """
+
+    colors: Colors
+    frames: int
+    pixels: Mapping[str, int]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NotCalibrated:
+    """No colours could be told, and why; falsy."""
+
+    reason: str
+    notes: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        return False
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What one frame showed: its colours, and of each coloured class the log R/G, B/G (2,) and number of pixels."""
+
+    colors: Colors
+    things: Mapping[str, tuple[FloatArray, int]]
+
+
+def calibrate_colors(
+    field: Field,
+    frames: Iterable[tuple[str, Callable[[], UInt8Array]]],
+    camera: OmniCamera | PinholeCamera | None = None,
+    poses: Mapping[str, Pose2] | None = None,
+    mask: UInt8Array | None = None,
+) -> ColorCalibration | NotCalibrated:
+    """Learn a field's colours from frames, one at a time.
+
+    Parameters
+    ----------
+    field : Field
+        Names the colours of ball and goals.
+    frames : iterable of (str, callable)
+        Name of each frame, and what reads it: (H, W, 3) uint8 BGR. One that cannot be read is noted and left out.
+    camera : OmniCamera or PinholeCamera, optional
+        Tells where the floor is nearest, and with a pose where the goals are.
+    poses : mapping of str to Pose2, optional
+        The robot on the field, by the frame's name; without it `Vision` locates each frame, where it can.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    """
+    eye = _Eye(field, camera, mask)
+    seen, notes = [], []
+    for name, read in frames:
+        try:
+            frame = read()
+        except FrameError as error:
+            notes.append(f"{error}: left out")
+            continue
+        found = eye.look(frame, (poses or {}).get(name))
+        if found is None:
+            notes.append(f"{name}: too dark, or nothing of the floor in view: left out")
+        else:
+            seen.append(found)
+    if not seen:
+        return NotCalibrated("none of the images shows a floor whose colour can be told", tuple(notes))
+    ratios = np.array([_beside_white(s.colors) for s in seen])
+    is_odd = np.abs(ratios - np.median(ratios, axis=0)).max(axis=1) > _ODD
+    if is_odd.all():
+        return NotCalibrated("the images do not agree on the floor's colour", tuple(notes))
+    if is_odd.any():
+        notes.append(f"{int(is_odd.sum())} of {len(seen)} images show another floor than the rest: left out")
+    used = [s for s, odd in zip(seen, is_odd, strict=True) if not odd]
+    floor = _usual_floor([s.colors.floor for s in used])
+    white = _usual_paint([s.colors.line for s in used])
+    colors = colors_for(field, floor, white)
+    told = {name: [s.things[name] for s in used if name in s.things] for name in COLORED}
+    pixels = {name: sum(count for _, count in found) for name, found in told.items()}
+    ball, positive, negative = (
+        _weighted_median(found) if found else getattr(colors, name) for name, found in told.items()
+    )
+    colors = replace(colors, ball=ball, goal_positive_x=positive, goal_negative_x=negative)
+    if max(_beside_white(colors)) > 0:
+        notes.append("what was taken for the floor is not green: look at the preview")
+    return ColorCalibration(colors, len(used), pixels, tuple(notes))
+
+
+class _Eye:
+    """Looks at one frame after the other as far as the camera is known."""
+
+    def __init__(self, field: Field, camera: OmniCamera | PinholeCamera | None, mask: UInt8Array | None) -> None:
+        self._field, self._camera, self._mask = field, camera, mask
+        self._vision: Vision | None = None
+        self._view: PolarView | FloorView | None = None
+        if isinstance(camera, OmniCamera):
+            self._vision = Vision(field, camera, mask=mask)
+            self._view = self._vision.polar
+        elif camera is not None and camera.known_orientation:
+            view = FloorView(camera, mask=mask)
+            self._view = view if view.sees_floor else None
+        self._goals = {COLORED[1 if goal.side > 0 else 2]: _goal_points(goal) for goal in field.goals}
+        self._line_m = _line_points(field)
+
+    def look(self, frame: UInt8Array, pose: Pose2 | None) -> _Seen | None:
+        if self._view is None:
+            samples, valid = _scattered(frame, self._mask)
+        else:
+            samples, valid = self._view.sample(frame), self._view.valid
+        colors = learn_colors(samples, valid, self._field, math.log(2.0))
+        if colors is None:
+            return None
+        poses: tuple[Pose2, ...] = () if pose is None else (pose,)
+        if pose is None and self._vision is not None:
+            self._vision.forget()
+            estimate = self._vision.look(frame).pose
+            poses = estimate.candidates if isinstance(estimate, PoseEstimate) else ()
+        if poses and self._camera is not None:
+            white = _white_of(frame, _line_pixels(self._line_m, self._camera, poses[0], frame.shape), colors.floor)
+            colors = colors if white is None else colors_for(self._field, colors.floor, white)
+        return _Seen(colors, self._things(frame, colors, poses))
+
+    def _things(self, frame: UInt8Array, colors: Colors, poses: Sequence[Pose2]) -> dict[str, tuple[FloatArray, int]]:
+        named = {name: getattr(colors, name) for name in COLORED}
+        free = np.ones(frame.shape[:2], dtype=bool) if self._mask is None else self._mask == 0
+        if self._view is not None and isinstance(self._camera, OmniCamera):
+            v, u = np.mgrid[: frame.shape[0], : frame.shape[1]]
+            radius = np.hypot(u - self._camera.center_px[0], v - self._camera.center_px[1])
+            free &= (radius >= self._camera.usable_radius_px[0]) & (radius <= self._camera.usable_radius_px[1])
+        frame = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
+        b, g, r = (np.maximum(channel, 1).astype(np.float32) for channel in cv2.split(frame))
+        ratio = np.stack([np.log(r / g), np.log(b / g)], axis=-1)
+        is_floor = build_color_table(colors).segment(frame) == 1
+        bright = ((r + 2 * g + b) / 4 > _LEAST_LEVEL * colors.floor.level) & (frame.min(axis=2) < 250)
+        white = _log(colors.line)
+        distance = {name: np.linalg.norm(ratio - _log(paint), axis=-1) for name, paint in named.items()}
+        to_white = np.linalg.norm(ratio - white, axis=-1)
+        things = {}
+        for name, paint in named.items():
+            if np.linalg.norm(_log(paint) - white) < _NEAR:
+                continue  # white and black have no colour of their own
+            same = [other for other in COLORED if np.linalg.norm(_log(named[other]) - _log(paint)) < 1e-6]
+            is_it = free & bright & ~is_floor & (distance[name] < _NEAR) & (distance[name] < to_white)
+            for other in COLORED:
+                if other not in same:
+                    is_it &= distance[name] <= distance[other]
+            if poses and self._camera is not None and name in self._goals and (len(poses) == 1 or len(same) == 1):
+                # of two poses half a turn apart, the colour tells which goal it is
+                is_it &= _where(self._goals[name], self._camera, poses, is_it.shape)
+            elif name in self._goals and len(same) > 1:
+                continue  # goals of one colour cannot be told apart without a pose, nor need they be
+            core = cv2.erode(is_it.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+            count = int(np.count_nonzero(core))
+            if count >= _LEAST_PIXELS and count >= _COMPACT * np.count_nonzero(is_it):
+                things[name] = np.median(ratio[core], axis=0), count
+        return things
+
+
+def _scattered(frame: UInt8Array, mask: UInt8Array | None) -> tuple[UInt8Array, UInt8Array]:
+    """Take samples from all over a picture of which nothing is known, with no place counted as the nearest floor."""
+    height, width = frame.shape[:2]
+    rows = np.linspace(1, height - 2, _ROWS).astype(int)
+    columns = np.linspace(1, width - 2, _COLUMNS).astype(int)
+    golden = (np.arange(_COLUMNS) * 0.6180339887) % 1.0
+    columns = columns[np.argsort(golden)]
+    blurred = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
+    valid = np.ones((_ROWS, _COLUMNS), dtype=np.uint8)
+    if mask is not None:
+        hidden = cv2.dilate((mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8))
+        valid = (hidden[np.ix_(rows, columns)] == 0).astype(np.uint8)
+    return np.ascontiguousarray(blurred[np.ix_(rows, columns)]), valid
+
+
+def _goal_points(goal: Goal) -> FloatArray:
+    """Places (N, 3) on a goal's panels or posts, field frame, metres."""
+    up = np.arange(0.0, goal.height_m, _GOAL_STEP_M)
+    half = goal.width_m / 2
+    if goal.kind == "posts":
+        posts = [[goal.line_x_m, side * half, z] for side in (-1, 1) for z in up]
+        bar = [[goal.line_x_m, y, goal.height_m] for y in np.arange(-half, half, _GOAL_STEP_M)]
+        return np.array(posts + bar)
+    points = []
+    for x0, y0, x1, y1 in goal.panels:
+        count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / _GOAL_STEP_M))
+        foot = np.linspace([x0, y0], [x1, y1], count)
+        points += [np.column_stack([foot, np.full(count, z)]) for z in up]
+    return np.vstack(points)
+
+
+def _line_points(field: Field) -> FloatArray:
+    """Both edges (2, N, 3) of the field's lines and arcs, metres."""
+    middle, across = [], []
+    for x0, y0, x1, y1 in field.lines:
+        length = max(math.hypot(x1 - x0, y1 - y0), 1e-9)
+        count = max(2, math.ceil(length / _GOAL_STEP_M))
+        middle.append(np.linspace([x0, y0], [x1, y1], count))
+        across.append(np.tile([(y0 - y1) / length, (x1 - x0) / length], (count, 1)))
+    for x, y, radius, start, sweep in field.arcs:
+        angle = start + np.linspace(0.0, sweep, max(8, math.ceil(abs(sweep) * radius / _GOAL_STEP_M)))
+        out = np.column_stack([np.cos(angle), np.sin(angle)])
+        middle.append((x, y) + radius * out)
+        across.append(out)
+    if not middle:
+        return np.empty((2, 0, 3))
+    half = np.vstack(across) * field.line_width_m / 2
+    edges = np.stack([np.vstack(middle) + half, np.vstack(middle) - half])
+    return np.concatenate([edges, np.zeros((*edges.shape[:2], 1))], axis=2)
+
+
+def _line_pixels(
+    edges_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2, shape: tuple[int, ...]
+) -> npt.NDArray[np.int64]:
+    """Pixels (N, 2), u and v, on the middle of lines that are so wide there that no floor is mixed in."""
+    to_robot = pose.inverse()
+    left, right = (camera.point_to_pixel(np.column_stack([to_robot.transform(e[:, :2]), e[:, 2]])) for e in edges_m)
+    wide = np.hypot(*(left - right).T) >= _WIDE_PX
+    pixels = np.rint((left[wide] + right[wide]) / 2).astype(np.int64)
+    inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] < shape[1]) & (pixels[:, 1] < shape[0])
+    return np.asarray(np.unique(pixels[inside], axis=0))
+
+
+def _pixels(
+    points_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2, shape: tuple[int, ...]
+) -> npt.NDArray[np.int64]:
+    """Pixels (N, 2), u and v, inside a picture, of places (M, 3) on the field."""
+    local = np.column_stack([pose.inverse().transform(points_m[:, :2]), points_m[:, 2]])
+    pixels = camera.point_to_pixel(local)
+    pixels = np.rint(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
+    inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] < shape[1]) & (pixels[:, 1] < shape[0])
+    return np.asarray(np.unique(pixels[inside], axis=0))
+
+
+def _white_of(frame: UInt8Array, pixels: npt.NDArray[np.int64], floor: FloorColor) -> PaintColor | None:
+    """White as the field's own lines show it: those of their pixels that are brighter than the floor, not clipped."""
+    colors = frame[pixels[:, 1], pixels[:, 0]].astype(np.float64)
+    level = (colors[:, 2] + 2 * colors[:, 1] + colors[:, 0]) / 4
+    blue, green, red = np.maximum(colors[(level > _LINE_LEVEL * floor.level) & (colors.max(axis=1) < 250)], 1.0).T
+    if len(green) < _LEAST_PIXELS:
+        return None
+    return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
+
+
+def _where(
+    points_m: FloatArray, camera: OmniCamera | PinholeCamera, poses: Sequence[Pose2], shape: tuple[int, ...]
+) -> BoolArray:
+    """Mask (H, W) of where places on the field are, at any of the poses."""
+    seen = np.zeros(shape, dtype=np.uint8)
+    for pose in poses:
+        u, v = _pixels(points_m, camera, pose, shape).T
+        seen[v, u] = 1
+    return np.asarray(cv2.dilate(seen, np.ones((5, 5), np.uint8)) > 0)
+
+
+def _log(paint: PaintColor) -> FloatArray:
+    return np.log([max(paint.red_ratio, 1e-3), max(paint.blue_ratio, 1e-3)])
+
+
+def _beside_white(colors: Colors) -> FloatArray:
+    return np.asarray(_log(colors.floor.lit) - _log(colors.line))
+
+
+def _usual_floor(floors: Sequence[FloorColor]) -> FloorColor:
+    """Take the frames' medians, with the floor's colour at the same absolute brightness."""
+    level = float(np.exp(np.median(np.log([f.level for f in floors]))))
+    curves = {
+        key: np.array([np.interp(LEVELS + math.log(level / f.level), LEVELS, np.log(getattr(f, key))) for f in floors])
+        for key in ("red_ratio", "blue_ratio")
+    }
+    red, blue = (np.median(curve, axis=0) for curve in curves.values())
+    own = np.median([f.spread for f in floors], axis=0)
+    lit = np.array([_log(f.lit) for f in floors])
+    between = 1.4826 * np.median(np.abs(lit - np.median(lit, axis=0)), axis=0)
+    spread = np.minimum(np.hypot(own, between), _MOST_SPREAD)
+    noise = float(np.median([f.noise for f in floors]))
+    return FloorColor(level, noise, read_only(np.exp(red)), read_only(np.exp(blue)), read_only(spread))
+
+
+def _usual_paint(paints: Sequence[PaintColor]) -> PaintColor:
+    red, blue = np.exp(np.median([_log(p) for p in paints], axis=0))
+    return PaintColor(float(red), float(blue))
+
+
+def _weighted_median(told: Sequence[tuple[FloatArray, int]]) -> PaintColor:
+    weight = np.array([count for _, count in told], dtype=np.float64)
+    ratios = []
+    for channel in np.array([ratio for ratio, _ in told]).T:
+        order = np.argsort(channel)
+        way = np.cumsum(weight[order])
+        ratios.append(float(np.exp(channel[order][np.searchsorted(way, way[-1] / 2)])))
+    return PaintColor(*ratios)

@@ -1,0 +1,221 @@
+"""A mirror camera as a short vector of numbers that a fit can move: centre, tilt and the curve.
+
+Every curve is written by the same two numbers that images determine best, K, how fast floor range grows with the radius
+near the centre (px/m), and the radius H of the horizon (px); what else a family of curves has follows after them. So a
+fit may start from any family and end in another. A paraboloid of these is q = K/R (1 - (R/H)^2), of height H/(2K).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.geometry import FloatArray
+
+Curve = Literal["hyperboloid", "tangent", "table"]
+CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
+# the curve of the camera at hand, whatever it is: only centre and tilt move
+Family = Literal[Curve, "kept"]
+
+CENTER, TILT, SCALE, HORIZON, SHAPE = slice(0, 2), slice(2, 4), 4, 5, slice(6, None)
+# how far a hyperboloid's sqrt(C) may lie beyond the horizon's radius: farther, it is a paraboloid for all one can see
+_ROOT_OVER_HORIZON = (0.3, 30.0)
+# nodes at which a table's curve is bent, evenly over the usable radii, and of the table that is written
+BENDS = 6
+_TABLE_ROWS = 64
+# a written table ends where the floor is this many viewpoint heights away: a pixel or two before the horizon
+_FARTHEST_HEIGHTS = 40.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BentCurve:
+    """A hyperboloid whose image radius is stretched a little, smoothly along the radius: a table in the making.
+
+    Parameters
+    ----------
+    base : Hyperboloid
+        What is bent.
+    nodes_px : (B,) float64
+        Image radii, increasing.
+    stretch : (B,) float64
+        By how much the radius is stretched at the nodes, of itself; linear between them, constant beyond.
+    """
+
+    base: Hyperboloid
+    nodes_px: FloatArray
+    stretch: FloatArray
+
+    def inverse_range_per_m(self, radius_px: npt.ArrayLike) -> FloatArray:
+        """1/r, see `FloorRange`."""
+        radius = np.asarray(radius_px, dtype=np.float64)
+        return self.base.inverse_range_per_m(radius * (1.0 + np.interp(radius, self.nodes_px, self.stretch)))
+
+    def radius_px(self, inverse_range_per_m: npt.ArrayLike) -> FloatArray:
+        """R, see `FloorRange`."""
+        wanted = self.base.radius_px(inverse_range_per_m)
+        radius = wanted
+        for _ in range(20):
+            radius = wanted / (1.0 + np.interp(radius, self.nodes_px, self.stretch))
+        return np.asarray(radius)
+
+    @property
+    def implied_height_m(self) -> float | None:
+        """Height of the hyperboloid that was bent."""
+        return self.base.implied_height_m
+
+
+def hyperboloid_of(scale_px_per_m: float, horizon_px: float, root_px: float) -> Hyperboloid:
+    """Hyperboloid of K, H and sqrt(C): q = (K - B (sqrt(C + R^2) - sqrt(C))) / R with q(H) = 0."""
+    sagitta = horizon_px**2 / (math.hypot(root_px, horizon_px) + root_px)
+    b = scale_px_per_m / sagitta
+    return Hyperboloid(scale_px_per_m + b * root_px, b, root_px**2)
+
+
+def tangent_of(scale_px_per_m: float, horizon_px: float) -> Tangent:
+    """Tangent of K and H: q = 1 / (a tan(b R)) with q = K/R near the centre and q(H) = 0."""
+    b = math.pi / (2 * horizon_px)
+    return Tangent(1.0 / (scale_px_per_m * b), b)
+
+
+def scale_and_horizon(curve: FloorRange, usable_radius_px: tuple[float, float]) -> tuple[float, float]:
+    """K (px/m) and H (px) of any curve: exact where they are its own, else of the paraboloid most like it."""
+    if isinstance(curve, Hyperboloid):
+        root = math.sqrt(curve.C_px2)
+        scale = curve.A_px_per_m - curve.B_per_m * root
+        rise = scale / curve.B_per_m + root
+        return scale, math.sqrt(rise**2 - curve.C_px2)
+    if isinstance(curve, Tangent):
+        return 1.0 / (curve.a_m * curve.b_per_px), math.pi / (2 * curve.b_per_px)
+    radius = np.linspace(*usable_radius_px, 100)
+    q = curve.inverse_range_per_m(radius)
+    known = np.isfinite(q)
+    radius, q = radius[known], q[known]
+    (scale, fall), *_ = np.linalg.lstsq(np.stack([1 / radius, -radius], axis=1), q, rcond=None)
+    if not (scale > 0 and fall > 0):
+        return float(np.median(q * radius)), 4.0 * usable_radius_px[1]
+    return float(scale), math.sqrt(scale / fall)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraModel:
+    """A family of cameras: what stays as it is, and how a vector becomes one of them.
+
+    The vector: centre u, v (px); tilt about x, y (rad); log K, log H; a hyperboloid's and a table's log of sqrt(C)/H; a
+    table's stretches. Of the family "kept" only the first four.
+
+    Parameters
+    ----------
+    frame : OmniCamera
+        Gives everything that is not in the vector: size, usable radii, heading, offset, whether it is mirrored.
+    curve : {"hyperboloid", "tangent", "table", "kept"}
+        The family.
+    """
+
+    frame: OmniCamera
+    curve: Family
+
+    @property
+    def size(self) -> int:
+        """Length of the vector."""
+        return {"hyperboloid": 7, "tangent": 6, "table": 7 + BENDS, "kept": 4}[self.curve]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each number of the vector is called."""
+        bends = (f"bend at {radius:.0f} px" for radius in self._nodes_px)
+        return ("center u", "center v", "tilt x", "tilt y", "scale", "horizon", "shape", *bends)[: self.size]
+
+    @property
+    def _nodes_px(self) -> FloatArray:
+        return np.linspace(*self.frame.usable_radius_px, BENDS)
+
+    def vector(self, camera: OmniCamera) -> FloatArray:
+        """Vector (G,) of the member of this family that is most like a camera."""
+        if self.curve == "kept":
+            return np.array([*camera.center_px, *camera.tilt_rad])
+        scale, horizon = scale_and_horizon(camera.floor_range, self.frame.usable_radius_px)
+        head = [*camera.center_px, *camera.tilt_rad, math.log(scale), math.log(horizon)]
+        root = 4.0
+        if isinstance(camera.floor_range, Hyperboloid):
+            root = min(max(math.sqrt(camera.floor_range.C_px2) / horizon, _ROOT_OVER_HORIZON[0]), _ROOT_OVER_HORIZON[1])
+        vector = np.zeros(self.size)
+        vector[:6] = head
+        vector[6:7] = math.log(root)
+        return vector
+
+    def camera(self, vector: FloatArray) -> OmniCamera:
+        """Return the camera of a vector; a table's still as the bent curve it is fitted as (see `written`)."""
+        height = None
+        curve = self.frame.floor_range
+        if self.curve == "kept":
+            scale, horizon = scale_and_horizon(curve, self.frame.usable_radius_px)
+        else:
+            scale, horizon = math.exp(vector[SCALE]), math.exp(vector[HORIZON])
+        if self.curve == "tangent":
+            curve = tangent_of(scale, horizon)
+        elif self.curve != "kept":
+            base = hyperboloid_of(scale, horizon, horizon * math.exp(vector[6]))
+            curve = base if self.curve == "hyperboloid" else BentCurve(base, self._nodes_px, vector[7:])
+        if self.curve != "hyperboloid":
+            # nothing in a picture of the floor tells it: the start's, or that of the paraboloid with this K and H
+            height = self.frame.height_m if self.frame.height_m is not None else horizon / (2 * scale)
+        return dataclasses.replace(
+            self.frame,
+            center_px=(float(vector[0]), float(vector[1])),
+            tilt_rad=(float(vector[2]), float(vector[3])),
+            floor_range=curve,
+            viewpoint_height_m=height,
+        )
+
+    def written(self, vector: FloatArray) -> OmniCamera:
+        """Return the camera of a vector as a camera file holds it."""
+        camera = self.camera(vector)
+        if self.curve != "table":
+            return camera
+        inner, outer = camera.usable_radius_px
+        radius = np.linspace(0.5 * inner, 1.1 * outer, 2000)
+        q = camera.floor_range.inverse_range_per_m(radius)
+        reach = 1.0 / (_FARTHEST_HEIGHTS * (camera.height_m or 1.0))
+        last = int(np.argmax(q < reach)) if (q < reach).any() else len(q)
+        rows = np.linspace(radius[0], radius[last - 1], _TABLE_ROWS)
+        curve = Table(rows, 1.0 / camera.floor_range.inverse_range_per_m(rows))
+        return dataclasses.replace(camera, floor_range=curve)
+
+    def prior_std(self) -> FloatArray:
+        """(G,) standard deviations of what is believed about the vector before any image was seen."""
+        width, height = self.frame.size_px
+        std = np.full(self.size, 0.02)
+        std[CENTER] = 0.05 * min(width, height)
+        std[TILT] = math.radians(1.5)
+        std[SCALE : HORIZON + 1] = 0.3
+        std[6:7] = 0.5
+        return std
+
+    def bounds(
+        self, start: FloatArray, center_px: float, log_scale: float, log_horizon: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest vector (G,) each: so far from a start may a fit go.
+
+        Parameters
+        ----------
+        start : (G,) float64
+            The start.
+        center_px : float
+            Most that either coordinate of the centre may change.
+        log_scale, log_horizon : float
+            Most that the logarithms of K and H may change.
+        """
+        reach = np.full(self.size, 0.08)
+        reach[CENTER] = center_px
+        reach[TILT] = math.radians(6.0)
+        reach[SCALE], reach[HORIZON] = log_scale, log_horizon
+        low, high = start - reach, start + reach
+        low[6:7], high[6:7] = np.log(_ROOT_OVER_HORIZON)
+        return low, high

@@ -1,0 +1,64 @@
+"""Compiled loop of the mirror camera's calibration: pixels to homogeneous floor points, as often as derivatives ask."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def floor_points(
+    pixels: FloatArray,
+    center_u: float,
+    center_v: float,
+    sign: float,
+    heading: float,
+    inverse_range: FloatArray,
+    to_robot: FloatArray,
+    offset_x: float,
+    offset_y: float,
+    height: float,
+    out: FloatArray,
+) -> None:
+    """Homogeneous floor points X, Y, W of pixels, robot frame: the floor point is (X, Y) / W, W <= 0 above the horizon.
+
+    Parameters
+    ----------
+    pixels : (N, 2) float64
+    center_u, center_v : float
+        Image of the mirror's axis.
+    sign : float
+        1 if bearing grows clockwise in the image as shown, else -1.
+    heading : float
+        Bearing of the image's +u direction.
+    inverse_range : (N,) float64
+        1/r at the pixels' image radii; not finite where the curve says nothing.
+    to_robot : (3, 3) float64
+        Camera frame to robot frame.
+    offset_x, offset_y, height : float
+        The viewpoint, robot frame.
+    out : (N, 3) float64
+        Filled; -1, -1, -1 where the curve says nothing.
+    """
+    cos_h, sin_h = math.cos(heading), math.sin(heading)
+    for i in range(pixels.shape[0]):
+        du, dv = pixels[i, 0] - center_u, sign * (pixels[i, 1] - center_v)
+        radius = math.sqrt(du * du + dv * dv)
+        q = inverse_range[i]
+        if not (radius > 0.0 and math.isfinite(q)):
+            out[i, 0], out[i, 1], out[i, 2] = -1.0, -1.0, -1.0
+            continue
+        # not too large near the centre, where q is
+        scale = 1.0 / math.sqrt(1.0 + q * q * height * height)
+        x = (cos_h * du - sin_h * dv) / radius * scale
+        y = (sin_h * du + cos_h * dv) / radius * scale
+        z = -q * height * scale
+        w = -(to_robot[2, 0] * x + to_robot[2, 1] * y + to_robot[2, 2] * z) / height
+        out[i, 0] = to_robot[0, 0] * x + to_robot[0, 1] * y + to_robot[0, 2] * z + w * offset_x
+        out[i, 1] = to_robot[1, 0] * x + to_robot[1, 1] * y + to_robot[1, 2] * z + w * offset_y
+        out[i, 2] = w

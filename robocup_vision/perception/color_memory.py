@@ -1,0 +1,228 @@
+"""Colours kept from frame to frame, and followed as the light changes, without ever learning what stands on the floor.
+
+Each frame's surest floor says how bright and of what colour the light on it is. When that has moved on, the floor's
+colour is learnt anew from just these samples. Where the old colours tell next to nothing (the light was switched), the
+frame is learnt from as if it were the first, and believed only if floor and white have changed alike, as a change of
+light does and a robot parked at the camera does not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels import floor_colors, polar
+from robocup_vision.perception.color_table import (
+    LLR_PER_UNIT,
+    Colors,
+    ColorTable,
+    build_color_table,
+    follow_colors,
+    learn_colors,
+)
+from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS, FloorColor
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.polar_view import PolarView
+
+UInt8Array = npt.NDArray[np.uint8]
+Int8Array = npt.NDArray[np.int8]
+
+# the nearest floor's mean likelihood ratio below this share of what it was when learnt: something has changed
+_DRIFT_SHARE = 0.6
+# nats that make a sample surely floor, and every how many bearings samples are looked at for the light
+_SURE_NATS = 1.0
+_ROW_STRIDE = 4
+# in every so many frames the light is looked at: it moves slowly, and what is sudden hides the nearest floor
+_LOOK_EVERY = 3
+# share of the floor that is darker than its sunny part
+_SUNNY = 0.9
+# hysteresis, logarithms: light is followed when it has moved so far since it was learnt; below a step of the model
+_MOST_LEVEL, _MOST_CAST = 0.3, 0.08
+# surely floor, as a share of what was when learnt: less than this tells nothing of the light
+_LEAST_SURE = 0.15
+# new colours must keep this share of what was surely floor
+_KEPT_SURE = 0.9
+# a colour that makes up this share of the floor's is the floor's under another light: largest difference of log ratios
+_SAME_COLOR = 0.35
+# frames in which nothing can be read before the tolerance has doubled
+_PATIENCE = 15.0
+# what is surely floor must become more by this factor, or the nearest floor be told better by this share of what was
+_MORE_SURE, _BETTER_RING = 1.1, 0.2
+# log brightness by which sun that is looked for outshines the floor that is known
+_LIFT = 0.5
+# frames between two attempts to learn while the nearest floor stays hidden
+_RETRY = 8
+
+
+@dataclass(frozen=True, eq=False)
+class _LightOnFloor:
+    """How the surest floor of a frame looks: its share of the samples, how bright, and its hue.
+
+    Parameters
+    ----------
+    share : float
+        Of all samples.
+    level : float
+        Log brightness of its sunny part, off the model's level.
+    cast : (2,) float64
+        Log R/G and B/G, off the model's at each sample's brightness.
+    """
+
+    share: float
+    level: float
+    cast: FloatArray
+
+
+class ColorMemory:
+    """The colours a camera's frames are read by.
+
+    Parameters
+    ----------
+    field : Field
+        Whose colours.
+    fixed : Colors, optional
+        Never change these.
+    strongest_cast : float
+        Logarithm of the strongest cast of light: what seems white beyond it is some paint.
+    """
+
+    def __init__(self, field: Field, fixed: Colors | None = None, strongest_cast: float = math.inf) -> None:
+        self._field = field
+        self._strongest_cast = strongest_cast
+        self._fixed = None if fixed is None else build_color_table(fixed)
+        self._table = self._fixed
+        self._step_of_sum = np.zeros(1021, dtype=np.uint8)
+        self._sums = np.empty((len(LEVELS), 4))
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget learnt colours."""
+        self._table = self._fixed
+        self._learnt_ring = 0.0
+        self._learnt_light = _LightOnFloor(0.0, 0.0, np.zeros(2))
+        self._hidden_frames = self._lost_frames = self._frames = 0
+
+    @property
+    def colors(self) -> Colors | None:
+        """The colours in use, None before the first frame."""
+        return None if self._table is None else self._table.colors
+
+    def classify(self, samples: UInt8Array, view: PolarView | FloorView) -> tuple[ColorTable | None, Int8Array]:
+        """Look a frame's samples up, with colours learnt anew where the light has changed.
+
+        Parameters
+        ----------
+        samples : (K, M, 3) uint8
+            `view.sample` of the frame.
+        view : PolarView or FloorView
+            Where they lie.
+
+        Returns
+        -------
+        table : ColorTable or None
+            None if there is none yet and nothing can be learnt.
+        llr : (K, M) int8
+            The floor's log-likelihood ratio of each sample in units of `LLR_PER_UNIT`.
+        """
+        llr = np.empty(samples.shape[:2], dtype=np.int8)
+        if self._table is None:
+            colors = learn_colors(samples, view.valid, self._field, self._strongest_cast)
+            if colors is not None:
+                self._adopt(build_color_table(colors), samples, view, llr)
+            return self._table, llr
+        ring = _look_up(samples, view, self._table, llr)
+        if self._fixed is not None:
+            return self._table, llr
+        is_hidden = ring < _DRIFT_SHARE * self._learnt_ring
+        self._frames += 1
+        if not is_hidden and self._frames % _LOOK_EVERY:
+            self._hidden_frames = self._lost_frames = 0
+            return self._table, llr
+        light = self._light(samples, llr, self._table.colors.floor)
+        is_readable = light.share > 0 and light.share >= _LEAST_SURE * self._learnt_light.share
+        has_moved = is_readable and self._has_moved(light)
+        # a robot parked at the camera, or the dark, must not cost an attempt a frame
+        hidden, lost = self._hidden_frames, self._lost_frames
+        self._hidden_frames = hidden + 1 if is_hidden else 0
+        self._lost_frames = lost + 1 if is_hidden and not is_readable else 0
+        if has_moved or (is_hidden and is_readable and hidden % _RETRY == 0):
+            self._follow(samples, view, llr, light, ring)
+        elif is_hidden and not is_readable and lost % _RETRY == 0:
+            self._learn_again(samples, view, llr, lost)
+        return self._table, llr
+
+    def _has_moved(self, light: _LightOnFloor) -> bool:
+        before = self._learnt_light
+        return abs(light.level - before.level) > _MOST_LEVEL or np.abs(light.cast - before.cast).max() > _MOST_CAST
+
+    def _follow(
+        self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, light: _LightOnFloor, ring: float
+    ) -> None:
+        assert self._table is not None
+        best, best_llr, share = self._table, llr, light.share
+        # the nearest floor may lie in sun beyond the brightest that is known: what is learnt first reaches on to it
+        lifts = (0.0,) if self._has_moved(light) else (_LIFT, 0.0)
+        for lift in lifts:
+            is_floor = best_llr >= _SURE_NATS / LLR_PER_UNIT
+            colors = follow_colors(samples, view.valid, is_floor, best.colors, self._field, self._strongest_cast, lift)
+            if colors is None:
+                break
+            table, new_llr = build_color_table(colors), np.empty_like(llr)
+            new_ring = _look_up(samples, view, table, new_llr)
+            new_share = self._light(samples, new_llr, colors.floor).share
+            is_better = new_share > _MORE_SURE * share or new_ring > ring + _BETTER_RING * self._learnt_ring
+            if not is_better and (best is not self._table or not self._has_moved(light)):
+                break
+            if new_share < _KEPT_SURE * share:
+                break
+            best, best_llr, share, ring = table, new_llr, new_share, new_ring
+        if best is not self._table:
+            self._adopt(best, samples, view, llr)
+
+    def _learn_again(self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, turn: int) -> None:
+        assert self._table is not None
+        colors = learn_colors(samples, view.valid, self._field, self._strongest_cast)
+        if colors is not None and _is_same_floor(colors, self._table.colors, _SAME_COLOR * (1 + turn / _PATIENCE)):
+            self._adopt(build_color_table(colors), samples, view, llr)
+
+    def _adopt(self, table: ColorTable, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array) -> None:
+        floor = table.colors.floor
+        level = np.log(np.maximum(np.arange(1021) / 4, 0.5) / floor.level)
+        step = np.rint((level - LEVELS[0]) / LEVEL_STEP)
+        self._step_of_sum = np.clip(step, 0, len(LEVELS) - 1).astype(np.uint8)
+        self._table = table
+        # learnt with a robot at the camera, the floor is nearer and larger than it seems
+        self._learnt_ring = max(_look_up(samples, view, table, llr), _DRIFT_SHARE * self._learnt_ring)
+        light = self._light(samples, llr, floor)
+        self._learnt_light = replace(light, share=max(light.share, self._learnt_light.share / 2))
+
+    def _light(self, samples: UInt8Array, llr: Int8Array, floor: FloorColor) -> _LightOnFloor:
+        sums = self._sums
+        floor_colors.light_on_floor(samples, llr, int(_SURE_NATS / LLR_PER_UNIT), _ROW_STRIDE, self._step_of_sum, sums)
+        count, blue, green, red = sums.T
+        number = float(count.sum())
+        if not number:
+            return _LightOnFloor(0.0, 0.0, np.zeros(2))
+        expected = np.maximum([floor.red_ratio @ green, floor.blue_ratio @ green], 1.0)
+        cast = np.log(np.maximum([red.sum(), blue.sum()], 1.0) / expected)
+        level = float(np.interp(_SUNNY * number, np.cumsum(count), LEVELS + LEVEL_STEP / 2))
+        return _LightOnFloor(number * _ROW_STRIDE / llr.size, level, cast)
+
+
+def _look_up(samples: UInt8Array, view: PolarView | FloorView, table: ColorTable, llr: Int8Array) -> float:
+    return float(polar.classify(samples, table.packing, table.floor_llr, view.valid, RING_COLUMNS, llr))
+
+
+def _is_same_floor(new: Colors, old: Colors, tolerance: float) -> bool:
+    """Tell whether one light's floor may be the other's: by itself or beside white, or because it is the greener."""
+    floors = [np.log([c.floor.lit.red_ratio, c.floor.lit.blue_ratio]) for c in (new, old)]
+    beside = [f - np.log([c.line.red_ratio, c.line.blue_ratio]) for f, c in zip(floors, (new, old), strict=True)]
+    # however long nothing was seen, what is half-way to grey is no carpet
+    tolerance = min(tolerance, float(np.abs(beside[1]).max()) / 2)
+    unlike = min(float(np.abs(floors[0] - floors[1]).max()), float(np.abs(beside[0] - beside[1]).max()))
+    return unlike <= tolerance or bool((beside[0] < beside[1]).all() and (floors[0] < floors[1]).all())

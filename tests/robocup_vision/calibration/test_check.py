@@ -1,0 +1,150 @@
+"""The doctor: one fault at a time is put into a sound set-up, and told by name with its evidence."""
+
+import dataclasses
+import math
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from robocup_vision.calibration.check import check_dataset
+from robocup_vision.camera import save_camera
+from robocup_vision.cli import main
+from robocup_vision.evaluation.dataset import load_dataset
+from robocup_vision.perception.color_table import save_colors
+from robocup_vision.vision import Vision
+
+
+@pytest.fixture
+def write(tmp_path, true_camera, off_samples):
+    """Write a dataset; what is not said is right."""
+
+    def dataset(*, camera=true_camera, field="ssl_2001", size=None, with_truth=True, frames_csv=None, colors=None):
+        (tmp_path / "images").mkdir()
+        rows = ["image,x_m,y_m,theta_rad"]
+        for i, one in enumerate(off_samples[:4]):
+            frame = one.frame if size is None else cv2.resize(one.frame, size)
+            cv2.imwrite(str(tmp_path / "images" / f"{i}.png"), frame)
+            rows.append(f"{i}.png,{one.pose.x_m},{one.pose.y_m},{one.pose.theta_rad}")
+        save_camera(camera, tmp_path / "camera.toml")
+        lines = ["format = 1", f'field = "{field}"', 'camera = "camera.toml"', 'images = "images"']
+        lines.append('symmetry = "point"')
+        if with_truth:
+            (tmp_path / "truth.csv").write_text("\n".join(rows) + "\n")
+            lines.append('truth = "truth.csv"')
+        if frames_csv is not None:
+            (tmp_path / "frames.csv").write_text(frames_csv)
+            lines.append('frames = "frames.csv"')
+        if colors is not None:
+            save_colors(colors, tmp_path / "colors.toml")
+            lines.append('colors = "colors.toml"')
+        (tmp_path / "dataset.toml").write_text("\n".join(lines) + "\n")
+        return tmp_path
+
+    return dataset
+
+
+def found(path):
+    return {finding.subject: finding for finding in check_dataset(load_dataset(path))}
+
+
+def test_a_sound_set_up_is_told_to_be_one(write, capsys, ssl_field, true_camera, off_frames):
+    vision = Vision(ssl_field, true_camera)
+    vision.look(off_frames[0])
+    path = write(colors=vision.colors)
+    assert main(["check", str(path)]) == 0
+    printed = capsys.readouterr().out
+    for words in (
+        "ok       size: 4 images read, all 256x220 as the camera file says",
+        "ok       field: 4 of 4 images can be placed on 'ssl_2001'",
+        "ok       mirrored: 4 of 4 images lie within 10 cm of the truth",
+        "ok       heading: ",
+        "ok       centre: the images put it within",
+        "ok       curve: ",
+        "ok       colours: colour file and images agree on ",
+    ):
+        assert words in printed
+    assert "WRONG" not in printed
+
+
+def test_a_wrong_size_comes_alone_with_its_factor(write, capsys):
+    path = write(size=(512, 440))
+    findings = found(path)
+    assert list(findings) == ["size"]
+    assert findings["size"].state == "wrong"
+    assert "4 of 4 images cannot be used" in findings["size"].evidence
+    assert "times 2 would fit them" in findings["size"].evidence
+    assert main(["check", str(path)]) == 1
+    assert "WRONG    size" in capsys.readouterr().out
+
+
+def test_a_centre_that_is_off_is_told_with_its_offset(write, true_camera):
+    u, v = true_camera.center_px
+    findings = found(write(camera=dataclasses.replace(true_camera, center_px=(u + 2.0, v))))
+    assert findings["field"].state == "ok"
+    assert findings["centre"].state == "wrong"
+    assert "off by (-" in findings["centre"].evidence
+    assert "calibrate omni" in findings["centre"].evidence
+
+
+def test_a_mirrored_camera_is_told_by_truth(write, true_camera):
+    findings = found(write(camera=dataclasses.replace(true_camera, mirrored=True)))
+    assert findings["mirrored"].state == "wrong"
+    assert "mirrored = false in the camera file?" in findings["mirrored"].evidence
+
+
+def test_a_turned_camera_is_told_by_truth(write, true_camera):
+    findings = found(write(camera=dataclasses.replace(true_camera, heading_rad=0.2)))
+    assert findings["heading"].state == "wrong"
+    off, wanted = re.search(r"by (\S+) deg: heading_rad = (\S+) in", findings["heading"].evidence).groups()
+    assert float(off) == pytest.approx(math.degrees(-0.2), abs=0.4)
+    assert float(wanted) == pytest.approx(0.0, abs=7e-3)
+
+
+@pytest.mark.parametrize(("sign", "state"), [(1, "ok"), (-1, "wrong")])
+def test_odometry_tells_mirroring(write, off_samples, sign, state):
+    rows = ["image,t_s,dx_m,dy_m,dtheta_rad", "0.png,0.0,,,"]
+    for i in range(1, 4):
+        turn = math.remainder(off_samples[i].pose.theta_rad - off_samples[i - 1].pose.theta_rad, math.pi)
+        # only the sign counts, and what is small enough to be one turn
+        rows.append(f"{i}.png,{i}.0,0.0,0.0,{sign * math.copysign(0.3, turn)}")
+    findings = found(write(with_truth=False, frames_csv="\n".join(rows) + "\n"))
+    assert findings["mirrored"].state == state
+    assert "turns between images" in findings["mirrored"].evidence
+
+
+def test_without_truth_and_odometry_mirroring_is_unknown(write):
+    findings = found(write(with_truth=False))
+    assert findings["mirrored"].state == "unknown"
+    assert "looks the same in a mirror" in findings["mirrored"].evidence
+
+
+def test_another_field_s_name_is_told_with_the_likelier_one(write):
+    findings = found(write(field="ssl_division_b", with_truth=False))
+    assert findings["field"].state == "wrong"
+    assert "on 'ssl_2001' " in findings["field"].evidence
+    assert findings["field"].evidence.endswith(": is it that field?")
+
+
+def test_images_of_nothing_are_unknown(tmp_path, true_camera):
+    (tmp_path / "images").mkdir()
+    for i in range(3):
+        cv2.imwrite(str(tmp_path / "images" / f"{i}.png"), np.zeros((220, 256, 3), dtype=np.uint8))
+    save_camera(true_camera, tmp_path / "camera.toml")
+    dataset = load_dataset(tmp_path / "images", field="ssl_2001", camera=tmp_path / "camera.toml")
+    findings = {finding.subject: finding for finding in check_dataset(dataset)}
+    assert findings["field"].state == "unknown"
+    assert "0 of 3 images" in findings["field"].evidence
+    assert findings["centre"].state == "wrong"
+
+
+def test_colours_of_another_light_are_told(write, ssl_field, true_camera, off_frames):
+    vision = Vision(ssl_field, true_camera)
+    vision.look(np.ascontiguousarray(off_frames[0][..., ::-1] // 3))
+    wrong = vision.colors
+    assert wrong is not None
+    red = dataclasses.replace(wrong.floor, red_ratio=wrong.floor.red_ratio * 4, blue_ratio=wrong.floor.blue_ratio * 3)
+    findings = found(write(colors=dataclasses.replace(wrong, floor=red)))
+    assert findings["colours"].state == "wrong"
+    assert "leave it out, or make a new one" in findings["colours"].evidence

@@ -1,0 +1,138 @@
+"""Pinhole cameras from pictures of a goal, and the command that writes their files."""
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from field_models.errors import ArgumentError, FrameError
+from robocup_vision.calibration.pinhole import NotCalibrated, calibrate_pinhole
+from robocup_vision.camera import load_camera, save_camera
+from robocup_vision.cli import main
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, sample_goal
+
+CONDITION = GOAL_CONDITIONS["clean_416x320"]
+TRUE = CONDITION.camera
+# from the side and near, where perspective tells the focal length
+PLACES = ((1.2, 1.2), (1.0, -1.3), (1.5, 1.4), (0.8, 0.9), (1.3, -0.9))
+
+
+@pytest.fixture(scope="module")
+def field():
+    return load_field("four_legged_2007")
+
+
+@pytest.fixture(scope="module")
+def samples(field):
+    return list(sample_goal(field, CONDITION, seed=21, count=len(PLACES), places=PLACES, supersample=3))
+
+
+def off(share, height_m):
+    return replace(TRUE, focal_px=(TRUE.focal_px[0] * share, TRUE.focal_px[1] * share), height_m=height_m)
+
+
+def test_focal_length_and_height_are_told_with_their_uncertainty(field, samples):
+    result = calibrate_pinhole(field, [s.frame for s in samples], off(1.1, 0.21))
+    assert result
+    height_m = float(np.mean([s.camera.height_m for s in samples]))
+    assert abs(result.camera.focal_px[0] - TRUE.focal_px[0]) < min(3 * result.std["focal_px"], 0.03 * TRUE.focal_px[0])
+    assert abs(result.camera.height_m - height_m) < min(3 * result.std["height_m"] + 0.005, 0.03)
+    assert -1 <= result.correlation <= 1
+    # the neck turns between the pictures
+    assert result.camera.tilt_rad is None
+    assert any("tilt" in note for note in result.notes)
+    for frame in result.frames:
+        assert frame.tilt_rad == pytest.approx(samples[frame.index].camera.tilt_rad, abs=math.radians(1.0))
+
+
+def test_a_fixed_camera_has_its_tilt_told(field, samples):
+    result = calibrate_pinhole(field, [samples[0].frame] * 3, TRUE)
+    if result:
+        assert result.camera.tilt_rad == pytest.approx(samples[0].camera.tilt_rad, abs=math.radians(1.0))
+        assert result.std["tilt_rad"] > 0
+
+
+def test_pictures_without_a_goal_are_refused_with_the_reason(field):
+    blank = np.full((320, 416, 3), (50, 130, 45), np.uint8)
+    for start in (TRUE, None):
+        result = calibrate_pinhole(field, [blank], start)
+        assert isinstance(result, NotCalibrated)
+        assert not result
+        assert "no goal" in result.reason
+
+
+def test_one_far_goal_from_the_front_is_refused(field):
+    (far,) = sample_goal(field, CONDITION, seed=4, count=1, places=[(-1.5, 0.0)], supersample=3)
+    result = calibrate_pinhole(field, [far.frame], TRUE)
+    assert isinstance(result, NotCalibrated)
+
+
+class Broken:
+    """A sequence of which the first image is damaged."""
+
+    def __len__(self):
+        return 1
+
+    def __getitem__(self, index):
+        raise FrameError("a.png: is empty")
+
+
+def test_what_cannot_be_read_is_noted(field):
+    result = calibrate_pinhole(field, Broken(), TRUE)
+    assert result.reason == "none of the images can be read"
+    assert result.notes == ("a.png: is empty: left out",)
+
+
+def test_a_field_without_posts_is_refused(samples):
+    with pytest.raises(ArgumentError, match="posts and a bar"):
+        calibrate_pinhole(load_field("ssl_2001"), [samples[0].frame], TRUE)
+
+
+def test_the_command(samples, tmp_path, capsys):
+    for one in samples:
+        cv2.imwrite(str(tmp_path / f"{one.index}.png"), one.frame)
+    save_camera(off(1.05, 0.19), tmp_path / "start.toml")
+    out = tmp_path / "camera.toml"
+    arguments = ["calibrate", "pinhole", str(tmp_path), "--field", "four_legged_2007", "--out", str(out)]
+    assert main([*arguments, "--start", str(tmp_path / "start.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "focal length" in said
+    assert load_camera(out).focal_px[0] == pytest.approx(TRUE.focal_px[0], rel=0.04)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--start", "MIRROR"], "must be a pinhole camera"),
+        (["--frames", "0"], "--frames must be at least 1"),
+        (["--poses", "OTHER"], "names none of the images"),
+        (["--out", "nowhere/c.toml"], "its folder does not exist"),
+        ([], "no goal is found"),
+    ],
+)
+def test_each_mistake_is_one_line(arguments, said, tmp_path, capsys):
+    save_camera(sekimori_camera(), tmp_path / "mirror.toml")
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((160, 208, 3), (50, 130, 45), np.uint8))
+    (tmp_path / "other.csv").write_text("image,x_m,y_m,theta_rad\nz.png,0,0,0\n")
+    places = {"MIRROR": tmp_path / "mirror.toml", "OTHER": tmp_path / "other.csv"}
+    if "MIRROR" in arguments:
+        cv2.imwrite(str(tmp_path / "a.png"), np.zeros((220, 256, 3), np.uint8))
+    command = ["calibrate", "pinhole", str(tmp_path / "a.png"), "--field", "four_legged_2007"]
+    command += ["--out", str(tmp_path / "c.toml"), *(str(places.get(a, a)) for a in arguments)]
+    assert main(command) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert len(told) == 1
+    assert said in told[0]
+
+
+def test_a_pose_helps_where_the_prior_is_right(field, samples):
+    poses = {str(s.index): Pose2(s.pose.x_m, s.pose.y_m, s.pose.theta_rad) for s in samples}
+    names = [str(s.index) for s in samples]
+    result = calibrate_pinhole(field, [s.frame for s in samples], off(0.95, 0.18), names=names, poses=poses)
+    assert result
+    assert result.camera.focal_px[0] == pytest.approx(TRUE.focal_px[0], rel=0.04)
