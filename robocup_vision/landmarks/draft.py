@@ -72,7 +72,7 @@ class DraftMap:
         per_px : (N,) float64
             Metres a pixel at each landmark.
         """
-        new = []
+        new: list[int] = []
         for k, key in enumerate(zip(landmarks.tolist(), directions.tolist(), strict=True)):
             row = self._row.get(key)
             if row is None:
@@ -85,6 +85,8 @@ class DraftMap:
             self.view_spacing_m[row] = features.spacing_px[k] * per_px[k]
         self.view_landmark = np.append(self.view_landmark, landmarks[new])
         self.view_direction = np.append(self.view_direction, directions[new])
+        if not len(self.view_descriptors):
+            self.view_descriptors = features.descriptors[:0]
         self.view_descriptors = np.concatenate([self.view_descriptors, features.descriptors[new]])
         self.view_contrast = np.append(self.view_contrast, features.contrast[new])
         self.view_size_m = np.append(self.view_size_m, features.size_px[new] * per_px[new])
@@ -135,7 +137,7 @@ class DraftMap:
     def _alike(self) -> list[tuple[int, int]]:
         """Pairs at one place that look alike, the nearest first."""
         count = len(self)
-        look = np.zeros((count, 128), dtype=np.float32)
+        look = np.zeros((count, self.view_descriptors.shape[1]), dtype=np.float32)
         look[self.view_landmark] = self.view_descriptors  # of several views the last
         found: list[tuple[float, int, int]] = []
         square = (self.positions_m**2).sum(axis=1)
@@ -161,15 +163,18 @@ class DraftMap:
         rows = kept[self.view_landmark]
         # a landmark merged from two may have two views from one direction: the later stays
         latest = {
-            (int(l), int(d)): int(r)
-            for r, l, d in zip(np.flatnonzero(rows), self.view_landmark[rows], self.view_direction[rows], strict=True)
+            (int(landmark), int(direction)): int(r)
+            for r, landmark, direction in zip(
+                np.flatnonzero(rows), self.view_landmark[rows], self.view_direction[rows], strict=True
+            )
         }
         chosen = np.array(sorted(latest.values()), dtype=np.int64)
         for name in ("view_direction", "view_descriptors", "view_contrast", "view_size_m", "view_spacing_m"):
             setattr(self, name, getattr(self, name)[chosen])
         self.view_landmark = number[self.view_landmark[chosen]]
         self._row = {
-            (int(l), int(d)): r for r, (l, d) in enumerate(zip(self.view_landmark, self.view_direction, strict=True))
+            (int(landmark), int(direction)): r
+            for r, (landmark, direction) in enumerate(zip(self.view_landmark, self.view_direction, strict=True))
         }
         s = self.sightings.take(kept[self.sightings.landmark])
         self.sightings = Sightings(s.frame, number[s.landmark], s.measured_px, s.std_px)

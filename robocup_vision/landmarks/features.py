@@ -6,7 +6,10 @@ keypoint was found in, d_s, says how precisely it is placed.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -26,6 +29,9 @@ RATIO = 0.7  # eq. 3
 MOST_DISTANCE = 0.75
 # descriptors are stored in bytes; a unit vector's largest entries are near 0.4 after SIFT's own clipping
 BYTE_SCALE = 512.0
+# side of the tiles that `extract_near` looks at, and how much of their rim it leaves out
+TILE_PX = 56
+TILE_MARGIN_PX = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +48,8 @@ class Features:
         d_s: pixels between samples of the octave each was found in.
     contrast : (N,) float64
         |D|.
-    descriptors : (N, 128) float32
-        Unit vectors.
+    descriptors : (N, D) float32
+        Unit vectors; D is 128 for SIFT.
     """
 
     pixels: FloatArray
@@ -66,6 +72,19 @@ class Features:
         )
 
 
+class Extractor(Protocol):
+    """Finds features in a camera's frames."""
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """The camera."""
+        ...
+
+    def extract(self, frame: UInt8Array) -> Features:
+        """Find the features of a frame, (H, W, 3) uint8 BGR."""
+        ...
+
+
 class SiftExtractor:
     """Finds SIFT features in a camera's frames.
 
@@ -86,7 +105,7 @@ class SiftExtractor:
     ) -> None:
         self.camera = camera
         self.shrink = shrink
-        self._sift = cv2.SIFT_create(
+        self._sift = cv2.SIFT.create(
             nfeatures=at_most, contrastThreshold=contrast_threshold, enable_precise_upscale=True
         )
 
@@ -106,6 +125,85 @@ class SiftExtractor:
         keypoints, descriptors = self._sift.detectAndCompute(grey, None)
         return features_of(self.camera, keypoints, descriptors, float(self.shrink))
 
+    def extract_near(self, frame: UInt8Array, places_px: FloatArray, most_share: float) -> Features:
+        """Find the features around some places (K, 2) of a frame only, the first places first.
+
+        Tiles around the places are put side by side into one small picture, up to `most_share` of the frame's area;
+        keypoints near a tile's edge are dropped, for what is beyond it is not what the frame shows there.
+        """
+        check_frame(frame, self.camera)
+        tiles = _tiles(places_px, self.camera.size_px, most_share)
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        columns = max(math.isqrt(len(tiles)), 1)
+        mosaic = np.zeros((-(-len(tiles) // columns) * TILE_PX, columns * TILE_PX), dtype=np.uint8)
+        for k, (u, v) in enumerate(tiles):
+            row, column = k // columns * TILE_PX, k % columns * TILE_PX
+            mosaic[row : row + TILE_PX, column : column + TILE_PX] = grey[v : v + TILE_PX, u : u + TILE_PX]
+        keypoints, descriptors = self._sift.detectAndCompute(mosaic, None)
+        if descriptors is None:
+            return features_of(self.camera, (), None)
+        place = np.array([k.pt for k in keypoints])
+        cell = np.clip(np.floor((place + 0.5) / TILE_PX).astype(np.int64), 0, (columns - 1, len(mosaic) // TILE_PX - 1))
+        number = cell[:, 1] * columns + cell[:, 0]
+        inside = place - cell * TILE_PX
+        margin = np.minimum(inside, TILE_PX - 1 - inside).min(axis=1)
+        kept = np.flatnonzero((margin >= TILE_MARGIN_PX) & (number < len(tiles)))
+        shift = np.array(tiles)[number[kept]] - cell[kept] * TILE_PX
+        moved = tuple(keypoints[k] for k in kept.tolist())
+        for keypoint, (du, dv) in zip(moved, shift, strict=True):
+            keypoint.pt = (keypoint.pt[0] + float(du), keypoint.pt[1] + float(dv))
+        return features_of(self.camera, moved, descriptors[kept])
+
+
+def _tiles(places_px: FloatArray, size_px: tuple[int, int], most_share: float) -> list[tuple[int, int]]:
+    """Corners of tiles around places that no earlier tile has well inside, as many as the share of the area allows."""
+    width, height = size_px
+    most = max(int(most_share * width * height / TILE_PX**2), 1)
+    tiles: list[tuple[int, int]] = []
+    for u, v in places_px:
+        if any(
+            TILE_PX // 4 <= u - a < TILE_PX - TILE_PX // 4 and TILE_PX // 4 <= v - b < TILE_PX - TILE_PX // 4
+            for a, b in tiles
+        ):
+            continue
+        corner = (
+            int(np.clip(round(u) - TILE_PX // 2, 0, width - TILE_PX)),
+            int(np.clip(round(v) - TILE_PX // 2, 0, height - TILE_PX)),
+        )
+        if corner not in tiles:
+            tiles.append(corner)
+        if len(tiles) >= most:
+            break
+    return tiles
+
+
+class OrbExtractor:
+    """Finds ORB features: a fraction of SIFT's time, and coarser. A map must be made with what it is used with.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        As for `SiftExtractor`.
+    at_most : int
+        Keep this many.
+    """
+
+    def __init__(self, camera: PinholeCamera, *, at_most: int = 800) -> None:
+        self.camera = camera
+        self._orb = cv2.ORB.create(nfeatures=at_most)
+
+    def extract(self, frame: UInt8Array) -> Features:
+        """Find the features of a frame, (H, W, 3) uint8 BGR; the descriptors' 256 bits as unit vectors."""
+        check_frame(frame, self.camera)
+        keypoints, packed = self._orb.detectAndCompute(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), None)
+        if packed is None:
+            return features_of(self.camera, (), None)
+        bits = np.unpackbits(np.asarray(packed, dtype=np.uint8), axis=1)
+        features = features_of(self.camera, keypoints, bits.astype(np.float32))
+        octave = np.array([k.octave for k in keypoints], dtype=np.float64)
+        scale = np.asarray(float(self._orb.getScaleFactor()) ** octave, dtype=np.float64)
+        return Features(features.pixels, features.size_px, scale, features.contrast, features.descriptors)
+
 
 def check_frame(frame: UInt8Array, camera: PinholeCamera) -> None:
     """Refuse a frame that is not an 8-bit colour image of the camera's size."""
@@ -116,7 +214,7 @@ def check_frame(frame: UInt8Array, camera: PinholeCamera) -> None:
 
 
 def features_of(
-    camera: PinholeCamera, keypoints: tuple[cv2.KeyPoint, ...], descriptors: Floats | None, scale: float = 1.0
+    camera: PinholeCamera, keypoints: Sequence[cv2.KeyPoint], descriptors: npt.NDArray[Any] | None, scale: float = 1.0
 ) -> Features:
     """Turn OpenCV's keypoints, found in a frame reduced by `scale`, into features."""
     count = len(keypoints)
@@ -130,7 +228,8 @@ def features_of(
     octave = np.where(octave >= 128, octave - 256, octave)
     length = np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-9)
     unit = np.ascontiguousarray(descriptors / length, dtype=np.float32)
-    return Features(ideal_pixels(camera, pixels), raw[:, 2] * scale, 2.0**octave * scale, raw[:, 3], unit)
+    spacing = np.asarray(2.0**octave * scale, dtype=np.float64)
+    return Features(ideal_pixels(camera, pixels), raw[:, 2] * scale, spacing, raw[:, 3], unit)
 
 
 def ideal_pixels(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
@@ -142,12 +241,12 @@ def ideal_pixels(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
 
 
 def to_bytes(descriptors: Floats) -> UInt8Array:
-    """Unit descriptors as bytes, a quarter of the memory."""
+    """Pack unit descriptors into bytes, a quarter of the memory."""
     return np.asarray(np.clip(np.rint(descriptors * BYTE_SCALE), 0, 255), dtype=np.uint8)
 
 
 def from_bytes(packed: UInt8Array) -> Floats:
-    """Unit descriptors of `to_bytes`."""
+    """Unpack what `to_bytes` packed."""
     descriptors = packed.astype(np.float32)
     length = np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-9)
     return np.asarray(descriptors / length, dtype=np.float32)

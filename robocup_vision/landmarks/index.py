@@ -1,4 +1,4 @@
-"""Finds the landmarks a camera may see without looking at the whole map: columns of a floor plan, the best of each cell.
+"""Finds the landmarks a camera may see without looking at the whole map: a floor plan of cells, the best of each.
 
 A cell of space keeps its best few views from each of the 36 directions, so that the time a look-up takes depends on the
 surfaces in view, not on how many landmarks the map holds.
@@ -71,7 +71,7 @@ class MapIndex:
 
 
 def kernel_camera(camera: PinholeCamera) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """What the kernels take of a camera: robot to camera rotation, viewpoint, focal length and centre."""
+    """Return what the kernels take of a camera: robot to camera rotation, viewpoint, focal length and centre."""
     return (
         np.ascontiguousarray(camera.camera_to_robot.T),
         np.array(camera.viewpoint_m),

@@ -50,7 +50,7 @@ class LandmarkMap:
         Which landmark each view is of.
     view_direction : (V,) int64
         Of the line of sight in the field frame, 0 to 35: multiples of 10 degrees from +x counter-clockwise.
-    view_descriptors : (V, 128) uint8
+    view_descriptors : (V, D) uint8
         Packed by `features.to_bytes`.
     view_contrast : (V,) float64
         |D|.
@@ -88,7 +88,7 @@ class LandmarkMap:
             "missed": (count,),
             "view_landmark": (views,),
             "view_direction": (views,),
-            "view_descriptors": (views, 128),
+            "view_descriptors": (views, self.view_descriptors.shape[-1]),
             "view_contrast": (views,),
             "view_size_m": (views,),
             "view_spacing_m": (views,),
@@ -102,9 +102,9 @@ class LandmarkMap:
             if not np.isfinite(array).all():
                 raise ArgumentError(f"{name} must be finite")
             array.flags.writeable = False
-        if views and not (0 <= self.view_landmark.min() and self.view_landmark.max() < count):
+        if views and not (self.view_landmark.min() >= 0 and self.view_landmark.max() < count):
             raise ArgumentError(f"view_landmark must be within 0 to {count - 1}")
-        if views and not (0 <= self.view_direction.min() and self.view_direction.max() < DIRECTIONS):
+        if views and not (self.view_direction.min() >= 0 and self.view_direction.max() < DIRECTIONS):
             raise ArgumentError(f"view_direction must be within 0 to {DIRECTIONS - 1}")
         if (self.seen < 0).any() or (self.missed < 0).any():
             raise ArgumentError("seen and missed must not be negative")
@@ -118,13 +118,14 @@ class LandmarkMap:
         return len(self.positions_m)
 
     def drift(self, pose: FloatArray) -> FloatArray:
-        """Covariance (3, 3) of where the map itself lies around a pose (3,): that of the nearest frame it is made of."""
+        """Covariance (3, 3) of where the map lies around a pose (3,): that of the nearest frame it was made of."""
         if not len(self.trajectory):
             return np.zeros((3, 3))
         apart = self.trajectory - pose
         turn = np.remainder(apart[:, 2] + math.pi, math.tau) - math.pi
         # a radian counts as a metre: about what the same part of the map is seen from
-        return self.trajectory_cov[int(np.argmin(np.hypot(apart[:, 0], apart[:, 1]) + np.abs(turn)))]
+        nearest = int(np.argmin(np.hypot(apart[:, 0], apart[:, 1]) + np.abs(turn)))
+        return np.asarray(self.trajectory_cov[nearest])
 
     @cached_property
     def success(self) -> FloatArray:
@@ -136,7 +137,7 @@ class LandmarkMap:
 
     @cached_property
     def view_unit(self) -> Floats:
-        """(V, 128) float32: the views' descriptors as unit vectors."""
+        """(V, D) float32: the views' descriptors as unit vectors."""
         return from_bytes(self.view_descriptors)
 
 

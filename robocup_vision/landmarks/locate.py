@@ -18,7 +18,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, read_only
 from robocup_vision.kernels.landmark_fit import descend
-from robocup_vision.landmarks.features import Features, SiftExtractor, match, match_by_loop, near
+from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, match_by_loop, near
 from robocup_vision.landmarks.index import MapIndex, kernel_camera
 from robocup_vision.landmarks.landmark_map import Expected, Indices, LandmarkMap, expect
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF, PoseFit, fit_pixels
@@ -34,6 +34,7 @@ GATE_PX = 40.0  # eqs. 16 and 17, for images 320 wide
 _KNOWN_GATE_PX = 4.0
 _SIZE_RATIO = 1.6
 _SCOUTS = 16
+_REGIONS_SHARE = 0.25
 _LEAST_SCOUT_SHARE = 0.6
 _WIDTHS = np.array([30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0])
 LEAST_INLIERS = 6
@@ -86,8 +87,11 @@ class LandmarkLocalizer:
         Look for no more landmarks than can be matched in this time; features are extracted besides.
     matching : {"loop", "product"}
         Landmark by landmark, or all by one matrix product; both find the same.
-    extractor : SiftExtractor, optional
-        What finds the features.
+    extractor : Extractor, optional
+        What finds the features; what the map was made with. SIFT unless given.
+    regions : bool
+        With a prior, look for SIFT features only in tiles around the most telling landmarks, a quarter of the frame.
+        The prior must then be good to some 10 pixels; where it was not, the whole frame is looked at.
     exhaustive : bool
         Search the pose as the paper does: slow and coarse, a reference.
     """
@@ -100,7 +104,8 @@ class LandmarkLocalizer:
         selection: Selection | None = None,
         limit_s: float | None = None,
         matching: Matching = "loop",
-        extractor: SiftExtractor | None = None,
+        extractor: Extractor | None = None,
+        regions: bool = False,
         exhaustive: bool = False,
     ) -> None:
         if not camera.known_orientation:
@@ -111,6 +116,7 @@ class LandmarkLocalizer:
         self.camera = camera
         self.selection = selection or Selection()
         self.extractor = extractor or SiftExtractor(camera)
+        self._regions = SiftExtractor(camera) if regions else None
         self._matching = matching
         self._exhaustive = exhaustive
         self._index = MapIndex(landmarks)
@@ -146,11 +152,27 @@ class LandmarkLocalizer:
     ) -> Sight:
         """Locate the robot as `locate` does, and tell how."""
         started = time.perf_counter()
+        in_regions_s = 0.0
+        if self._regions is not None and prior is not None:
+            pose = prior.pose.array if isinstance(prior, PoseEstimate) else prior.array
+            expected = self._expect(pose, rng)
+            extracting = time.perf_counter()
+            features = self._regions.extract_near(frame, expected.pixels, _REGIONS_SHARE)
+            in_regions_s = time.perf_counter() - extracting
+            sight = self._find(features, pose, expected, extracting - started)
+            if sight.pose:
+                sight.timings_s["features"] = in_regions_s
+                return sight
+        extracting = time.perf_counter()
         features = self.extractor.extract(frame)
-        extracted_s = time.perf_counter() - started
+        extracted_s = time.perf_counter() - extracting
         sight = self.look_at(features, prior, rng=rng)
-        sight.timings_s["features"] = extracted_s
+        sight.timings_s["features"] = in_regions_s + extracted_s
         return sight
+
+    def prepare(self) -> None:
+        """Build the index of the whole map's descriptors now, not at the first frame without a prior."""
+        self._relocator.prepare()
 
     def look_at(
         self, features: Features, prior: PoseEstimate | Pose2 | None = None, *, rng: np.random.Generator | None = None
@@ -167,13 +189,19 @@ class LandmarkLocalizer:
         relocated_s = time.perf_counter() - started
         if isinstance(found, NotLocated):
             sight = sight or _nothing(found)
-        else:
-            sight = self._near(features, found, rng)
+            sight.timings_s["relocate"] = relocated_s
+            return sight
+        sight = self._near(features, found, rng)
         sight.timings_s["relocate"] = relocated_s
         return sight
 
     def _near(self, features: Features, pose: FloatArray, rng: np.random.Generator | None) -> Sight:
         started = time.perf_counter()
+        expected = self._expect(pose, rng)
+        return self._find(features, pose, expected, time.perf_counter() - started)
+
+    def _expect(self, pose: FloatArray, rng: np.random.Generator | None) -> Expected:
+        """Landmarks to look for from this pose, as the selection says."""
         if self.selection.choice in ("informative", "cells"):
             expected = self._index.expect(self.camera, pose)
         else:
@@ -182,8 +210,11 @@ class LandmarkLocalizer:
         chosen = select(
             self.selection, self.landmarks, expected, self.camera, pose, PRIOR_COVARIANCE, at_most=at_most, rng=rng
         )
-        expected = expected.take(chosen)
-        selected = time.perf_counter()
+        return expected.take(chosen)
+
+    def _find(self, features: Features, pose: FloatArray, expected: Expected, selected_s: float) -> Sight:
+        """Match the expected landmarks and fit the pose to them."""
+        started = time.perf_counter()
         matching_s = 0.0
         fit, rows, partners = None, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         # the first few say where the others must be: these then need no wide gate
@@ -202,9 +233,9 @@ class LandmarkLocalizer:
             matching_s += time.perf_counter() - started_s
             fit = self._fit(fit.pose, expected, rows, features, partners) if len(rows) >= LEAST_INLIERS else None
         done = time.perf_counter()
-        timings = {"select": selected - started, "match": matching_s, "fit": done - selected - matching_s}
+        timings = {"select": selected_s, "match": matching_s, "fit": done - started - matching_s}
         if self._budget is not None:
-            self._budget.learn(done - started - matching_s, matching_s, len(expected))
+            self._budget.learn(selected_s + done - started - matching_s, matching_s, len(expected))
         inliers = np.zeros(len(rows), dtype=bool) if fit is None else fit.inliers
         pixels = features.pixels[partners]
         return Sight(self._judge(fit, len(rows), len(expected)), expected, rows, pixels, inliers, timings)
@@ -239,7 +270,8 @@ class LandmarkLocalizer:
         normal = descend(
             start, *self._kernel_camera, positions, covariances, pixels, std, _WIDTHS, CHI2_2DOF, pose, squared
         )
-        return PoseFit(pose, np.linalg.inv(normal), squared <= CHI2_2DOF, squared)
+        covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+        return PoseFit(pose, covariance, squared <= CHI2_2DOF, squared)
 
     def _judge(self, fit: PoseFit | None, matched: int, expected: int) -> PoseEstimate | NotLocated:
         if fit is None:

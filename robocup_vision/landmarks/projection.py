@@ -85,7 +85,7 @@ def project(camera: PinholeCamera, points_m: FloatArray) -> FloatArray:
 
 
 def pixel_by_point(camera: PinholeCamera, points_m: FloatArray) -> FloatArray:
-    """Derivatives (N, 2, 3) of ideal pixels by points in the camera frame."""
+    """Return derivatives (N, 2, 3) of ideal pixels by points in the camera frame."""
     depth = points_m[:, 0]
     fx, fy = camera.focal_px
     jacobian = np.zeros((len(points_m), 2, 3))
@@ -97,7 +97,7 @@ def pixel_by_point(camera: PinholeCamera, points_m: FloatArray) -> FloatArray:
 
 
 def point_by_pose(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Derivatives (N, 3, 3) of points in the camera frame by the pose, for points (N, 3) of the field frame."""
+    """Return derivatives (N, 3, 3) of points in the camera frame by the pose, for points (N, 3) of the field frame."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = points_m[:, 0] - pose[0], points_m[:, 1] - pose[1]
     robot = np.zeros((len(points_m), 3, 3))

@@ -180,7 +180,8 @@ def _linearise(rig: TrinocularRig, poses: FloatArray, landmarks: FloatArray, s: 
 
 def _sum_by(index: Indices, values: FloatArray, count: int) -> FloatArray:
     flat = values.reshape(len(values), -1)
-    total = np.stack([np.bincount(index, weights=column, minlength=count) for column in flat.T], axis=-1)
+    columns = [np.bincount(index, weights=column, minlength=count) for column in flat.T]
+    total: FloatArray = np.stack(columns, axis=-1).astype(np.float64)
     return total.reshape(count, *values.shape[1:])
 
 
@@ -215,9 +216,9 @@ def _reduce(
     moving = ~fixed[s.frame]
     own = _sum_by(slot[s.frame[moving]], system.pose[moving], free)
     gradient = _sum_by(slot[s.frame[moving]], system.pose_gradient[moving], free).reshape(-1)
-    reduced = np.zeros((free, 3, free, 3))
-    reduced[np.arange(free), :, np.arange(free), :] = own
-    reduced = reduced.reshape(3 * free, 3 * free)
+    spread = np.zeros((free, 3, free, 3))
+    spread[np.arange(free), :, np.arange(free), :] = own
+    reduced: FloatArray = spread.reshape(3 * free, 3 * free)
     inverse = _landmark_inverses(system, s, count)
     landmark_gradient = _sum_by(s.landmark, system.landmark_gradient, count)
     for low, high, dense in _blocks(system, s, slot, fixed, count):
@@ -228,9 +229,9 @@ def _reduce(
 
 
 def _back(system: _System, s: Sightings, moves: FloatArray, count: int) -> FloatArray:
-    """Steps of the landmarks that go with steps of the poses."""
+    """Return the landmarks' steps that go with steps of the poses."""
     own = system.landmark_gradient - np.einsum("nij,ni->nj", system.cross, moves[s.frame])
-    return np.einsum("lij,lj->li", _landmark_inverses(system, s, count), _sum_by(s.landmark, own, count))
+    return np.asarray(np.einsum("lij,lj->li", _landmark_inverses(system, s, count), _sum_by(s.landmark, own, count)))
 
 
 def _noise(system: _System, s: Sightings, count: int) -> FloatArray:

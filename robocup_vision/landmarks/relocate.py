@@ -79,7 +79,7 @@ class Relocator:
         agree = 0 if not solved or inliers is None else len(inliers)
         if agree < _LEAST_INLIERS:
             return NotLocated(f"only {agree} of {len(rows)} features that look like landmarks agree on a place")
-        return self._on_floor(turn, shift)
+        return self._on_floor(np.asarray(turn, dtype=np.float64), np.asarray(shift, dtype=np.float64))
 
     def _matches(self, features: Features) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], ...]:
         """Features and landmarks that pass the ratio test: against the nearest other landmark, not another view."""

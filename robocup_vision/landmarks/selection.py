@@ -109,7 +109,7 @@ def select(
     best = most_informative(
         pose, *kernel_camera(camera), landmarks.positions_m[of], landmarks.covariances[of],
         PIXEL_STD_PER_SPACING * landmarks.noise[of] * np.maximum(expected.spacing_px[chosen], 0.5), success[chosen],
-        np.linalg.inv(prior_cov), count,
+        np.asarray(np.linalg.inv(prior_cov), dtype=np.float64), count,
     )  # fmt: skip
     return chosen[best]
 

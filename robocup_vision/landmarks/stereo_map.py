@@ -16,11 +16,11 @@ from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.landmarks.draft import DraftMap
-from robocup_vision.landmarks.features import Features, SiftExtractor, match, near
+from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, near
 from robocup_vision.landmarks.landmark_map import Indices, LandmarkMap, direction_of, expect
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo
 from robocup_vision.landmarks.projection import TrinocularRig, to_world, world_to_camera
-from robocup_vision.landmarks.refinement import refine
+from robocup_vision.landmarks.refinement import Sightings, refine
 from robocup_vision.landmarks.stereo import StereoPoints, correspond
 
 UInt8Array = npt.NDArray[np.uint8]
@@ -72,14 +72,24 @@ class StereoMapper:
         Adjust poses and landmarks together; without it, as in the paper, errors add up along the run.
     exhaustive : bool
         Find each state by the paper's exhaustive search, a reference: slow, and coarse.
+    extractor : Extractor, optional
+        What finds the features of all three cameras; SIFT unless given.
     """
 
-    def __init__(self, rig: TrinocularRig, start: Pose2, *, bound_drift: bool = True, exhaustive: bool = False) -> None:
+    def __init__(
+        self,
+        rig: TrinocularRig,
+        start: Pose2,
+        *,
+        bound_drift: bool = True,
+        exhaustive: bool = False,
+        extractor: Extractor | None = None,
+    ) -> None:
         self.rig = rig
         self._start = start
         self._bound_drift = bound_drift
         self._exhaustive = exhaustive
-        self._extractor = SiftExtractor(rig.right)
+        self._extractor = extractor or SiftExtractor(rig.right)
         self._draft = DraftMap()
         self._poses: list[FloatArray] = []
         self._pose_covariances: list[FloatArray] = []
@@ -150,7 +160,8 @@ class StereoMapper:
         if self._bound_drift and len(self._poses) > 1:
             self._refine(0, iterations=10)
             draft.merge_duplicates()
-            self._refine(0, iterations=5)
+            # now that it is known how precisely each landmark is seen
+            self._refine(0, iterations=5, by_noise=True)
         twice = np.bincount(draft.sightings.landmark, minlength=len(draft)) >= 2
         if not twice.any():
             raise ArgumentError("no landmark was seen twice: the run gives no map")
@@ -255,7 +266,7 @@ class StereoMapper:
         self._draft.look(landmarks, directions, part.features, per_px)
         self._draft.sight(landmarks, part, len(self._poses) - 1)
 
-    def _refine(self, first: int, *, iterations: int = 4) -> None:
+    def _refine(self, first: int, *, iterations: int = 4, by_noise: bool = False) -> None:
         """Adjust the poses from `first` on, and all landmarks these see; of all poses, the very first stays."""
         draft = self._draft
         everything = draft.sightings
@@ -263,7 +274,9 @@ class StereoMapper:
         involved[everything.landmark[everything.frame >= first]] = True
         part = everything.take(involved[everything.landmark])
         number = np.cumsum(involved) - 1
-        part = type(part)(part.frame, number[part.landmark], part.measured_px, part.std_px)
+        noise = draft.noise[involved] if by_noise else np.ones(int(involved.sum()))
+        landmark = number[part.landmark]
+        part = Sightings(part.frame, landmark, part.measured_px, part.std_px * noise[landmark])
         fixed = np.arange(len(self._poses)) < max(first, 1)
         refined = refine(
             self.rig, np.array(self._poses), draft.positions_m[involved], part, fixed, iterations=iterations
@@ -274,4 +287,4 @@ class StereoMapper:
             self._pose_covariances = list(refined.pose_covariances)
         draft.positions_m[involved] = refined.landmarks_m
         draft.covariances[involved] = refined.covariances
-        draft.noise[involved] = refined.noise
+        draft.noise[involved] = noise * refined.noise

@@ -102,7 +102,7 @@ def shade(
     met: npt.NDArray[np.int16],
     image: Floats,
 ) -> None:
-    """Mean light of each pixel's rays: the panels' textures (trilinear in their pyramids) under ambient light and lamps.
+    """Mean light of each pixel's rays: the panels' textures (trilinear) under ambient light and lamps.
 
     Parameters
     ----------

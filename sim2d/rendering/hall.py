@@ -6,7 +6,6 @@ Everything is a textured rectangle that hides what is behind it. Field frame, me
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -103,9 +102,8 @@ class Hall:
                 texels.append(np.rint(picture).astype(np.uint8).reshape(-1, 3))
                 first += rows * columns
                 smaller = (max(columns // 2, 1), max(rows // 2, 1))
-                picture = np.asarray(cv2.resize(picture, smaller, interpolation=cv2.INTER_AREA)).reshape(
-                    *smaller[::-1], 3
-                )
+                reduced = cv2.resize(picture, smaller, interpolation=cv2.INTER_AREA)
+                picture = np.asarray(reduced, dtype=np.float32).reshape(*smaller[::-1], 3)
         return np.concatenate(texels), levels
 
     def rearranged(self, share: float, rng: np.random.Generator) -> Hall:
@@ -165,7 +163,7 @@ def make_hall(
     for number, (corner, along, width) in enumerate(walls):
         texture = wear(hall_textures.wall(rng, width, height, bricks=number % 2 == 1))
         panels.append(Panel(corner, along, (0.0, 0.0, 1.0), (width, height), texture))
-    floor = wear(hall_textures.floor(rng, length, depth, (min(4.0, length / 2), min(3.0, depth / 2))))
+    floor = wear(hall_textures.floor(rng, length, depth, (0.6 * length, 0.515 * depth)))
     panels.append(Panel((-length / 2, -depth / 2, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (length, depth), floor))
     above = wear(hall_textures.ceiling(rng, length, depth))
     panels.append(Panel((-length / 2, depth / 2, height), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (length, depth), above))
@@ -177,16 +175,16 @@ def make_hall(
         corner, along, width = walls[int(rng.choice(4, p=widths / widths.sum()))]
         # every third a picture, as far as they go
         is_picture = number % 3 == 0 and number // 3 < len(pictures)
-        texture = pictures[order[number // 3]] if is_picture else hall_textures.notice(rng)
+        drawn = pictures[order[number // 3]] if is_picture else hall_textures.notice(rng)
         wide = float(rng.uniform(0.45, 1.3))
-        high = min(wide * texture.shape[0] / texture.shape[1], 0.9 * height)
+        high = min(wide * drawn.shape[0] / drawn.shape[1], 0.9 * height)
         start = float(rng.uniform(0.05, width - wide - 0.05))
         low = float(rng.uniform(0.15, max(height - high - 0.1, 0.16)))
         # posters overlap: each hangs a little before the one below it
         before = _inward(along, 0.004 + 0.0005 * number)
         origin = tuple(float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
         place = (origin[0], origin[1], low)
-        panels.append(Panel(place, along, (0.0, 0.0, 1.0), (wide, high), wear(texture), is_poster=True))
+        panels.append(Panel(place, along, (0.0, 0.0, 1.0), (wide, high), wear(drawn), is_poster=True))
     for _ in range(furniture):
         corner, along, width = walls[int(rng.choice(4, p=widths / widths.sum()))]
         wide, deep, high = float(rng.uniform(0.35, 1.0)), float(rng.uniform(0.25, 0.6)), float(rng.uniform(0.4, 1.7))
@@ -329,10 +327,3 @@ def loop_path(count: int, length_m: float = 10.0, *, shift_m: float = 0.0, turns
         y = ratio * semi * math.sin(angle) - shift_m * math.cos(heading)
         poses.append(Pose2(float(x), float(y), heading))
     return poses
-
-
-def render_rig(
-    renderers: Sequence[HallCamera], hall: Hall, pose: Pose2, light: HallLight | None = None
-) -> list[Floats]:
-    """Render the same moment for several cameras of one robot."""
-    return [renderer.render(hall, pose, light) for renderer in renderers]

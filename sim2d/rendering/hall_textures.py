@@ -57,7 +57,8 @@ def bundled_pictures() -> tuple[UInt8Array, ...]:
         picture = cv2.imread(str(folder / name)) if (folder / name).is_file() else None
         if picture is not None:
             shrink = min(1.0, _PICTURE_SIDE_PX / max(picture.shape[:2]))
-            found.append(np.asarray(cv2.resize(picture, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)))
+            small = cv2.resize(picture, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
+            found.append(np.asarray(small, dtype=np.uint8))
     return tuple(found)
 
 
@@ -72,8 +73,8 @@ def _grain(rng: np.random.Generator, drawn: UInt8Array, sigma: float) -> UInt8Ar
     rows, columns = picture.shape[:2]
     for cell, share in ((1, 0.5), (8, 0.6), (max(rows // 8, 2), 1.0)):
         noise = rng.standard_normal((rows // cell + 2, columns // cell + 2)).astype(np.float32)
-        noise = cv2.resize(noise, (columns, rows), interpolation=cv2.INTER_CUBIC)
-        picture = picture + noise[..., None] * np.float32(share * sigma)
+        spread = np.asarray(cv2.resize(noise, (columns, rows), interpolation=cv2.INTER_CUBIC), dtype=np.float32)
+        picture = picture + spread[..., None] * np.float32(share * sigma)
     return np.asarray(np.clip(picture, 0, 255), dtype=np.uint8)
 
 
@@ -146,7 +147,7 @@ def notice(rng: np.random.Generator) -> UInt8Array:
         elif shape == 1:
             cv2.ellipse(picture, (x, y), (w // 2, h // 2), float(rng.uniform(0, 180)), 0, 360, _color(rng), -1)
         else:
-            corners = rng.integers(-80, 80, (3, 2)) + (x, y)
+            corners = rng.integers(-80, 80, (3, 2)) + np.array([x, y])
             cv2.fillPoly(picture, [corners.astype(np.int32)], _color(rng))
     for _ in range(rng.integers(3, 9)):
         word = str(rng.choice(_WORDS))
