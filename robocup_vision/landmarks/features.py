@@ -133,6 +133,8 @@ class SiftExtractor:
         """
         check_frame(frame, self.camera)
         tiles = _tiles(places_px, self.camera.size_px, most_share)
+        if not tiles:
+            return features_of(self.camera, (), None)
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         columns = max(math.isqrt(len(tiles)), 1)
         mosaic = np.zeros((-(-len(tiles) // columns) * TILE_PX, columns * TILE_PX), dtype=np.uint8)

@@ -66,7 +66,7 @@ def fit_stereo(
     def linearise(pose: FloatArray) -> Linearised:
         turn = world_to_camera(camera, pose[2])
         residual = points_m - to_camera(camera, pose, landmarks_m)
-        weight = np.asarray(np.linalg.inv(turn @ landmark_cov @ turn.T + point_cov), dtype=np.float64)
+        weight = _inverse(turn @ landmark_cov @ turn.T + point_cov)
         squared = np.einsum("ni,nij,nj->n", residual, weight, residual)
         return squared, residual, -point_by_pose(camera, pose, landmarks_m), weight
 
@@ -92,12 +92,16 @@ def fit_pixels(
         by_world = by_point @ world_to_camera(camera, pose[2])
         covariance = by_world @ landmark_cov @ by_world.transpose(0, 2, 1)
         covariance += (std_px**2)[:, None, None] * np.eye(2)
-        weight = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+        weight = _inverse(covariance)
         residual = pixels - project(camera, points)
         squared = np.einsum("ni,nij,nj->n", residual, weight, residual)
         return squared, residual, -by_point @ point_by_pose(camera, pose, landmarks_m), weight
 
     return (_search if exhaustive else _descend)(linearise, start, CHI2_2DOF)
+
+
+def _inverse(matrices: FloatArray) -> FloatArray:
+    return np.linalg.inv(matrices).astype(np.float64)
 
 
 def _descend(linearise: Callable[[FloatArray], Linearised], start: FloatArray, bound: float) -> PoseFit:
