@@ -173,14 +173,18 @@ def drift(poses: Sequence[Pose2], frames: Sequence[HallFrame]) -> npt.NDArray[np
     return np.asarray(np.abs(off).mean(axis=0) * (1e3, 1e3, 180 / math.pi))
 
 
-def crowded(landmarks: LandmarkMap, count: int, rng: np.random.Generator) -> LandmarkMap:
-    """Return a map of the same hall with `count` landmarks: copies of its own, a few centimetres away."""
-    copies = rng.integers(0, len(landmarks), count)
-    shift = np.where(np.arange(count)[:, None] < len(landmarks), 0.0, rng.normal(0, 0.05, (count, 3)))
-    views = [np.flatnonzero(landmarks.view_landmark == k) for k in range(len(landmarks))]
-    chosen = [views[k] for k in copies]
-    of = np.repeat(np.arange(count), [len(v) for v in chosen])
-    rows = np.concatenate(chosen)
+def building(landmarks: LandmarkMap, count: int, rng: np.random.Generator) -> LandmarkMap:
+    """Return a map of `count` landmarks: this hall's, and the same again in hall after hall beside it."""
+    turn = np.arange(count) // len(landmarks)
+    copies = np.concatenate([rng.permutation(len(landmarks)) for _ in range(int(turn[-1]) + 1)])[:count]
+    side = math.isqrt(int(turn[-1])) + 1
+    shift = np.stack([turn % side * 9.5, turn // side * 7.5, np.zeros(count)], axis=-1)
+    order = np.argsort(landmarks.view_landmark, kind="stable")
+    number = np.bincount(landmarks.view_landmark, minlength=len(landmarks))
+    first = np.cumsum(number) - number
+    of = np.repeat(np.arange(count), number[copies])
+    within = np.arange(len(of)) - np.repeat(np.cumsum(number[copies]) - number[copies], number[copies])
+    rows = order[first[copies[of]] + within]
     return LandmarkMap(
         landmarks.positions_m[copies] + shift, landmarks.covariances[copies], landmarks.noise[copies],
         landmarks.seen[copies], landmarks.missed[copies], of, landmarks.view_direction[rows],
@@ -199,13 +203,13 @@ def cost(
     rng = np.random.default_rng([seed, 5])
     sums = []
     for size in sizes:
-        localizer = LandmarkLocalizer(crowded(landmarks, size, rng), HALL_CAMERA)
+        localizer = LandmarkLocalizer(building(landmarks, size, rng), HALL_CAMERA)
         in_view = len(expect(localizer.landmarks, HALL_CAMERA, truth[0].array))
         times = []
-        for turn in range(3):
+        for repeat in range(3):
             for index, features in enumerate(runs):
-                t = localizer.look_at(features, truth[max(index - 1, 0)]).timings_s
-                if turn and "relocate" not in t:
+                t = localizer.look_near(features, truth[max(index - 1, 0)]).timings_s
+                if repeat:
                     times.append([t["select"], t["match"], t["fit"]])
         parts = 1e3 * np.median(times, axis=0)
         total = 1e3 * np.sum(times, axis=1)
@@ -360,12 +364,13 @@ def main() -> None:
     ok = len(s.errors) == s.frames and bool((s.median <= limit).all())
     all_ok &= ok
     print(f"second run, selected: median at most 5 mm, 5 mm, 0.05 deg, every frame located: {verdict(ok)}")
-    worse = moved.median / s.median
-    ok = len(moved.errors) == moved.frames and bool((worse <= 2).all())
+    position = [float(np.median(np.hypot(run.errors[:, 0], run.errors[:, 1]))) for run in (moved, s)]
+    ratios = (position[0] / position[1], float(moved.median[2] / s.median[2]))
+    ok = len(moved.errors) == moved.frames and max(ratios) <= 2
     all_ok &= ok
     print(
-        f"posters changed: {len(moved.errors)}/{moved.frames} located, median errors "
-        f"{worse[0]:.2f}, {worse[1]:.2f}, {worse[2]:.2f} times (at most 2): {verdict(ok)}"
+        f"posters changed: {len(moved.errors)}/{moved.frames} located, median errors of position and heading "
+        f"{ratios[0]:.2f} and {ratios[1]:.2f} times (at most 2): {verdict(ok)}"
     )
 
     everywhere = localizer(ours, camera=HALL_CAMERA)
@@ -395,7 +400,7 @@ def cheaper(
     """SIFT, SIFT of fewer pixels and ORB on the second run: time of the features, and errors against the truth."""
     table = Table(
         ("features              ", "located", "median mm", "mm  ", "deg ", "ms    ", "less than SIFT", "verdict"),
-        "Cheaper features, second run, real truth",
+        "Cheaper features, second run with odometry 5 % off, real truth",
     )
     truth = [f.pose for f in second]
     kinds = [
@@ -411,7 +416,11 @@ def cheaper(
     for name, localizer in kinds:
         errors, times = [], []
         for index, frame in enumerate(second):
-            sight = localizer.look(frame.images[0], truth[max(index - 1, 0)])
+            # odometry that is 5 % off
+            before = truth[max(index - 1, 0)]
+            step = before.inverse().compose(frame.pose)
+            moved = Pose2(1.05 * step.x_m, 1.05 * step.y_m, 1.05 * step.theta_rad)
+            sight = localizer.look(frame.images[0], before.compose(moved))
             times.append(sight.timings_s["features"])
             if sight.pose:
                 off = sight.pose.pose.array - frame.pose.array

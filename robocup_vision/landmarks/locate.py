@@ -195,6 +195,10 @@ class LandmarkLocalizer:
         sight.timings_s["relocate"] = relocated_s
         return sight
 
+    def look_near(self, features: Features, prior: Pose2) -> Sight:
+        """Locate the robot by features near a prior only: the whole map is not searched where that fails."""
+        return self._near(features, prior.array, None)
+
     def _near(self, features: Features, pose: FloatArray, rng: np.random.Generator | None) -> Sight:
         started = time.perf_counter()
         expected = self._expect(pose, rng)
@@ -279,8 +283,9 @@ class LandmarkLocalizer:
         agree = int(fit.inliers.sum())
         if agree < LEAST_INLIERS or agree < _LEAST_SHARE * matched:
             return NotLocated(f"only {agree} of {matched} found landmarks agree on a pose")
-        # what the found landmarks leave open, and what all of them around here share
-        covariance = fit.covariance + self.landmarks.drift(fit.pose)
+        # what the found landmarks leave open (more in poor light than the map was made in), and what they all share
+        poorer = max(float(fit.squared[fit.inliers].sum()) / max(2 * agree - 3, 1), 1.0)
+        covariance = fit.covariance * poorer + self.landmarks.drift(fit.pose)
         std = np.sqrt(np.diag(covariance))
         if not max(std[:2]) < _MOST_STD_M:
             return NotLocated(f"{agree} landmarks tell the position to {max(std[:2]):.2f} m only")

@@ -144,8 +144,8 @@ class TimeBudget:
 
     @property
     def landmarks(self) -> int:
-        """How many fit; never fewer than 8, which a pose needs."""
-        return max(math.floor((self._limit_s - self._fixed_s) / self._each_s), 8)
+        """How many fit; never fewer than 16: not all are found, and a pose needs 6."""
+        return max(math.floor((self._limit_s - self._fixed_s) / self._each_s), 16)
 
     def learn(self, fixed_s: float, matching_s: float, landmarks: int) -> None:
         """Take account of a frame: the time apart from matching, that of matching, and how many were matched."""

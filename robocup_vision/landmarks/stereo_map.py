@@ -282,8 +282,9 @@ class StereoMapper:
             self.rig, np.array(self._poses), draft.positions_m[involved], part, fixed, iterations=iterations
         )
         self._poses = list(refined.poses)
-        if first == 0:
-            # over a window the older poses' own uncertainty would be left out
+        if first == 0 and not by_noise:
+            # over a window the older poses' own uncertainty would be left out; and by the landmarks' own noise the
+            # run would seem better than it is: a landmark's errors in successive moments are much the same
             self._pose_covariances = list(refined.pose_covariances)
         draft.positions_m[involved] = refined.landmarks_m
         draft.covariances[involved] = refined.covariances

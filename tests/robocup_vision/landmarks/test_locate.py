@@ -219,7 +219,7 @@ def test_a_time_budget_learns():
     assert budget.landmarks == pytest.approx(600, rel=0.02)
     for _ in range(60):
         budget.learn(5e-3, 60e-6, 60)
-    assert budget.landmarks == 8
+    assert budget.landmarks == 16
     with pytest.raises(ArgumentError, match="must be positive"):
         TimeBudget(0.0)
 
@@ -227,7 +227,7 @@ def test_a_time_budget_learns():
 def test_vision_tracks_forgets_and_draws(short_run):
     mask = np.zeros((240, 320), dtype=np.uint8)
     mask[200:] = 1
-    vision = LandmarkVision(short_run.landmarks, HALL_CAMERA, limit_s=2e-3, mask=mask)
+    vision = LandmarkVision(short_run.landmarks, HALL_CAMERA, limit_s=1.0, mask=mask)
     frames = [frame.images[0] for frame in short_run.second]
     first = vision.look(frames[0], t_s=0.5)
     assert first.t_s == 0.5
