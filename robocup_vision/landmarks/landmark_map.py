@@ -278,14 +278,12 @@ def load_map(path: str | Path) -> LandmarkMap:
     """
     known = [f.name for f in fields(LandmarkMap)]
     try:
+        # NumPy alone reads on over a wrong checksum
+        with zipfile.ZipFile(path) as packed:
+            torn = packed.testzip()
+        if torn is not None:
+            raise FileError(path, f"is damaged or no landmark map (checksum of {torn})")
         with np.load(path, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise FileError(path, "is not a landmark map (.npz)")
-            # NumPy alone reads on over a wrong checksum
-            with zipfile.ZipFile(path) as packed:
-                torn = packed.testzip()
-            if torn is not None:
-                raise FileError(path, f"is damaged or no landmark map (checksum of {torn})")
             if "format" not in archive.files:
                 raise FileError(path, "is missing, so this is no landmark map", key="format")
             version = archive["format"]
