@@ -34,7 +34,7 @@ GATE_PX = 40.0  # eqs. 16 and 17, for images 320 wide
 _KNOWN_GATE_PX = 4.0
 _SIZE_RATIO = 1.6
 _SCOUTS = 16
-_REGIONS_SHARE = 0.25
+_REGIONS_SHARE = 0.17
 _LEAST_SCOUT_SHARE = 0.6
 _WIDTHS = np.array([30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0])
 LEAST_INLIERS = 6
@@ -90,7 +90,7 @@ class LandmarkLocalizer:
     extractor : Extractor, optional
         What finds the features; what the map was made with. SIFT unless given.
     regions : bool
-        With a prior, look for SIFT features only in tiles around the most telling landmarks, a quarter of the frame.
+        With a prior, look for SIFT features only in tiles around the most telling landmarks, a sixth of the frame.
         The prior must then be good to some 10 pixels; where it was not, the whole frame is looked at.
     exhaustive : bool
         Search the pose as the paper does: slow and coarse, a reference.
