@@ -63,9 +63,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     from robocup_vision.calibration.check_command import add_check_parser
     from robocup_vision.calibration.command import add_calibrate_parser
+    from robocup_vision.landmarks.command import add_map_parser, run_map
     from sim2d.match_command import add_match_parser, add_tournament_parser, run_match_command, run_tournament
     from sim2d.rendering.command import add_render_parser, run_render
     from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
+    from sim2d.rendering.hall_command import add_render_hall_parser, run_render_hall
 
     parser = _Parser(prog="robocup-vision", description="One camera frame in; a robot's pose, free floor and ball out.")
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
@@ -81,6 +83,10 @@ def _parser() -> argparse.ArgumentParser:
     match.set_defaults(run=run_match_command)
     tournament: argparse.ArgumentParser = add_tournament_parser(commands)
     tournament.set_defaults(run=run_tournament)
+    render_hall: argparse.ArgumentParser = add_render_hall_parser(commands)
+    render_hall.set_defaults(run=run_render_hall)
+    landmark_map: argparse.ArgumentParser = add_map_parser(commands)
+    landmark_map.set_defaults(run=run_map)
     fields = commands.add_parser("fields", help="list the built-in fields")
     fields.set_defaults(run=_run_fields)
     return parser
@@ -98,6 +104,7 @@ def _add_evaluate_parser(commands: argparse._SubParsersAction[_Parser]) -> None:
     evaluate.add_argument("--camera", metavar="C", help="camera file (needed without a dataset.toml)")
     evaluate.add_argument("--colors", metavar="K", help="colour file (default: learnt from the images)")
     evaluate.add_argument("--method", metavar="M", help="floor, hull, field, goal or landmarks (default: by camera)")
+    evaluate.add_argument("--map", metavar="MAP", help="landmark map (.npz), for method landmarks")
     evaluate.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
     evaluate.add_argument("--jobs", metavar="N", type=int, default=1, help="number of processes (default: 1)")
     evaluate.set_defaults(run=_run_evaluate)
@@ -108,7 +115,12 @@ def _run_evaluate(options: argparse.Namespace) -> int:
     from robocup_vision.evaluation.run import evaluate
 
     dataset = load_dataset(
-        options.dataset, field=options.field, camera=options.camera, colors=options.colors, method=options.method
+        options.dataset,
+        field=options.field,
+        camera=options.camera,
+        colors=options.colors,
+        method=options.method,
+        landmark_map=options.map,
     )
     out = Path(options.out) if options.out is not None else Path("out") / dataset.name
     summary = evaluate(dataset, out, options.jobs)

@@ -25,6 +25,7 @@ from robocup_vision.evaluation.video_file import count_video_frames, read_video
 from robocup_vision.geometry import Pose2
 
 if TYPE_CHECKING:
+    from robocup_vision.landmarks.landmark_map import LandmarkMap
     from robocup_vision.perception.color_table import Colors
 
 Word = TypeVar("Word", bound=str)
@@ -45,6 +46,7 @@ class _DatasetFile(StrictStruct):
     frames: str | None = None
     truth: str | None = None
     mask: str | None = None
+    map: str | None = None
     symmetry: str = "none"
 
 
@@ -91,6 +93,8 @@ class Dataset:
         "point": errors count modulo a half turn about the field's centre.
     notes : tuple of str
         Lines the user should see, such as that a video ends early.
+    landmarks : LandmarkMap or None
+        What method "landmarks" locates by.
     """
 
     name: str
@@ -105,6 +109,7 @@ class Dataset:
     mask: npt.NDArray[np.uint8] | None
     symmetry: Symmetry
     notes: tuple[str, ...] = ()
+    landmarks: LandmarkMap | None = None
 
     @property
     def is_video(self) -> bool:
@@ -142,6 +147,7 @@ def load_dataset(
     camera: str | Path | None = None,
     colors: str | Path | None = None,
     method: str | None = None,
+    landmark_map: str | Path | None = None,
 ) -> Dataset:
     """Load and check a dataset, without reading its frames.
 
@@ -156,6 +162,8 @@ def load_dataset(
         Paths of camera and colour file.
     method : {"floor", "field", "goal", "landmarks", "hull"}, optional
         How the pose is told.
+    landmark_map : str or Path, optional
+        Path of the map that method "landmarks" locates by; given alone, it chooses that method.
 
     Raises
     ------
@@ -187,7 +195,9 @@ def load_dataset(
     colors_path = colors if colors is not None else _beside(folder, description.colors)
     mask_path = _beside(folder, description.mask)
     image_names, notes = _find_images(description_path, source, mask_path)
-    chosen = _method(description_path, method or description.method, loaded_field, loaded_camera)
+    map_path = Path(landmark_map) if landmark_map is not None else _beside(folder, description.map)
+    wanted = method or ("landmarks" if landmark_map is not None else description.method)
+    chosen = _method(description_path, wanted, loaded_field, loaded_camera)
     return Dataset(
         name=folder.resolve().name if folder.is_dir() else folder.stem,
         path=source,
@@ -201,6 +211,7 @@ def load_dataset(
         mask=_mask(mask_path, loaded_camera.size_px),
         symmetry=_one_of(description_path, "symmetry", description.symmetry, SYMMETRIES),
         notes=notes,
+        landmarks=_landmarks(description_path, map_path, loaded_camera) if chosen == "landmarks" else None,
     )
 
 
@@ -234,6 +245,16 @@ def _method(path: Path, method: str | None, field: Field, camera: OmniCamera | P
         problem = f"needs a floor that ends at walls or boards, that of field '{field.name}' does not"
         raise FileError(path, problem, key="method", value=chosen)
     return chosen
+
+
+def _landmarks(path: Path, map_path: Path | None, camera: OmniCamera | PinholeCamera) -> LandmarkMap:
+    if not isinstance(camera, PinholeCamera) or not camera.known_orientation:
+        raise FileError(path, "needs a pinhole camera of known tilt_rad", key="method", value="landmarks")
+    if map_path is None:
+        raise FileError(path, "is needed by method 'landmarks' (or --map)", key="map")
+    from robocup_vision.landmarks.landmark_map import load_map
+
+    return load_map(map_path)
 
 
 def _find_images(path: Path, source: Path, mask_path: Path | None) -> tuple[tuple[str, ...], tuple[str, ...]]:

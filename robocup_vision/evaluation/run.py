@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
+from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
@@ -57,7 +58,11 @@ DrawOverlay = Callable[[Any, ImageArray, Any], ImageArray]
 
 
 def make_default_vision(dataset: Dataset) -> VisionLike:
-    """Build the library's own `Vision` for a dataset."""
+    """Build the library's own `Vision` for a dataset; for method "landmarks" its `LandmarkVision`."""
+    if dataset.landmarks is not None and isinstance(dataset.camera, PinholeCamera):
+        from robocup_vision.landmarks.vision import LandmarkVision
+
+        return LandmarkVision(dataset.landmarks, dataset.camera, mask=dataset.mask)
     from robocup_vision import vision
 
     # any other method is refused there, with the reason
@@ -66,7 +71,11 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
 
 
 def draw_default_overlay(view: Any, frame: ImageArray, vision: Any) -> ImageArray:
-    """Draw a frame with what `Vision` saw in it."""
+    """Draw a frame with what `Vision` or `LandmarkVision` saw in it."""
+    from robocup_vision.landmarks.vision import LandmarkView, draw_landmarks
+
+    if isinstance(view, LandmarkView):
+        return draw_landmarks(view, frame)
     from robocup_vision.overlay import draw
 
     return draw(view, frame, vision)

@@ -1,1 +1,1 @@
-"""Compiled loops of the simulator's match camera, one file a concept; the tests hold each against plain NumPy."""
+"""Compiled loops of the simulator; each is held against a plain NumPy twin by the tests."""

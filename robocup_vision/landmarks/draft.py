@@ -1,0 +1,198 @@
+"""A map in the making: landmarks are added, updated and merged, and every sighting is kept for the refinement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robocup_vision.geometry import FloatArray
+from robocup_vision.landmarks.features import Features, Floats, to_bytes
+from robocup_vision.landmarks.landmark_map import Indices, LandmarkMap
+from robocup_vision.landmarks.pose_fit import CHI2_3DOF
+from robocup_vision.landmarks.refinement import Sightings
+from robocup_vision.landmarks.stereo import StereoPoints
+
+# two landmarks that look like this much the same (distance of unit descriptors) may be one
+_SAME_LOOK = 0.45
+_SAME_PLACE_M = 0.15
+_CHUNK = 512
+
+
+def _none(*shape: int) -> FloatArray:
+    return np.empty((0, *shape))
+
+
+def _no_index() -> Indices:
+    return np.empty(0, dtype=np.int64)
+
+
+@dataclass(eq=False)
+class DraftMap:
+    """Growing arrays of a `LandmarkMap`, with the sightings."""
+
+    positions_m: FloatArray = field(default_factory=lambda: _none(3))
+    covariances: FloatArray = field(default_factory=lambda: _none(3, 3))
+    noise: FloatArray = field(default_factory=_none)
+    seen: Indices = field(default_factory=_no_index)
+    missed: Indices = field(default_factory=_no_index)
+    last_frame: Indices = field(default_factory=_no_index)
+    view_landmark: Indices = field(default_factory=_no_index)
+    view_direction: Indices = field(default_factory=_no_index)
+    view_descriptors: Floats = field(default_factory=lambda: np.empty((0, 128), dtype=np.float32))
+    view_contrast: FloatArray = field(default_factory=_none)
+    view_size_m: FloatArray = field(default_factory=_none)
+    view_spacing_m: FloatArray = field(default_factory=_none)
+    sightings: Sightings = field(default_factory=lambda: Sightings(_no_index(), _no_index(), _none(4), _none()))
+    _row: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.positions_m)
+
+    def add(self, positions_m: FloatArray, covariances: FloatArray, frame: int) -> Indices:
+        """Add landmarks and return their indices."""
+        count = len(positions_m)
+        start = len(self)
+        self.positions_m = np.concatenate([self.positions_m, positions_m])
+        self.covariances = np.concatenate([self.covariances, covariances])
+        self.noise = np.append(self.noise, np.ones(count))
+        self.seen = np.append(self.seen, np.ones(count, dtype=np.int64))
+        self.missed = np.append(self.missed, np.zeros(count, dtype=np.int64))
+        self.last_frame = np.append(self.last_frame, np.full(count, frame))
+        return np.arange(start, start + count)
+
+    def look(self, landmarks: Indices, directions: Indices, features: Features, per_px: FloatArray) -> None:
+        """Note what landmarks look like: a direction already known is updated, a new one added.
+
+        Parameters
+        ----------
+        landmarks, directions : (N,) int64
+        features : Features
+            N of them.
+        per_px : (N,) float64
+            Metres a pixel at each landmark.
+        """
+        new: list[int] = []
+        for k, key in enumerate(zip(landmarks.tolist(), directions.tolist(), strict=True)):
+            row = self._row.get(key)
+            if row is None:
+                self._row[key] = len(self.view_landmark) + len(new)
+                new.append(k)
+                continue
+            self.view_descriptors[row] = features.descriptors[k]
+            self.view_contrast[row] = features.contrast[k]
+            self.view_size_m[row] = features.size_px[k] * per_px[k]
+            self.view_spacing_m[row] = features.spacing_px[k] * per_px[k]
+        self.view_landmark = np.append(self.view_landmark, landmarks[new])
+        self.view_direction = np.append(self.view_direction, directions[new])
+        if not len(self.view_descriptors):
+            self.view_descriptors = features.descriptors[:0]
+        self.view_descriptors = np.concatenate([self.view_descriptors, features.descriptors[new]])
+        self.view_contrast = np.append(self.view_contrast, features.contrast[new])
+        self.view_size_m = np.append(self.view_size_m, features.size_px[new] * per_px[new])
+        self.view_spacing_m = np.append(self.view_spacing_m, features.spacing_px[new] * per_px[new])
+
+    def sight(self, landmarks: Indices, points: StereoPoints, frame: int) -> None:
+        """Note that a frame saw landmarks (N,) as N stereo points."""
+        old = self.sightings
+        self.sightings = Sightings(
+            np.append(old.frame, np.full(len(landmarks), frame)),
+            np.append(old.landmark, landmarks),
+            np.concatenate([old.measured_px, points.measured_px]),
+            np.append(old.std_px, points.std_px),
+        )
+        self.last_frame[landmarks] = frame
+
+    def merge_duplicates(self) -> int:
+        """Make one of landmarks that look alike at one place and were never seen side by side; return how many went."""
+        pairs = self._alike()
+        together: dict[int, set[int]] = {}
+        for frame, landmark in zip(self.sightings.frame.tolist(), self.sightings.landmark.tolist(), strict=True):
+            together.setdefault(landmark, set()).add(frame)
+        into = np.arange(len(self))
+        for i, j in pairs:
+            a, b = int(into[i]), int(into[j])
+            frames_a, frames_b = together.get(a, set()), together.get(b, set())
+            if a == b or frames_a & frames_b:
+                continue
+            keep, drop = min(a, b), max(a, b)
+            into[into == drop] = keep
+            together[keep] = frames_a | frames_b
+            weight = np.linalg.inv(self.covariances[[keep, drop]])
+            self.covariances[keep] = np.linalg.inv(weight.sum(axis=0))
+            self.positions_m[keep] = self.covariances[keep] @ (
+                weight[0] @ self.positions_m[keep] + weight[1] @ self.positions_m[drop]
+            )
+            self.seen[keep] += self.seen[drop]
+            self.missed[keep] = max(self.missed[keep], self.missed[drop])
+            self.last_frame[keep] = max(self.last_frame[keep], self.last_frame[drop])
+        kept = into == np.arange(len(self))
+        self.view_landmark = into[self.view_landmark]
+        self.sightings = Sightings(
+            self.sightings.frame, into[self.sightings.landmark], self.sightings.measured_px, self.sightings.std_px
+        )
+        self.keep(kept)
+        return int((~kept).sum())
+
+    def _alike(self) -> list[tuple[int, int]]:
+        """Pairs at one place that look alike, the nearest first."""
+        count = len(self)
+        look = np.zeros((count, self.view_descriptors.shape[1]), dtype=np.float32)
+        look[self.view_landmark] = self.view_descriptors  # of several views the last
+        found: list[tuple[float, int, int]] = []
+        square = (self.positions_m**2).sum(axis=1)
+        for low in range(0, count, _CHUNK):
+            high = min(low + _CHUNK, count)
+            apart2 = square[low:high, None] + square[None] - 2 * self.positions_m[low:high] @ self.positions_m.T
+            i, j = np.nonzero(apart2 < _SAME_PLACE_M**2)
+            i += low
+            i, j = i[i < j], j[i < j]
+            i, j = (index[(look[i] * look[j]).sum(axis=1) > 1 - _SAME_LOOK**2 / 2] for index in (i, j))
+            offset = self.positions_m[i] - self.positions_m[j]
+            weight = np.linalg.inv(self.covariances[i] + self.covariances[j])
+            squared = np.einsum("ni,nij,nj->n", offset, weight, offset)
+            near = squared < CHI2_3DOF
+            found += zip(squared[near].tolist(), i[near].tolist(), j[near].tolist(), strict=True)
+        return [(i, j) for _, i, j in sorted(found)]
+
+    def keep(self, kept: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> None:
+        """Drop the other landmarks, with their views and sightings."""
+        number = np.cumsum(kept) - 1
+        for name in ("positions_m", "covariances", "noise", "seen", "missed", "last_frame"):
+            setattr(self, name, getattr(self, name)[kept])
+        rows = kept[self.view_landmark]
+        # a landmark merged from two may have two views from one direction: the later stays
+        latest = {
+            (int(landmark), int(direction)): int(r)
+            for r, landmark, direction in zip(
+                np.flatnonzero(rows), self.view_landmark[rows], self.view_direction[rows], strict=True
+            )
+        }
+        chosen = np.array(sorted(latest.values()), dtype=np.int64)
+        for name in ("view_direction", "view_descriptors", "view_contrast", "view_size_m", "view_spacing_m"):
+            setattr(self, name, getattr(self, name)[chosen])
+        self.view_landmark = number[self.view_landmark[chosen]]
+        self._row = {
+            (int(landmark), int(direction)): r
+            for r, (landmark, direction) in enumerate(zip(self.view_landmark, self.view_direction, strict=True))
+        }
+        s = self.sightings.take(kept[self.sightings.landmark])
+        self.sightings = Sightings(s.frame, number[s.landmark], s.measured_px, s.std_px)
+
+    def finished(self, trajectory: FloatArray, trajectory_cov: FloatArray) -> LandmarkMap:
+        """Return the map as it is now."""
+        return LandmarkMap(
+            self.positions_m.copy(),
+            (self.covariances + self.covariances.transpose(0, 2, 1)) / 2,
+            self.noise.copy(),
+            self.seen.copy(),
+            self.missed.copy(),
+            self.view_landmark.copy(),
+            self.view_direction.copy(),
+            to_bytes(self.view_descriptors),
+            self.view_contrast.copy(),
+            self.view_size_m.copy(),
+            self.view_spacing_m.copy(),
+            trajectory.copy(),
+            (trajectory_cov + trajectory_cov.transpose(0, 2, 1)) / 2,
+        )

@@ -1,0 +1,347 @@
+"""SIFT keypoints with what the map needs of them: place, contrast, scale; and matching by one matrix product.
+
+After Ogawa et al. (2011), section 2.1: contrast is |D| of the difference of Gaussians, and the spacing of the octave a
+keypoint was found in, d_s, says how precisely it is placed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import FrameError
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.landmark_matching import best_two
+
+UInt8Array = npt.NDArray[np.uint8]
+Floats = npt.NDArray[np.float32]
+Indices = npt.NDArray[np.int64]
+
+RATIO = 0.7  # eq. 3
+# unit descriptors farther apart than this are of different things even where no rival is near: a right angle is 1.41
+MOST_DISTANCE = 0.75
+# descriptors are stored in bytes; a unit vector's largest entries are near 0.4 after SIFT's own clipping
+BYTE_SCALE = 512.0
+# side of the tiles that `extract_near` looks at, and how much of their rim it leaves out
+TILE_PX = 56
+TILE_MARGIN_PX = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Features:
+    """Keypoints of one image.
+
+    Parameters
+    ----------
+    pixels : (N, 2) float64
+        Where they are, u and v, with the lens's distortion taken out: x, y of an ideal camera of equal focal length.
+    size_px : (N,) float64
+        Diameter of what each describes.
+    spacing_px : (N,) float64
+        d_s: pixels between samples of the octave each was found in.
+    contrast : (N,) float64
+        |D|.
+    descriptors : (N, D) float32
+        Unit vectors; D is 128 for SIFT.
+    """
+
+    pixels: FloatArray
+    size_px: FloatArray
+    spacing_px: FloatArray
+    contrast: FloatArray
+    descriptors: Floats
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.int64] | npt.NDArray[np.bool_]) -> Features:
+        """Return some of them, in this order."""
+        return Features(
+            self.pixels[index],
+            self.size_px[index],
+            self.spacing_px[index],
+            self.contrast[index],
+            self.descriptors[index],
+        )
+
+
+class Extractor(Protocol):
+    """Finds features in a camera's frames."""
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """The camera."""
+        ...
+
+    def extract(self, frame: UInt8Array) -> Features:
+        """Find the features of a frame, (H, W, 3) uint8 BGR."""
+        ...
+
+
+class SiftExtractor:
+    """Finds SIFT features in a camera's frames.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        Frames must have its size; its distortion is taken out of the keypoints' places.
+    contrast_threshold : float
+        OpenCV's: below it, keypoints are unstable.
+    at_most : int
+        Keep this many, those of highest contrast; 0: all.
+    shrink : int
+        Look at the frame reduced by this factor: the fine octaves are given up, and with them most of the time.
+    """
+
+    def __init__(
+        self, camera: PinholeCamera, *, contrast_threshold: float = 0.02, at_most: int = 0, shrink: int = 1
+    ) -> None:
+        self.camera = camera
+        self.shrink = shrink
+        self._sift = cv2.SIFT.create(
+            nfeatures=at_most, contrastThreshold=contrast_threshold, enable_precise_upscale=True
+        )
+
+    def extract(self, frame: UInt8Array) -> Features:
+        """Find the features of a frame, (H, W, 3) uint8 BGR.
+
+        Raises
+        ------
+        FrameError
+            If the frame has the wrong type, shape or size.
+        """
+        check_frame(frame, self.camera)
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        if self.shrink > 1:
+            width, height = self.camera.size_px
+            grey = cv2.resize(grey, (width // self.shrink, height // self.shrink), interpolation=cv2.INTER_AREA)
+        keypoints, descriptors = self._sift.detectAndCompute(grey, None)
+        return features_of(self.camera, keypoints, descriptors, float(self.shrink))
+
+    def extract_near(self, frame: UInt8Array, places_px: FloatArray, most_share: float) -> Features:
+        """Find the features around some places (K, 2) of a frame only, the first places first.
+
+        Tiles around the places are put side by side into one small picture, up to `most_share` of the frame's area;
+        keypoints near a tile's edge are dropped, for what is beyond it is not what the frame shows there.
+        """
+        check_frame(frame, self.camera)
+        tiles = _tiles(places_px, self.camera.size_px, most_share)
+        if not tiles:
+            return features_of(self.camera, (), None)
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        columns = max(math.isqrt(len(tiles)), 1)
+        mosaic = np.zeros((-(-len(tiles) // columns) * TILE_PX, columns * TILE_PX), dtype=np.uint8)
+        for k, (u, v) in enumerate(tiles):
+            row, column = k // columns * TILE_PX, k % columns * TILE_PX
+            mosaic[row : row + TILE_PX, column : column + TILE_PX] = grey[v : v + TILE_PX, u : u + TILE_PX]
+        keypoints, descriptors = self._sift.detectAndCompute(mosaic, None)
+        if descriptors is None:
+            return features_of(self.camera, (), None)
+        place = np.array([k.pt for k in keypoints])
+        cell = np.clip(np.floor((place + 0.5) / TILE_PX).astype(np.int64), 0, (columns - 1, len(mosaic) // TILE_PX - 1))
+        number = cell[:, 1] * columns + cell[:, 0]
+        inside = place - cell * TILE_PX
+        margin = np.minimum(inside, TILE_PX - 1 - inside).min(axis=1)
+        kept = np.flatnonzero((margin >= TILE_MARGIN_PX) & (number < len(tiles)))
+        shift = np.array(tiles)[number[kept]] - cell[kept] * TILE_PX
+        moved = tuple(keypoints[k] for k in kept.tolist())
+        for keypoint, (du, dv) in zip(moved, shift, strict=True):
+            keypoint.pt = (keypoint.pt[0] + float(du), keypoint.pt[1] + float(dv))
+        return features_of(self.camera, moved, descriptors[kept])
+
+
+def _tiles(places_px: FloatArray, size_px: tuple[int, int], most_share: float) -> list[tuple[int, int]]:
+    """Corners of tiles around places that no earlier tile has well inside, as many as the share of the area allows."""
+    width, height = size_px
+    most = max(int(most_share * width * height / TILE_PX**2), 1)
+    tiles: list[tuple[int, int]] = []
+    for u, v in places_px:
+        if any(
+            TILE_PX // 4 <= u - a < TILE_PX - TILE_PX // 4 and TILE_PX // 4 <= v - b < TILE_PX - TILE_PX // 4
+            for a, b in tiles
+        ):
+            continue
+        corner = (
+            int(np.clip(round(u) - TILE_PX // 2, 0, width - TILE_PX)),
+            int(np.clip(round(v) - TILE_PX // 2, 0, height - TILE_PX)),
+        )
+        if corner not in tiles:
+            tiles.append(corner)
+        if len(tiles) >= most:
+            break
+    return tiles
+
+
+class OrbExtractor:
+    """Finds ORB features: a fraction of SIFT's time, and coarser. A map must be made with what it is used with.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        As for `SiftExtractor`.
+    at_most : int
+        Keep this many.
+    """
+
+    def __init__(self, camera: PinholeCamera, *, at_most: int = 800) -> None:
+        self.camera = camera
+        self._orb = cv2.ORB.create(nfeatures=at_most)
+
+    def extract(self, frame: UInt8Array) -> Features:
+        """Find the features of a frame, (H, W, 3) uint8 BGR; the descriptors' 256 bits as unit vectors."""
+        check_frame(frame, self.camera)
+        keypoints, packed = self._orb.detectAndCompute(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), None)
+        if packed is None:
+            return features_of(self.camera, (), None)
+        bits = np.unpackbits(np.asarray(packed, dtype=np.uint8), axis=1)
+        features = features_of(self.camera, keypoints, bits.astype(np.float32))
+        octave = np.array([k.octave for k in keypoints], dtype=np.float64)
+        scale = np.asarray(float(self._orb.getScaleFactor()) ** octave, dtype=np.float64)
+        return Features(features.pixels, features.size_px, scale, features.contrast, features.descriptors)
+
+
+def check_frame(frame: UInt8Array, camera: PinholeCamera) -> None:
+    """Refuse a frame that is not an 8-bit colour image of the camera's size."""
+    width, height = camera.size_px
+    if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
+        got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
+        raise FrameError(f"frame must be uint8 of shape ({height}, {width}, 3), got {got}")
+
+
+def features_of(
+    camera: PinholeCamera, keypoints: Sequence[cv2.KeyPoint], descriptors: npt.NDArray[Any] | None, scale: float = 1.0
+) -> Features:
+    """Turn OpenCV's keypoints, found in a frame reduced by `scale`, into features."""
+    count = len(keypoints)
+    if descriptors is None or not count:
+        none = np.empty(0)
+        return Features(np.empty((0, 2)), none, none, none, np.empty((0, 128), dtype=np.float32))
+    raw = np.array([(*k.pt, k.size, k.response, k.octave) for k in keypoints], dtype=np.float64)
+    # a pixel of a reduced frame covers `scale` pixels, centred between the outer ones
+    pixels = raw[:, :2] * scale + (scale - 1) / 2
+    octave = raw[:, 4].astype(np.int64) & 255
+    octave = np.where(octave >= 128, octave - 256, octave)
+    length = np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-9)
+    unit = np.ascontiguousarray(descriptors / length, dtype=np.float32)
+    spacing = np.asarray(2.0**octave * scale, dtype=np.float64)
+    return Features(ideal_pixels(camera, pixels), raw[:, 2] * scale, spacing, raw[:, 3], unit)
+
+
+def ideal_pixels(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
+    """Pixels (N, 2) as a camera without distortion would have them; NaN where the lens shows nothing."""
+    if not any(camera.distortion):
+        return pixels
+    ray = camera.pixel_to_camera_ray(pixels)
+    return np.asarray(-ray[:, 1:] / ray[:, :1] * camera.focal_px + camera.center_px)
+
+
+def to_bytes(descriptors: Floats) -> UInt8Array:
+    """Pack unit descriptors into bytes, a quarter of the memory."""
+    return np.asarray(np.clip(np.rint(descriptors * BYTE_SCALE), 0, 255), dtype=np.uint8)
+
+
+def from_bytes(packed: UInt8Array) -> Floats:
+    """Unpack what `to_bytes` packed."""
+    descriptors = packed.astype(np.float32)
+    length = np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-9)
+    return np.asarray(descriptors / length, dtype=np.float32)
+
+
+def match(
+    first: Floats,
+    second: Floats,
+    allowed: npt.NDArray[np.bool_],
+    *,
+    ratio: float = RATIO,
+    best_claim_wins: bool = False,
+) -> tuple[Indices, Indices]:
+    """Match descriptors by the ratio test, one to one.
+
+    Parameters
+    ----------
+    first : (N, 128) float32
+        Unit vectors; each looks for its partner.
+    second : (M, 128) float32
+    allowed : (N, M) bool
+        Which pairs may be partners; the ratio is taken among these alone.
+    ratio : float
+        Eq. 3: the nearest must be nearer than this times the second nearest.
+    best_claim_wins : bool
+        Where several claim the same partner: the nearest gets it, or none, as in the paper.
+
+    Returns
+    -------
+    (K,), (K,) int64
+        Indices of partners.
+    """
+    if not len(first) or not len(second):
+        none = np.empty(0, dtype=np.int64)
+        return none, none
+    product = np.where(allowed, first @ second.T, np.float32(-1.0))
+    best = product.argmax(axis=1)
+    rows = np.arange(len(first))
+    nearest = product[rows, best]
+    product[rows, best] = -1.0
+    runner_up = product.max(axis=1)
+    return _accept(best, nearest, runner_up, len(second), ratio, best_claim_wins)
+
+
+def match_by_loop(
+    first: Floats,
+    first_px: FloatArray,
+    first_size: FloatArray,
+    second: Features,
+    gate_px: tuple[float, float],
+    size_ratio: float,
+    *,
+    ratio: float = RATIO,
+) -> tuple[Indices, Indices]:
+    """Match as `match` does, landmark by landmark, within `gate_px` of where each is expected; compiled."""
+    best, nearest, runner_up = best_two(
+        first,
+        first_px,
+        first_size,
+        second.descriptors,
+        second.pixels,
+        second.size_px,
+        gate_px[0],
+        gate_px[1],
+        size_ratio,
+    )
+    return _accept(best, nearest, runner_up, len(second), ratio)
+
+
+def _accept(
+    best: Indices, nearest: Floats, runner_up: Floats, count: int, ratio: float, best_claim_wins: bool = False
+) -> tuple[Indices, Indices]:
+    squared, second_squared = np.maximum(2 - 2 * nearest, 0), 2 - 2 * runner_up
+    good = (nearest > -1) & (squared <= ratio**2 * second_squared) & (squared <= MOST_DISTANCE**2)
+    rows = np.flatnonzero(good)
+    if best_claim_wins:
+        rows = rows[np.argsort(-nearest[rows], kind="stable")]
+        rows = np.sort(rows[np.unique(best[rows], return_index=True)[1]])
+        return rows, best[rows]
+    claims = np.bincount(best[rows], minlength=count)
+    rows = rows[claims[best[rows]] == 1]
+    return rows, best[rows]
+
+
+def near(
+    first_px: FloatArray,
+    first_size: FloatArray,
+    second: Features,
+    gate_px: tuple[float, float],
+    size_ratio: float,
+) -> npt.NDArray[np.bool_]:
+    """(N, M) bool: which features lie within a window of the expected places and are about as large as expected."""
+    du = np.abs(first_px[:, :1] - second.pixels[None, :, 0]) <= gate_px[0]
+    dv = np.abs(first_px[:, 1:] - second.pixels[None, :, 1]) <= gate_px[1]
+    scale = np.abs(np.log(first_size)[:, None] - np.log(second.size_px)[None, :]) <= np.log(size_ratio)
+    return np.asarray(du & dv & scale)

@@ -1,0 +1,308 @@
+"""The map: landmarks with position, covariance, what they look like from 36 directions, and how often they were seen.
+
+Saved as one .npz with a format number; a damaged file is refused with the reason.
+"""
+
+from __future__ import annotations
+
+import math
+import zipfile
+import zlib
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError, FileError
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import FloatArray
+from robocup_vision.landmarks.features import Floats, from_bytes
+from robocup_vision.landmarks.projection import project, to_camera
+
+UInt8Array = npt.NDArray[np.uint8]
+Indices = npt.NDArray[np.int64]
+
+FORMAT = 1
+DIRECTIONS = 36
+# SIFT's descriptors hold over a change of view of about this much
+VIEW_REACH_RAD = math.radians(20.0)
+_FARTHEST_M = 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkMap:
+    """Landmarks, L of them, seen from V directions altogether.
+
+    Parameters
+    ----------
+    positions_m : (L, 3) float64
+        Field frame, z up from the floor.
+    covariances : (L, 3, 3) float64
+        Of the positions as seen from around there, m^2; what neighbours share is in `trajectory_cov`.
+    noise : (L,) float64
+        How precisely each is seen: noise of its pixels as a share of the paper's 0.5 * d_s.
+    seen, missed : (L,) int64
+        How often each was expected and observed (the paper's m), and expected but not observed (l).
+    view_landmark : (V,) int64
+        Which landmark each view is of.
+    view_direction : (V,) int64
+        Of the line of sight in the field frame, 0 to 35: multiples of 10 degrees from +x counter-clockwise.
+    view_descriptors : (V, D) uint8
+        Packed by `features.to_bytes`.
+    view_contrast : (V,) float64
+        |D|.
+    view_size_m : (V,) float64
+        Diameter of what the keypoint describes, metres.
+    view_spacing_m : (V,) float64
+        Spacing d_s of its octave where it is, metres.
+    trajectory : (F, 3) float64
+        x, y, theta of the robot at the frames the map was made from.
+    trajectory_cov : (F, 3, 3) float64
+        Of these: how far the map may have drifted there.
+    """
+
+    positions_m: FloatArray
+    covariances: FloatArray
+    noise: FloatArray
+    seen: Indices
+    missed: Indices
+    view_landmark: Indices
+    view_direction: Indices
+    view_descriptors: UInt8Array
+    view_contrast: FloatArray
+    view_size_m: FloatArray
+    view_spacing_m: FloatArray
+    trajectory: FloatArray
+    trajectory_cov: FloatArray
+
+    def __post_init__(self) -> None:
+        count, views = len(self.positions_m), len(self.view_landmark)
+        shapes = {
+            "positions_m": (count, 3),
+            "covariances": (count, 3, 3),
+            "noise": (count,),
+            "seen": (count,),
+            "missed": (count,),
+            "view_landmark": (views,),
+            "view_direction": (views,),
+            "view_descriptors": (views, self.view_descriptors.shape[-1]),
+            "view_contrast": (views,),
+            "view_size_m": (views,),
+            "view_spacing_m": (views,),
+            "trajectory": (len(self.trajectory), 3),
+            "trajectory_cov": (len(self.trajectory), 3, 3),
+        }
+        for name, shape in shapes.items():
+            array: npt.NDArray[np.generic] = getattr(self, name)
+            if array.shape != shape:
+                raise ArgumentError(f"{name} must have shape {shape}, got {array.shape}")
+            if not np.isfinite(array).all():
+                raise ArgumentError(f"{name} must be finite")
+            array.flags.writeable = False
+        if views and not (self.view_landmark.min() >= 0 and self.view_landmark.max() < count):
+            raise ArgumentError(f"view_landmark must be within 0 to {count - 1}")
+        if views and not (self.view_direction.min() >= 0 and self.view_direction.max() < DIRECTIONS):
+            raise ArgumentError(f"view_direction must be within 0 to {DIRECTIONS - 1}")
+        if (self.seen < 0).any() or (self.missed < 0).any():
+            raise ArgumentError("seen and missed must not be negative")
+        for name in ("noise", "view_size_m", "view_spacing_m"):
+            if not (getattr(self, name) > 0).all():
+                raise ArgumentError(f"{name} must be positive")
+        if count and np.linalg.eigvalsh(self.covariances).min() <= 0:
+            raise ArgumentError("covariances must be positive definite")
+
+    def __len__(self) -> int:
+        return len(self.positions_m)
+
+    def drift(self, pose: FloatArray) -> FloatArray:
+        """Covariance (3, 3) of where the map lies around a pose (3,): that of the nearest frame it was made of."""
+        if not len(self.trajectory):
+            return np.zeros((3, 3))
+        apart = self.trajectory - pose
+        turn = np.remainder(apart[:, 2] + math.pi, math.tau) - math.pi
+        # a radian counts as a metre: about what the same part of the map is seen from
+        nearest = int(np.argmin(np.hypot(apart[:, 0], apart[:, 1]) + np.abs(turn)))
+        return np.asarray(self.trajectory_cov[nearest])
+
+    @cached_property
+    def success(self) -> FloatArray:
+        """(L,) float64: smoothed share of expectations that came true, (m + 0.5) / (m + l + 2).
+
+        The paper prints m / (m + n) and means m / (m + l); unsmoothed, landmarks seen once would all come first.
+        """
+        return np.asarray((self.seen + 0.5) / (self.seen + self.missed + 2.0))
+
+    @cached_property
+    def view_unit(self) -> Floats:
+        """(V, D) float32: the views' descriptors as unit vectors."""
+        return from_bytes(self.view_descriptors)
+
+
+class Views(Protocol):
+    """What it takes to expect landmarks in an image: a `LandmarkMap`, or one still in the making."""
+
+    @property
+    def positions_m(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def view_landmark(self) -> Indices: ...  # noqa: D102
+    @property
+    def view_direction(self) -> Indices: ...  # noqa: D102
+    @property
+    def view_size_m(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def view_spacing_m(self) -> FloatArray: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """Landmarks that a pose lets expect in an image, one view of each.
+
+    Parameters
+    ----------
+    view : (N,) int64
+        The view from the nearest direction.
+    landmark : (N,) int64
+        Which landmark it is of.
+    pixels : (N, 2) float64
+        Where it is expected, ideal pixels.
+    depth_m : (N,) float64
+        Along the optical axis.
+    size_px, spacing_px : (N,) float64
+        How large and how finely sampled it will appear.
+    """
+
+    view: Indices
+    landmark: Indices
+    pixels: FloatArray
+    depth_m: FloatArray
+    size_px: FloatArray
+    spacing_px: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.view)
+
+    def take(self, index: npt.NDArray[np.intp] | Indices | npt.NDArray[np.bool_]) -> Expected:
+        """Return some of them, in this order."""
+        return Expected(*(getattr(self, f.name)[index] for f in fields(self)))
+
+
+def expect(landmarks: Views, camera: PinholeCamera, pose: FloatArray) -> Expected:
+    """All landmarks in the view frustum of a robot at a pose (3,) that were seen from within 20 degrees of there."""
+    points = to_camera(camera, pose, landmarks.positions_m)
+    pixels = project(camera, points)
+    width, height = camera.size_px
+    with np.errstate(invalid="ignore"):
+        inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] <= width - 1) & (pixels[:, 1] <= height - 1)
+    inside &= (points[:, 0] > 0.1) & (points[:, 0] < _FARTHEST_M)
+    views = np.flatnonzero(inside[landmarks.view_landmark])
+    of = landmarks.view_landmark[views]
+    return nearest_views(landmarks, camera, pose, views, pixels[of], points[of, 0])
+
+
+def nearest_views(
+    landmarks: Views,
+    camera: PinholeCamera,
+    pose: FloatArray,
+    views: npt.NDArray[np.intp] | Indices,
+    pixels: FloatArray,
+    depth_m: FloatArray,
+) -> Expected:
+    """Of views (N,), keep those from within 20 degrees of the line of sight, and the nearest one of each landmark.
+
+    Parameters
+    ----------
+    landmarks, camera, pose
+        As in `expect`.
+    views : (N,) int64
+        Views of landmarks in the frustum.
+    pixels, depth_m : (N, 2), (N,) float64
+        Where each one's landmark is expected.
+    """
+    of = landmarks.view_landmark[views]
+    eye = viewpoint_in_field(camera, pose)
+    ahead = np.arctan2(landmarks.positions_m[of, 1] - eye[1], landmarks.positions_m[of, 0] - eye[0])
+    turn = ahead - landmarks.view_direction[views] * (math.tau / DIRECTIONS)
+    turn = np.abs(np.remainder(turn + math.pi, math.tau) - math.pi)
+    order = np.lexsort((turn, of))
+    order = order[turn[order] <= VIEW_REACH_RAD + math.pi / DIRECTIONS]
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = of[order][1:] != of[order][:-1]
+    chosen = order[first]
+    views, of, depth = views[chosen], of[chosen], depth_m[chosen]
+    per_m = math.sqrt(camera.focal_px[0] * camera.focal_px[1]) / depth
+    return Expected(
+        views, of, pixels[chosen], depth, landmarks.view_size_m[views] * per_m, landmarks.view_spacing_m[views] * per_m
+    )
+
+
+def viewpoint_in_field(camera: PinholeCamera, pose: FloatArray) -> FloatArray:
+    """Centre of projection (3,) in the field frame."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y, z = camera.viewpoint_m
+    return np.array([pose[0] + c * x - s * y, pose[1] + s * x + c * y, z])
+
+
+def direction_of(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> Indices:
+    """Which of the 36 directions points (N, 3) of the field frame are seen in."""
+    eye = viewpoint_in_field(camera, pose)
+    bearing = np.arctan2(points_m[:, 1] - eye[1], points_m[:, 0] - eye[0])
+    return np.asarray(np.rint(bearing * (DIRECTIONS / math.tau)).astype(np.int64) % DIRECTIONS)
+
+
+def save_map(landmarks: LandmarkMap, path: str | Path) -> None:
+    """Write a map as one .npz file.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
+    arrays = {f.name: getattr(landmarks, f.name) for f in fields(landmarks)}
+    try:
+        with Path(path).open("wb") as stream:
+            np.savez_compressed(stream, format=np.int64(FORMAT), **arrays)
+    except OSError as error:
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
+
+
+def load_map(path: str | Path) -> LandmarkMap:
+    """Read a map.
+
+    Raises
+    ------
+    FileError
+        If the file is missing, damaged, of another format, or its arrays contradict each other.
+    """
+    known = [f.name for f in fields(LandmarkMap)]
+    try:
+        # NumPy alone reads on over a wrong checksum
+        with zipfile.ZipFile(path) as packed:
+            torn = packed.testzip()
+        if torn is not None:
+            raise FileError(path, f"is damaged or no landmark map (checksum of {torn})")
+        with np.load(path, allow_pickle=False) as archive:
+            if "format" not in archive.files:
+                raise FileError(path, "is missing, so this is no landmark map", key="format")
+            version = archive["format"]
+            if version.shape != () or version != FORMAT:
+                raise FileError(path, f"must be {FORMAT}", key="format", value=version.tolist())
+            for name in known:
+                if name not in archive.files:
+                    raise FileError(path, "is missing", key=name)
+            arrays = {name: archive[name] for name in known}
+    except FileNotFoundError:
+        raise FileError(path, "does not exist") from None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+        raise FileError(path, f"is damaged or no landmark map ({error})") from None
+    for f in fields(LandmarkMap):
+        wanted = np.uint8 if f.type == "UInt8Array" else np.int64 if f.type == "Indices" else np.float64
+        if arrays[f.name].dtype != wanted:
+            problem = f"must be of type {np.dtype(wanted)}"
+            raise FileError(path, problem, key=f.name, value=str(arrays[f.name].dtype))
+    try:
+        return LandmarkMap(**arrays)
+    except ArgumentError as error:
+        raise FileError(path, str(error)) from None

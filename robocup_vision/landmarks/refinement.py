@@ -1,0 +1,242 @@
+"""Poses and landmarks of a run adjusted together to all that was measured: what bounds the map's drift.
+
+Gauss-Newton over the three images' pixels with redescending weights; landmarks are eliminated (Schur complement), so
+that the equations to solve are as many as the poses. Over a window of keyframes during the run, over all when it ends
+or returns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.geometry import FloatArray
+from robocup_vision.landmarks.projection import TrinocularRig, world_to_camera
+
+Indices = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+# landmarks are eliminated this many at a time, which bounds the memory
+_CHUNK = 1500
+# squared width of the weights, in variances of one number
+_WIDTH2 = 9.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sightings:
+    """What a run measured: K times a landmark from a frame.
+
+    Parameters
+    ----------
+    frame, landmark : (K,) int64
+        Which saw which; no pair twice.
+    measured_px : (K, 4) float64
+        u and v in the right image, u in the left, v in the upper.
+    std_px : (K,) float64
+        Of each number.
+    """
+
+    frame: Indices
+    landmark: Indices
+    measured_px: FloatArray
+    std_px: FloatArray
+
+    def take(self, index: npt.NDArray[np.intp] | Indices | Flags) -> Sightings:
+        """Return some of them."""
+        return Sightings(self.frame[index], self.landmark[index], self.measured_px[index], self.std_px[index])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refined:
+    """An adjusted run.
+
+    Parameters
+    ----------
+    poses : (F, 3) float64
+        x, y, theta.
+    landmarks_m : (L, 3) float64
+        Field frame.
+    pose_covariances : (F, 3, 3) float64
+        Of the poses: how far the map may have drifted there. 0 for fixed ones.
+    covariances : (L, 3, 3) float64
+        Of the landmarks as seen from these poses, whose own uncertainty neighbours share.
+    noise : (L,) float64
+        How large each landmark's residuals are as a share of what `std_px` lets expect.
+    """
+
+    poses: FloatArray
+    landmarks_m: FloatArray
+    pose_covariances: FloatArray
+    covariances: FloatArray
+    noise: FloatArray
+
+
+def refine(
+    rig: TrinocularRig,
+    poses: FloatArray,
+    landmarks_m: FloatArray,
+    sightings: Sightings,
+    fixed: Flags,
+    *,
+    iterations: int = 5,
+    tolerance_m: float = 1e-5,
+) -> Refined:
+    """Adjust poses and landmarks.
+
+    Parameters
+    ----------
+    rig : TrinocularRig
+        The cameras.
+    poses : (F, 3) float64
+        Where to start.
+    landmarks_m : (L, 3) float64
+        Where to start.
+    sightings : Sightings
+        Indices are into `poses` and `landmarks_m`.
+    fixed : (F,) bool
+        Poses that stay. At least one must, or nothing says where the map lies.
+    iterations : int
+        At most.
+    tolerance_m : float
+        Stop when no pose moves farther.
+    """
+    poses, landmarks = np.array(poses), np.array(landmarks_m)
+    order = np.argsort(sightings.landmark, kind="stable")
+    s = sightings.take(order)
+    slot = np.cumsum(~fixed) - 1  # of each free pose among the unknowns
+    for _ in range(iterations):
+        system = _linearise(rig, poses, landmarks, s)
+        reduced, gradient, _ = _reduce(system, s, slot, fixed, len(landmarks))
+        unknowns = len(gradient)
+        step = np.linalg.solve(reduced + 1e-9 * np.eye(unknowns), gradient) if unknowns else gradient
+        moves = np.zeros_like(poses)
+        moves[~fixed] = step.reshape(-1, 3)
+        poses += moves
+        landmarks += _back(system, s, moves, len(landmarks))
+        if np.abs(moves).max(initial=0.0) < tolerance_m:
+            break
+    system = _linearise(rig, poses, landmarks, s)
+    reduced, _, inverse = _reduce(system, s, slot, fixed, len(landmarks))
+    pose_covariances = np.zeros((len(poses), 3, 3))
+    free = np.flatnonzero(~fixed)
+    if len(free):
+        blocks = np.linalg.inv(reduced + 1e-9 * np.eye(len(reduced))).reshape(len(free), 3, len(free), 3)
+        pose_covariances[free] = blocks[np.arange(len(free)), :, np.arange(len(free)), :]
+    return Refined(poses, landmarks, pose_covariances, inverse, _noise(system, s, len(landmarks)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _System:
+    """Normal equations a sighting: pose part (K, 3, 3), landmark part, cross part, both gradients (K, 3), residuals."""
+
+    pose: FloatArray
+    landmark: FloatArray
+    cross: FloatArray
+    pose_gradient: FloatArray
+    landmark_gradient: FloatArray
+    squared: FloatArray
+
+
+def _linearise(rig: TrinocularRig, poses: FloatArray, landmarks: FloatArray, s: Sightings) -> _System:
+    camera, b = rig.right, rig.baseline_m
+    (fx, fy), (cu, cv) = camera.focal_px, camera.center_px
+    turn = world_to_camera(camera, poses[:, 2])[s.frame]
+    offset = landmarks[s.landmark].copy()
+    offset[:, :2] -= poses[s.frame, :2]
+    points = np.einsum("nij,nj->ni", turn, offset) - camera.viewpoint_m @ camera.camera_to_robot
+    depth = np.maximum(points[:, 0], 0.05)
+    su, sv = -points[:, 1] / depth, -points[:, 2] / depth
+    u, v = cu + fx * su, cv + fy * sv
+    predicted = np.stack([u, v, u + fx * b / depth, v + fy * b / depth], axis=-1)
+    by_point = np.zeros((len(depth), 4, 3))
+    by_point[:, 0, 0] = -fx * su / depth
+    by_point[:, 2, 0] = -fx * (su + b / depth) / depth
+    by_point[:, 1, 0] = -fy * sv / depth
+    by_point[:, 3, 0] = -fy * (sv + b / depth) / depth
+    by_point[:, (0, 2), 1] = (-fx / depth)[:, None]
+    by_point[:, (1, 3), 2] = (-fy / depth)[:, None]
+    by_landmark = by_point @ turn
+    by_pose = np.empty_like(by_landmark)
+    by_pose[:, :, :2] = -by_landmark[:, :, :2]
+    # turning the robot by dtheta moves an offset (x, y) by (y, -x) dtheta as seen in the field frame
+    by_pose[:, :, 2] = by_landmark[:, :, 0] * offset[:, None, 1] - by_landmark[:, :, 1] * offset[:, None, 0]
+    residual = s.measured_px - predicted
+    variance = s.std_px**2
+    squared = (residual**2).sum(axis=1) / (4 * variance)
+    weight = 1.0 / (1.0 + squared / _WIDTH2) ** 2 / variance
+    weighted_pose = by_pose.transpose(0, 2, 1) * weight[:, None, None]
+    weighted_landmark = by_landmark.transpose(0, 2, 1) * weight[:, None, None]
+    return _System(
+        weighted_pose @ by_pose,
+        weighted_landmark @ by_landmark,
+        weighted_pose @ by_landmark,
+        (weighted_pose @ residual[:, :, None])[:, :, 0],
+        (weighted_landmark @ residual[:, :, None])[:, :, 0],
+        4 * squared,
+    )
+
+
+def _sum_by(index: Indices, values: FloatArray, count: int) -> FloatArray:
+    flat = values.reshape(len(values), -1)
+    columns = [np.bincount(index, weights=column, minlength=count) for column in flat.T]
+    total: FloatArray = np.stack(columns, axis=-1).astype(np.float64)
+    return total.reshape(count, *values.shape[1:])
+
+
+def _landmark_inverses(system: _System, s: Sightings, count: int) -> FloatArray:
+    normal = _sum_by(s.landmark, system.landmark, count)
+    # a landmark nobody sees, or only outliers do, stays where it is
+    return np.asarray(np.linalg.inv(normal + 1e-3 * np.eye(3)))
+
+
+def _blocks(
+    system: _System, s: Sightings, slot: Indices, fixed: Flags, count: int
+) -> list[tuple[int, int, FloatArray]]:
+    """Cross parts as dense matrices (3 * free poses, 3 * landmarks), a chunk of landmarks at a time."""
+    free = int((~fixed).sum())
+    starts = np.searchsorted(s.landmark, np.arange(0, count + _CHUNK, _CHUNK))
+    blocks = []
+    for k, low in enumerate(range(0, count, _CHUNK)):
+        part = np.arange(starts[k], starts[k + 1])
+        part = part[~fixed[s.frame[part]]]
+        high = min(low + _CHUNK, count)
+        dense = np.zeros((free, 3, high - low, 3))
+        dense[slot[s.frame[part]], :, s.landmark[part] - low, :] = system.cross[part]
+        blocks.append((low, high, dense.reshape(3 * free, -1)))
+    return blocks
+
+
+def _reduce(
+    system: _System, s: Sightings, slot: Indices, fixed: Flags, count: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Equations of the free poses alone, their right side, and the landmarks' inverse normal matrices."""
+    free = int((~fixed).sum())
+    moving = ~fixed[s.frame]
+    own = _sum_by(slot[s.frame[moving]], system.pose[moving], free)
+    gradient = _sum_by(slot[s.frame[moving]], system.pose_gradient[moving], free).reshape(-1)
+    spread = np.zeros((free, 3, free, 3))
+    spread[np.arange(free), :, np.arange(free), :] = own
+    reduced: FloatArray = spread.reshape(3 * free, 3 * free)
+    inverse = _landmark_inverses(system, s, count)
+    landmark_gradient = _sum_by(s.landmark, system.landmark_gradient, count)
+    for low, high, dense in _blocks(system, s, slot, fixed, count):
+        halved = np.einsum("alj,ljk->alk", dense.reshape(3 * free, -1, 3), inverse[low:high]).reshape(3 * free, -1)
+        reduced -= halved @ dense.T
+        gradient -= halved @ landmark_gradient[low:high].reshape(-1)
+    return reduced, gradient, inverse
+
+
+def _back(system: _System, s: Sightings, moves: FloatArray, count: int) -> FloatArray:
+    """Return the landmarks' steps that go with steps of the poses."""
+    own = system.landmark_gradient - np.einsum("nij,ni->nj", system.cross, moves[s.frame])
+    return np.asarray(np.einsum("lij,lj->li", _landmark_inverses(system, s, count), _sum_by(s.landmark, own, count)))
+
+
+def _noise(system: _System, s: Sightings, count: int) -> FloatArray:
+    """Root mean square of each landmark's residuals, drawn towards 1 as if by a sighting more."""
+    # a sighting has four numbers; placing the landmark takes three of all of them
+    numbers = np.maximum(4.0 * np.bincount(s.landmark, minlength=count) - 3.0, 0.0)
+    total = np.bincount(s.landmark, weights=system.squared, minlength=count)
+    return np.asarray(np.sqrt((4.0 + total) / (4.0 + numbers)))

@@ -1,0 +1,103 @@
+"""Points in space from three images: correspondence, position and covariance (Ogawa et al. 2011, eqs. 3 to 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.geometry import FloatArray
+from robocup_vision.landmarks.features import Features, Indices, match
+from robocup_vision.landmarks.projection import TrinocularRig
+
+# the paper's 0.5 * d_s stands for quantisation, as if keypoints were not interpolated
+PIXEL_STD_PER_SPACING = 0.5
+# off the epipolar line, and between both disparities, in standard deviations of the difference
+_MOST_OFF = 3.0
+# "within one level of scale": neighbouring levels of an octave differ by 2^(1/3)
+_LEVEL = 2.0 ** (1.0 / 3.0) * 1.05
+_NEAREST_M = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoPoints:
+    """Features of the right image that the other two see too.
+
+    Parameters
+    ----------
+    index : (N,) int64
+        Which of the right image's features these are.
+    features : Features
+        Those, N of them.
+    measured_px : (N, 4) float64
+        u and v in the right image, u in the left, v in the upper: what the position was worked out from.
+    std_px : (N,) float64
+        Of each of these numbers.
+    points_m : (N, 3) float64
+        In the right camera's frame (eq. 4).
+    covariances : (N, 3, 3) float64
+        Of the points (eq. 6).
+    """
+
+    index: Indices
+    features: Features
+    measured_px: FloatArray
+    std_px: FloatArray
+    points_m: FloatArray
+    covariances: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.points_m)
+
+
+def correspond(rig: TrinocularRig, right: Features, left: Features, top: Features) -> StereoPoints:
+    """Match the features of three images of one moment, and place them.
+
+    A partner lies on the epipolar line, is within one level of scale and passes the ratio test, in the left and in the
+    upper image; both disparities must agree.
+    """
+    std_r, std_l, std_t = (PIXEL_STD_PER_SPACING * f.spacing_px for f in (right, left, top))
+    fx, fy = rig.right.focal_px
+    most_u, most_v = fx * rig.baseline_m / _NEAREST_M, fy * rig.baseline_m / _NEAREST_M
+
+    def allowed(
+        other: Features, std: FloatArray, along: int, most: float
+    ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        tolerance = _MOST_OFF * np.hypot(std_r[:, None], std[None, :])
+        shift = other.pixels[None, :, along] - right.pixels[:, None, along]
+        off = np.abs(other.pixels[None, :, 1 - along] - right.pixels[:, None, 1 - along])
+        scale = np.abs(np.log(other.size_px[None, :] / right.size_px[:, None])) <= np.log(_LEVEL)
+        return np.asarray((off <= tolerance) & (shift > 0) & (shift <= most) & scale)
+
+    in_left = np.full(len(right), -1)
+    rows, partners = match(right.descriptors, left.descriptors, allowed(left, std_l, 0, most_u))
+    in_left[rows] = partners
+    in_top = np.full(len(right), -1)
+    rows, partners = match(right.descriptors, top.descriptors, allowed(top, std_t, 1, most_v))
+    in_top[rows] = partners
+    both = np.flatnonzero((in_left >= 0) & (in_top >= 0))
+    by_u = (left.pixels[in_left[both], 0] - right.pixels[both, 0]) / fx
+    by_v = (top.pixels[in_top[both], 1] - right.pixels[both, 1]) / fy
+    std = np.sqrt((std_r[both] ** 2 + std_l[in_left[both]] ** 2 + std_t[in_top[both]] ** 2) / 3)
+    agree = np.abs(by_u - by_v) <= _MOST_OFF * 2 * std / min(fx, fy)
+    both, std = both[agree], std[agree]
+    measured = np.column_stack([right.pixels[both], left.pixels[in_left[both], 0], top.pixels[in_top[both], 1]])
+    points, covariances = place(rig, measured, std)
+    return StereoPoints(both, right.take(both), measured, std, points, covariances)
+
+
+def place(rig: TrinocularRig, measured_px: FloatArray, std_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (N, 3) in the right camera's frame and covariances (N, 3, 3) of measurements (N, 4). Eqs. 4 to 6."""
+    (fx, fy), (cu, cv) = rig.right.focal_px, rig.right.center_px
+    u, v, u_left, v_top = measured_px.T
+    disparity = ((u_left - u) / fx + (v_top - v) / fy) / 2
+    depth = rig.baseline_m / disparity
+    sx, sy = (u - cu) / fx, (v - cv) / fy
+    points = np.stack([depth, -sx * depth, -sy * depth], axis=-1)
+    # by u, v, u of the left, v of the upper image
+    of_disparity = np.array([-0.5 / fx, -0.5 / fy, 0.5 / fx, 0.5 / fy])
+    direction = np.stack([np.ones_like(sx), -sx, -sy], axis=-1)
+    jacobian = direction[:, :, None] * (-depth / disparity)[:, None, None] * of_disparity
+    jacobian[:, 1, 0] -= depth / fx
+    jacobian[:, 2, 1] -= depth / fy
+    return points, (jacobian @ jacobian.transpose(0, 2, 1)) * (std_px**2)[:, None, None]

@@ -1,0 +1,167 @@
+"""What a robot embeds to go by a landmark map: frames in, poses out, each one the prior of the next."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.landmarks.features import check_frame
+from robocup_vision.landmarks.landmark_map import LandmarkMap
+from robocup_vision.landmarks.locate import LandmarkLocalizer, Sight
+from robocup_vision.landmarks.selection import Selection
+
+UInt8Array = npt.NDArray[np.uint8]
+
+_LEAST_WIDTH = 640
+_GOOD, _BAD, _UNSEEN = (80, 220, 80), (60, 60, 255), (200, 160, 60)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LandmarkView:
+    """What one frame shows of a landmark map.
+
+    Parameters
+    ----------
+    pose : PoseEstimate or NotLocated
+        The robot on the field.
+    sight : Sight
+        The landmarks behind it.
+    timings_s : mapping of str to float
+        Seconds each stage took, and ``total``.
+    t_s : float or None
+        When the frame was taken, as `look` was told.
+    """
+
+    pose: PoseEstimate | NotLocated
+    sight: Sight
+    timings_s: Mapping[str, float]
+    t_s: float | None = None
+
+
+class LandmarkVision:
+    """Turns camera frames into views by a landmark map; one object a camera and thread.
+
+    Parameters
+    ----------
+    landmarks : LandmarkMap
+        From `load_map`, or made by a `StereoMapper`.
+    camera : PinholeCamera
+        As mounted on the robot; its tilt must be known. With offset and pan 0 the pose is the camera's own.
+    selection : Selection, optional
+        How many landmarks are looked for, and which.
+    limit_s : float, optional
+        Look for no more than can be matched in this time.
+    regions : bool
+        After the first frame look for features only around the landmarks expected: a fraction of the time.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    """
+
+    def __init__(
+        self,
+        landmarks: LandmarkMap,
+        camera: PinholeCamera,
+        *,
+        selection: Selection | None = None,
+        limit_s: float | None = None,
+        regions: bool = False,
+        mask: UInt8Array | None = None,
+    ) -> None:
+        if mask is not None and mask.shape != (camera.size_px[1], camera.size_px[0]):
+            raise ArgumentError(f"mask must be as large as the camera's images, got {mask.shape}")
+        self.localizer = LandmarkLocalizer(landmarks, camera, selection=selection, limit_s=limit_s, regions=regions)
+        # the first frame is without a prior: what it needs is made ready here
+        self.localizer.prepare()
+        self.camera = camera
+        self._hidden = None if mask is None else mask != 0
+        self._last: Pose2 | None = None
+
+    def look(
+        self,
+        frame: UInt8Array,
+        t_s: float | None = None,
+        odometry: Pose2 | None = None,
+        prior: PoseEstimate | Pose2 | None = None,
+    ) -> LandmarkView:
+        """See where a frame was taken.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR, of the camera's size.
+        t_s : float, optional
+            When it was taken; stands in the view.
+        odometry : Pose2, optional
+            The robot's motion since the frame before, in its frame then.
+        prior : PoseEstimate or Pose2, optional
+            Where the robot probably is. Without it the last pose, moved by the odometry, serves; without that the
+            whole map is searched.
+
+        Raises
+        ------
+        FrameError
+            If the frame has another size or type.
+        """
+        started = time.perf_counter()
+        check_frame(frame, self.camera)
+        if self._hidden is not None:
+            frame = frame.copy()
+            frame[self._hidden] = 0
+        if prior is None and self._last is not None:
+            prior = self._last if odometry is None else self._last.compose(odometry)
+        sight = self.localizer.look(frame, prior)
+        if sight.pose:
+            self._last = sight.pose.pose
+        elif self._last is not None:
+            # lost for a frame or two: odometry carries on, and the whole map is searched anyway
+            self._last = None if odometry is None else self._last.compose(odometry)
+        return LandmarkView(sight.pose, sight, {**sight.timings_s, "total": time.perf_counter() - started}, t_s)
+
+    def forget(self) -> None:
+        """Forget the last pose: the next frame stands alone."""
+        self._last = None
+
+
+def draw_landmarks(view: LandmarkView, frame: UInt8Array) -> UInt8Array:
+    """Draw a view over its frame: found landmarks green, those that disagree red, those not found blue circles.
+
+    Returns
+    -------
+    (s H, s W, 3) uint8
+        A new picture, a whole number s times as large as the frame.
+    """
+    scale = max(1, math.ceil(_LEAST_WIDTH / frame.shape[1]))
+    canvas = np.asarray(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+    sight = view.sight
+
+    def place(pixel: npt.NDArray[np.float64]) -> tuple[int, int]:
+        u, v = (pixel + 0.5) * scale - 0.5
+        return round(float(u)), round(float(v))
+
+    found = np.zeros(len(sight.expected), dtype=bool)
+    found[sight.matched] = True
+    for pixel in sight.expected.pixels[~found]:
+        cv2.circle(canvas, place(pixel), 4, _UNSEEN, 1, cv2.LINE_AA)
+    for pixel, is_inlier in zip(sight.pixels, sight.inliers, strict=True):
+        cv2.circle(canvas, place(pixel), 4, _GOOD if is_inlier else _BAD, 2, cv2.LINE_AA)
+    if not isinstance(view.pose, NotLocated):
+        pose, std = view.pose.pose, view.pose.std
+        text = (
+            f"{pose.x_m:+.3f} {pose.y_m:+.3f} m {math.degrees(pose.theta_rad):+.2f} deg, "
+            f"+- {1e3 * std[0]:.0f} {1e3 * std[1]:.0f} mm"
+        )
+    else:
+        text = view.pose.reason
+    for color, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+        cv2.putText(canvas, text, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, thickness, cv2.LINE_AA)
+    return canvas
