@@ -17,7 +17,7 @@ _LEAST_BLUR_PX, _MOST_BLUR_PX = 0.35, 2.0
 _CUT = 2.5  # of Cauchy's weights, in standard deviations
 _CUT_BIAS = 0.79  # weighted mean square over variance of normal noise under these weights
 _MOST_MOVE_PX = 0.7  # in one step
-_STILL_PX = 0.005
+_STILL_PX = 0.02
 _ALL = 4 + TOUCHED
 
 

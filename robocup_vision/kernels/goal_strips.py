@@ -1,4 +1,4 @@
-"""An upright strip through a stack of runs: robust lines along both ends, and the row in which carpet begins below."""
+"""Upright strips through stacks of runs, the rows in which they stand on carpet, and paint along a bar between them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ UInt8Array = npt.NDArray[np.uint8]
 
 _ACROSS = np.linspace(0.15, 0.85, 7)  # of a foot: where carpet is looked for between the edges
 _BRIGHTEST = 20.0
+_ALONG = np.linspace(0.08, 0.92, 24)  # of a bar, clear of the posts
+_LEAST_ALONG = 8
 
 
 @njit(cache=True, nogil=True)
@@ -32,6 +34,31 @@ def straight_line(row: FloatArray, value: FloatArray, keep: npt.NDArray[np.bool_
             product += (row[n] - middle) * (value[n] - mean)
     slope = product / max(square, 1e-12)
     return slope, mean - slope * middle
+
+
+@njit(cache=True, nogil=True)
+def summarize_chains(
+    row: FloatArray, left: FloatArray, right: FloatArray, order: Int64Array, bounds: Int64Array, summary: FloatArray
+) -> None:
+    """Mean middle, mean row, median width, first and last row, and width half-way down of each chain of runs.
+
+    Parameters
+    ----------
+    row, left, right : (N,) float64
+        The runs.
+    order, bounds : (N,), (K + 1,) int64
+        Runs by chain, each from the top down, and where each chain begins.
+    summary : (K, 6) float64
+        Result.
+    """
+    for k in range(bounds.shape[0] - 1):
+        members = order[bounds[k] : bounds[k + 1]]
+        wide = right[members] - left[members]
+        summary[k, 0] = 0.5 * (left[members] + right[members]).mean()
+        summary[k, 1] = row[members].mean()
+        summary[k, 2] = np.median(wide)
+        summary[k, 3], summary[k, 4] = row[members[0]], row[members[-1]]
+        summary[k, 5] = wide[members.shape[0] // 2]
 
 
 @njit(cache=True, nogil=True)
@@ -142,3 +169,17 @@ def fit_strip(
     for m in members:
         strip[7] += min(contrast[m], _BRIGHTEST)
     return True
+
+
+@njit(cache=True, nogil=True)
+def mean_along(paint: UInt8Array, start: FloatArray, end: FloatArray, mean: FloatArray) -> None:
+    """Mean of `paint` (H, W) between the pixels `start` and `end` (N, 2); 0 where most of it is outside the image."""
+    for n in range(start.shape[0]):
+        total, count = 0.0, 0
+        for share in _ALONG:
+            u = int(round(start[n, 0] + (end[n, 0] - start[n, 0]) * share))
+            v = int(round(start[n, 1] + (end[n, 1] - start[n, 1]) * share))
+            if 0 <= u < paint.shape[1] and 0 <= v < paint.shape[0]:
+                total += paint[v, u]
+                count += 1
+        mean[n] = total / count if count >= _LEAST_ALONG else 0.0

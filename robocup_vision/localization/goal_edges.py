@@ -191,16 +191,16 @@ def measure(
     )
     found = np.isfinite(offset)
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
-    where = to_ideal(camera, start[found] + normal[found] * offset[found, None])
-    is_edge = np.arange(count) < n
-    edge_found, foot_found = found[:n], found[n:]
+    where = np.ascontiguousarray(to_ideal(camera, start[found] + normal[found] * offset[found, None]))
+    edge_found, foot_found = found[:n], np.flatnonzero(found[n:])
+    edges = edge[edge_found]
     return EdgeSamples(
-        edge[edge_found].astype(np.int64),
-        np.ascontiguousarray(where[is_edge[found]]),
-        np.repeat([0, 1], len(FOOT_OFFSETS))[foot_found],
-        np.tile(np.arange(len(FOOT_OFFSETS)), 2)[foot_found],
-        np.ascontiguousarray(where[~is_edge[found]]),
-        np.ascontiguousarray(normal[n:][foot_found]),
+        edges,
+        where[: len(edges)],
+        foot_found // len(FOOT_OFFSETS),
+        foot_found % len(FOOT_OFFSETS),
+        where[len(edges) :],
+        normal[n:][foot_found],
         sigma[found],
         expected,
     )

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal_fit import fit_goal, goal_residuals
+from robocup_vision.kernels.goal_strips import mean_along
 from robocup_vision.localization.goal_edges import FOOT_OFFSETS, EdgeSamples, Look, measure, to_ideal
 from robocup_vision.localization.goal_geometry import (
     BAR_BOTTOM,
@@ -133,18 +134,26 @@ class GoalFit:
         A scale that adapted to the residuals would take the mirror branch, whose edges lie half a pixel off, for a
         noisy picture of the right one.
         """
-        n = len(self.samples.edge)
-        worth = np.maximum(0.0, 1.0 - (self.residual_px / INLIER_PX) ** 2)
-        worth[n:] = FOOT_WORTH * np.maximum(0.0, 1.0 - (self.residual_px[n:] / (2 * INLIER_PX)) ** 2)
-        # a foot may be hidden, so its absence is forgiven where its presence counts
-        return float(
-            worth.sum() / (int(self.samples.expected.sum()) + FOOT_WORTH * max(len(worth) - n, len(FOOT_OFFSETS)))
-        )
+        return agreement(self.samples, self.residual_px)
 
     @property
     def element_shares(self) -> tuple[float, float, float]:
         """Shares of the left post, the right post and the bar."""
         return element_shares(self.share)
+
+
+def agreement(samples: EdgeSamples, residual_px: FloatArray) -> float:
+    """Score of a fit with these residuals (N + M,), see `GoalFit.score`."""
+    n = len(samples.edge)
+    worth = np.maximum(0.0, 1.0 - (residual_px / INLIER_PX) ** 2)
+    worth[n:] = FOOT_WORTH * np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * INLIER_PX)) ** 2)
+    # a foot may be hidden, so its absence is forgiven where its presence counts
+    return float(worth.sum() / (int(samples.expected.sum()) + FOOT_WORTH * max(len(worth) - n, len(FOOT_OFFSETS))))
+
+
+def are_mostly_within(residual_px: FloatArray, limit_px: float) -> bool:
+    """Whether their median is within the limit."""
+    return bool(2 * np.count_nonzero(np.abs(residual_px) < limit_px) > len(residual_px))
 
 
 def element_shares(share: FloatArray) -> tuple[float, float, float]:
@@ -396,16 +405,10 @@ def bar_rows(
     thick = height * 2 * model.shape.radius_m / model.shape.height_m
     step = min(0.25 * thick, 1.0) / height
     rise = np.arange(0.6, 1.45, step)
-    across = np.linspace(0.08, 0.92, 24)
     start = foot_left + rise[:, None] * up_left
     end = foot_right + rise[:, None] * up_right
-    points = start[:, None] * (1 - across[:, None]) + end[:, None] * across[:, None]
-    column = np.rint((points[..., 0] + 0.5) / scale - 0.5).astype(np.int64)
-    row = np.rint((points[..., 1] + 0.5) / scale - 0.5).astype(np.int64)
-    inside = (column >= 0) & (column < paint.shape[1]) & (row >= 0) & (row < paint.shape[0])
-    value = paint[np.clip(row, 0, paint.shape[0] - 1), np.clip(column, 0, paint.shape[1] - 1)].astype(np.float64)
-    count = inside.sum(axis=1)
-    mean = np.where(count >= 8, (value * inside).sum(axis=1) / np.maximum(count, 1), 0.0)
+    mean = np.empty(len(rise))
+    mean_along(paint, (start + 0.5) / scale - 0.5, (end + 0.5) / scale - 0.5, mean)
     half = max(1, round(0.5 * thick / height / step))
     # brighter than what is above it; below it the net's bar may follow
     sums = np.concatenate([[0.0], np.cumsum(mean)])

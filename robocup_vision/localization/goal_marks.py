@@ -18,7 +18,7 @@ from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal_edges import measure_ridges
 from robocup_vision.kernels.goal_marks import line_marks, mark_stds
 from robocup_vision.localization.goal_edges import EdgeSamples, from_ideal, to_ideal
-from robocup_vision.localization.goal_fit import INLIER_PX, GoalFit, GoalModel, fit, residuals
+from robocup_vision.localization.goal_fit import INLIER_PX, GoalFit, GoalModel, are_mostly_within, fit, residuals
 from robocup_vision.localization.goal_geometry import LOG_FOCAL
 from robocup_vision.localization.goal_lines import LineFit, along_lines
 from robocup_vision.localization.line_map import LineMap
@@ -33,9 +33,10 @@ _SHARP_WIDTH_PX = 0.5  # thinner lines are fainter
 _LINE_ERROR_PX = 0.045  # of all places together
 _PAINTED_TO_M = 0.003
 _LEAST_MARKS = 10
-_LEAST_SHARE = 0.45
+# of what lines in view are worth; more where the goal leaves the place open: among many tried, one agrees by chance
+_LEAST_SHARE, _LEAST_OPEN_SHARE = 0.45, 0.6
 # a second place as far off as this that is nearly as good leaves the choice open
-_SAME_M, _RIVAL = 0.2, 0.95
+_SAME_M, _RIVAL = 0.2, 0.92
 _INLIER_PX = 1.0
 _LEAST_CONTRAST = 0.4  # of the median, for its width
 _FULL_WIDTH_PX = 1.5  # wider paint looks no brighter
@@ -88,15 +89,14 @@ class GoalMarks:
                 if k
             ]
         fits = sorted((t for t in tried if t is not None), key=lambda t: -t.line_share)
-        if not fits or fits[0].line_share < _LEAST_SHARE:
+        if not fits or fits[0].line_share < (_LEAST_SHARE if std <= _SURE_M else _LEAST_OPEN_SHARE):
             return None
         best = fits[0]
         for other in fits[1:]:
             apart = math.dist(other.unknowns[:2], best.unknowns[:2])
             if apart > _SAME_M and other.line_share > _RIVAL * best.line_share:
                 return None
-        strain = np.abs(residuals(model, found.samples, best.unknowns))
-        return best if float(np.median(strain)) < INLIER_PX else None
+        return best if are_mostly_within(residuals(model, found.samples, best.unknowns), INLIER_PX) else None
 
     def _from(
         self,
@@ -107,11 +107,15 @@ class GoalMarks:
         covariance: FloatArray,
     ) -> LineFit | None:
         p, samples, worth, expected = start, found.samples, np.empty(0), 1.0
+        is_near = False  # nothing was looked for farther away than the next round would
         for reach, scale in zip(_REACHES_PX, _SCALES_PX, strict=True):
+            if is_near and reach > _REACHES_PX[-1]:
+                continue
             marked = self._marked(frame, model, found.samples, p, covariance, reach)
             if marked is None:
                 return None
-            samples, worth, expected = marked
+            samples, worth, expected, reached = marked
+            is_near = reached <= _REACHES_PX[1]
             p, cost, information = fit(model, samples, p, np.full(_ITERATIONS, scale))
             if not math.isfinite(cost):
                 return None
@@ -129,8 +133,8 @@ class GoalMarks:
         p: FloatArray,
         covariance: FloatArray,
         most_px: float,
-    ) -> tuple[EdgeSamples, FloatArray, float] | None:
-        """Return samples with marks, what each of these is worth, and what all places that were looked at are worth."""
+    ) -> tuple[EdgeSamples, FloatArray, float, float] | None:
+        """Return samples with marks, the worth of each, that of all places looked at, and the farthest reach."""
         room = len(self._points)
         marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
         n = line_marks(
@@ -154,7 +158,8 @@ class GoalMarks:
         mark_stds(marks, pixels, normals, model.view_array, p, LOG_FOCAL + 1, covariance, std)
         start = np.ascontiguousarray(from_ideal(self._camera, pixels))
         offset, contrast = np.empty(n), np.empty(n)
-        measure_ridges(frame, start, normals, np.minimum(3 * std + _FLOOR_PX, most_px), widths, offset, contrast)
+        reach = np.minimum(3 * std + _FLOOR_PX, most_px)
+        measure_ridges(frame, start, normals, reach, widths, offset, contrast)
         seen = np.isfinite(offset)
         # paint of half the width makes half the contrast
         contrast /= np.minimum(widths, _FULL_WIDTH_PX)
@@ -177,4 +182,4 @@ class GoalMarks:
             mark_direction=normals[seen],
             sigma=np.concatenate([samples.sigma, sigma]),
         )
-        return joined, worth[seen], float(worth.sum())
+        return joined, worth[seen], float(worth.sum()), float(reach.max())

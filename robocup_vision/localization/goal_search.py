@@ -14,13 +14,15 @@ import numpy.typing as npt
 
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray, Pose2
-from robocup_vision.localization.goal_edges import Look, to_ideal
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.goal_edges import Look
 from robocup_vision.localization.goal_fit import (
     INLIER_PX,
     LEAST_ELEMENT_SHARE,
     GoalFit,
     GoalModel,
+    agreement,
+    are_mostly_within,
     bar_rows,
     fit,
     goal_model,
@@ -45,6 +47,7 @@ _START_SCALES = np.full(8, 100.0)
 _GLARE = 235.0
 _SEARCH_WIDTH_PX = 208  # posts of the leagues' goals are still 3 px wide there from the far end of the field
 _CLEAR_SCORE = 0.8  # nothing better will come: edges of clutter agree with a goal in half of their places at most
+_RIVAL = 0.7  # share of such a goal's score from which the other branch may be the right one
 _SWINGS = (-1.0, 0.0)  # obliqueness of further starts, in shares of the first fit's
 _LEAST_CANDIDATE_SCORE = 0.3
 _SAME_PLACE_M = 0.03
@@ -169,36 +172,6 @@ class GoalSearch:
                         best = Candidate(seen, (side,), held, proposal.look, None)
         return best
 
-    def corners(self, frame: ByteImage) -> FloatArray | None:
-        """Corners of the strongest pair of posts with a bar, as solvers of perspective want them.
-
-        Returns
-        -------
-        (4, 2) float64 or None
-            Left foot, left top, right top, right foot, ideal pixels: where the posts' axes meet the carpet and the
-            bar's upper edge.
-        """
-        for proposal in self.proposals(frame):
-            for left, right in proposal.pairs:
-                samples = strip_samples(self.camera, ((0, left), (1, right)))
-                rough = [fit(proposal.model, samples, s, _START_SCALES) for s in starts(proposal.model, left, right)]
-                p, cost, _ = min(rough, key=lambda r: r[1])
-                bars = bar_rows(proposal.paint, proposal.scale, proposal.model, p, 1) if math.isfinite(cost) else []
-                if not bars:
-                    continue
-                a, b = bars[0][0], bars[0][-1]
-                slope = (b[1] - a[1]) / (b[0] - a[0])
-                tops, feet = [], []
-                for strip in (left, right):
-                    low = strip.foot if math.isfinite(strip.foot) else strip.bottom
-                    v = strip.top
-                    for _ in range(5):  # the axis leans little: this converges at once
-                        v = a[1] + slope * (strip.axis_at(v) - a[0])
-                    tops.append((strip.axis_at(v), v))
-                    feet.append((strip.axis_at(low), low))
-                return to_ideal(self.camera, np.array([feet[0], tops[0], tops[1], feet[1]]))
-        return None
-
     def _fit_one_post(self, frame: ByteImage, strip: Strip, post: int, held: GoalModel, look: Look) -> GoalFit | None:
         samples = strip_samples(self.camera, ((post, strip),))
         start = held.prior.copy()
@@ -301,8 +274,11 @@ class GoalSearch:
                 known = any(math.dist(other[:2], f.unknowns[:2]) < _SAME_PLACE_M for f in found)
                 if known or not math.isfinite(cost):
                     continue
-                # edges that already lie so far off will not come back
-                if float(np.median(np.abs(residuals(model, straight.samples, other)))) > 2 * INLIER_PX:
+                off = residuals(model, straight.samples, other)
+                # edges that already lie so far off will not come back; those of a goal beyond doubt stay where they are
+                if not are_mostly_within(off, 2 * INLIER_PX) or (
+                    straight.score > _CLEAR_SCORE and agreement(straight.samples, off) < _RIVAL * straight.score
+                ):
                     continue
                 turned = refine(frame, self.camera, model, other, look)
                 if turned is not None:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal_edges import link_runs
-from robocup_vision.kernels.goal_strips import fit_strip, straight_line
+from robocup_vision.kernels.goal_strips import fit_strip, straight_line, summarize_chains
 
 ByteImage = npt.NDArray[np.uint8]
 
@@ -176,34 +176,29 @@ def strips(
     chains = link_runs(row, left, right, _LEAN, 4.0 * row_step, chain)
     order = np.argsort(chain, kind="stable")
     bounds = np.searchsorted(chain[order], np.arange(chains + 1))
-    pieces: list[npt.NDArray[np.int64]] = []
-    for k in range(chains):
-        members = order[bounds[k] : bounds[k + 1]]
-        if len(members) >= 3:
-            middle = members[len(members) // 2]
-            if row[members[-1]] - row[members[0]] + row_step >= 0.75 * (right[middle] - left[middle]):
-                pieces.append(members)
+    summary = np.empty((chains, 6))
+    summarize_chains(row, left, right, order, bounds, summary)
+    tall = summary[:, 4] - summary[:, 3] + row_step >= 0.75 * summary[:, 5]
+    # the longest first, for `_join`
+    kept = sorted(np.flatnonzero(tall & (np.diff(bounds) >= 3)), key=lambda k: bounds[k] - bounds[k + 1])
+    pieces = [order[bounds[k] : bounds[k + 1]] for k in kept]
     found = [
         strip
-        for members in _join(pieces, row, left, right, 7.0 if certain else _LONGEST_GAP_WIDTHS)
+        for members in _join(pieces, summary[kept], row, (left + right) / 2, 7.0 if certain else _LONGEST_GAP_WIDTHS)
         if (strip := _strip(members, runs, carpet, 1.0 if certain else 1.3))
     ]
     return sorted(found, key=lambda s: -s.strength)
 
 
 def _join(
-    pieces: list[npt.NDArray[np.int64]], row: FloatArray, left: FloatArray, right: FloatArray, longest_gap: float
+    pieces: list[npt.NDArray[np.int64]],
+    summary: FloatArray,
+    row: FloatArray,
+    middle: FloatArray,
+    longest_gap: float,
 ) -> list[npt.NDArray[np.int64]]:
     """Join pieces that continue each other's axis at the same width: glare and occlusion cut posts apart."""
-    if not pieces:
-        return []
-    pieces = sorted(pieces, key=len, reverse=True)
-    middle, wide = (left + right) / 2, right - left
-    center = np.array([middle[piece].mean() for piece in pieces])
-    height = np.array([row[piece].mean() for piece in pieces])
-    width = np.array([np.median(wide[piece]) for piece in pieces])
-    top = np.array([row[piece[0]] for piece in pieces])
-    bottom = np.array([row[piece[-1]] for piece in pieces])
+    center, height, width, top, bottom = summary[:, :5].T
     free = np.ones(len(pieces), bool)
     joined: list[npt.NDArray[np.int64]] = []
     for i, members in enumerate(pieces):

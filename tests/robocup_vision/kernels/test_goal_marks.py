@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal_marks import line_marks
+from robocup_vision.kernels.goal_marks import line_marks, mark_stds
 from robocup_vision.localization.goal_geometry import IdealView, project
 
 VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
@@ -36,6 +36,23 @@ def test_places_are_where_numpy_projects_them(seed):
     ahead = project(VIEW, p, floor + np.array([0, 1e-4, 0])) - pixels
     np.testing.assert_allclose((ahead * normals).sum(axis=1), 0, atol=1e-6)
     assert np.hypot(*np.diff(pixels, axis=0).T).min() >= 6.0
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_spread_of_places_is_that_of_many_cameras(seed):
+    rng = np.random.default_rng(seed)
+    p = np.array([*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-0.1, 0.1, 3), rng.uniform(0.2, 0.5), 0.01, 0.3])
+    marks, pixels, normals, _ = places(p)
+    root = rng.normal(0, 1e-4, (8, 8))
+    std = np.empty(len(marks))
+    mark_stds(marks, pixels, normals, VIEW_ARRAY, p, 7, root @ root.T, std)
+    floor = np.column_stack([marks, np.zeros(len(marks))])
+    moved = [
+        (((project(VIEW, p + column, floor) - project(VIEW, p - column, floor)) / 2) * normals).sum(axis=1)
+        for column in np.where(np.arange(8) < 7, root.T, 0.0)
+    ]
+    np.testing.assert_allclose(std, np.sqrt(np.square(moved).sum(axis=0)), rtol=1e-3)
 
 
 def test_thin_and_hidden_lines_are_left_out():
