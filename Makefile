@@ -4,11 +4,12 @@ PYTHON := .venv/bin/python
 INSTALLED := .venv/installed
 
 .DEFAULT_GOAL := help
-.PHONY: help .venv test demo match examples clean
+.PHONY: help .venv test slow demo match examples clean
 
 help:
 	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
 	@echo "make test      ruff, mypy and pytest"
+	@echo "make slow      the tests that take longer than a few seconds each"
 	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"
 	@echo "make examples  run every program in examples/"
 	@echo "make clean     remove what the above have made"
@@ -34,7 +35,10 @@ test: $(INSTALLED)
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
-	$(PYTHON) -m pytest --cov --cov-report=term:skip-covered --cov-fail-under=90
+	$(PYTHON) -m pytest -m "not slow" --cov --cov-report=term:skip-covered --cov-fail-under=90
+
+slow: $(INSTALLED)
+	$(PYTHON) -m pytest -m slow
 
 demo: $(INSTALLED)
 	.venv/bin/robocup-vision evaluate images/omni_ssl_2001 --out out/omni_ssl_2001

@@ -114,6 +114,7 @@ def test_a_machine_that_is_too_slow_says_so(tmp_path, monkeypatch):
     assert notes == ("this machine could not keep up with the clock: it fell 2.9 s behind",)
 
 
+@pytest.mark.slow
 def test_command_prints_a_table_and_repeats_its_file(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     files = []

@@ -54,6 +54,7 @@ def in_play(field=FIELD, players=1):
     return world
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_run_in_another_process():
     runs = {
         subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True).stdout for _ in "ab"

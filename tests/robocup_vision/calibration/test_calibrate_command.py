@@ -18,6 +18,7 @@ def folder(tmp_path_factory, off_frames, rough_camera):
     return folder
 
 
+@pytest.mark.slow
 def test_camera_file_overlays_and_figures_are_written(folder, capsys, true_camera, floor_error_m):
     out = folder / "camera.toml"
     arguments = ["calibrate", "omni", "--field", "ssl_2001", str(folder / "images"), "--out", str(out)]

@@ -36,6 +36,7 @@ def off(share, height_m):
     return replace(TRUE, focal_px=(TRUE.focal_px[0] * share, TRUE.focal_px[1] * share), height_m=height_m)
 
 
+@pytest.mark.slow
 def test_focal_length_and_height_are_told_with_their_uncertainty(field, samples):
     result = calibrate_pinhole(field, [s.frame for s in samples], off(1.1, 0.21))
     assert result
@@ -52,9 +53,9 @@ def test_focal_length_and_height_are_told_with_their_uncertainty(field, samples)
 
 def test_a_fixed_camera_has_its_tilt_told(field, samples):
     result = calibrate_pinhole(field, [samples[0].frame] * 3, TRUE)
-    if result:
-        assert result.camera.tilt_rad == pytest.approx(samples[0].camera.tilt_rad, abs=math.radians(1.0))
-        assert result.std["tilt_rad"] > 0
+    assert result
+    assert result.camera.tilt_rad == pytest.approx(samples[0].camera.tilt_rad, abs=math.radians(1.0))
+    assert result.std["tilt_rad"] > 0
 
 
 def test_pictures_without_a_goal_are_refused_with_the_reason(field):
@@ -66,9 +67,10 @@ def test_pictures_without_a_goal_are_refused_with_the_reason(field):
         assert "no goal" in result.reason
 
 
-def test_one_far_goal_from_the_front_is_refused(field):
-    (far,) = sample_goal(field, CONDITION, seed=4, count=1, places=[(-1.5, 0.0)], supersample=3)
-    result = calibrate_pinhole(field, [far.frame], TRUE)
+def test_one_far_goal_from_the_front_without_lines_is_refused(field):
+    bare = replace(field, lines=field.lines[:0], arcs=field.arcs[:0])
+    (far,) = sample_goal(bare, CONDITION, seed=4, count=1, places=[(-1.5, 0.0)], supersample=3)
+    result = calibrate_pinhole(bare, [far.frame], TRUE)
     assert isinstance(result, NotCalibrated)
 
 
