@@ -18,8 +18,9 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import FloatArray, Pose2
 from sim2d.kernels.bearing_profile import meet_boxes, meet_cylinders, meet_walls, stack_spans
-from sim2d.kernels.match_pixels import draw_pixels, fill_carpet
-from sim2d.rendering.line_grids import make_line_grids
+from sim2d.kernels.floor_lines import floor_until, mark_arcs, mark_lines
+from sim2d.kernels.match_pixels import draw_pixels, fill_carpet, paint_marked
+from sim2d.rendering.line_rows import arc_rows, line_rows
 from sim2d.rendering.pixel_table import mirror_pixels
 from sim2d.rendering.room import ROWS_PER_M, room_panorama
 from sim2d.rendering.scene import Ball, Bgr, Robot, Scene, Wall
@@ -59,9 +60,10 @@ class FastFrames:
         self._cast = np.array(sensor.cast_bgr)
         width, height = camera.size_px
         gain = vignette_gain(height, width, sensor.vignette) * np.float32(sensor.gain)
-        self._grids = make_line_grids(scene.field)
+        self._lines, self._arcs = line_rows(scene.field), arc_rows(scene.field)
+        self._half_line_m = scene.field.line_width_m / 2
         self._room_radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
-        self._table = mirror_pixels(camera, self._grids, gain, 2 * self._room_radius_m)
+        self._table = mirror_pixels(camera, gain, 2 * self._room_radius_m)
         self._room = np.ascontiguousarray(room_panorama(scene.room.seed) * lamp.level * self._cast, dtype=np.float32)
         per_m = lamp.level * lamp.gradient / (scene.field.length_m / 2)
         direction = lamp.gradient_direction_rad
@@ -75,6 +77,9 @@ class FastFrames:
         self._entries = np.zeros((count, ENTRIES, 4), dtype=np.float32)
         self._ends = np.zeros((count, SPANS), dtype=np.float32)
         self._kinds = np.zeros((count, SPANS), dtype=np.int32)
+        self._until_m = np.zeros(count)
+        self._share = np.zeros(len(self._table.pixels), dtype=np.float32)
+        self._marked = np.zeros(len(self._table.pixels), dtype=np.int32)
         self._paint = np.zeros((count, SPANS, 3), dtype=np.float32)
         self._planes = np.zeros((3, width * height), dtype=np.uint8)
         self._image_planes = [plane.reshape(height, width) for plane in self._planes]
@@ -147,7 +152,7 @@ class FastFrames:
         (H, W, 3) uint8
             Light through the lens, neither blurred nor noisy.
         """
-        table, grids, eye = self._table, self._grids, self._eye
+        table, eye = self._table, self._eye
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
         forward, left = self.camera.offset_m
         eye[:] = pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left, pose.theta_rad
@@ -185,11 +190,17 @@ class FastFrames:
         )
         fill_carpet(table.floor, self._light, eye, plain[0], table.body, self._planes)
         frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
+        flat = frame.reshape(-1, 3)
+        floor_until(self._ends, self._kinds, table.height_m, 2 * self._room_radius_m, self._until_m)
+        rays = table.rays, table.first, table.directions, eye, self._until_m, table.spread, self._half_line_m
+        count = mark_lines(*rays, self._lines, self._share, self._marked, 0)
+        count = mark_arcs(*rays, self._arcs, self._share, self._marked, count)
+        paint_marked(table.rays, table.pixels, self._light, eye, plain, self._share, self._marked, count, flat)
         draw_pixels(
             table.rays,
             table.pixels,
-            table.levels,
             table.first,
+            table.directions,
             eye,
             table.height_m,
             LAMP_DIRECTION_RAD,
@@ -197,12 +208,6 @@ class FastFrames:
             sphere,
             plain,
             self._light,
-            grids.clear_m,
-            grids.cells,
-            grids.grids,
-            grids.half_line_m,
-            grids.lines,
-            grids.arcs,
-            frame.reshape(-1, 3),
+            flat,
         )
         return frame

@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import FloatArray
-from sim2d.kernels.match_pixels import GAIN, X, Y
-from sim2d.rendering.line_grids import LineGrids
+from sim2d.kernels.floor_lines import GAIN, X, Y
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import MirrorRays
 
@@ -25,16 +24,16 @@ class PixelTable:
     height_m : float
         Of the viewpoint.
     rays : (9, P) float32
-        Floor point (robot frame, from the viewpoint's foot), least and greatest slope, gain, size of the patch of
-        floor, distance of the floor point and how far the patch reaches; by bearing, then by slope.
+        Floor point (robot frame, from the viewpoint's foot), least and greatest slope, gain, radial and tangential
+        size of the patch of floor, distances where it begins and ends; by bearing, then by slope.
     pixels : (P,) uint32
         Flat pixel indices.
-    levels : (P,) int32
-        Level of the line grids.
     first : (K + 1,) int32
         First pixel of each bearing, and P.
     directions : (K, 3) float64
         Bearings, cosines, sines.
+    spread : (2,) float64
+        Bounds how far a patch reaches to the side of its bearing, as in `floor_lines.mark_lines`.
     per_turn : int
         How many bearings would make a full turn.
     floor : (3, H * W) float32
@@ -46,23 +45,21 @@ class PixelTable:
     height_m: float
     rays: npt.NDArray[np.float32]
     pixels: npt.NDArray[np.uint32]
-    levels: npt.NDArray[np.int32]
     first: npt.NDArray[np.int32]
     directions: FloatArray
+    spread: FloatArray
     per_turn: int
     floor: npt.NDArray[np.float32]
     body: npt.NDArray[np.uint8]
 
 
-def mirror_pixels(camera: OmniCamera, grids: LineGrids, gain: npt.NDArray[np.float32], farthest_m: float) -> PixelTable:
+def mirror_pixels(camera: OmniCamera, gain: npt.NDArray[np.float32], farthest_m: float) -> PixelTable:
     """Work out a mirror camera's pixels.
 
     Parameters
     ----------
     camera : OmniCamera
         With a known viewpoint height.
-    grids : LineGrids
-        Of the field.
     gain : (H, W) float32
         Light that each pixel gets, relative.
     farthest_m : float
@@ -75,7 +72,7 @@ def mirror_pixels(camera: OmniCamera, grids: LineGrids, gain: npt.NDArray[np.flo
     low, high = _slope_range(camera, np.stack([pixel % width, pixel // width], axis=-1).astype(np.float64))
     place = np.rint(np.arctan2(drawn.sin, drawn.cos) * per_turn / math.tau).astype(np.int32) % per_turn
     along = np.minimum(drawn.floor_m, farthest_m)
-    half_patch = np.hypot(drawn.radial_m, drawn.tangential_m) / 2
+    on_floor = drawn.floor_m < farthest_m
     order = np.lexsort((low, place))
     rows = np.stack(
         [
@@ -86,8 +83,8 @@ def mirror_pixels(camera: OmniCamera, grids: LineGrids, gain: npt.NDArray[np.flo
             gain.ravel()[pixel],
             drawn.radial_m,
             drawn.tangential_m,
-            along,
-            along + half_patch + drawn.tangential_m / 2,
+            along - drawn.radial_m / 2,
+            along + drawn.radial_m / 2,
         ]
     )
     rays = np.ascontiguousarray(rows[:, order], dtype=np.float32)
@@ -101,13 +98,20 @@ def mirror_pixels(camera: OmniCamera, grids: LineGrids, gain: npt.NDArray[np.flo
         drawn.height_m,
         rays,
         pixel.astype(np.uint32),
-        grids.level(half_patch[order]),
         np.searchsorted(place[order], np.arange(per_turn + 1)).astype(np.int32),
         np.stack([angle, np.cos(angle), np.sin(angle)], axis=1),
+        _spread(along[on_floor], drawn.tangential_m[on_floor] / 2 + along[on_floor] * math.pi / per_turn),
         per_turn,
         image,
         np.rint(np.clip(body, 0, 255)).astype(np.uint8),
     )
+
+
+def _spread(along: FloatArray, reach: FloatArray) -> FloatArray:
+    """Find a straight line (constant, per metre of distance) that no reach (N,) to the side lies above."""
+    near, far = np.argmin(along), np.argmax(along)
+    per_m = max(0.0, float(reach[far] - reach[near]) / max(float(along[far] - along[near]), 1e-9))
+    return np.array([float((reach - per_m * along).max()), per_m])
 
 
 def _slope_range(camera: OmniCamera, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:

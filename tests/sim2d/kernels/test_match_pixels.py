@@ -5,43 +5,31 @@ import math
 import numpy as np
 import pytest
 
-from field_models import field_names, load_field
 from sim2d.kernels import match_pixels as kernels
-from sim2d.rendering.line_grids import make_line_grids
-from sim2d.rendering.paint import LinePaint
 
 
-def cell_of(grid, x, y):
-    """Return the number of the cell that holds a point."""
-    left, bottom, per_m, columns, _, first = grid
-    return int(first) + int((y - bottom) * per_m) * int(columns) + int((x - left) * per_m)
-
-
-@pytest.mark.parametrize("name", field_names())
-def test_painted_share_is_that_of_the_ray_caster(name):
-    field = load_field(name)
-    grids, paint = make_line_grids(field), LinePaint(field)
-    rng = np.random.default_rng(4)
-    count = 3000
-    low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
-    x, y = rng.uniform(low, high, (count, 2)).T.astype(np.float32)
-    angle = rng.uniform(-math.pi, math.pi, count).astype(np.float32)
-    radial, tangential = rng.uniform(0.002, ((0.08,), (0.01,)), (2, count)).astype(np.float32)
-    expected = np.zeros(count)
-    where, share = paint.coverage(x, y, np.cos(angle), np.sin(angle), radial, tangential)
-    expected[where] = share
-    found = []
-    levels = grids.level(np.hypot(radial, tangential) / 2)
-    for i in range(count):
-        cell = cell_of(grids.grids[levels[i]], x[i], y[i])
-        patch = float(x[i]), float(y[i]), math.cos(angle[i]), math.sin(angle[i]), float(radial[i]), float(tangential[i])
-        near = grids.cells[cell]
-        found.append(kernels.painted_share(*patch, grids.half_line_m, near, grids.lines, grids.arcs) if near else 0.0)
-        reach = math.hypot(radial[i], tangential[i]) / 2
-        clear = grids.clear_m[cell_of(grids.grids[0], x[i], y[i])]
-        assert clear < reach or expected[i] == 0
-    assert (expected > 0).sum() > 20
-    np.testing.assert_allclose(found, expected, atol=2e-3)
+def test_marked_rays_are_painted_and_forgotten():
+    rng = np.random.default_rng(3)
+    count = 200
+    rays = rng.uniform(-2, 2, (9, count)).astype(np.float32)
+    rays[kernels.GAIN] = rng.uniform(0, 1.2, count)
+    pixels = rng.permutation(count).astype(np.uint32)
+    marked = rng.permutation(count)[:60].astype(np.int32)
+    share = np.zeros(count, dtype=np.float32)
+    share[marked] = rng.uniform(0.01, 1, 60)
+    light, eye = np.array([1.1, 0.2, -0.1, 0.05]), np.array([0.4, -0.3, 0.8])
+    plain = np.array([[50, 130, 45], [235, 240, 245], [0, 0, 0]], dtype=np.float32)
+    out = np.zeros((count, 3), dtype=np.uint8)
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    x, y = eye[0] + c * rays[0] - s * rays[1], eye[1] + s * rays[0] + c * rays[1]
+    lit = np.maximum(light[0] + light[1] * x + light[2] * y, light[3]) * rays[kernels.GAIN]
+    color = plain[0] + share[:, None] * (plain[1] - plain[0])
+    expected = np.zeros((count, 3))
+    expected[pixels[marked]] = np.minimum(np.floor(lit[:, None] * color + 0.5), 255)[marked]
+    kernels.paint_marked(rays, pixels, light, eye, plain, share, marked, len(marked), out)
+    assert np.abs(out - expected).max() <= 1
+    assert (out == expected).mean() > 0.99
+    assert not share.any()
 
 
 def test_carpet_is_filled_as_numpy_fills_it():

@@ -1,0 +1,254 @@
+"""Compiled: which rays of a match camera meet paint on the floor, found where each bearing crosses each line.
+
+Along a bearing a straight line is met on one interval of distance, a circle on two, both in closed form; only rays
+whose patch of floor reaches into one are looked at.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from sim2d.kernels.bearing_profile import FLOOR, Doubles, Floats, Int32Array
+
+# unsigned indices need no check for negative ones
+ONE = np.uintp(1)
+# rows of `rays`
+X, Y, SLOPE_LOW, SLOPE_HIGH, GAIN, RADIAL, TANGENTIAL, NEAR, FAR = range(9)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float32:
+    """Share of an interval of `size` around `offset` that lies within `half` of 0."""
+    reach = max(size, np.float32(1e-6)) * np.float32(0.5)
+    covered = min(offset + reach, half) - max(offset - reach, -half)
+    return max(covered, np.float32(0.0)) / (reach + reach)
+
+
+@njit(cache=True, nogil=True)
+def floor_until(ends: Floats, kinds: Int32Array, height_m: float, farthest_m: float, until_m: Doubles) -> None:
+    """Tell for each bearing how far away the floor is seen at most, metres; parameters as in `stack_spans`."""
+    for k in range(len(until_m)):
+        until_m[k] = 0.0
+        n = 0
+        while ends[k, n] < math.inf:
+            if kinds[k, n] == FLOOR:
+                until_m[k] = min(height_m / max(-ends[k, n], 1e-6), farthest_m)
+            n += 1
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _cut(speed: float, room: float, low: float, high: float) -> tuple[float, float]:
+    """Cut an interval of distances a down to where a * speed <= room."""
+    if speed > 1e-9:
+        high = min(high, room / speed)
+    elif speed < -1e-9:
+        low = max(low, room / speed)
+    elif room < 0:
+        high = -1.0
+    return low, high
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _seek(low_m: float, i: int, start: int, stop: int, far_of: Floats) -> int:
+    """First ray of a bearing that reaches beyond a distance, sought from ray i on."""
+    limit = np.float32(low_m)
+    i = min(max(i, start), stop)
+    while i > start and far_of[np.uintp(i - 1)] >= limit:
+        i -= 1
+    while i < stop and far_of[np.uintp(i)] < limit:
+        i += 1
+    return i
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def mark_lines(
+    rays: Floats,
+    first: Int32Array,
+    directions: Doubles,
+    eye: Doubles,
+    until_m: Doubles,
+    spread: Doubles,
+    half: float,
+    lines: Doubles,
+    share: Floats,
+    marked: Int32Array,
+    count: int,
+) -> int:
+    """Note the painted share of the patches that straight lines meet.
+
+    Parameters
+    ----------
+    rays : (9, P) float32
+        As in `match_pixels.draw_pixels`.
+    first : (K + 1,) int32
+        First ray of each bearing, and P.
+    directions : (K, 3) float64
+        Bearing (rad), its cosine and sine, in the eye's frame, evenly spaced over a full turn from 0.
+    eye : (3,) float64
+        x, y (m) and heading (rad) of the viewpoint.
+    until_m : (K,) float64
+        How far the floor is seen.
+    spread : (2,) float64
+        Half a patch's tangential size and how far its middle may lie beside the bearing are together at most
+        `spread[0] + spread[1] * distance`, metres.
+    half : float
+        Half a line's width, metres.
+    lines : (N, 5) float64
+        Start x, y, unit direction x, y, length (m), field frame.
+    share : (P,) float32
+        Painted shares so far, raised to those of these lines.
+    marked : (P,) int32
+        The first `count` are the rays whose share is not 0; extended.
+    count : int
+        How many are marked.
+
+    Returns
+    -------
+    int
+        How many are marked now.
+    """
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
+    near_of, far_of = rays[NEAR], rays[FAR]
+    turns = len(directions)
+    wide = half + spread[0]
+    half_width, zero = np.float32(half), np.float32(0.0)
+    for line in range(len(lines)):
+        tx, ty = c * lines[line, 2] + s * lines[line, 3], c * lines[line, 3] - s * lines[line, 2]
+        half_length = lines[line, 4] / 2
+        dx, dy = lines[line, 0] - eye[0], lines[line, 1] - eye[1]
+        x, y = c * dx + s * dy + half_length * tx, c * dy - s * dx + half_length * ty
+        # the line's middle from the eye, along the line and to its left
+        ahead, aside = x * tx + y * ty, y * tx - x * ty
+        extra = wide + spread[1] * (math.hypot(x, y) + half_length)
+        from_k, until_k = 0, turns - 1
+        if abs(ahead) > half_length + extra or abs(aside) > extra:
+            low, high = 0.0, 0.0
+            for corner in range(4):
+                along = ahead + (half_length + extra if corner & 1 else -half_length - extra)
+                across = aside + (extra if corner & 2 else -extra)
+                beside = math.atan2(ahead * across - aside * along, ahead * along + aside * across)
+                low, high = min(low, beside), max(high, beside)
+            middle = math.atan2(y, x)
+            from_k = math.floor((middle + low) * turns / math.tau)
+            until_k = math.ceil((middle + high) * turns / math.tau)
+        middle_x, middle_y = np.float32(x), np.float32(y)
+        t_x, t_y, long = np.float32(tx), np.float32(ty), np.float32(half_length)
+        guess = 0
+        for turned in range(from_k, until_k + 1):
+            k = turned % turns
+            along, across = (
+                directions[k, 1] * tx + directions[k, 2] * ty,
+                directions[k, 2] * tx - directions[k, 1] * ty,
+            )
+            near_m, far_m = _cut(across - spread[1], aside + wide, 0.0, until_m[k])
+            near_m, far_m = _cut(-across - spread[1], wide - aside, near_m, far_m)
+            near_m, far_m = _cut(along - spread[1], ahead + half_length + wide, near_m, far_m)
+            near_m, far_m = _cut(-along - spread[1], half_length + wide - ahead, near_m, far_m)
+            if near_m > far_m:
+                continue
+            start, stop = first[k], first[k + 1]
+            begin = _seek(near_m, start + guess, start, stop, far_of)
+            guess = begin - start
+            limit = np.float32(far_m)
+            along_ray, across_ray = np.float32(abs(along)), np.float32(abs(across))
+            i, end = np.uintp(begin), np.uintp(stop)
+            while i < end and near_of[i] <= limit:
+                off_x, off_y = x_of[i] - middle_x, y_of[i] - middle_y
+                radial, tangential = radial_of[i], tangential_of[i]
+                size = across_ray * radial + along_ray * tangential
+                covered = _overlap(off_x * t_y - off_y * t_x, half_width, size)
+                if covered > zero:
+                    size = along_ray * radial + across_ray * tangential
+                    covered *= _overlap(off_x * t_x + off_y * t_y, long + half_width, size)
+                    if covered > share[i]:
+                        if share[i] == zero:
+                            marked[count] = i
+                            count += 1
+                        share[i] = covered
+                i += ONE
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def mark_arcs(
+    rays: Floats,
+    first: Int32Array,
+    directions: Doubles,
+    eye: Doubles,
+    until_m: Doubles,
+    spread: Doubles,
+    half: float,
+    arcs: Doubles,
+    share: Floats,
+    marked: Int32Array,
+    count: int,
+) -> int:
+    """Note the painted share of the patches that arcs meet.
+
+    `arcs` is (M, 6) float64: centre x, y, radius (m), direction x, y of the middle, cosine of half the sweep (-2: a
+    full circle), field frame; other parameters as in `mark_lines`.
+    """
+    c, s = math.cos(eye[2]), math.sin(eye[2])
+    x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
+    near_of, far_of = rays[NEAR], rays[FAR]
+    turns = len(directions)
+    half_width, zero, least = np.float32(half), np.float32(0.0), np.float32(1e-6)
+    for arc in range(len(arcs)):
+        dx, dy = arcs[arc, 0] - eye[0], arcs[arc, 1] - eye[1]
+        x, y, radius = c * dx + s * dy, c * dy - s * dx, arcs[arc, 2]
+        away = math.hypot(x, y)
+        extra = half + spread[0] + spread[1] * (away + radius)
+        outer, inner = radius + extra, max(radius - extra, 0.0)
+        from_k, until_k = 0, turns - 1
+        if away > outer:
+            middle, beside = math.atan2(y, x), math.asin(outer / away)
+            from_k = math.floor((middle - beside) * turns / math.tau)
+            until_k = math.ceil((middle + beside) * turns / math.tau)
+        center_x, center_y, size_m = np.float32(x), np.float32(y), np.float32(radius)
+        aim_x = np.float32(c * arcs[arc, 3] + s * arcs[arc, 4])
+        aim_y = np.float32(c * arcs[arc, 4] - s * arcs[arc, 3])
+        sweep = np.float32(arcs[arc, 5])
+        near_guess, far_guess = 0, 0
+        for turned in range(from_k, until_k + 1):
+            k = turned % turns
+            cos, sin = directions[k, 1], directions[k, 2]
+            toward, aside = cos * x + sin * y, cos * y - sin * x
+            root2 = outer * outer - aside * aside
+            if root2 <= 0:
+                continue
+            root = math.sqrt(root2)
+            gap = math.sqrt(max(inner * inner - aside * aside, 0.0))
+            ray_cos, ray_sin = np.float32(cos), np.float32(sin)
+            start, stop = first[k], first[k + 1]
+            done = start
+            for crossing in range(2):
+                near_m = toward - root if crossing == 0 else toward + gap
+                far_m = min(toward - gap if crossing == 0 else toward + root, until_m[k])
+                if near_m > far_m or far_m < 0:
+                    continue
+                begin = _seek(near_m, start + (near_guess if crossing == 0 else far_guess), start, stop, far_of)
+                if crossing == 0:
+                    near_guess = begin - start
+                else:
+                    far_guess = begin - start
+                limit = np.float32(far_m)
+                i, end = np.uintp(max(begin, done)), np.uintp(stop)
+                while i < end and near_of[i] <= limit:
+                    off_x, off_y = x_of[i] - center_x, y_of[i] - center_y
+                    from_center = max(np.float32(math.sqrt(off_x * off_x + off_y * off_y)), least)
+                    if off_x * aim_x + off_y * aim_y >= from_center * sweep:
+                        across = abs(ray_cos * off_x + ray_sin * off_y) * radial_of[i]
+                        across += abs(ray_cos * off_y - ray_sin * off_x) * tangential_of[i]
+                        covered = _overlap(from_center - size_m, half_width, across / from_center)
+                        if covered > share[i]:
+                            if share[i] == zero:
+                                marked[count] = i
+                                count += 1
+                            share[i] = covered
+                    i += ONE
+                done = np.int64(i)
+    return count
