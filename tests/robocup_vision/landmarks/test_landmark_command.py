@@ -18,6 +18,7 @@ def hall_folder(tmp_path_factory) -> Path:
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_from_the_run_to_a_report(hall_folder, tmp_path, capsys):
     map_file = str(hall_folder / "map.npz")
     assert cli.main(["map", "build", str(hall_folder / "run"), "--out", map_file]) == 0
