@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from field_models.errors import FrameError
 from field_models.field import Field, Goal
+from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, read_only
@@ -67,17 +68,6 @@ class ColorCalibration:
     frames: int
     pixels: Mapping[str, int]
     notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class NotCalibrated:
-    """No colours could be told, and why; falsy."""
-
-    reason: str
-    notes: tuple[str, ...] = ()
-
-    def __bool__(self) -> bool:
-        return False
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,8 +49,9 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
 
     from field_models import load_field
     from field_models.errors import ArgumentError, FileError, FrameError
-    from robocup_vision.calibration.colors import NotCalibrated, calibrate_colors
+    from robocup_vision.calibration.colors import calibrate_colors
     from robocup_vision.calibration.image_files import ImageFiles
+    from robocup_vision.calibration.not_calibrated import NotCalibrated
     from robocup_vision.calibration.pose_file import read_poses
     from robocup_vision.camera import load_camera
     from robocup_vision.evaluation.image_file import read_mask

@@ -63,7 +63,8 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
     from field_models import load_field
     from field_models.errors import ArgumentError, FileError
     from robocup_vision.calibration.image_files import ImageFiles
-    from robocup_vision.calibration.omni import NotCalibrated, calibrate_omni
+    from robocup_vision.calibration.not_calibrated import NotCalibrated
+    from robocup_vision.calibration.omni import calibrate_omni
     from robocup_vision.camera import OmniCamera, load_camera, save_camera
     from robocup_vision.evaluation.image_file import read_mask
 

@@ -19,12 +19,12 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
+from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni_choice import Chooser
 from robocup_vision.calibration.omni_fit import FieldShape, Fit, JointFit, Points, spread_px
 from robocup_vision.calibration.omni_model import CENTER, HORIZON, SCALE, CameraModel, hyperboloid_of
 from robocup_vision.calibration.omni_result import (
     CalibratedFrame,
-    NotCalibrated,
     OmniCalibration,
     standard_deviations,
     trade_offs,

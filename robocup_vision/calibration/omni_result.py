@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -69,25 +68,6 @@ class OmniCalibration:
     std: dict[str, float]
     choices: tuple[Choice, ...]
     notes: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class NotCalibrated:
-    """The images do not determine the camera. Falsy.
-
-    Parameters
-    ----------
-    reason : str
-        Why, in words a user understands.
-    notes : tuple of str
-        Frames that were of no use, and why.
-    """
-
-    reason: str
-    notes: tuple[str, ...] = ()
-
-    def __bool__(self) -> Literal[False]:
-        return False
 
 
 def standard_deviations(fit: Fit, covariance: FloatArray) -> dict[str, float]:

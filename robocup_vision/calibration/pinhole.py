@@ -16,6 +16,7 @@ import numpy as np
 
 from field_models.errors import FrameError
 from field_models.field import Field
+from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import FloatArray, Pose2
@@ -92,17 +93,6 @@ class PinholeCalibration:
     correlation: float
     frames: tuple[PinholeFrame, ...]
     notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class NotCalibrated:
-    """The pictures do not determine the camera, and why; falsy."""
-
-    reason: str
-    notes: tuple[str, ...] = ()
-
-    def __bool__(self) -> bool:
-        return False
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,8 @@ def run_calibrate_pinhole(args: argparse.Namespace) -> int:
     from field_models import load_field
     from field_models.errors import ArgumentError, FileError
     from robocup_vision.calibration.image_files import ImageFiles
-    from robocup_vision.calibration.pinhole import NotCalibrated, calibrate_pinhole
+    from robocup_vision.calibration.not_calibrated import NotCalibrated
+    from robocup_vision.calibration.pinhole import calibrate_pinhole
     from robocup_vision.calibration.pose_file import read_poses
     from robocup_vision.camera import PinholeCamera, load_camera, save_camera
 

@@ -9,7 +9,8 @@ import pytest
 
 from field_models import load_field
 from field_models.errors import FrameError
-from robocup_vision.calibration.colors import NotCalibrated, calibrate_colors
+from robocup_vision.calibration.colors import calibrate_colors
+from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import save_camera
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2

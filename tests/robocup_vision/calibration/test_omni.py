@@ -8,7 +8,8 @@ import pytest
 from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision import Vision
-from robocup_vision.calibration.omni import NotCalibrated, OmniCalibration, calibrate_omni, guessed_cameras
+from robocup_vision.calibration.not_calibrated import NotCalibrated
+from robocup_vision.calibration.omni import OmniCalibration, calibrate_omni, guessed_cameras
 from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.geometry import Pose2
 

@@ -9,7 +9,8 @@ import pytest
 
 from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision.calibration.pinhole import NotCalibrated, calibrate_pinhole
+from robocup_vision.calibration.not_calibrated import NotCalibrated
+from robocup_vision.calibration.pinhole import calibrate_pinhole
 from robocup_vision.camera import load_camera, save_camera
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2

@@ -1,0 +1,25 @@
+"""What a calibration says that cannot tell: falsy, with the reason, as `NotLocated` is for a pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class NotCalibrated:
+    """The images do not determine what was asked. Falsy.
+
+    Parameters
+    ----------
+    reason : str
+        Why, in words a user understands.
+    notes : tuple of str
+        Frames that were of no use, and why.
+    """
+
+    reason: str
+    notes: tuple[str, ...] = ()
+
+    def __bool__(self) -> Literal[False]:
+        return False
