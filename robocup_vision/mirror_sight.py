@@ -18,7 +18,7 @@ from robocup_vision.localization.floor_hull import HullLocalizer
 from robocup_vision.localization.goal_side import GoalSide
 from robocup_vision.localization.lines import LineLocalizer
 from robocup_vision.perception.ball import BallFinder
-from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
+from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
 from robocup_vision.sight import Sight
@@ -26,11 +26,6 @@ from robocup_vision.view import View
 
 UInt8Array = npt.NDArray[np.uint8]
 
-# mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
-_CERTAIN_NATS = 3.0
-_STRIP_NATS = 5.0
-# columns that a painted line may hide
-_LINE_GAP = 3
 # an edge is a colour difference of this many standard deviations of the noise
 _LEAST_CONTRAST = 5.0
 
@@ -126,9 +121,7 @@ class MirrorSight(Sight):
     def _outline(
         self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
     ) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        column = np.empty(self.polar.bearings, dtype=np.int64)
-        certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
-        polar.outer_boundary(llr, self.polar.valid, certain, _LINE_GAP, strip, column)
+        column = self._last_floor(llr, self.polar)
         edge = np.empty(self.polar.bearings)
         polar.radial_edges(
             frame,

@@ -17,7 +17,6 @@ from field_models.field import Field
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, read_only
-from robocup_vision.kernels import polar
 from robocup_vision.localization.goal import GoalLocalizer
 from robocup_vision.localization.goal_geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
 from robocup_vision.localization.goal_search import PRIOR_STD_M, PRIOR_STD_RAD
@@ -25,7 +24,7 @@ from robocup_vision.localization.lines import LineLocalizer
 from robocup_vision.localization.lines_nearby import locate_nearby
 from robocup_vision.localization.lines_walls import localizer_by_walls, wall_points
 from robocup_vision.perception.ball import Ball
-from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
+from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_ball import FloorBallFinder
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
@@ -35,10 +34,6 @@ from robocup_vision.view import View
 
 UInt8Array = npt.NDArray[np.uint8]
 
-# as for the mirror camera: floor is a run of samples of this mean likelihood ratio, in nats, or behind a line this sum
-_CERTAIN_NATS = 3.0
-_STRIP_NATS = 5.0
-_LINE_GAP = 3
 # an edge of the floor differs by this many times the floor's noise
 _LEAST_CONTRAST = 5.0
 # logarithm of the strongest cast of light: white beyond it is some paint
@@ -168,10 +163,7 @@ class PinholeSight(Sight):
         begin = perf_counter()
         samples = view.sample(frame)
         table, llr = self._memory.classify(samples, view)
-        columns = np.full(view.bearings, -1, dtype=np.int64)
-        if table is not None:
-            certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
-            polar.outer_boundary(llr, view.valid, certain, _LINE_GAP, strip, columns)
+        columns = np.full(view.bearings, -1) if table is None else self._last_floor(llr, view)
         if timings is not None:
             timings["colors"] = perf_counter() - begin
         return _Reading(samples, table, llr, columns)

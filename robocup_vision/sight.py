@@ -11,11 +11,20 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.geometry import Pose2
+from robocup_vision.kernels import polar
 from robocup_vision.perception.ball import Ball
 from robocup_vision.perception.color_memory import ColorMemory
-from robocup_vision.perception.color_table import Colors
+from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.polar_view import PolarView
 
 UInt8Array = npt.NDArray[np.uint8]
+
+# mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
+_CERTAIN_NATS = 3.0
+_STRIP_NATS = 5.0
+# columns that a painted line may hide
+_LINE_GAP = 3
 
 
 class Sight:
@@ -65,6 +74,13 @@ class Sight:
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
         on_field = pose.compose(Pose2(ball.x_m, ball.y_m, 0.0))
         return self.field.is_on_floor(on_field.x_m, on_field.y_m)
+
+    def _last_floor(self, llr: npt.NDArray[np.int8], view: PolarView | FloorView) -> npt.NDArray[np.int64]:
+        """(K,) int64: each bearing's outermost column of floor, -1 where none."""
+        columns = np.empty(view.bearings, dtype=np.int64)
+        certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
+        polar.outer_boundary(llr, view.valid, certain, _LINE_GAP, strip, columns)
+        return columns
 
     def _checked(self, frame: UInt8Array) -> UInt8Array:
         width, height = self._size_px

@@ -48,10 +48,11 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
     from functools import partial
 
     from field_models import load_field
-    from field_models.errors import ArgumentError, FileError, FrameError
+    from field_models.errors import ArgumentError, FrameError
     from robocup_vision.calibration.colors import calibrate_colors
     from robocup_vision.calibration.image_files import ImageFiles
     from robocup_vision.calibration.not_calibrated import NotCalibrated
+    from robocup_vision.calibration.out_file import require_folder
     from robocup_vision.calibration.pose_file import read_poses
     from robocup_vision.camera import load_camera
     from robocup_vision.evaluation.image_file import read_mask
@@ -63,8 +64,7 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
     field = load_field(args.field)
     camera = None if args.camera is None else load_camera(args.camera)
     out = Path(args.out)
-    if not out.resolve().parent.is_dir():
-        raise FileError(args.out, "cannot be written: its folder does not exist")
+    require_folder(args.out)
     images = ImageFiles(args.images, None if camera is None else camera.size_px)
     mask = None if args.mask is None else read_mask(args.mask)
     width, height = images.size_px

@@ -65,6 +65,7 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
     from robocup_vision.calibration.image_files import ImageFiles
     from robocup_vision.calibration.not_calibrated import NotCalibrated
     from robocup_vision.calibration.omni import calibrate_omni
+    from robocup_vision.calibration.out_file import require_folder
     from robocup_vision.camera import OmniCamera, load_camera, save_camera
     from robocup_vision.evaluation.image_file import read_mask
 
@@ -74,8 +75,7 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
     start = None if args.start is None else load_camera(args.start)
     if start is not None and not isinstance(start, OmniCamera):
         raise FileError(args.start, "is a pinhole camera, must be a mirror camera", key="model", value="pinhole")
-    if not Path(args.out).resolve().parent.is_dir():
-        raise FileError(args.out, "cannot be written: its folder does not exist")
+    require_folder(args.out)
     images = ImageFiles(args.images, None if start is None else start.size_px)
     mask = None if args.mask is None else read_mask(args.mask)
     result = calibrate_omni(field, images, start, mask, names=images.names, most_frames=args.frames)

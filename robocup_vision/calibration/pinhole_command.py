@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import Any
 
 
@@ -41,6 +40,7 @@ def run_calibrate_pinhole(args: argparse.Namespace) -> int:
     from field_models.errors import ArgumentError, FileError
     from robocup_vision.calibration.image_files import ImageFiles
     from robocup_vision.calibration.not_calibrated import NotCalibrated
+    from robocup_vision.calibration.out_file import require_folder
     from robocup_vision.calibration.pinhole import calibrate_pinhole
     from robocup_vision.calibration.pose_file import read_poses
     from robocup_vision.camera import PinholeCamera, load_camera, save_camera
@@ -51,8 +51,7 @@ def run_calibrate_pinhole(args: argparse.Namespace) -> int:
     start = None if args.start is None else load_camera(args.start)
     if start is not None and not isinstance(start, PinholeCamera):
         raise FileError(args.start, "is a mirror camera, must be a pinhole camera", key="model", value="omni")
-    if not Path(args.out).resolve().parent.is_dir():
-        raise FileError(args.out, "cannot be written: its folder does not exist")
+    require_folder(args.out)
     images = ImageFiles(args.images, None if start is None else start.size_px)
     poses = None if args.poses is None else read_poses(args.poses, images.names)
     result = calibrate_pinhole(field, images, start, names=images.names, poses=poses, most_frames=args.frames)

@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels.cholesky import solve_symmetric
+
 FloatArray = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 
@@ -141,31 +143,6 @@ def floor_residuals(
             residual[n] = (uv[n, 0] - u) * direction[n, 0] + (uv[n, 1] - v) * direction[n, 1]
         else:
             residual[n] = np.nan
-
-
-@njit(cache=True, nogil=True)
-def solve_symmetric(matrix: FloatArray, right: FloatArray) -> bool:
-    """Solve a small positive definite system in place by Cholesky; returns False where it is not definite."""
-    n = right.shape[0]
-    for j in range(n):
-        for k in range(j):
-            matrix[j, j] -= matrix[j, k] ** 2
-        if not matrix[j, j] > 0.0:
-            return False
-        matrix[j, j] = math.sqrt(matrix[j, j])
-        for i in range(j + 1, n):
-            for k in range(j):
-                matrix[i, j] -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] /= matrix[j, j]
-    for i in range(n):
-        for k in range(i):
-            right[i] -= matrix[i, k] * right[k]
-        right[i] /= matrix[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            right[i] -= matrix[k, i] * right[k]
-        right[i] /= matrix[i, i]
-    return True
 
 
 @njit(cache=True, nogil=True)

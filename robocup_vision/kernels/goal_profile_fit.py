@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels import cholesky
 from robocup_vision.kernels.goal_profile import CHANNELS, LANES, MEMBERS, OWN, PER_MEMBER, SHARED, TOUCHED, pixel_model
 
 FloatArray = npt.NDArray[np.float64]
@@ -147,7 +146,7 @@ def fit_profiles(
         for s in range(segments):
             if first[s] == first[s + 1]:
                 continue
-            if not _factor(a[s], OWN):
+            if not cholesky.factor(a[s], OWN):
                 return False
             member = s - feet_from if s >= feet_from else s // pieces
             base = CHANNELS + PER_MEMBER * member
@@ -155,23 +154,23 @@ def fit_profiles(
                 j = jj if jj < CHANNELS else base + jj - CHANNELS
                 for i in range(OWN):
                     solved[s, j, i] = b[s, i, j]
-                _substitute(a[s], OWN, solved[s, j])
+                cholesky.substitute(a[s], OWN, solved[s, j])
                 for i in range(OWN):
                     right_g[j] -= solved[s, j, i] * right_a[s, i]
                 for kk in range(jj + 1):
                     k = kk if kk < CHANNELS else base + kk - CHANNELS
                     for i in range(OWN):
                         g[j, k] -= solved[s, j, i] * b[s, i, k]
-        if not _factor(g, SHARED):
+        if not cholesky.factor(g, SHARED):
             return False
-        _substitute(g, SHARED, right_g)
+        cholesky.substitute(g, SHARED, right_g)
         farthest = 0.0
         for s in range(segments):
             if first[s] == first[s + 1]:
                 continue
             member = s - feet_from if s >= feet_from else s // pieces
             base = CHANNELS + PER_MEMBER * member
-            _substitute(a[s], OWN, right_a[s])
+            cholesky.substitute(a[s], OWN, right_a[s])
             for i in range(OWN):
                 for jj in range(CHANNELS + PER_MEMBER):
                     j = jj if jj < CHANNELS else base + jj - CHANNELS
@@ -197,44 +196,15 @@ def fit_profiles(
         for i in range(2):
             alone[:] = 0.0
             alone[i] = 1.0
-            _substitute(a[s], OWN, alone)
+            cholesky.substitute(a[s], OWN, alone)
             unit[:] = 0.0
             for jj in range(CHANNELS + PER_MEMBER):
                 j = jj if jj < CHANNELS else base + jj - CHANNELS
                 unit[j] = solved[s, j, i]
             back[:] = unit
-            _substitute(g, SHARED, back)
+            cholesky.substitute(g, SHARED, back)
             variance[s, i] = alone[i]
             for j in range(SHARED):
                 variance[s, i] += unit[j] * back[j]
             variance[s, i] *= max(1.0, strange[s, i] / asked[s, i])
     return True
-
-
-@njit(cache=True, nogil=True)
-def _factor(matrix: FloatArray, n: int) -> bool:
-    """Cholesky factor of the leading (n, n) block, lower triangle, in place; False where it is not definite."""
-    for j in range(n):
-        for k in range(j):
-            matrix[j, j] -= matrix[j, k] ** 2
-        if not matrix[j, j] > 0.0:
-            return False
-        matrix[j, j] = math.sqrt(matrix[j, j])
-        for i in range(j + 1, n):
-            for k in range(j):
-                matrix[i, j] -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] /= matrix[j, j]
-    return True
-
-
-@njit(cache=True, nogil=True)
-def _substitute(factor: FloatArray, n: int, right: FloatArray) -> None:
-    """Solve with a Cholesky factor, in place."""
-    for i in range(n):
-        for k in range(i):
-            right[i] -= factor[i, k] * right[k]
-        right[i] /= factor[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            right[i] -= factor[k, i] * right[k]
-        right[i] /= factor[i, i]

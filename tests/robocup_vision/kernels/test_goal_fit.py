@@ -14,7 +14,6 @@ from robocup_vision.kernels.goal_fit import (
     goal_prediction,
     goal_residuals,
     robust_cost,
-    solve_symmetric,
 )
 from robocup_vision.localization.goal_geometry import (
     IdealView,
@@ -113,21 +112,6 @@ def test_a_mark_behind_the_camera_is_no_number():
     residual = np.zeros(1)
     floor_residuals(VIEW_ARRAY, p, np.array([[-1.0, 0.0]]), np.zeros((1, 2)), np.array([[1.0, 0.0]]), residual)
     assert np.isnan(residual[0])
-
-
-@settings(deadline=None, max_examples=30)
-@given(seeds)
-def test_cholesky_agrees_with_numpy(seed):
-    rng = np.random.default_rng(seed)
-    half = rng.normal(size=(8, 8))
-    matrix, right = half @ half.T + 0.1 * np.eye(8), rng.normal(size=8)
-    expected = np.linalg.solve(matrix, right)
-    assert solve_symmetric(matrix.copy(), right)
-    np.testing.assert_allclose(right, expected, rtol=1e-6, atol=1e-9)
-
-
-def test_cholesky_refuses_an_indefinite_matrix():
-    assert not solve_symmetric(-np.eye(3), np.ones(3))
 
 
 def test_robust_cost_agrees_with_numpy():

@@ -1,0 +1,50 @@
+"""Cholesky's way to solve the small positive definite systems that the goal's fits meet, in place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def factor(matrix: FloatArray, n: int) -> bool:
+    """Cholesky factor of the leading (n, n) block, lower triangle, in place; False where it is not definite."""
+    for j in range(n):
+        for k in range(j):
+            matrix[j, j] -= matrix[j, k] ** 2
+        if not matrix[j, j] > 0.0:
+            return False
+        matrix[j, j] = math.sqrt(matrix[j, j])
+        for i in range(j + 1, n):
+            for k in range(j):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] /= matrix[j, j]
+    return True
+
+
+@njit(cache=True, nogil=True)
+def substitute(lower: FloatArray, n: int, right: FloatArray) -> None:
+    """Solve with the factor that stands in the leading (n, n) block of `lower`, in place."""
+    for i in range(n):
+        for k in range(i):
+            right[i] -= lower[i, k] * right[k]
+        right[i] /= lower[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            right[i] -= lower[k, i] * right[k]
+        right[i] /= lower[i, i]
+
+
+@njit(cache=True, nogil=True)
+def solve_symmetric(matrix: FloatArray, right: FloatArray) -> bool:
+    """Solve a small positive definite system in place; returns False where it is not definite."""
+    n = right.shape[0]
+    if not factor(matrix, n):
+        return False
+    substitute(matrix, n, right)
+    return True
