@@ -4,7 +4,7 @@ A robot drives in the 2D simulation among boxes, robots, fallen robots that the 
 under reflections of lamps that move with the viewpoint, sun patches and hard shadows; it knows where it is by its own
 camera and odometry. Four methods see the same evidence with the same learnt probabilities: the map's rule, "both
 free", log-odds of both sensors summed in one grid, and each sensor alone. A cell counts as occupied if it is covered
-by half or more, off the floor, or holds the ball's middle, and lies within the camera's reach of the way so far; as
+by half or more, has a wall in it, or holds the ball's middle, and lies within the camera's reach of the way so far; as
 free if nothing covers any of it and it has been in sight. Counted every fifth frame from the first second on.
 """
 
@@ -27,9 +27,10 @@ from robocup_vision.kernels import occupancy as kernel
 from robocup_vision.mapping.occupancy import FREE, NO_GO, FreeSpaceMap
 from robocup_vision.mapping.range_profile import RangeProfile
 from robocup_vision.mapping.sensor_model import default_sensors
+from sim2d.cell_truth import CellTruth
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Robot
-from sim2d.sensor_runs import KINDS, CellTruth, SensorFrame, map_vision, sensor_run
+from sim2d.sensor_runs import KINDS, SensorFrame, map_vision, sensor_run
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -137,9 +138,9 @@ def drive(job: tuple[str, int, int]) -> tuple[str, npt.NDArray[np.int64], tuple[
         if index < FIRST_COUNTED or index % COUNTED_EVERY or frame.believed is None:
             continue
         occupied, free = truth.window(own)
-        occupied &= truth.cut(near, own, outside=False)
-        free &= truth.cut(seen, own, outside=False)
-        dazzled = free & truth.cut(glare, own, outside=False)
+        occupied &= truth.cut(near, own)
+        free &= truth.cut(seen, own)
+        dazzled = free & truth.cut(glare, own)
         floor, scan = (own.sensor_state(name) == FREE for name in ("floor", "range"))
         for row, called in enumerate((own.state == FREE, floor & scan, summed.free, floor, scan)):
             cells = (occupied & called, occupied, free & called, free, dazzled & called, dazzled)
@@ -190,7 +191,7 @@ def smear(job: tuple[int, int]) -> npt.NDArray[np.int64]:
         if index < FIRST_COUNTED or index % COUNTED_EVERY:
             continue
         for row, own in enumerate(maps):
-            cells = truth.cut(left, own, outside=False)
+            cells = truth.cut(left, own)
             counts[row] += [
                 np.count_nonzero(c) for c in (cells, cells & (own.state != FREE), cells & (own.state == NO_GO))
             ]
