@@ -26,6 +26,8 @@ _GATES = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) * _GATE_SIGMAS
 _LEAST_SHARE = 0.3
 # where less than this agrees around what odometry says, the pose is searched for
 _AGREED_SHARE = 0.5
+# nothing wider than this moves by itself, and what does, about so fast along each axis
+_MOVER_M, _MOVER_MPS = 0.5, 0.3
 # a direction is smoothed over this many neighbours on either side, as long as they lie on the same thing
 _REACH = 4
 # candidates a dimension of the search, over this many standard deviations of odometry
@@ -68,6 +70,8 @@ class _Profile:
     variance: FloatArray
     slope: FloatArray
     worth: float
+    thing: npt.NDArray[np.int64]
+    things: int
 
     @classmethod
     def smooth(cls, inverse: FloatArray, std: FloatArray) -> _Profile:
@@ -76,7 +80,9 @@ class _Profile:
         range_profile.smooth(inverse, raw, _REACH, value, variance, slope)
         known = np.isfinite(value)
         worth = float(np.mean(variance[known] / raw[known])) if known.any() else 1.0
-        return cls(value, variance, slope, worth)
+        thing = np.empty(len(inverse), dtype=np.int64)
+        things = range_profile.part(value, variance, thing)
+        return cls(value, variance, slope, worth, thing, things)
 
 
 class EgoMotion:
@@ -106,7 +112,7 @@ class EgoMotion:
         angle = np.arange(bearings) * (math.tau / bearings)
         self._rays = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self._spacing = spacing
-        self._past: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=(profiles - 1) * spacing + 1)
+        self._past: deque[tuple[float, FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64]]] = deque(maxlen=(profiles - 1) * spacing + 1)
         self._pose = Pose2(0.0, 0.0, 0.0)
 
     def forget(self) -> None:
@@ -120,6 +126,7 @@ class EgoMotion:
         std_per_m: npt.ArrayLike,
         odometry: Pose2,
         odometry_covariance: npt.ArrayLike,
+        t_s: float,
     ) -> Motion:
         """Take the profile of a frame.
 
@@ -153,21 +160,32 @@ class EgoMotion:
         if covariance.shape != (3, 3) or not np.all(np.linalg.eigvalsh(covariance) > 0.0):
             raise ArgumentError("odometry_covariance must be (3, 3) and positive definite")
         profile = _Profile.smooth(inverse, std)
-        motion = self._fit(profile, odometry, covariance) if self._past else None
+        motion = self._fit(profile, odometry, covariance, t_s) if self._past else None
         if motion is None:
             motion = Motion(odometry, covariance, 0, 0.0, self._pose.compose(odometry))
         self._pose = motion.pose
-        self._past.append(self._in_frame_of_first(profile))
+        self._past.append((t_s, *self._in_frame_of_first(profile)))
         return motion
 
-    def _in_frame_of_first(self, profile: _Profile) -> tuple[FloatArray, FloatArray]:
-        """Points (J, 2), metres, and the variance of their range (J,), m^2."""
+    def _in_frame_of_first(
+        self, profile: _Profile
+    ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64]]:
+        """Points (J, 2), m; the variance of their range (J,), m^2; whether they may move (J,), and their things (J,)."""
         range_m = 1.0 / profile.inverse
-        return self._pose.transform(self._rays * range_m[:, None]), profile.variance * range_m**4
+        xy = self._pose.transform(self._rays * range_m[:, None])
+        width = np.empty(profile.things)
+        range_profile.widths(xy, profile.thing, profile.things, width)
+        may_move = np.append(np.where(width < _MOVER_M, 1.0, 0.0), 0.0)[profile.thing]
+        return xy, profile.variance * range_m**4, may_move, profile.thing
 
-    def _fit(self, profile: _Profile, odometry: Pose2, covariance: FloatArray) -> Motion | None:
+    def _fit(self, profile: _Profile, odometry: Pose2, covariance: FloatArray, t_s: float) -> Motion | None:
         chosen = list(self._past)[:: -self._spacing]
-        past = np.stack([points for points, _ in chosen]), np.stack([spread for _, spread in chosen])
+        past = (
+            np.stack([xy for _, xy, _, _, _ in chosen]),
+            np.stack([spread for _, _, spread, _, _ in chosen]),
+            np.stack([may * (_MOVER_MPS * (t_s - then)) ** 2 for then, _, _, may, _ in chosen]),
+            np.stack([thing for _, _, _, _, thing in chosen]),
+        )
         seen = profile.inverse, profile.variance, profile.slope
         before, predicted = self._pose, self._pose.compose(odometry)
         c, s = math.cos(before.theta_rad), math.sin(before.theta_rad)
@@ -191,19 +209,10 @@ class EgoMotion:
         now = Pose2(*pose)
         return Motion(before.inverse().compose(now), turn.T @ np.linalg.inv(normal) @ turn, used, share, now)
 
-    def _search(
-        self,
-        seen: tuple[FloatArray, FloatArray, FloatArray],
-        past: tuple[FloatArray, FloatArray],
-        predicted: Pose2,
-        covariance: FloatArray,
-    ) -> FloatArray:
-        """(3,) float64: the best of a grid about what odometry says, on every fourth bearing of the earlier frames."""
+    def _search(self, seen, past, predicted, covariance):
         axis = np.linspace(-_SEARCH_SIGMAS, _SEARCH_SIGMAS, _CANDIDATES)
         grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
         poses = predicted.array + grid @ np.linalg.cholesky(covariance).T
-        # what odometry says first: of equals, it stays
         poses = poses[np.argsort(np.sum(grid**2, axis=1), kind="stable")]
-        xy, spread = np.ascontiguousarray(past[0][:, ::4]), np.ascontiguousarray(past[1][:, ::4])
-        best: FloatArray = poses[range_profile.search(*seen, xy, spread, poses, 2.0 * _GATE_SIGMAS)].copy()
-        return best
+        thin = [np.ascontiguousarray(p[:, ::4]) for p in past]
+        return poses[range_profile.search(*seen, *thin, poses, 2.0 * _GATE_SIGMAS)].copy()
