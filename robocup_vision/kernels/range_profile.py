@@ -8,9 +8,19 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels.cholesky import factor, solve_symmetric, substitute
+
 FloatArray = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 
+# rows of the present profile, (3, J): inverse range at bearing j * 2 pi / J (1/m, NaN where none), its variance, and
+# its change from one bearing to the next
+VALUE, VARIANCE, SLOPE = range(3)
+# columns of an earlier profile, (M, 4): the points (NaN where none) in the frame of the pose sought, m; the variance of
+# their range as measured then, and of how far what stands there may have moved since, along each axis; m^2
+X, Y, RANGE_VARIANCE, MOVED_VARIANCE = range(4)
+# with so few blocks, the three numbers of a pose explain whatever they say
+_LEAST_BLOCKS = 4
 # neighbours are of one thing if they differ by less than this share of their inverse range, beyond their noise
 _STEP_SHARE = 0.1
 
@@ -66,7 +76,7 @@ def smooth(
 
 @njit(cache=True, nogil=True)
 def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
-    """Number the things seen: neighbouring directions with no step in depth between them.
+    """Give numbers to the things seen: neighbouring directions with no step in depth between them.
 
     inverse, variance : (J,) inverse range, 1/m, NaN where none; and its variance.
     thing : (J,); written: numbers from 0; -1 where there is nothing.
@@ -93,85 +103,92 @@ def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
 
 
 @njit(cache=True, nogil=True)
-def widths(xy: FloatArray, thing: Int64Array, things: int, width: FloatArray) -> None:
-    """How wide each thing is: the diagonal of the box around its points; `width` (things,) is written, metres."""
-    low, high = np.full((things, 2), math.inf), np.full((things, 2), -math.inf)
-    for m in range(xy.shape[0]):
+def widths(points: FloatArray, thing: Int64Array, width: FloatArray) -> None:
+    """How wide each thing is: the diagonal of the box around its points (M, 2 or more); `width` (T,) is written, m."""
+    low, high = np.full((len(width), 2), math.inf), np.full((len(width), 2), -math.inf)
+    for m in range(len(thing)):
         if thing[m] >= 0:
             for axis in range(2):
-                low[thing[m], axis] = min(low[thing[m], axis], xy[m, axis])
-                high[thing[m], axis] = max(high[thing[m], axis], xy[m, axis])
-    for t in range(things):
+                low[thing[m], axis] = min(low[thing[m], axis], points[m, axis])
+                high[thing[m], axis] = max(high[thing[m], axis], points[m, axis])
+    for t in range(len(width)):
         width[t] = math.hypot(high[t, 0] - low[t, 0], high[t, 1] - low[t, 1])
 
 
 @njit(cache=True, nogil=True)
-def free_to_move(
-    one_normal: FloatArray, one_slope: FloatArray, moved_variance: float, normal: FloatArray, slope: FloatArray
+def add_block(
+    own_normal: FloatArray,
+    own_slope: FloatArray,
+    moved_variance: float,
+    normal: FloatArray,
+    slope: FloatArray,
+    scatter: FloatArray,
 ) -> None:
-    """Add what one thing says of the pose, if it may itself have moved.
+    """Add what one block of neighbouring bearings says of the pose, when the thing there may have moved.
 
     A thing that moves looks like a robot that moves the other way, so its own displacement, of variance
     `moved_variance` (m^2) along x and along y, has the columns of the pose's x and y; integrated out, it leaves
-    N - N_t^T (N_tt + I / m^2)^-1 N_t of a thing's normal matrix N.
+    N - N_t^T (N_tt + I / m^2)^-1 N_t of the block's normal matrix N.
 
-    one_normal, one_slope : (3, 3) and (3,) as if it stood still; cleared.
-    normal, slope : (3, 3) and (3,); added to.
+    own_normal, own_slope : (3, 3) and (3,) as if the thing stood still; cleared.
+    normal, slope, scatter : (3, 3), (3,) and (3, 3); added to; the last takes the slope's square.
     """
     xx, xy, yy = 0.0, 0.0, 0.0
     if moved_variance > 0.0:
-        a, b, d = one_normal[0, 0] + 1.0 / moved_variance, one_normal[0, 1], one_normal[1, 1] + 1.0 / moved_variance
+        a, b, d = own_normal[0, 0] + 1.0 / moved_variance, own_normal[0, 1], own_normal[1, 1] + 1.0 / moved_variance
         size = a * d - b * b
         xx, xy, yy = d / size, -b / size, a / size
+    left_x, left_y = own_slope[0], own_slope[1]
     for a in range(3):
-        by_x = one_normal[a, 0] * xx + one_normal[a, 1] * xy
-        by_y = one_normal[a, 0] * xy + one_normal[a, 1] * yy
-        slope[a] += one_slope[a] - by_x * one_slope[0] - by_y * one_slope[1]
+        by_x = own_normal[a, 0] * xx + own_normal[a, 1] * xy
+        by_y = own_normal[a, 0] * xy + own_normal[a, 1] * yy
+        # the two columns by which the displacement enters are read until the end
+        own_slope[a] -= by_x * left_x + by_y * left_y
+        slope[a] += own_slope[a]
         for b in range(3):
-            normal[a, b] += one_normal[a, b] - by_x * one_normal[0, b] - by_y * one_normal[1, b]
-    one_normal[:] = 0.0
-    one_slope[:] = 0.0
+            normal[a, b] += own_normal[a, b] - by_x * own_normal[0, b] - by_y * own_normal[1, b]
+    for a in range(3):
+        for b in range(3):
+            scatter[a, b] += own_slope[a] * own_slope[b]
+    own_normal[:] = 0.0
+    own_slope[:] = 0.0
 
 
 @njit(cache=True, nogil=True)
 def compare(
-    inverse: FloatArray,
-    variance: FloatArray,
-    along: FloatArray,
-    past_xy: FloatArray,
-    past_range_variance: FloatArray,
-    moved_variance: FloatArray,
+    present: FloatArray,
+    past: FloatArray,
     thing: Int64Array,
-    x: float,
-    y: float,
-    phi: float,
+    pose: FloatArray,
     gate: float,
     worth: float,
+    block: int,
     nearest: FloatArray,
     normal: FloatArray,
     slope: FloatArray,
-) -> tuple[float, int, int]:
-    """Difference of a profile from one earlier profile seen from the pose (x, y, phi): one i of Miura's eq. 1.
+    scatter: FloatArray,
+) -> tuple[float, int, int, int]:
+    """Difference of a profile from one earlier profile seen from a pose: one i of Miura's eq. 1.
 
-    inverse, variance : (J,) inverse range at bearings j * 2 pi / J, 1/m, NaN where none; and its variance.
-    along : (J,) its slope, 1/m a bearing.
-    past_xy, past_range_variance : (M, 2) and (M,) the earlier profile's points in the frame of the pose, metres, NaN
-    where none; and the variance of their range as measured then, m^2.
-    moved_variance : (M,) how far what stands there may have moved since, along each axis; m^2, the same for all of a
-    thing.
-    thing : (M,) which thing a point lies on; those of one are next to each other (and around the end).
+    present, past : (3, J) and (M, 4), see the rows' and columns' names.
+    thing : (M,) which thing an earlier point lies on; those of one are next to each other (and around the end).
+    pose : (3,) x, y, phi.
     gate : differences over this many standard deviations are skipped.
     worth : independent measurements a bearing; below 1 where bearings have been smoothed over their neighbours.
+    block : the errors of this many neighbouring bearings may be one.
     nearest : (J,) scratch.
-    normal, slope : (3, 3) and (3,); the sums of J^T J and of J^T r are added to them.
+    normal, slope, scatter : (3, 3), (3,) and (3, 3); the sums of J^T J and J^T r, and of the outer products of the
+    blocks' J^T r, are added to them.
 
-    Returns the sum of squared normalised differences, how many were counted, and how many could have been.
+    Returns the sum of squared normalised differences, and how many bearings were counted, how many could have been,
+    and how many blocks they made.
     """
-    bearings, points = inverse.shape[0], past_xy.shape[0]
+    bearings, points = present.shape[1], past.shape[0]
     per_rad = bearings / math.tau
+    x, y, phi = pose[0], pose[1], pose[2]
     nearest[:] = 0.0
     for m in range(points):
-        dx, dy = past_xy[m, 0] - x, past_xy[m, 1] - y
+        dx, dy = past[m, X] - x, past[m, Y] - y
         distance = math.hypot(dx, dy)
         if distance > 0.0:
             j = int(math.floor((math.atan2(dy, dx) - phi) * per_rad + 0.5)) % bearings
@@ -179,12 +196,11 @@ def compare(
     start = 0
     while start < points - 1 and thing[start] == thing[-1]:
         start += 1
-    total, counted, comparable = 0.0, 0, 0
-    row, one_normal, one_slope = np.empty(3), np.zeros((3, 3)), np.zeros(3)
-    last = -1
+    total, counted, comparable, blocks, inside, last = 0.0, 0, 0, 0, 0, -1
+    row, own_normal, own_slope = np.empty(3), np.zeros((3, 3)), np.zeros(3)
     for step in range(points):
         m = (start + step) % points
-        dx, dy = past_xy[m, 0] - x, past_xy[m, 1] - y
+        dx, dy = past[m, X] - x, past[m, Y] - y
         squared = dx * dx + dy * dy
         if not squared > 0.0:
             continue
@@ -192,98 +208,119 @@ def compare(
         turn = (math.atan2(dy, dx) - phi) * per_rad
         place = int(math.floor(turn + 0.5))
         j = place % bearings
-        if not inverse[j] > 0.0:
+        if not present[VALUE, j] > 0.0:
             continue
-        spread = variance[j] + past_range_variance[m] * seen * seen * seen * seen
+        spread = present[VARIANCE, j] + past[m, RANGE_VARIANCE] / (squared * squared)
         limit = gate * math.sqrt(spread)
         # what a nearer thing of the earlier profile hides is not seen again
         if nearest[j] - seen > limit:
             continue
         comparable += 1
-        difference = inverse[j] + (turn - place) * along[j] - seen
-        if abs(difference) > limit:
+        off = present[VALUE, j] + (turn - place) * present[SLOPE, j] - seen
+        if abs(off) > limit:
             continue
-        if last >= 0 and thing[m] != thing[last]:
-            free_to_move(one_normal, one_slope, moved_variance[last], normal, slope)
+        if last >= 0 and (inside == block or thing[m] != thing[last]):
+            add_block(own_normal, own_slope, past[last, MOVED_VARIANCE], normal, slope, scatter)
+            blocks += 1
+            inside = 0
         last = m
-        turned = along[j] * per_rad
-        cube = seen * seen * seen
-        row[0] = turned * dy * seen * seen - dx * cube
-        row[1] = -turned * dx * seen * seen - dy * cube
-        row[2] = -turned
-        total += difference * difference / spread
+        inside += 1
         counted += 1
+        total += off * off / spread
+        turned = present[SLOPE, j] * per_rad
+        row[0] = (turned * dy - dx * seen) / squared
+        row[1] = (-turned * dx - dy * seen) / squared
+        row[2] = -turned
         for a in range(3):
-            one_slope[a] += row[a] * difference * worth / spread
+            own_slope[a] += row[a] * off * worth / spread
             for b in range(3):
-                one_normal[a, b] += row[a] * row[b] * worth / spread
+                own_normal[a, b] += row[a] * row[b] * worth / spread
     if last >= 0:
-        free_to_move(one_normal, one_slope, moved_variance[last], normal, slope)
-    return total, counted, comparable
+        add_block(own_normal, own_slope, past[last, MOVED_VARIANCE], normal, slope, scatter)
+        blocks += 1
+    return total, counted, comparable, blocks
+
+
+@njit(cache=True, nogil=True)
+def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blocks: int) -> float:
+    """How many times larger than told the errors are, as the blocks' disagreement shows; at least 1.
+
+    normal, information : (3, 3) what the bearings claim to know of the pose, and what is known without them.
+    scatter : (3, 3) the blocks' slopes squared and added up: as large as `normal` if their errors are as told and
+    independent of each other.
+    """
+    whole = normal + information
+    if not factor(whole, 3):
+        return 1.0
+    claimed, shown, column = 0.0, 0.0, np.empty(3)
+    for a in range(3):
+        column[:] = normal[:, a]
+        substitute(whole, 3, column)
+        claimed += column[a]
+        column[:] = scatter[:, a]
+        substitute(whole, 3, column)
+        shown += column[a]
+    # three blocks' worth of disagreement has gone into the pose
+    return max(1.0, shown / max(claimed, 1e-12) * blocks / (blocks - 3.0))
 
 
 @njit(cache=True, nogil=True)
 def difference(
-    inverse: FloatArray,
-    variance: FloatArray,
-    along: FloatArray,
-    past_xy: FloatArray,
-    past_range_variance: FloatArray,
-    moved_variance: FloatArray,
+    present: FloatArray,
+    past: FloatArray,
     thing: Int64Array,
     pose: FloatArray,
+    information: FloatArray,
     gate: float,
     least_share: float,
     worth: float,
+    block: int,
     nearest: FloatArray,
     normal: FloatArray,
     slope: FloatArray,
 ) -> tuple[float, int, float]:
-    """Miura's Diff(x, y, phi), its normal matrix and its gradient over k earlier profiles.
+    """Miura's Diff(x, y, phi), with its normal matrix and its gradient, over k earlier profiles.
 
-    past_xy, past_range_variance, moved_variance, thing : (k, M, ...) as in `compare`.
-    pose : (3,) x, y, phi.
+    past, thing : (k, M, 4) and (k, M), as in `compare`.
+    information : (3, 3) what is known of the pose without the profiles.
     least_share : an earlier profile is used if at least this share of what could be compared is within the gate.
-    normal, slope : (3, 3) and (3,); overwritten: per profile the mean, times the largest number of bearings that one of
-    them gave, since they share the noise of the present profile and together weigh as one of them does.
+    normal, slope : (3, 3) and (3,); overwritten. They are the mean over profiles of the mean over bearings, each
+    profile by its `excess`, times the largest number of bearings that one of them gave: all share the noise of the
+    present profile, and together weigh as one of them does.
 
-    Returns the mean over profiles of the mean squared difference, how many profiles were used, and the share of all
-    that could be compared which agree.
+    Returns Diff, how many profiles were used, and the share of all that could be compared which agree.
     """
-    one_normal, one_slope = np.empty((3, 3)), np.empty(3)
+    one_normal, one_slope, scatter = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     normal[:] = 0.0
     slope[:] = 0.0
     total, used, most, agreeing, all_comparable = 0.0, 0, 0, 0, 0
-    for i in range(past_xy.shape[0]):
+    for i in range(past.shape[0]):
         one_normal[:] = 0.0
         one_slope[:] = 0.0
-        cost, counted, comparable = compare(
-            inverse, variance, along, past_xy[i], past_range_variance[i], moved_variance[i], thing[i],
-            pose[0], pose[1], pose[2], gate, worth, nearest, one_normal, one_slope,
-        )  # fmt: skip
+        scatter[:] = 0.0
+        cost, counted, comparable, blocks = compare(
+            present, past[i], thing[i], pose, gate, worth, block, nearest, one_normal, one_slope, scatter
+        )
         agreeing += counted
         all_comparable += comparable
-        if counted < 3 or counted < least_share * comparable:
+        if blocks < _LEAST_BLOCKS or counted < least_share * comparable:
             continue
         used += 1
         most = max(most, counted)
         total += cost / counted
-        slope += one_slope / counted
-        normal += one_normal / counted
+        weight = 1.0 / (counted * excess(one_normal, scatter, information, blocks))
+        slope += one_slope * weight
+        normal += one_normal * weight
     if used > 0:
         slope *= most / used
         normal *= most / used
-    return total / max(used, 1), used, agreeing / max(all_comparable, 1)
+    return total, used, agreeing / max(all_comparable, 1)
 
 
 @njit(cache=True, nogil=True)
 def refine(
-    inverse: FloatArray,
-    variance: FloatArray,
-    along: FloatArray,
-    past_xy: FloatArray,
-    past_range_variance: FloatArray,
-    moved_variance: FloatArray,
+    present: FloatArray,
+    past: FloatArray,
     thing: Int64Array,
     pose: FloatArray,
     predicted: FloatArray,
@@ -291,49 +328,46 @@ def refine(
     gates: FloatArray,
     least_share: float,
     worth: float,
+    block: int,
     normal: FloatArray,
-) -> tuple[float, int, float]:
+) -> tuple[int, float]:
     """Gauss-Newton on `difference` and the prediction, one step a gate; moves `pose` (3,) and leaves its `normal`.
 
     predicted, information : (3,) and (3, 3) the pose that odometry says and the inverse of its covariance.
 
-    Returns what `difference` does at the last step.
+    Returns how many profiles were used at the last step, and the share of bearings that agreed then; 0 profiles where
+    at some step none could be used.
     """
-    nearest, slope = np.empty(inverse.shape[0]), np.empty(3)
-    total, used, share = 0.0, 0, 0.0
+    nearest, slope, matrix = np.empty(present.shape[1]), np.empty(3), np.empty((3, 3))
+    used, share = 0, 0.0
     for gate in gates:
-        total, used, share = difference(
-            inverse, variance, along, past_xy, past_range_variance, moved_variance, thing,
-            pose, gate, least_share, worth, nearest, normal, slope,
-        )  # fmt: skip
+        _, used, share = difference(
+            present, past, thing, pose, information, gate, least_share, worth, block, nearest, normal, slope
+        )
         if used == 0:
-            return 0.0, 0, 0.0
-        normal += information
-        slope += information @ (pose - predicted)
-        pose -= np.linalg.solve(normal, slope)
-    return total, used, share
+            return 0, 0.0
+        for a in range(3):
+            for b in range(3):
+                normal[a, b] += information[a, b]
+                slope[a] += information[a, b] * (pose[b] - predicted[b])
+        matrix[:] = normal
+        if not solve_symmetric(matrix, slope):
+            return 0, 0.0
+        pose -= slope
+    return used, share
 
 
 @njit(cache=True, nogil=True)
 def search(
-    inverse: FloatArray,
-    variance: FloatArray,
-    along: FloatArray,
-    past_xy: FloatArray,
-    past_range_variance: FloatArray,
-    moved_variance: FloatArray,
-    thing: Int64Array,
-    poses: FloatArray,
-    gate: float,
+    present: FloatArray, past: FloatArray, thing: Int64Array, poses: FloatArray, information: FloatArray, gate: float
 ) -> int:
-    """Which of the candidate poses (N, 3) lets the largest share of bearings agree with the earlier profiles."""
-    nearest, normal, slope = np.empty(inverse.shape[0]), np.empty((3, 3)), np.empty(3)
+    """Which of the candidate poses (N, 3) lets the largest share of bearings agree; of equals, the first."""
+    nearest, normal, slope = np.empty(present.shape[1]), np.empty((3, 3)), np.empty(3)
     best, best_share = 0, -1.0
     for n in range(poses.shape[0]):
         share = difference(
-            inverse, variance, along, past_xy, past_range_variance, moved_variance, thing,
-            poses[n], gate, 0.0, 1.0, nearest, normal, slope,
-        )[2]  # fmt: skip
+            present, past, thing, poses[n], information, gate, 0.0, 1.0, present.shape[1], nearest, normal, slope
+        )[2]
         if share > best_share:
             best, best_share = n, share
     return best
