@@ -41,7 +41,7 @@ def smooth(
 
     inverse, variance : (J,) inverse range, 1/m, NaN where none; and its variance.
     reach : neighbours on either side that may take part.
-    value, spread, slope : (J,); written: 1/m, its variance, and 1/m per step; NaN where `inverse` is.
+    value, spread, slope : (J,); written: 1/m, its variance, and 1/m per step; NaN where `inverse` is, or stands alone.
     """
     count = inverse.shape[0]
     step_rad = math.tau / count
@@ -66,12 +66,11 @@ def smooth(
                 c += cos * near
                 s += sin * near
         size = cc * ss - cs * cs
+        # one direction alone tells no slope: it is mostly an edge, half of one thing and half of another
         if ss > 0.0:
             value[j] = (ss * c - cs * s) / size
             slope[j] = (cc * s - cs * c) / size * step_rad
             spread[j] = variance[j] * ss / size
-        else:
-            slope[j], value[j], spread[j] = 0.0, middle, variance[j]
 
 
 @njit(cache=True, nogil=True)
@@ -249,17 +248,20 @@ def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blo
     scatter : (3, 3) the blocks' slopes squared and added up: as large as `normal` if their errors are as told and
     independent of each other.
     """
-    whole = normal + information
+    whole, claims, shows = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for a in range(3):
+        for b in range(3):
+            whole[a, b] = normal[a, b] + information[a, b]
     if not factor(whole, 3):
         return 1.0
-    claimed, shown, column = 0.0, 0.0, np.empty(3)
+    claimed, shown = 0.0, 0.0
     for a in range(3):
-        column[:] = normal[:, a]
-        substitute(whole, 3, column)
-        claimed += column[a]
-        column[:] = scatter[:, a]
-        substitute(whole, 3, column)
-        shown += column[a]
+        for b in range(3):
+            claims[b], shows[b] = normal[b, a], scatter[b, a]
+        substitute(whole, 3, claims)
+        substitute(whole, 3, shows)
+        claimed += claims[a]
+        shown += shows[a]
     # three blocks' worth of disagreement has gone into the pose
     return max(1.0, shown / max(claimed, 1e-12) * blocks / (blocks - 3.0))
 
@@ -309,11 +311,14 @@ def difference(
         most = max(most, counted)
         total += cost / counted
         weight = 1.0 / (counted * excess(one_normal, scatter, information, blocks))
-        slope += one_slope * weight
-        normal += one_normal * weight
-    if used > 0:
-        slope *= most / used
-        normal *= most / used
+        for a in range(3):
+            slope[a] += one_slope[a] * weight
+            for b in range(3):
+                normal[a, b] += one_normal[a, b] * weight
+    for a in range(3):
+        slope[a] *= most / max(used, 1)
+        for b in range(3):
+            normal[a, b] *= most / max(used, 1)
     return total, used, agreeing / max(all_comparable, 1)
 
 
@@ -350,10 +355,11 @@ def refine(
             for b in range(3):
                 normal[a, b] += information[a, b]
                 slope[a] += information[a, b] * (pose[b] - predicted[b])
-        matrix[:] = normal
+                matrix[a, b] = normal[a, b]
         if not solve_symmetric(matrix, slope):
             return 0, 0.0
-        pose -= slope
+        for a in range(3):
+            pose[a] -= slope[a]
     return used, share
 
 
