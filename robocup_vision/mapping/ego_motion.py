@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.geometry import FloatArray, Pose2, compose_covariance, read_only
 from robocup_vision.kernels import range_profile
 
 # differences beyond this many standard deviations belong to something that moved, or came into view
@@ -41,7 +41,8 @@ class Motion:
     Parameters
     ----------
     motion : Pose2
-        The robot now, in its frame at the frame before.
+        The robot now, in its frame at the frame before; of the first frame, odometry. After frames that rested on
+        odometry alone it takes back their drift as well.
     covariance : (3, 3) float64
         Of the present pose given the earlier ones, (x_m, y_m, theta_rad) in the robot frame before; m, m, rad.
     profiles : int
@@ -49,7 +50,7 @@ class Motion:
     agreement : float
         Share of the bearings that agree with the earlier profiles; 0 without profiles.
     pose : Pose2
-        The robot now, in the frame of the first profile.
+        The robot now, in its frame at the first frame.
     """
 
     motion: Pose2
@@ -147,12 +148,15 @@ class EgoMotion:
         self._rays = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self._profiles, self._spacing_s = profiles, spacing_s
         self._past: deque[_Past] = deque()
-        self._pose = Pose2(0.0, 0.0, 0.0)
+        self.forget()
 
     def forget(self) -> None:
         """Begin anew: the next profile is the first."""
         self._past.clear()
+        self._t_s: float | None = None
         self._pose = Pose2(0.0, 0.0, 0.0)
+        # covariance of that pose from odometry alone, since a profile last told it
+        self._drift = np.zeros((3, 3))
 
     def update(
         self,
@@ -199,14 +203,16 @@ class EgoMotion:
             raise ArgumentError(f"odometry must be finite, got {odometry}")
         if covariance.shape != (3, 3) or not _is_definite(covariance):
             raise ArgumentError("odometry_covariance must be (3, 3) and positive definite")
-        if not math.isfinite(t_s) or (self._past and t_s <= self._past[-1].t_s):
+        if not math.isfinite(t_s) or (self._t_s is not None and t_s <= self._t_s):
             raise ArgumentError(f"t_s must be finite and later than the frame before, got {t_s!r}")
         profile = _Profile.smooth(inverse, std)
-        motion = self._fit(profile, odometry, covariance, t_s)
-        if motion is None:
-            motion = Motion(odometry, covariance, 0, 0.0, self._pose.compose(odometry))
-        self._pose = motion.pose
-        self._past.append(self._in_frame_of_first(profile, t_s))
+        if self._t_s is None:
+            motion = Motion(odometry, covariance, 0, 0.0, self._pose)
+        else:
+            motion = self._fit(profile, odometry, covariance, t_s)
+        self._t_s, self._pose = t_s, motion.pose
+        if profile.things:
+            self._past.append(self._in_frame_of_first(profile, t_s))
         return motion
 
     def _in_frame_of_first(self, profile: _Profile, t_s: float) -> _Past:
@@ -231,16 +237,15 @@ class EgoMotion:
             self._past.popleft()
         return chosen
 
-    def _fit(self, profile: _Profile, odometry: Pose2, covariance: FloatArray, t_s: float) -> Motion | None:
-        chosen = self._chosen()
-        if not chosen:
-            return None
-        past, thing = np.stack([one.at(t_s) for one in chosen]), np.stack([one.thing for one in chosen])
+    def _fit(self, profile: _Profile, odometry: Pose2, covariance: FloatArray, t_s: float) -> Motion:
         before, predicted = self._pose, self._pose.compose(odometry)
-        c, s = math.cos(before.theta_rad), math.sin(before.theta_rad)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        spread = turn @ covariance @ turn.T
-        information = np.linalg.inv(spread)
+        spread = compose_covariance(before, self._drift, odometry, covariance)
+        unaided = Motion(odometry, covariance, 0, 0.0, predicted)
+        chosen, self._drift = self._chosen(), spread
+        if not chosen:
+            return unaided
+        past, thing = np.stack([one.at(t_s) for one in chosen]), np.stack([one.thing for one in chosen])
+        information = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         normal = np.empty((3, 3))
 
         def refine(pose: FloatArray) -> tuple[int, float]:
@@ -256,8 +261,11 @@ class EgoMotion:
             pose = self._search(profile.present, past, thing, predicted, spread)
             used, share = refine(pose)
         if not used:
-            return None
+            return unaided
+        self._drift = np.zeros((3, 3))
         now = Pose2(*pose.tolist())
+        c, s = math.cos(before.theta_rad), math.sin(before.theta_rad)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return Motion(before.inverse().compose(now), turn.T @ np.linalg.inv(normal) @ turn, used, share, now)
 
     def _search(

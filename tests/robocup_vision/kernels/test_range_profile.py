@@ -45,7 +45,7 @@ def points_of(present, moved_variance, thing):
 
 
 def plain_terms(present, past, pose, gate):
-    """What eq. 2 is summed over: (point, difference, its variance, its derivative by the pose), and how many could."""
+    """Terms of eq. 2 (point, difference, its variance, its derivative by the pose), and how many there could be."""
     count = present.shape[1]
     offset = past[:, :2] - pose[:2]
     distance = np.hypot(*offset.T)
