@@ -47,7 +47,7 @@ LEAST_INVERSE_PER_M = 0.05
 WORLD, CHAIN = SOURCES = ("world", "Vision")
 # frames, control periods between them
 SETTINGS = ((30, 1), (30, 6), (180, 1))
-SPACING_S = 0.2
+SPACING_S = 0.4
 ONE, FIVE, DEAD, LAST, UNION = METHODS = (
     "k = 1",
     "k = 5",

@@ -364,16 +364,25 @@ def refine(
 
 
 @njit(cache=True, nogil=True)
-def search(
-    present: FloatArray, past: FloatArray, thing: Int64Array, poses: FloatArray, information: FloatArray, gate: float
-) -> int:
-    """Which of the candidate poses (N, 3) lets the largest share of bearings agree; of equals, the first."""
-    nearest, normal, slope = np.empty(present.shape[1]), np.empty((3, 3)), np.empty(3)
-    best, best_share = 0, -1.0
+def search(present: FloatArray, points: FloatArray, poses: FloatArray, gate: float) -> int:
+    """Which of the candidate poses (N, 3) lets most of the points (P, 4) agree; of equals, the first."""
+    bearings = present.shape[1]
+    per_rad = bearings / math.tau
+    best, most = 0, -1
     for n in range(poses.shape[0]):
-        share = difference(
-            present, past, thing, poses[n], information, gate, 0.0, 1.0, present.shape[1], nearest, normal, slope
-        )[2]
-        if share > best_share:
-            best, best_share = n, share
+        agreeing = 0
+        for p in range(points.shape[0]):
+            dx, dy = points[p, X] - poses[n, 0], points[p, Y] - poses[n, 1]
+            squared = dx * dx + dy * dy
+            if not squared > 0.0:
+                continue
+            turn = (math.atan2(dy, dx) - poses[n, 2]) * per_rad
+            place = int(math.floor(turn + 0.5))
+            j = place % bearings
+            off = present[VALUE, j] + (turn - place) * present[SLOPE, j] - 1.0 / math.sqrt(squared)
+            spread = present[VARIANCE, j] + points[p, RANGE_VARIANCE] / (squared * squared)
+            if off * off <= gate * gate * spread:
+                agreeing += 1
+        if agreeing > most:
+            best, most = n, agreeing
     return best

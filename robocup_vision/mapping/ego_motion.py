@@ -30,8 +30,8 @@ _AGREED_SHARE = 0.5
 _MOVER_M, _MOVER_MPS = 0.6, 0.3
 # a direction is smoothed over this many neighbours on either side, as long as they lie on the same thing
 _REACH = 2
-# candidates a dimension of the search, over this many standard deviations of odometry, on every so-manieth bearing
-_CANDIDATES, _SEARCH_SIGMAS, _SEARCH_STRIDE = 7, 3.0, 4
+# candidates a dimension of the search, over this many standard deviations of odometry, on so many earlier points
+_CANDIDATES, _SEARCH_SIGMAS, _SEARCH_POINTS = 7, 3.0, 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,8 +113,8 @@ class EgoMotion:
     profiles : int
         Number k of earlier profiles that the present one is compared with.
     spacing_s : float
-        The first of them is the last frame's, and the others are at least so far apart: Miura's camera took five
-        frames a second, and what moves shows against frames farther back.
+        The first of them is the last frame's, and the others are at least so far apart: what moves shows against
+        frames farther back, and errors add up less often.
 
     Raises
     ------
@@ -137,7 +137,7 @@ class EgoMotion:
       the curvature is divided by how much more the pulls of blocks of them scatter than they claim.
     """
 
-    def __init__(self, bearings: int, profiles: int = 5, spacing_s: float = 0.2) -> None:
+    def __init__(self, bearings: int, profiles: int = 5, spacing_s: float = 0.4) -> None:
         if bearings < 8 or profiles < 1 or not spacing_s >= 0.0:
             raise ArgumentError(
                 "bearings must be at least 8, profiles at least 1 and spacing_s not negative, "
@@ -258,7 +258,7 @@ class EgoMotion:
         pose = predicted.array
         used, share = refine(pose)
         if share < _AGREED_SHARE:
-            pose = self._search(profile.present, past, thing, predicted, spread)
+            pose = self._search(profile.present, past, predicted, spread)
             used, share = refine(pose)
         if not used:
             return unaided
@@ -268,23 +268,17 @@ class EgoMotion:
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return Motion(before.inverse().compose(now), turn.T @ np.linalg.inv(normal) @ turn, used, share, now)
 
-    def _search(
-        self,
-        present: FloatArray,
-        past: FloatArray,
-        thing: npt.NDArray[np.int64],
-        predicted: Pose2,
-        covariance: FloatArray,
-    ) -> FloatArray:
+    def _search(self, present: FloatArray, past: FloatArray, predicted: Pose2, covariance: FloatArray) -> FloatArray:
         """(3,) float64: the best of a grid of candidates about what odometry says."""
         axis = np.linspace(-_SEARCH_SIGMAS, _SEARCH_SIGMAS, _CANDIDATES)
         grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-        poses: FloatArray = predicted.array + grid @ np.linalg.cholesky(covariance).T
+        poses = predicted.array + grid @ np.linalg.cholesky(covariance).T
         # what odometry says first: of equals, it stays
         poses = poses[np.argsort(np.sum(grid**2, axis=1), kind="stable")]
-        thinned = np.ascontiguousarray(past[:, ::_SEARCH_STRIDE]), np.ascontiguousarray(thing[:, ::_SEARCH_STRIDE])
-        information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-        best: int = range_profile.search(present, *thinned, poses, information, 2.0 * _GATE_SIGMAS)
+        points = past.reshape(-1, 4)
+        points = points[np.isfinite(points[:, 0])]
+        thinned = np.ascontiguousarray(points[:: max(1, len(points) // _SEARCH_POINTS)])
+        best: int = range_profile.search(present, thinned, poses, 2.0 * _GATE_SIGMAS)
         return np.array(poses[best])
 
 

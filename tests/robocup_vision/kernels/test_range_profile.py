@@ -230,6 +230,10 @@ def test_refinement_stays_where_nothing_can_be_compared():
 @given(seeds)
 def test_search_finds_the_pose_at_which_most_agrees(seed):
     present, thing = smoothed(seed)
-    past = points_of(present, 0.0, thing)[None]
+    points = points_of(present, 0.0, thing)
     poses = np.array([[0.3, 0.1, 0.2], [0.0, 0.0, 0.0], [-0.2, 0.3, 0.0], [0.0, 0.0, 0.0]])
-    assert kernels.search(present, past, thing[None], poses, np.eye(3), GATE) == 1
+    assert kernels.search(present, points[np.isfinite(points[:, 0])], poses, GATE) == 1
+    # as many agree as the terms of the comparison, where nothing is hidden
+    lone = points[np.isfinite(points[:, 0])][:1]
+    agree = [bool(plain_terms(present, lone, pose, GATE)[0]) for pose in poses]
+    assert kernels.search(present, lone, poses, GATE) == (agree.index(True) if any(agree) else 0)
