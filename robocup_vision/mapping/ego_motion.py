@@ -119,7 +119,7 @@ class EgoMotion:
     Raises
     ------
     ArgumentError
-        If there are less than 8 bearings or no profiles, or the spacing is negative.
+        If there are less than 8 bearings or no profiles, or the spacing is negative or not finite.
 
     Notes
     -----
@@ -128,7 +128,7 @@ class EgoMotion:
 
     - odometry is not only where the search begins, but a measurement like the others;
     - the pose is found by Gauss-Newton, and on a grid of candidates, as in the paper, only where less than half of the
-      directions agree around what odometry says: ten times faster, and not to a grid's step;
+      directions agree around what odometry says: faster, and not to a grid's step;
     - a profile counts if 30 % of the directions that can be compared agree: one that is hidden, or shows nothing, says
       neither yes nor no;
     - a thing less than 0.6 m wide may itself have moved, at some 0.3 m/s: slow movers pass the gate, and would take
@@ -138,9 +138,9 @@ class EgoMotion:
     """
 
     def __init__(self, bearings: int, profiles: int = 5, spacing_s: float = 0.4) -> None:
-        if bearings < 8 or profiles < 1 or not spacing_s >= 0.0:
+        if bearings < 8 or profiles < 1 or not 0.0 <= spacing_s < math.inf:
             raise ArgumentError(
-                "bearings must be at least 8, profiles at least 1 and spacing_s not negative, "
+                "bearings must be at least 8, profiles at least 1, and spacing_s finite and not negative, "
                 f"got {bearings}, {profiles}, {spacing_s}"
             )
         self.bearings = bearings

@@ -184,9 +184,11 @@ def test_forgetting_begins_anew():
     assert (again.profiles, again.pose) == (0, NOWHERE)
 
 
-@pytest.mark.parametrize("wrong", [{"bearings": 7}, {"profiles": 0}, {"spacing_s": -0.1}, {"spacing_s": math.nan}])
+@pytest.mark.parametrize("wrong", [{"bearings": 7}, {"profiles": 0}, {"spacing_s": -0.1}, {"spacing_s": math.inf}])
 def test_too_small_an_observer_is_refused(wrong):
-    with pytest.raises(ArgumentError, match="bearings must be at least 8, profiles at least 1 and spacing_s not neg"):
+    with pytest.raises(
+        ArgumentError, match="bearings must be at least 8, profiles at least 1, and spacing_s finite and"
+    ):
         EgoMotion(**{"bearings": COUNT, **wrong})
 
 
