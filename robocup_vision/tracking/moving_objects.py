@@ -1,0 +1,263 @@
+"""Moving objects over time: Kalman filters in track-splitting trees (Miura 2004, section 2.4).
+
+Where a return inside known free space may belong to one object or to another, or to none, every feasible association
+is followed as a branch of that object's tree until likelihood parts them. Objects are reported once their best branch
+has gained enough evidence against clutter, and coast through misses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.tracking.branches import Branches, IntArray
+
+# evidence, as a log-likelihood ratio against clutter, at which an object is believed: one false in e^9 trials
+_BELIEVED = 9.0
+# ... and by how much it may fall from its best before the object is given up
+_FORGOTTEN = 9.0
+# share of the frames in which an object is detected although its middle is behind another one
+_SEEN_THROUGH = 0.2
+# ... or, before it is believed in
+_DOUBTED = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detection:
+    """Something seen where the floor is known to be free.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its middle, robot frame.
+    covariance : (2, 2) float64
+        Of that as the sensor measures it, square metres.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        covariance = read_only(self.covariance)
+        if covariance.shape != (2, 2):
+            raise ArgumentError(f"covariance must be (2, 2), got {covariance.shape}")
+        object.__setattr__(self, "covariance", covariance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """An object that has been followed for a while.
+
+    Parameters
+    ----------
+    number : int
+        Its own number, for as long as it is followed.
+    x_m, y_m, vx_mps, vy_mps : float
+        Place and velocity in the field frame.
+    covariance : (4, 4) float64
+        Of these, m and m/s.
+    frames : int
+        Number of frames it has been followed.
+    missed : int
+        Frames in a row, up to this one, in which it was not seen.
+    """
+
+    number: int
+    x_m: float
+    y_m: float
+    vx_mps: float
+    vy_mps: float
+    covariance: FloatArray
+    frames: int
+    missed: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+    def after(self, seconds: float) -> tuple[float, float]:
+        """Where it will be, field frame, metres, if it goes on as it does."""
+        return self.x_m + self.vx_mps * seconds, self.y_m + self.vy_mps * seconds
+
+
+@dataclass(slots=True)
+class _Tree:
+    frames: int = 1
+    hits: int = 1
+    best_score: float = 0.0
+    believed: bool = False
+
+
+@dataclass(slots=True)
+class MovingObjects:
+    """Follows what moves on the field; one object a robot, called once a frame.
+
+    Parameters
+    ----------
+    acceleration_mps2 : float
+        How hard the objects accelerate: standard deviation of the white acceleration that the filters allow.
+    speed_mps : float
+        How fast they may be at first sight: standard deviation.
+    detection_probability : float
+        Share of the frames in which an object in view is detected.
+    clutter_per_m2 : float
+        False detections a frame and square metre.
+    least_frames : int
+        Objects are reported after this many detections at the earliest.
+    coast_s : float
+        Objects not seen for longer than this are given up.
+    width_m : float
+        The objects' middles are never nearer than this to each other.
+    most_branches : int
+        Branches kept of each object's tree.
+
+    Raises
+    ------
+    ArgumentError
+        If one of them is out of range.
+    """
+
+    acceleration_mps2: float = 1.5
+    speed_mps: float = 0.7
+    detection_probability: float = 0.9
+    clutter_per_m2: float = 0.05
+    least_frames: int = 3
+    coast_s: float = 1.0
+    width_m: float = 0.15
+    most_branches: int = 8
+    _trees: dict[int, _Tree] = field(default_factory=dict, init=False, repr=False)
+    _branches: Branches = field(init=False, repr=False)
+    _t_s: float | None = field(default=None, init=False, repr=False)
+    _next: int = field(default=1, init=False, repr=False)
+    _detections: int = field(default=0, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("acceleration_mps2", "speed_mps", "clutter_per_m2", "least_frames", "coast_s", "width_m", "most_branches"):
+            if not getattr(self, name) > 0:
+                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)}")
+        if not 0 < self.detection_probability < 1:
+            raise ArgumentError(f"detection_probability must be within 0 to 1, got {self.detection_probability}")
+        nothing = np.empty(0, dtype=np.int64)
+        self._branches = Branches.begun(nothing, np.empty((0, 2)), np.empty((0, 2, 2)), self.speed_mps, nothing)
+
+    def update(
+        self, t_s: float, detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None = None
+    ) -> tuple[Track, ...]:
+        """Take the detections of a frame.
+
+        Parameters
+        ----------
+        t_s : float
+            When it was taken; later than the frame before.
+        detections : sequence of Detection
+            What was seen inside known free space.
+        robot : Pose2
+            The robot in the field frame then.
+        robot_covariance : (3, 3) float64, optional
+            Of that; adds to each detection's own.
+
+        Returns
+        -------
+        tuple of Track
+            The objects believed in, by their numbers.
+
+        Raises
+        ------
+        ArgumentError
+            If time does not advance.
+        """
+        if self._t_s is not None and not t_s > self._t_s:
+            raise ArgumentError(f"t_s must advance, got {t_s} after {self._t_s}")
+        seconds = 0.0 if self._t_s is None else t_s - self._t_s
+        self._t_s = t_s
+        places, spreads = _in_field(detections, robot, robot_covariance)
+        numbers = self._detections + np.arange(len(places))
+        self._detections += len(places)
+        branches = self._branches.predicted(seconds, self.acceleration_mps2)
+        probability = np.where(self._hidden(branches, robot), _SEEN_THROUGH, 1.0) * self.detection_probability
+        branches = branches.split(places, spreads, numbers, probability, self.clutter_per_m2)
+        branches = branches.pruned(self.most_branches)
+        chosen, duplicates = branches.best_compatible()
+        lost = set(duplicates.tolist()) | self._keep_score(branches.taken(chosen))
+        for number in lost:
+            del self._trees[number]
+        now = branches.taken(chosen)
+        alive = np.array([number not in lost for number in branches.tree.tolist()], dtype=bool)
+        branches = branches.taken(np.flatnonzero(alive))
+        fresh = self._unexplained(now, places, numbers)
+        trees = self._next + np.arange(len(fresh))
+        self._next += len(fresh)
+        for number in trees.tolist():
+            self._trees[number] = _Tree()
+        begun = Branches.begun(trees, places[fresh], spreads[fresh], self.speed_mps, numbers[fresh])
+        self._branches = branches.joined(begun)
+        return tuple(self._tracks(now))
+
+    def _hidden(self, branches: Branches, robot: Pose2) -> npt.NDArray[np.bool_]:
+        """(L,) bool: branches whose middle lies behind a nearer object that is believed in, as the robot sees it."""
+        away = branches.mean[:, :2] - (robot.x_m, robot.y_m)
+        distance, bearing = np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0])
+        first = np.flatnonzero(np.diff(branches.tree, prepend=-1))
+        front = first[[self._is_believed(number) for number in branches.tree[first].tolist()]]
+        half_rad = np.arcsin(np.minimum(0.5 * self.width_m / np.maximum(distance[front], 1e-9), 1.0))
+        apart = np.abs(np.remainder(bearing[:, None] - bearing[front] + math.pi, math.tau) - math.pi)
+        behind = distance[:, None] > distance[front] + 0.5 * self.width_m
+        return np.asarray((behind & (apart < half_rad)).any(axis=1))
+
+    def _unexplained(self, now: Branches, places_m: FloatArray, numbers: IntArray) -> IntArray:
+        """Detections that no tree has, and that lie on no object believed in: it may be seen in several pieces."""
+        believed = np.array([self._is_believed(number) for number in now.tree.tolist()], dtype=bool)
+        away = np.linalg.norm(places_m[:, None] - now.mean[believed, :2], axis=-1)
+        apart = (away > self.width_m).all(axis=1)
+        return np.flatnonzero(~np.isin(numbers, now.history[:, 0]) & apart)
+
+    def _is_believed(self, number: int) -> bool:
+        return number in self._trees and self._trees[number].believed
+
+    def _keep_score(self, now: Branches) -> set[int]:
+        """Bring the trees up to date by their branches of this frame; which of them are lost."""
+        lost = set()
+        for index, number in enumerate(now.tree.tolist()):
+            tree, score = self._trees[number], float(now.score[index])
+            tree.frames += 1
+            tree.hits += int(now.missed[index] == 0)
+            tree.best_score = max(tree.best_score, score)
+            tree.believed |= score >= _BELIEVED and tree.hits >= self.least_frames
+            fall = _FORGOTTEN if tree.believed else _DOUBTED
+            if score < tree.best_score - fall or now.coasted_s[index] > self.coast_s:
+                lost.add(number)
+        return lost
+
+    def _tracks(self, now: Branches) -> list[Track]:
+        tracks = []
+        for index in np.argsort(now.tree, kind="stable").tolist():
+            if not self._is_believed(int(now.tree[index])):
+                continue
+            tree = self._trees[int(now.tree[index])]
+            x, y, vx, vy = now.mean[index].tolist()
+            covariance, missed = now.covariance[index], int(now.missed[index])
+            tracks.append(Track(int(now.tree[index]), x, y, vx, vy, covariance, tree.frames, missed))
+        return tracks
+
+
+def _in_field(
+    detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Places (M, 2) and covariances (M, 2, 2) in the field frame."""
+    local = np.array([[d.x_m, d.y_m] for d in detections]).reshape(-1, 2)
+    c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
+    turn = np.array([[c, -s], [s, c]])
+    spreads = turn @ np.array([d.covariance for d in detections]).reshape(-1, 2, 2) @ turn.T
+    places = robot.transform(local)
+    if robot_covariance is not None:
+        by_pose = np.zeros((len(local), 2, 3))
+        by_pose[:, 0, 0] = by_pose[:, 1, 1] = 1.0
+        by_pose[:, 0, 2], by_pose[:, 1, 2] = robot.y_m - places[:, 1], places[:, 0] - robot.x_m
+        spreads = spreads + by_pose @ np.asarray(robot_covariance) @ by_pose.transpose(0, 2, 1)
+    return places, spreads
