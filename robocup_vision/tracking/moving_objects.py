@@ -17,6 +17,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, Pose2, read_only
 from robocup_vision.tracking.branches import Branches, IntArray
+from robocup_vision.tracking.detections import Detection
 
 # evidence, as a log-likelihood ratio against clutter, at which an object is believed: one false in e^9 trials
 _BELIEVED = 9.0
@@ -26,29 +27,6 @@ _FORGOTTEN = 9.0
 _SEEN_THROUGH = 0.2
 # ... or, before it is believed in
 _DOUBTED = 4.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Detection:
-    """Something seen where the floor is known to be free.
-
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its middle, robot frame.
-    covariance : (2, 2) float64
-        Of that as the sensor measures it, square metres.
-    """
-
-    x_m: float
-    y_m: float
-    covariance: FloatArray
-
-    def __post_init__(self) -> None:
-        covariance = read_only(self.covariance)
-        if covariance.shape != (2, 2):
-            raise ArgumentError(f"covariance must be (2, 2), got {covariance.shape}")
-        object.__setattr__(self, "covariance", covariance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
