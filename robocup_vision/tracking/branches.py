@@ -19,6 +19,12 @@ _LEAST_LOG_SHARE = 7.0
 # frames after which a choice between branches is final, and over which equal branches are one
 _MEMORY = 5
 _MISS = -1
+# steps after which the best choice so far is taken
+_MOST_STEPS = 2000
+# points of a normal distribution and their weights: Gauss-Hermite, three on each axis
+_AXIS, _SHARE = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
+_POINTS = np.stack(np.meshgrid(_AXIS, _AXIS, indexing="ij"), axis=-1).reshape(-1, 2)
+_WEIGHTS = np.outer(_SHARE, _SHARE).ravel()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,8 +39,10 @@ class Branches:
         x, y, vx, vy in the field frame, m and m/s.
     covariance : (L, 4, 4) float64
         Of these.
-    score : (L,) float64
-        Log-likelihood ratio of the branch against clutter.
+    evidence : (L,) float64
+        Log-likelihood ratio of all its detections and misses against clutter.
+    odds : (L,) float64
+        Logarithm of the odds that the object is still there.
     coasted_s : (L,) float64
         Seconds since the last detection.
     missed : (L,) int64
@@ -46,7 +54,8 @@ class Branches:
     tree: IntArray
     mean: FloatArray
     covariance: FloatArray
-    score: FloatArray
+    evidence: FloatArray
+    odds: FloatArray
     coasted_s: FloatArray
     missed: IntArray
     history: IntArray
@@ -56,7 +65,7 @@ class Branches:
 
     @classmethod
     def begun(
-        cls, trees: IntArray, places_m: FloatArray, spreads: FloatArray, speed_mps: float, detections: IntArray
+        cls, trees: IntArray, places_m: FloatArray, spreads: FloatArray, speed_mps: float, first: float, detections: IntArray
     ) -> Branches:
         """One branch for each tree that begins at a detection."""
         count = len(trees)
@@ -68,7 +77,7 @@ class Branches:
         history = np.full((count, _MEMORY), _MISS, dtype=np.int64)
         history[:, 0] = detections
         zeros = np.zeros(count)
-        return cls(trees, mean, covariance, zeros, zeros.copy(), np.zeros(count, dtype=np.int64), history)
+        return cls(trees, mean, covariance, np.full(count, first), np.full(count, first), zeros, np.zeros(count, dtype=np.int64), history)
 
     def taken(self, chosen: IntArray) -> Branches:
         """Those of the given indices, in their order."""
@@ -76,7 +85,8 @@ class Branches:
             self.tree[chosen],
             self.mean[chosen],
             self.covariance[chosen],
-            self.score[chosen],
+            self.evidence[chosen],
+            self.odds[chosen],
             self.coasted_s[chosen],
             self.missed[chosen],
             self.history[chosen],
@@ -88,23 +98,45 @@ class Branches:
             np.concatenate([self.tree, other.tree]),
             np.concatenate([self.mean, other.mean]),
             np.concatenate([self.covariance, other.covariance]),
-            np.concatenate([self.score, other.score]),
+            np.concatenate([self.evidence, other.evidence]),
+            np.concatenate([self.odds, other.odds]),
             np.concatenate([self.coasted_s, other.coasted_s]),
             np.concatenate([self.missed, other.missed]),
             np.concatenate([self.history, other.history]),
         )
 
-    def predicted(self, seconds: float, acceleration_mps2: float) -> Branches:
-        """All of them `seconds` later, with a white acceleration of this standard deviation."""
+    def in_order(self) -> Branches:
+        """These, tree by tree."""
+        return self.taken(np.argsort(self.tree, kind="stable"))
+
+    def predicted(self, seconds: float, acceleration_mps2: float, steady_s: float, lifetime_s: float) -> Branches:
+        """All of them `seconds` later.
+
+        Parameters
+        ----------
+        seconds : float
+            Since the last frame.
+        acceleration_mps2 : float
+            Standard deviation of a white acceleration.
+        steady_s : float
+            Time in which a velocity falls to 1/e when nothing is seen of it.
+        lifetime_s : float
+            An object goes once in so long on average.
+        """
+        kept = math.exp(-seconds / steady_s)
         move = np.eye(4)
-        move[0, 2] = move[1, 3] = seconds
+        move[0, 2] = move[1, 3] = steady_s * (1 - kept)
+        move[2, 2] = move[3, 3] = kept
         push = np.array([[seconds**2 / 2, 0.0], [0.0, seconds**2 / 2], [seconds, 0.0], [0.0, seconds]])
         noise = push @ push.T * acceleration_mps2**2
+        survival = math.exp(-seconds / lifetime_s)
         return Branches(
             self.tree,
             self.mean @ move.T,
             move @ self.covariance @ move.T + noise,
-            self.score,
+            self.evidence,
+            # log(p s / (1 - p s)) of the probability p with which it was there, s that it stays
+            -np.log(np.exp(-self.odds) / survival + (1 / survival - 1)),
             self.coasted_s + seconds,
             self.missed,
             self.history,
@@ -115,8 +147,9 @@ class Branches:
         places_m: FloatArray,
         spreads: FloatArray,
         numbers: IntArray,
-        detection_probability: FloatArray,
+        detection_probability: float,
         clutter_per_m2: float,
+        view: Shadows,
     ) -> Branches:
         """One branch for each detection within the gate of each of these, and one for each that is missed.
 
@@ -126,22 +159,14 @@ class Branches:
             Detections in the field frame and their covariances.
         numbers : (M,) int64
             Their running numbers.
-        detection_probability : (L,) float64
-            That an object at the branch is detected.
+        detection_probability : float
+            That an object in full view is detected.
         clutter_per_m2 : float
             False detections a frame and square metre.
+        view : Shadows
+            What hides what in this frame.
         """
-        count = len(self)
-        history = np.concatenate([np.full((count, 1), _MISS, dtype=np.int64), self.history[:, :-1]], axis=1)
-        missed = Branches(
-            self.tree,
-            self.mean,
-            self.covariance,
-            self.score + np.log1p(-detection_probability),
-            self.coasted_s,
-            self.missed + 1,
-            history,
-        )
+        missed = self._missed(detection_probability, view)
         away = places_m[None, :, :] - self.mean[:, None, :2]
         spread = self.covariance[:, None, :2, :2] + spreads[None]
         a, b, d = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
@@ -155,65 +180,171 @@ class Branches:
         covariance = self.covariance[branch]
         gain = covariance[:, :, :2] @ inverse
         likelihood = -0.5 * distance[branch, detection] - 0.5 * np.log(area) - math.log(math.tau)
-        history = history[branch]
+        gained = likelihood + math.log(detection_probability / clutter_per_m2)
+        history = missed.history[branch]
         history[:, 0] = numbers[detection]
         hit = Branches(
             self.tree[branch],
             self.mean[branch] + np.einsum("nij,nj->ni", gain, away[branch, detection]),
             covariance - gain @ covariance[:, :2, :],
-            self.score[branch] + likelihood + np.log(detection_probability[branch] / clutter_per_m2),
+            self.evidence[branch] + gained,
+            self.odds[branch] + gained,
             np.zeros(len(branch)),
             np.zeros(len(branch), dtype=np.int64),
             history,
         )
         return missed.joined(hit)
 
-    def pruned(self, most: int) -> Branches:
-        """The best of each tree: likely ones, that agree on what is long past, no two alike, at most so many."""
-        order = np.lexsort((-self.score, self.tree))
+    def _missed(self, detection_probability: float, view: Shadows) -> Branches:
+        """Each of these without a detection: it rather is where nothing would be seen of it.
+
+        The place's density is weighted at points around its mean and made normal again; velocities follow by their
+        covariance with it.
+        """
+        count = len(self)
+        place = self.covariance[:, :2, :2]
+        root = np.zeros_like(place)
+        root[:, 0, 0] = np.sqrt(place[:, 0, 0])
+        root[:, 1, 0] = place[:, 1, 0] / root[:, 0, 0]
+        root[:, 1, 1] = np.sqrt(np.maximum(place[:, 1, 1] - root[:, 1, 0] ** 2, 1e-12))
+        offsets = np.einsum("lij,pj->lpi", root, _POINTS)
+        missing = 1 - detection_probability * view.share_seen(self.mean[:, None, :2] + offsets)
+        weights = _WEIGHTS * missing
+        likelihood = weights.sum(axis=1)
+        weights /= likelihood[:, None]
+        shift = np.einsum("lp,lpi->li", weights, offsets)
+        centred = offsets - shift[:, None]
+        spread = np.einsum("lp,lpi,lpj->lij", weights, centred, centred)
+        # what the points cannot show is not taken for knowledge
+        spread += 0.05 * place
+        a, b, d = place[:, 0, 0], place[:, 0, 1], place[:, 1, 1]
+        inverse = np.stack([np.stack([d, -b], -1), np.stack([-b, a], -1)], -2) / (a * d - b * b)[:, None, None]
+        gain = self.covariance[:, :, :2] @ inverse
+        return Branches(
+            self.tree,
+            self.mean + np.einsum("lij,lj->li", gain, shift),
+            self.covariance + gain @ (spread - place) @ gain.transpose(0, 2, 1),
+            self.evidence + np.log(likelihood),
+            self.odds + np.log(likelihood),
+            self.coasted_s,
+            self.missed + 1,
+            np.concatenate([np.full((count, 1), _MISS, dtype=np.int64), self.history[:, :-1]], axis=1),
+        )
+
+    def best_together(self) -> IntArray:
+        """(B,) int64: the most likely branches such that no two share a detection, at most one of each tree.
+
+        A tree whose branches all see what more likely ones see has none.
+        """
+        starts = np.flatnonzero(np.diff(self.tree, prepend=-1))
+        ends = np.append(starts, len(self))[1:]
+        evidence = self.evidence.tolist()
+        bit: dict[int, int] = {}
+        masks: list[int] = []
+        for row in self.history.tolist():
+            mask = 0
+            for number in row:
+                if number != _MISS:
+                    mask |= 1 << bit.setdefault(number, len(bit))
+            masks.append(mask)
+        groups: list[tuple[int, list[list[int]]]] = []
+        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+            options = sorted(range(start, end), key=lambda i: -evidence[i])
+            touched = 0
+            for i in options:
+                touched |= masks[i]
+            # trees that share detections are chosen together
+            apart = []
+            joined = [options]
+            for mask, trees in groups:
+                if mask & touched:
+                    touched |= mask
+                    joined += trees
+                else:
+                    apart.append((mask, trees))
+            groups = [*apart, (touched, joined)]
+        chosen: list[int] = []
+        for _, trees in groups:
+            chosen += _best_compatible(sorted(trees, key=lambda t: -evidence[t[0]]), masks, evidence)
+        return np.array(sorted(chosen), dtype=np.int64)
+
+    def pruned(self, chosen: IntArray, most: int) -> Branches:
+        """The best of the chosen ones' trees: likely ones, that agree on what is long past, no two alike, so many."""
+        root = {int(self.tree[i]): int(self.history[i, -1]) for i in chosen}
+        best = {int(self.tree[i]): float(self.evidence[i]) for i in chosen}
+        order = np.lexsort((-self.evidence, self.tree)).tolist()
+        picked = set(chosen.tolist())
         kept: list[int] = []
-        tree, seen, best, root, count = -1, set(), 0.0, 0, 0
-        for index in order.tolist():
-            if self.tree[index] != tree:
-                tree, best, root, count = int(self.tree[index]), self.score[index], int(self.history[index, -1]), 0
-                seen = set()
-            recent = self.history[index].tobytes()
-            unlikely = self.score[index] < best - _LEAST_LOG_SHARE
-            if count >= most or unlikely or recent in seen or self.history[index, -1] != root:
+        count: dict[int, int] = {}
+        seen: set[tuple[int, bytes]] = {(int(self.tree[i]), self.history[i].tobytes()) for i in chosen}
+        for index in order:
+            tree = int(self.tree[index])
+            if tree not in root:
                 continue
-            seen.add(recent)
+            if index not in picked:
+                recent = (tree, self.history[index].tobytes())
+                unlikely = self.evidence[index] < best[tree] - _LEAST_LOG_SHARE
+                if unlikely or recent in seen or self.history[index, -1] != root[tree] or count.get(tree, 1) >= most:
+                    continue
+                seen.add(recent)
+                count[tree] = count.get(tree, 1) + 1
             kept.append(index)
-            count += 1
         return self.taken(np.array(kept, dtype=np.int64))
 
-    def best_compatible(self) -> tuple[IntArray, IntArray]:
-        """Each tree's best branch such that no two share a present detection, strongest trees first.
 
-        Returns
-        -------
-        (B,) int64
-            Their indices.
-        (D,) int64
-            Trees left over because all their branches see only what stronger trees see, and have for long.
-        """
-        used: set[int] = set()
-        chosen, left_over = [], []
-        starts = np.flatnonzero(np.diff(self.tree, prepend=-1))
-        ends = np.append(starts[1:], len(self))
-        recent: dict[int, bytes] = {}
-        for group in sorted(range(len(starts)), key=lambda g: -self.score[starts[g]]):
-            indices = range(int(starts[group]), int(ends[group]))
-            pick = next((i for i in indices if self.history[i, 0] == _MISS or int(self.history[i, 0]) not in used), -1)
-            first = int(starts[group])
-            alike = self.history[first].tobytes()
-            if int(self.history[first, 0]) in used and recent.get(int(self.history[first, 0])) == alike:
-                left_over.append(int(self.tree[first]))
-                continue
-            if pick < 0:
-                pick = first
-            chosen.append(pick)
-            newest = int(self.history[pick, 0])
-            if newest != _MISS:
-                used.add(newest)
-                recent[newest] = self.history[pick].tobytes()
-        return np.array(chosen, dtype=np.int64), np.array(left_over, dtype=np.int64)
+def _best_compatible(trees: list[list[int]], masks: list[int], evidence: list[float]) -> list[int]:
+    """Of each tree's branches, likeliest first, one or none, so that no two share a bit and the sum is greatest."""
+    bound = [0.0]
+    for options in reversed(trees):
+        bound.append(bound[-1] + max(evidence[options[0]], 0.0))
+    bound.reverse()
+    best, most, left = [], -math.inf, _MOST_STEPS
+
+    def choose(depth: int, used: int, gained: float, picked: list[int]) -> None:
+        nonlocal best, most, left
+        left -= 1
+        if gained + bound[depth] <= most or (left < 0 and most > -math.inf):
+            return
+        if depth == len(trees):
+            best, most = picked, gained
+            return
+        for index in trees[depth]:
+            if not masks[index] & used:
+                choose(depth + 1, used | masks[index], gained + evidence[index], [*picked, index])
+        choose(depth + 1, used, gained, picked)
+
+    choose(0, 0, 0.0, [])
+    return best
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shadows:
+    """What hides what, as seen from the robot.
+
+    Parameters
+    ----------
+    eye_m : (2,) float64
+        The robot.
+    places_m : (M, 2) float64
+        Things in view, taken for discs.
+    radius_m : float
+        Theirs, and that of what they hide.
+    """
+
+    eye_m: FloatArray
+    places_m: FloatArray
+    radius_m: float
+
+    def share_seen(self, points_m: FloatArray) -> FloatArray:
+        """(...) float64: share of the width of a disc at each of the points (..., 2) that nothing nearer hides."""
+        near, at, half_near = self._polar(self.places_m)
+        distance, bearing, half = (v[..., None] for v in self._polar(points_m))
+        apart = np.abs(np.remainder(bearing - at + math.pi, math.tau) - math.pi)
+        covered = np.clip((half + half_near - apart) / (2 * half), 0.0, 1.0)
+        covered = np.where(distance > near + self.radius_m, covered, 0.0).sum(axis=-1)
+        return np.asarray(1.0 - np.minimum(covered, 1.0))
+
+    def _polar(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        away = points_m - self.eye_m
+        distance = np.maximum(np.hypot(away[..., 0], away[..., 1]), self.radius_m)
+        return distance, np.arctan2(away[..., 1], away[..., 0]), np.arcsin(self.radius_m / distance)

@@ -16,17 +16,17 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, Pose2, read_only
-from robocup_vision.tracking.branches import Branches, IntArray
+from robocup_vision.tracking.branches import Branches, IntArray, Shadows
 from robocup_vision.tracking.detections import Detection
 
-# evidence, as a log-likelihood ratio against clutter, at which an object is believed: one false in e^9 trials
-_BELIEVED = 9.0
-# ... and by how much it may fall from its best before the object is given up
-_FORGOTTEN = 9.0
-# share of the frames in which an object is detected although its middle is behind another one
-_SEEN_THROUGH = 0.2
-# ... or, before it is believed in
-_DOUBTED = 4.0
+# log odds at first sight, at which an object is believed in, and at which it is given up
+_FIRST, _BELIEVED, _FORGOTTEN = -2.0, 5.0, -3.0
+# the chance that an object of the mean age goes is one in so many seconds
+_LIFETIME_S = 30.0
+_STEADY_S = 3.0
+_REPORT = 0.5
+_HIDDEN = 0.95
+_NEAR_SHARE = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +68,6 @@ class Track:
 class _Tree:
     frames: int = 1
     hits: int = 1
-    best_score: float = 0.0
     believed: bool = False
 
 
@@ -122,7 +121,7 @@ class MovingObjects:
         if not 0 < self.detection_probability < 1:
             raise ArgumentError(f"detection_probability must be within 0 to 1, got {self.detection_probability}")
         nothing = np.empty(0, dtype=np.int64)
-        self._branches = Branches.begun(nothing, np.empty((0, 2)), np.empty((0, 2, 2)), self.speed_mps, nothing)
+        self._branches = Branches.begun(nothing, np.empty((0, 2)), np.empty((0, 2, 2)), self.speed_mps, 0.0, nothing)
 
     def update(
         self, t_s: float, detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None = None
@@ -157,36 +156,25 @@ class MovingObjects:
         places, spreads = _in_field(detections, robot, robot_covariance)
         numbers = self._detections + np.arange(len(places))
         self._detections += len(places)
-        branches = self._branches.predicted(seconds, self.acceleration_mps2)
-        probability = np.where(self._hidden(branches, robot), _SEEN_THROUGH, 1.0) * self.detection_probability
-        branches = branches.split(places, spreads, numbers, probability, self.clutter_per_m2)
-        branches = branches.pruned(self.most_branches)
-        chosen, duplicates = branches.best_compatible()
-        lost = set(duplicates.tolist()) | self._keep_score(branches.taken(chosen))
+        branches = self._branches.predicted(seconds, self.acceleration_mps2, _STEADY_S, _LIFETIME_S)
+        view = Shadows(robot.array[:2], places, 0.5 * self.width_m)
+        branches = branches.split(places, spreads, numbers, self.detection_probability, self.clutter_per_m2, view)
+        branches = branches.in_order()
+        chosen = branches.best_together()
+        now = branches.taken(chosen)
+        lost = self._keep_score(now) | (set(self._trees) - set(now.tree.tolist()))
         for number in lost:
             del self._trees[number]
-        now = branches.taken(chosen)
-        alive = np.array([number not in lost for number in branches.tree.tolist()], dtype=bool)
-        branches = branches.taken(np.flatnonzero(alive))
+        branches = branches.pruned(chosen, self.most_branches)
+        branches = branches.taken(np.flatnonzero(~np.isin(branches.tree, list(lost))))
         fresh = self._unexplained(now, places, numbers)
         trees = self._next + np.arange(len(fresh))
         self._next += len(fresh)
         for number in trees.tolist():
             self._trees[number] = _Tree()
-        begun = Branches.begun(trees, places[fresh], spreads[fresh], self.speed_mps, numbers[fresh])
+        begun = Branches.begun(trees, places[fresh], spreads[fresh], self.speed_mps, _FIRST, numbers[fresh])
         self._branches = branches.joined(begun)
         return tuple(self._tracks(now))
-
-    def _hidden(self, branches: Branches, robot: Pose2) -> npt.NDArray[np.bool_]:
-        """(L,) bool: branches whose middle lies behind a nearer object that is believed in, as the robot sees it."""
-        away = branches.mean[:, :2] - (robot.x_m, robot.y_m)
-        distance, bearing = np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0])
-        first = np.flatnonzero(np.diff(branches.tree, prepend=-1))
-        front = first[[self._is_believed(number) for number in branches.tree[first].tolist()]]
-        half_rad = np.arcsin(np.minimum(0.5 * self.width_m / np.maximum(distance[front], 1e-9), 1.0))
-        apart = np.abs(np.remainder(bearing[:, None] - bearing[front] + math.pi, math.tau) - math.pi)
-        behind = distance[:, None] > distance[front] + 0.5 * self.width_m
-        return np.asarray((behind & (apart < half_rad)).any(axis=1))
 
     def _unexplained(self, now: Branches, places_m: FloatArray, numbers: IntArray) -> IntArray:
         """Detections that no tree has, and that lie on no object believed in: it may be seen in several pieces."""
@@ -202,13 +190,11 @@ class MovingObjects:
         """Bring the trees up to date by their branches of this frame; which of them are lost."""
         lost = set()
         for index, number in enumerate(now.tree.tolist()):
-            tree, score = self._trees[number], float(now.score[index])
+            tree, score = self._trees[number], float(now.odds[index])
             tree.frames += 1
             tree.hits += int(now.missed[index] == 0)
-            tree.best_score = max(tree.best_score, score)
             tree.believed |= score >= _BELIEVED and tree.hits >= self.least_frames
-            fall = _FORGOTTEN if tree.believed else _DOUBTED
-            if score < tree.best_score - fall or now.coasted_s[index] > self.coast_s:
+            if score < _FORGOTTEN or now.coasted_s[index] > self.coast_s:
                 lost.add(number)
         return lost
 
@@ -218,6 +204,10 @@ class MovingObjects:
             if not self._is_believed(int(now.tree[index])):
                 continue
             tree = self._trees[int(now.tree[index])]
+            spread = math.sqrt(np.linalg.det(now.covariance[index, :2, :2]))
+            near = 1 - math.exp(-(_NEAR_SHARE * self.width_m)**2 / (2 * spread))
+            if near < _REPORT * (1 + math.exp(-float(now.odds[index]))):
+                continue
             x, y, vx, vy = now.mean[index].tolist()
             covariance, missed = now.covariance[index], int(now.missed[index])
             tracks.append(Track(int(now.tree[index]), x, y, vx, vy, covariance, tree.frames, missed))
