@@ -20,10 +20,10 @@ from robocup_vision.tracking.branches import Branches, IntArray, Shadows
 from robocup_vision.tracking.detections import Detection
 
 # log odds at first sight, at which an object is believed in, and at which it is given up
-_FIRST, _BELIEVED, _FORGOTTEN = -2.0, 5.0, -3.0
+_FIRST, _BELIEVED, _FORGOTTEN = -3.0, 4.0, -3.0
 # the chance that an object of the mean age goes is one in so many seconds
-_LIFETIME_S = 30.0
-_STEADY_S = 3.0
+_LIFETIME_S = 100.0
+_STEADY_S = 1.5
 _REPORT = 0.5
 _HIDDEN = 0.95
 _NEAR_SHARE = 1.0
@@ -102,12 +102,12 @@ class MovingObjects:
 
     acceleration_mps2: float = 1.5
     speed_mps: float = 0.7
-    detection_probability: float = 0.9
-    clutter_per_m2: float = 0.05
+    detection_probability: float = 0.8
+    clutter_per_m2: float = 0.2
     least_frames: int = 3
-    coast_s: float = 1.0
+    coast_s: float = 3.0
     width_m: float = 0.15
-    most_branches: int = 8
+    most_branches: int = 12
     _trees: dict[int, _Tree] = field(default_factory=dict, init=False, repr=False)
     _branches: Branches = field(init=False, repr=False)
     _t_s: float | None = field(default=None, init=False, repr=False)
