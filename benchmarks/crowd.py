@@ -85,7 +85,9 @@ class Sensor:
             ray = in_view[index].copy()
             if rng.random() < THROUGH:
                 lit = np.flatnonzero(np.isfinite(bodies[index]))
-                off = np.abs(np.angle(np.exp(1j * (self.bearing_rad - np.angle(np.exp(1j * self.bearing_rad[lit]).sum())))))
+                off = np.abs(
+                    np.angle(np.exp(1j * (self.bearing_rad - np.angle(np.exp(1j * self.bearing_rad[lit]).sum()))))
+                )
                 ray &= off > off[lit].max() / 3
             common = rng.standard_normal() * (COMMON_STD[0] + COMMON_STD[1] * bodies[index].min())
             seen = np.where(ray, np.minimum(seen, np.where(ray, bodies[index], np.inf) + common), seen)
@@ -238,7 +240,5 @@ def film(
             seen = detector.in_profile(sensor.bearing_rad, range_m, robot, sensor.pose_covariance)
             velocities = np.array([r.velocity_mps for r in robots[1:]])
             taken.append(Frame(world.t_s, robot, truth, seen, range_m, places[1:], velocities, in_view))
-        world.step(
-            {k: d.command(robots[k].pose, np.delete(places, k, axis=0)) for k, d in enumerate(drivers)}
-        )
+        world.step({k: d.command(robots[k].pose, np.delete(places, k, axis=0)) for k, d in enumerate(drivers)})
     return taken

@@ -1,4 +1,4 @@
-"""CLEAR MOT figures: misses, false reports and identity switches against the truth (Bernardin and Stiefelhagen 2008)."""
+"""CLEAR MOT: misses, false reports and identity switches against the truth (Bernardin and Stiefelhagen 2008)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The branches of all track trees as arrays: predicted, split over the detections, and pruned together."""
+"""The branches of all track trees as arrays: predicted, split over the detections, and pruned."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.geometry import FloatArray
+from robocup_vision.tracking.shadows import Shadows
 
 IntArray = npt.NDArray[np.int64]
 
@@ -18,9 +19,7 @@ _GATE = 13.8
 _LEAST_LOG_SHARE = 7.0
 # frames after which a choice between branches is final, and over which equal branches are one
 _MEMORY = 5
-_MISS = -1
-# steps after which the best choice so far is taken
-_MOST_STEPS = 2000
+MISS = -1
 # points of a normal distribution and their weights: Gauss-Hermite, three on each axis
 _AXIS, _SHARE = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
 _POINTS = np.stack(np.meshgrid(_AXIS, _AXIS, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -65,7 +64,13 @@ class Branches:
 
     @classmethod
     def begun(
-        cls, trees: IntArray, places_m: FloatArray, spreads: FloatArray, speed_mps: float, first: float, detections: IntArray
+        cls,
+        trees: IntArray,
+        places_m: FloatArray,
+        spreads: FloatArray,
+        speed_mps: float,
+        evidence: float,
+        detections: IntArray,
     ) -> Branches:
         """One branch for each tree that begins at a detection."""
         count = len(trees)
@@ -74,10 +79,10 @@ class Branches:
         covariance = np.zeros((count, 4, 4))
         covariance[:, :2, :2] = spreads
         covariance[:, 2, 2] = covariance[:, 3, 3] = speed_mps**2
-        history = np.full((count, _MEMORY), _MISS, dtype=np.int64)
+        history = np.full((count, _MEMORY), MISS, dtype=np.int64)
         history[:, 0] = detections
-        zeros = np.zeros(count)
-        return cls(trees, mean, covariance, np.full(count, first), np.full(count, first), zeros, np.zeros(count, dtype=np.int64), history)
+        first, zeros, never = np.full(count, evidence), np.zeros(count), np.zeros(count, dtype=np.int64)
+        return cls(trees, mean, covariance, first, first.copy(), zeros, never, history)
 
     def taken(self, chosen: IntArray) -> Branches:
         """Those of the given indices, in their order."""
@@ -93,7 +98,7 @@ class Branches:
         )
 
     def joined(self, other: Branches) -> Branches:
-        """These and those."""
+        """Join these and those."""
         return Branches(
             np.concatenate([self.tree, other.tree]),
             np.concatenate([self.mean, other.mean]),
@@ -104,10 +109,6 @@ class Branches:
             np.concatenate([self.missed, other.missed]),
             np.concatenate([self.history, other.history]),
         )
-
-    def in_order(self) -> Branches:
-        """These, tree by tree."""
-        return self.taken(np.argsort(self.tree, kind="stable"))
 
     def predicted(self, seconds: float, acceleration_mps2: float, steady_s: float, lifetime_s: float) -> Branches:
         """All of them `seconds` later.
@@ -193,7 +194,8 @@ class Branches:
             np.zeros(len(branch), dtype=np.int64),
             history,
         )
-        return missed.joined(hit)
+        both = missed.joined(hit)
+        return both.taken(np.argsort(both.tree, kind="stable"))
 
     def _missed(self, detection_probability: float, view: Shadows) -> Branches:
         """Each of these without a detection: it rather is where nothing would be seen of it.
@@ -228,48 +230,11 @@ class Branches:
             self.odds + np.log(likelihood),
             self.coasted_s,
             self.missed + 1,
-            np.concatenate([np.full((count, 1), _MISS, dtype=np.int64), self.history[:, :-1]], axis=1),
+            np.concatenate([np.full((count, 1), MISS, dtype=np.int64), self.history[:, :-1]], axis=1),
         )
 
-    def best_together(self) -> IntArray:
-        """(B,) int64: the most likely branches such that no two share a detection, at most one of each tree.
-
-        A tree whose branches all see what more likely ones see has none.
-        """
-        starts = np.flatnonzero(np.diff(self.tree, prepend=-1))
-        ends = np.append(starts, len(self))[1:]
-        evidence = self.evidence.tolist()
-        bit: dict[int, int] = {}
-        masks: list[int] = []
-        for row in self.history.tolist():
-            mask = 0
-            for number in row:
-                if number != _MISS:
-                    mask |= 1 << bit.setdefault(number, len(bit))
-            masks.append(mask)
-        groups: list[tuple[int, list[list[int]]]] = []
-        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-            options = sorted(range(start, end), key=lambda i: -evidence[i])
-            touched = 0
-            for i in options:
-                touched |= masks[i]
-            # trees that share detections are chosen together
-            apart = []
-            joined = [options]
-            for mask, trees in groups:
-                if mask & touched:
-                    touched |= mask
-                    joined += trees
-                else:
-                    apart.append((mask, trees))
-            groups = [*apart, (touched, joined)]
-        chosen: list[int] = []
-        for _, trees in groups:
-            chosen += _best_compatible(sorted(trees, key=lambda t: -evidence[t[0]]), masks, evidence)
-        return np.array(sorted(chosen), dtype=np.int64)
-
     def pruned(self, chosen: IntArray, most: int) -> Branches:
-        """The best of the chosen ones' trees: likely ones, that agree on what is long past, no two alike, so many."""
+        """Keep the best of the chosen ones' trees: likely, agreed on what is long past, no two alike, not too many."""
         root = {int(self.tree[i]): int(self.history[i, -1]) for i in chosen}
         best = {int(self.tree[i]): float(self.evidence[i]) for i in chosen}
         order = np.lexsort((-self.evidence, self.tree)).tolist()
@@ -290,61 +255,3 @@ class Branches:
                 count[tree] = count.get(tree, 1) + 1
             kept.append(index)
         return self.taken(np.array(kept, dtype=np.int64))
-
-
-def _best_compatible(trees: list[list[int]], masks: list[int], evidence: list[float]) -> list[int]:
-    """Of each tree's branches, likeliest first, one or none, so that no two share a bit and the sum is greatest."""
-    bound = [0.0]
-    for options in reversed(trees):
-        bound.append(bound[-1] + max(evidence[options[0]], 0.0))
-    bound.reverse()
-    best, most, left = [], -math.inf, _MOST_STEPS
-
-    def choose(depth: int, used: int, gained: float, picked: list[int]) -> None:
-        nonlocal best, most, left
-        left -= 1
-        if gained + bound[depth] <= most or (left < 0 and most > -math.inf):
-            return
-        if depth == len(trees):
-            best, most = picked, gained
-            return
-        for index in trees[depth]:
-            if not masks[index] & used:
-                choose(depth + 1, used | masks[index], gained + evidence[index], [*picked, index])
-        choose(depth + 1, used, gained, picked)
-
-    choose(0, 0, 0.0, [])
-    return best
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shadows:
-    """What hides what, as seen from the robot.
-
-    Parameters
-    ----------
-    eye_m : (2,) float64
-        The robot.
-    places_m : (M, 2) float64
-        Things in view, taken for discs.
-    radius_m : float
-        Theirs, and that of what they hide.
-    """
-
-    eye_m: FloatArray
-    places_m: FloatArray
-    radius_m: float
-
-    def share_seen(self, points_m: FloatArray) -> FloatArray:
-        """(...) float64: share of the width of a disc at each of the points (..., 2) that nothing nearer hides."""
-        near, at, half_near = self._polar(self.places_m)
-        distance, bearing, half = (v[..., None] for v in self._polar(points_m))
-        apart = np.abs(np.remainder(bearing - at + math.pi, math.tau) - math.pi)
-        covered = np.clip((half + half_near - apart) / (2 * half), 0.0, 1.0)
-        covered = np.where(distance > near + self.radius_m, covered, 0.0).sum(axis=-1)
-        return np.asarray(1.0 - np.minimum(covered, 1.0))
-
-    def _polar(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        away = points_m - self.eye_m
-        distance = np.maximum(np.hypot(away[..., 0], away[..., 1]), self.radius_m)
-        return distance, np.arctan2(away[..., 1], away[..., 0]), np.arcsin(self.radius_m / distance)

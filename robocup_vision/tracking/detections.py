@@ -141,7 +141,7 @@ class ReturnDetector:
     def in_profile(
         self, bearing_rad: FloatArray, range_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None = None
     ) -> tuple[Detection, ...]:
-        """Detections in a range profile.
+        """Return the detections in a range profile.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class ReturnDetector:
     def in_obstacles(
         self, obstacles: Sequence[Obstacle], robot: Pose2, robot_covariance: FloatArray | None = None
     ) -> tuple[Detection, ...]:
-        """Detections among `View.obstacles`; other parameters as in `in_profile`."""
+        """Return the detections among `View.obstacles`; other parameters as in `in_profile`."""
         near = [o for o in obstacles if o.range_m < self.longest_m]
         if not near:
             return ()
@@ -176,9 +176,7 @@ class ReturnDetector:
     def _std_m(self, range_m: FloatArray) -> FloatArray:
         return self.range_std[0] + self.range_std[1] * range_m
 
-    def _inside(
-        self, points_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None
-    ) -> npt.NDArray[np.bool_]:
+    def _inside(self, points_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None) -> npt.NDArray[np.bool_]:
         """(...,) bool: points (..., 2), robot frame, that are surely inside known free space."""
         reach = np.hypot(points_m[..., 0], points_m[..., 1])
         variance = self._std_m(reach) ** 2
@@ -206,3 +204,30 @@ class ReturnDetector:
                 off = (piece - 0.5 * (count - 1)) * width
                 found.append(Detection(ahead * out - aside * off, aside * out + ahead * off, covariance))
         return tuple(found)
+
+
+def in_field(
+    detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return places (M, 2) and covariances (M, 2, 2) in the field frame, the robot's own added.
+
+    Parameters
+    ----------
+    detections : sequence of Detection
+        Of one frame.
+    robot : Pose2
+        The robot in the field frame then.
+    robot_covariance : (3, 3) float64, optional
+        Of that.
+    """
+    local = np.array([[d.x_m, d.y_m] for d in detections]).reshape(-1, 2)
+    c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
+    turn = np.array([[c, -s], [s, c]])
+    spreads = turn @ np.array([d.covariance for d in detections]).reshape(-1, 2, 2) @ turn.T
+    places = robot.transform(local)
+    if robot_covariance is not None:
+        by_pose = np.zeros((len(local), 2, 3))
+        by_pose[:, 0, 0] = by_pose[:, 1, 1] = 1.0
+        by_pose[:, 0, 2], by_pose[:, 1, 2] = robot.y_m - places[:, 1], places[:, 0] - robot.x_m
+        spreads = spreads + by_pose @ np.asarray(robot_covariance) @ by_pose.transpose(0, 2, 1)
+    return places, spreads

@@ -1,8 +1,9 @@
 """Moving objects over time: Kalman filters in track-splitting trees (Miura 2004, section 2.4).
 
 Where a return inside known free space may belong to one object or to another, or to none, every feasible association
-is followed as a branch of that object's tree until likelihood parts them. Objects are reported once their best branch
-has gained enough evidence against clutter, and coast through misses.
+is followed as a branch of that object's tree until likelihood parts them; the branches of all trees are chosen
+together. An object not seen is more likely where something hides it, and is followed there. Each is reported once
+there is enough evidence against clutter, and then while it is more likely than not where the report says.
 """
 
 from __future__ import annotations
@@ -12,21 +13,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, Pose2, read_only
-from robocup_vision.tracking.branches import Branches, IntArray, Shadows
-from robocup_vision.tracking.detections import Detection
+from robocup_vision.tracking.branches import Branches, IntArray
+from robocup_vision.tracking.detections import Detection, in_field
+from robocup_vision.tracking.joint_choice import choose_together
+from robocup_vision.tracking.shadows import Shadows
 
-# log odds at first sight, at which an object is believed in, and at which it is given up
+# log odds that a detection which nothing explains is a new object, at which one is believed in, and is given up
 _FIRST, _BELIEVED, _FORGOTTEN = -3.0, 4.0, -3.0
-# the chance that an object of the mean age goes is one in so many seconds
-_LIFETIME_S = 100.0
-_STEADY_S = 1.5
-_REPORT = 0.5
-_HIDDEN = 0.95
-_NEAR_SHARE = 1.0
+# unseen: an object is gone after so long on average, and its velocity forgotten
+_LIFETIME_S, _STEADY_S = 100.0, 1.5
+# a report is right within this share of the object's width
+_NEAR_SHARE = 2 / 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +41,8 @@ class Track:
         Place and velocity in the field frame.
     covariance : (4, 4) float64
         Of these, m and m/s.
+    probability : float
+        That it is there, within two thirds of its width.
     frames : int
         Number of frames it has been followed.
     missed : int
@@ -53,6 +55,7 @@ class Track:
     vx_mps: float
     vy_mps: float
     covariance: FloatArray
+    probability: float
     frames: int
     missed: int
 
@@ -67,7 +70,7 @@ class Track:
 @dataclass(slots=True)
 class _Tree:
     frames: int = 1
-    hits: int = 1
+    detections: int = 1
     believed: bool = False
 
 
@@ -82,7 +85,7 @@ class MovingObjects:
     speed_mps : float
         How fast they may be at first sight: standard deviation.
     detection_probability : float
-        Share of the frames in which an object in view is detected.
+        Share of the frames in which an object is detected that nothing hides.
     clutter_per_m2 : float
         False detections a frame and square metre.
     least_frames : int
@@ -90,7 +93,7 @@ class MovingObjects:
     coast_s : float
         Objects not seen for longer than this are given up.
     width_m : float
-        The objects' middles are never nearer than this to each other.
+        Of the objects: what they hide, and what is seen of one in several pieces.
     most_branches : int
         Branches kept of each object's tree.
 
@@ -106,7 +109,7 @@ class MovingObjects:
     clutter_per_m2: float = 0.2
     least_frames: int = 3
     coast_s: float = 3.0
-    width_m: float = 0.15
+    width_m: float = 0.18
     most_branches: int = 12
     _trees: dict[int, _Tree] = field(default_factory=dict, init=False, repr=False)
     _branches: Branches = field(init=False, repr=False)
@@ -115,7 +118,8 @@ class MovingObjects:
     _detections: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("acceleration_mps2", "speed_mps", "clutter_per_m2", "least_frames", "coast_s", "width_m", "most_branches"):
+        positive = ("acceleration_mps2", "speed_mps", "clutter_per_m2", "coast_s", "width_m")
+        for name in (*positive, "least_frames", "most_branches"):
             if not getattr(self, name) > 0:
                 raise ArgumentError(f"{name} must be positive, got {getattr(self, name)}")
         if not 0 < self.detection_probability < 1:
@@ -153,20 +157,20 @@ class MovingObjects:
             raise ArgumentError(f"t_s must advance, got {t_s} after {self._t_s}")
         seconds = 0.0 if self._t_s is None else t_s - self._t_s
         self._t_s = t_s
-        places, spreads = _in_field(detections, robot, robot_covariance)
+        places, spreads = in_field(detections, robot, robot_covariance)
         numbers = self._detections + np.arange(len(places))
         self._detections += len(places)
         branches = self._branches.predicted(seconds, self.acceleration_mps2, _STEADY_S, _LIFETIME_S)
         view = Shadows(robot.array[:2], places, 0.5 * self.width_m)
         branches = branches.split(places, spreads, numbers, self.detection_probability, self.clutter_per_m2, view)
-        branches = branches.in_order()
-        chosen = branches.best_together()
+        chosen = choose_together(branches)
         now = branches.taken(chosen)
-        lost = self._keep_score(now) | (set(self._trees) - set(now.tree.tolist()))
-        for number in lost:
-            del self._trees[number]
+        lost = self._keep_score(now)
         branches = branches.pruned(chosen, self.most_branches)
         branches = branches.taken(np.flatnonzero(~np.isin(branches.tree, list(lost))))
+        now = now.taken(np.flatnonzero(~np.isin(now.tree, list(lost))))
+        for number in lost:
+            del self._trees[number]
         fresh = self._unexplained(now, places, numbers)
         trees = self._next + np.arange(len(fresh))
         self._next += len(fresh)
@@ -177,55 +181,33 @@ class MovingObjects:
         return tuple(self._tracks(now))
 
     def _unexplained(self, now: Branches, places_m: FloatArray, numbers: IntArray) -> IntArray:
-        """Detections that no tree has, and that lie on no object believed in: it may be seen in several pieces."""
-        believed = np.array([self._is_believed(number) for number in now.tree.tolist()], dtype=bool)
+        """Return detections that no tree has and no object believed in covers: one may be seen in several pieces."""
+        believed = np.array([self._trees[number].believed for number in now.tree.tolist()], dtype=bool)
         away = np.linalg.norm(places_m[:, None] - now.mean[believed, :2], axis=-1)
         apart = (away > self.width_m).all(axis=1)
         return np.flatnonzero(~np.isin(numbers, now.history[:, 0]) & apart)
 
-    def _is_believed(self, number: int) -> bool:
-        return number in self._trees and self._trees[number].believed
-
     def _keep_score(self, now: Branches) -> set[int]:
         """Bring the trees up to date by their branches of this frame; which of them are lost."""
-        lost = set()
+        lost = set(self._trees) - set(now.tree.tolist())
         for index, number in enumerate(now.tree.tolist()):
-            tree, score = self._trees[number], float(now.odds[index])
+            tree, odds = self._trees[number], float(now.odds[index])
             tree.frames += 1
-            tree.hits += int(now.missed[index] == 0)
-            tree.believed |= score >= _BELIEVED and tree.hits >= self.least_frames
-            if score < _FORGOTTEN or now.coasted_s[index] > self.coast_s:
+            tree.detections += int(now.missed[index] == 0)
+            tree.believed |= odds >= _BELIEVED and tree.detections >= self.least_frames
+            if odds < _FORGOTTEN or now.coasted_s[index] > self.coast_s:
                 lost.add(number)
         return lost
 
     def _tracks(self, now: Branches) -> list[Track]:
         tracks = []
-        for index in np.argsort(now.tree, kind="stable").tolist():
-            if not self._is_believed(int(now.tree[index])):
-                continue
-            tree = self._trees[int(now.tree[index])]
-            spread = math.sqrt(np.linalg.det(now.covariance[index, :2, :2]))
-            near = 1 - math.exp(-(_NEAR_SHARE * self.width_m)**2 / (2 * spread))
-            if near < _REPORT * (1 + math.exp(-float(now.odds[index]))):
-                continue
-            x, y, vx, vy = now.mean[index].tolist()
-            covariance, missed = now.covariance[index], int(now.missed[index])
-            tracks.append(Track(int(now.tree[index]), x, y, vx, vy, covariance, tree.frames, missed))
+        for index, number in enumerate(now.tree.tolist()):
+            tree, covariance = self._trees[number], now.covariance[index]
+            area = math.sqrt(covariance[0, 0] * covariance[1, 1] - covariance[0, 1] ** 2)
+            near = 1 - math.exp(-((_NEAR_SHARE * self.width_m) ** 2) / (2 * area))
+            probability = near / (1 + math.exp(-float(now.odds[index])))
+            if tree.believed and probability > 0.5:
+                x, y, vx, vy = now.mean[index].tolist()
+                missed = int(now.missed[index])
+                tracks.append(Track(number, x, y, vx, vy, covariance, probability, tree.frames, missed))
         return tracks
-
-
-def _in_field(
-    detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Places (M, 2) and covariances (M, 2, 2) in the field frame."""
-    local = np.array([[d.x_m, d.y_m] for d in detections]).reshape(-1, 2)
-    c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
-    turn = np.array([[c, -s], [s, c]])
-    spreads = turn @ np.array([d.covariance for d in detections]).reshape(-1, 2, 2) @ turn.T
-    places = robot.transform(local)
-    if robot_covariance is not None:
-        by_pose = np.zeros((len(local), 2, 3))
-        by_pose[:, 0, 0] = by_pose[:, 1, 1] = 1.0
-        by_pose[:, 0, 2], by_pose[:, 1, 2] = robot.y_m - places[:, 1], places[:, 0] - robot.x_m
-        spreads = spreads + by_pose @ np.asarray(robot_covariance) @ by_pose.transpose(0, 2, 1)
-    return places, spreads
