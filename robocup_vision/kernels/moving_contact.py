@@ -70,9 +70,10 @@ def moving_contact_time(
         while t < until:
             gap = away - min(keep_off_m(moving, k, begin + t), nearest)
             if gap < 0.0:
-                first = free
+                first = min(free, t)
                 break
-            free = t
+            # until then they cannot meet, however they drive
+            free = t + gap / closing
             t = min(t + max(gap / closing, least), until)
             x, y = predict_position(start, velocity, target, acceleration, t)
             x -= moving[k, 0] + moving[k, 2] * (begin + t)
