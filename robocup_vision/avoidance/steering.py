@@ -277,8 +277,9 @@ class Steering:
             raise ArgumentError("bearing_rad must be finite and ascend within one turn")
         if self._keep_side:
             self._detour_rad = detour
-        # The last safe command left room to stop; what the view from here adds to that is the width of its sectors.
-        if outcome == 2 and self._may_brake:
+        # The last safe command left room to stop; what the view from here adds to that is the width of its sectors,
+        # unless something moves otherwise than it did.
+        if outcome == 2 and self._may_brake and not moving:
             outcome, index, speed = 1, -1, 0.0
         self._may_brake = outcome < 2 and (self._may_brake or outcome == 0)
         time_to_contact.flags.writeable = False
