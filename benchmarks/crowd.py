@@ -9,6 +9,7 @@ with an error that wanders, and its covariance.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,11 @@ import numpy.typing as npt
 
 from field_models import Field
 from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.localization.pose_filter import PoseFilter
 from robocup_vision.tracking import Detection, KnownFreeSpace, ReturnDetector
+from robocup_vision.vision import Vision
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.match_camera import MatchCamera
 from sim2d.robot_link import Command, RobotLimits
 from sim2d.world import CONTROL_PERIOD_S, World
 
@@ -24,6 +29,8 @@ BEARINGS = 256
 # ranges: error common to a thing in a frame, and of each bearing; metres and share of the range
 COMMON_STD, SINGLE_STD = (0.008, 0.015), (0.004, 0.008)
 LONGEST_M = 2.5
+# the same for the obstacles in a mirror camera's images, metres and share; farther away they are not used
+CAMERA_STD, CAMERA_LONGEST_M = (0.01, 0.05), 1.3
 # share of the frames in which a thing in view is missed, frames in a row, share in which its middle shows through
 MISSED, MISSED_FRAMES, THROUGH = 0.12, 2.0, 0.05
 # specks in a frame, all over the field
@@ -135,26 +142,26 @@ class Frame:
         When.
     robot : Pose2
         Where the robot takes itself to be.
+    robot_covariance : (3, 3) float64
+        Of that.
     truth : Pose2
         Where it is.
     detections : tuple of Detection
         Returns inside the known free floor.
-    range_m : (J,) float64
-        Measured.
     places_m, velocities_mps : (N, 2) float64
         The others.
-    in_view : (N,) float64
-        Share of each that nothing hides.
+    in_view : (N,) bool
+        Seen by ranges: those hardly hidden. By camera: those near enough to be counted.
     """
 
     t_s: float
     robot: Pose2
+    robot_covariance: FloatArray
     truth: Pose2
     detections: tuple[Detection, ...]
-    range_m: FloatArray
     places_m: FloatArray
     velocities_mps: FloatArray
-    in_view: FloatArray
+    in_view: npt.NDArray[np.bool_]
 
 
 class Wanderer:
@@ -218,6 +225,47 @@ def film(
     """
     rng = np.random.default_rng(seed)
     limits = RobotLimits(speed_mps=fastest_mps)
+    sensor = Sensor(field, others, limits.radius_m, every * CONTROL_PERIOD_S, rng)
+    detector = ReturnDetector(KnownFreeSpace.of_field(field), limits.radius_m, longest_m=LONGEST_M)
+    taken = []
+    for period, world in enumerate(_moves(field, limits, others, frames * every, rng)):
+        if period % every == 0:
+            truth, places, velocities = _truth(world)
+            range_m, in_view = sensor.ranges(truth, places)
+            robot, covariance = sensor.believed(truth), sensor.pose_covariance
+            seen = detector.in_profile(sensor.bearing_rad, range_m, robot, covariance)
+            taken.append(Frame(world.t_s, robot, covariance, truth, seen, places, velocities, in_view > 0.3))
+    return taken
+
+
+def camera_film(field: Field, seed: npt.ArrayLike, others: int = 4, frames: int = 90, every: int = 2) -> list[Frame]:
+    """Do the same through the images of a mirror camera: poses and obstacles are those of `Vision`.
+
+    Counted are the others within `CAMERA_LONGEST_M`, hidden or not: what is farther away is a pixel or two.
+    """
+    rng = np.random.default_rng(seed)
+    limits, camera = RobotLimits(speed_mps=0.8), sekimori_camera()
+    eye, vision, belief = MatchCamera(field, camera, limits, rng), Vision(field, camera), PoseFilter()
+    detector = ReturnDetector(
+        KnownFreeSpace.of_field(field), limits.radius_m, range_std=CAMERA_STD, longest_m=CAMERA_LONGEST_M
+    )
+    taken = []
+    for period, world in enumerate(_moves(field, limits, others, frames * every, rng)):
+        belief.predict(world.odometry(0), world.t_s)
+        if period % every == 0:
+            truth, places, velocities = _truth(world)
+            view = vision.look(eye.render(world.state, 0), world.t_s, prior=belief.prior(world.t_s))
+            belief.update(view.pose, world.t_s)
+            known = belief.belief
+            if known:
+                seen = detector.in_obstacles(view.obstacles, known.pose, known.covariance)
+                near = np.hypot(*(places - (truth.x_m, truth.y_m)).T) < CAMERA_LONGEST_M
+                taken.append(Frame(world.t_s, known.pose, known.covariance, truth, seen, places, velocities, near))
+    return taken
+
+
+def _moves(field: Field, limits: RobotLimits, others: int, periods: int, rng: np.random.Generator) -> Iterator[World]:
+    """Go through a world in which a robot and others wander, before every step of it."""
     starts: list[Pose2] = []
     half = np.array([field.length_m / 2, field.width_m / 2]) - 0.12
     while len(starts) <= others:
@@ -225,20 +273,15 @@ def film(
         if all(math.hypot(x - p.x_m, y - p.y_m) > 0.25 for p in starts):
             starts.append(Pose2(x, y, float(rng.uniform(-math.pi, math.pi))))
     world = World.course(field, (), starts, limits, rng)
-    drivers = [Wanderer(field, fastest_mps * (0.5 if k == 0 else 1.0), rng) for k in range(others + 1)]
-    period_s = every * CONTROL_PERIOD_S
-    sensor = Sensor(field, others, limits.radius_m, period_s, rng)
-    detector = ReturnDetector(KnownFreeSpace.of_field(field), limits.radius_m, longest_m=LONGEST_M)
-    taken = []
-    for period in range(frames * every):
-        robots = world.state.robots
-        places = np.array([[r.pose.x_m, r.pose.y_m] for r in robots])
-        if period % every == 0:
-            truth = robots[0].pose
-            range_m, in_view = sensor.ranges(truth, places[1:])
-            robot = sensor.believed(truth)
-            seen = detector.in_profile(sensor.bearing_rad, range_m, robot, sensor.pose_covariance)
-            velocities = np.array([r.velocity_mps for r in robots[1:]])
-            taken.append(Frame(world.t_s, robot, truth, seen, range_m, places[1:], velocities, in_view))
-        world.step({k: d.command(robots[k].pose, np.delete(places, k, axis=0)) for k, d in enumerate(drivers)})
-    return taken
+    drivers = [Wanderer(field, limits.speed_mps * (0.5 if k == 0 else 1.0), rng) for k in range(others + 1)]
+    for _ in range(periods):
+        yield world
+        poses = [r.pose for r in world.state.robots]
+        places = np.array([[p.x_m, p.y_m] for p in poses])
+        world.step({k: d.command(poses[k], np.delete(places, k, axis=0)) for k, d in enumerate(drivers)})
+
+
+def _truth(world: World) -> tuple[Pose2, FloatArray, FloatArray]:
+    """Return the robot's pose, and places and velocities (N, 2) of the others."""
+    own, *rest = world.state.robots
+    return own.pose, np.array([[r.pose.x_m, r.pose.y_m] for r in rest]), np.array([r.velocity_mps for r in rest])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from robocup_vision.geometry import FloatArray
@@ -27,8 +28,23 @@ class Score:
     _seen: set[int] = field(default_factory=set)
     _true: set[int] = field(default_factory=set)
 
-    def frame(self, places_m: FloatArray, reports: list[tuple[int, FloatArray]]) -> None:
-        """Add a frame: true places (N, 2), and numbers and places of the tracks reported."""
+    def frame(
+        self,
+        places_m: FloatArray,
+        reports: list[tuple[int, FloatArray]],
+        counted: npt.NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Add a frame: true places (N, 2), and numbers and places of the tracks reported.
+
+        Reports of objects that are not `counted` (N,) are neither right nor wrong.
+        """
+        if counted is not None:
+            others = places_m[~counted]
+            reports = [r for r in reports if not any(np.hypot(*(r[1] - place)) < NEAR_M for place in others)]
+            # too far for any match, so that the objects keep their indices
+            self.objects -= len(others)
+            self.missed -= len(others)
+            places_m = np.where(counted[:, None], places_m, np.inf)
         away = np.array([[np.hypot(*(at - place)) for _, at in reports] for place in places_m])
         away = away.reshape(len(places_m), len(reports))
         cost = np.where(away < NEAR_M, away, 1e3)

@@ -171,7 +171,9 @@ class ReturnDetector:
         if not near:
             return ()
         inside = self._inside(np.array([[o.x_m, o.y_m] for o in near]), robot, robot_covariance)
-        return self._detections([o for o, is_inside in zip(near, inside.tolist(), strict=True) if is_inside])
+        sure = [o for o, is_inside in zip(near, inside.tolist(), strict=True) if is_inside]
+        # outlines in an image are blurred: past them a sliver of floor shows, and then something
+        return self._detections([o for o in sure if not any(self._is_edge(o, other) for other in sure)])
 
     def _std_m(self, range_m: FloatArray) -> FloatArray:
         return self.range_std[0] + self.range_std[1] * range_m
@@ -189,8 +191,6 @@ class ReturnDetector:
     def _detections(self, returns: Sequence[Obstacle]) -> tuple[Detection, ...]:
         found = []
         for near in returns:
-            if near.width_m < self.radius_m and any(self._is_edge(near, other) for other in returns):
-                continue
             # two that stand side by side are seen as one wide thing
             count = max(1, round(near.width_m / (2 * self.radius_m)))
             width = near.width_m / count
@@ -210,7 +210,8 @@ class ReturnDetector:
     def _is_edge(self, sliver: Obstacle, other: Obstacle) -> bool:
         """Whether a narrow return is the blurred edge of a wider one right beside it and hardly nearer."""
         behind = sliver.range_m - other.range_m
-        if other.width_m <= sliver.width_m or not 0 < behind < 4 * self.radius_m:
+        wider = other.width_m > sliver.width_m < self.radius_m
+        if not wider or not 0 < behind < 4 * self.radius_m:
             return False
         apart = abs(math.remainder(other.bearing_rad - sliver.bearing_rad, math.tau))
         # half of each, and once the sliver's own width between them
