@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
@@ -22,10 +21,10 @@ from crowd import LONGEST_M, Sensor
 from harness import Table, finish, parse_arguments, verdict
 
 from field_models import Field, load_field
-from robocup_vision.avoidance import MovingObstacle, SteadyFreeSpace, Steering, SteeringCommand
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.avoidance import MovingObstacle, SteadyFreeSpace, Steering
+from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
-from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector, Track
+from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
 from sim2d.robot_link import Command, RobotLimits
 from sim2d.wheel_velocity import WheelVelocity
 from sim2d.world import CONTROL_PERIOD_S, World
@@ -76,21 +75,6 @@ class Outcome:
     legs: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What steering knew and chose, and the truth: for pictures."""
-
-    truth: Pose2
-    robot: Pose2
-    places_m: FloatArray
-    tracks: tuple[Track, ...]
-    moving: tuple[MovingObstacle, ...]
-    command: SteeringCommand
-    range_m: FloatArray
-    velocity_mps: tuple[float, float]
-    touched: bool
-
-
 class Crossing:
     """Drives to and fro across the field.
 
@@ -119,7 +103,7 @@ class Crossing:
         return Command(c * vx + s * vy, c * vy - s * vx, 0.0)
 
 
-def drive(place: Place, method: str, seed: int, run: int, watch: Callable[[Moment], None] | None = None) -> Outcome:
+def drive(place: Place, method: str, seed: int, run: int) -> Outcome:
     """One run."""
     rng = np.random.default_rng([seed, run])
     field, others = place.field, place.others
@@ -190,12 +174,6 @@ def drive(place: Place, method: str, seed: int, run: int, watch: Callable[[Momen
             wheels.pending_mps,
             moving=moving,
         )
-        if watch is not None:
-            watch(
-                Moment(
-                    truth, robot, places, tracks, moving, command, range_m, robots[0].velocity_mps, bool(fresh.any())
-                )
-            )
         wanted = (float(command.velocity_mps[0]), float(command.velocity_mps[1]))
         wheels.command(wanted)
         world.step({0: Command(*wanted), **{k + 1: c.command(robots[k + 1].pose) for k, c in enumerate(crossings)}})
