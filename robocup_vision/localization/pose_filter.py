@@ -57,14 +57,15 @@ class PoseFilter:
     late frame is put where it belongs in the history of the last second, and what came after is gone through again: the
     order in which frames come does not matter.
 
-    The belief is a mixture of Gaussians, each over the pose and the error that frames now share (`FrameErrors`), which
-    is carried along as a first-order Gauss-Markov process in the way driven: so the covariance does not shrink below
-    what frames get wrong together. Each place stands for both halves of a symmetric field: a frame that allows both
-    poses corrects it all the same, one with a single candidate tells the half, and Bayes' rule weighs it by how often
-    that is wrong. `hypotheses` lists them all.
+    The belief is a mixture of Gaussians, each over the pose, the slip (`OdometryNoise`) and the error that frames now
+    share (`FrameErrors`), which is carried along as a first-order Gauss-Markov process in the way driven: so the
+    covariance does not shrink below what frames get wrong together. Each place stands for both halves of a symmetric
+    field: a frame that allows both poses corrects it all the same, one with a single candidate tells the half, and
+    Bayes' rule weighs it by how often that is wrong. `hypotheses` lists them all.
 
-    A frame that contradicts every place founds a new one, as probable as a kidnapping in the time since the last frame,
-    against that of an outlier. Which of the two it was is told by the frames that follow.
+    A frame that contradicts every place founds a new one, as probable as a shove or a kidnapping in the time since the
+    last frame, against that of an outlier. Which of the two it was is told by the frames that follow. One that comes
+    near a place corrects that too, but counts for less the farther off it is.
     """
 
     def __init__(self, *, odometry: OdometryNoise | None = None, frames: FrameErrors | None = None) -> None:
