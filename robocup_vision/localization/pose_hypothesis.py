@@ -61,7 +61,8 @@ class OdometryNoise:
     push_m, push_rad : float
         Standard deviation of position and heading per root of a second; also while the robot stands.
     shove_per_s : float
-        How often wheels spin or the robot is shoved, so that odometry is wrong altogether for a moment.
+        How often wheels spin or the robot is shoved, so that odometry is wrong altogether for a moment. Few enough that
+        an outlier near by must last longer than `spell_s` of the frames to be taken for one.
     kidnap_per_s : float
         How often it is carried elsewhere.
 
@@ -75,7 +76,7 @@ class OdometryNoise:
     slip_s: float = 0.2
     push_m: float = 0.002
     push_rad: float = 0.005
-    shove_per_s: float = 0.1
+    shove_per_s: float = 0.05
     kidnap_per_s: float = 0.005
 
     def __post_init__(self) -> None:
