@@ -1,104 +1,80 @@
 """One belief from many frames: the poses single frames tell, joined by odometry.
 
-A Kalman filter over (x, y, theta), and beside it one rival: a place that frames name again and again while they
-contradict the belief, as they do once a robot has been carried off.
+A Gaussian mixture over the pose, and the history of the last second, so that a late frame is taken in at its own time
+and all that came after it is gone through again.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from dataclasses import dataclass
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, compose_covariance, half_turn_covariance, wrap_angle
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.pose_hypothesis import FrameErrors, Hypothesis, OdometryNoise
+from robocup_vision.localization.pose_mixture import Mixture
 
-# odometry errs by this share of the way (slip, worn wheels), and, per root of a second, by pushes that no wheel feels
-_ODOMETRY_SHARE = 0.2
-_PUSH_M, _PUSH_RAD = 0.02, 0.05
+__all__ = ["FrameErrors", "Hypothesis", "OdometryNoise", "PoseFilter"]
+
 # frames later than this are of no use
 _HISTORY_S = 1.0
-# squared Mahalanobis distance that one frame in a thousand exceeds, with 3 degrees of freedom
-_GATE = 16.27
-# a rival takes over once frames have named it for so long and so often
-_RIVAL_S, _RIVAL_FRAMES = 0.4, 5
-# frames that name the other half outweigh at most so many that named the believed one
-_MOST_VOTES = 6
-# a position less sure than this is no position
-_LOST_STD_M = 0.5
+# a hypothesis less probable than this is no candidate of the belief
+_LEAST_CANDIDATE = 0.1
+_ORIGIN = Pose2(0.0, 0.0, 0.0)
 
 
-@dataclass(slots=True)
-class _Track:
-    """A pose followed through time; `votes` counts frames that could tell the half of the field and named this one."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moment:
+    """A step of odometry, or a frame, and what is believed after it; `place`: where odometry alone has led to."""
 
-    pose: Pose2
-    covariance: FloatArray
-    estimate: PoseEstimate
-    votes: int
-    since_s: float
-    frames: int = 1
+    t_s: float
+    place: Pose2
+    estimate: PoseEstimate | None
+    mixture: Mixture
 
-    def move(self, motion: Pose2, covariance: FloatArray) -> None:
-        self.covariance = compose_covariance(self.pose, self.covariance, motion, covariance)
-        self.pose = self.pose.compose(motion)
-
-    def distance(self, pose: Pose2, covariance: FloatArray) -> float:
-        """Squared Mahalanobis distance of a measured pose."""
-        offset = _offset(pose, self.pose)
-        return float(offset @ np.linalg.solve(self.covariance + covariance, offset))
-
-    def absorb(self, pose: Pose2, covariance: FloatArray, estimate: PoseEstimate) -> None:
-        gain = np.linalg.solve(self.covariance + covariance, self.covariance).T
-        x, y, theta = (self.pose.array + gain @ _offset(pose, self.pose)).tolist()
-        self.pose = Pose2(x, y, theta)
-        rest = np.eye(3) - gain
-        # Joseph's form, which stays symmetric and positive
-        self.covariance = rest @ self.covariance @ rest.T + gain @ covariance @ gain.T
-        self.estimate = estimate
-        self.frames += 1
-
-    def vote(self, count: int) -> None:
-        self.votes = min(self.votes + count, _MOST_VOTES)
-        if self.votes < 0:
-            self.pose, self.covariance = self.pose.half_turn(), half_turn_covariance(self.covariance)
-            self.votes = 1
-
-
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """A pose that a frame allows, carried to the present; `votes` for the half it lies in, 0 where none is told."""
-
-    pose: Pose2
-    covariance: FloatArray
-    votes: int
+    @property
+    def key(self) -> tuple[float, ...]:
+        """Puts frames of the same time in an order that does not depend on when they came."""
+        if self.estimate is None:
+            return ()
+        return tuple(value for pose in self.estimate.candidates for value in (pose.x_m, pose.y_m, pose.theta_rad))
 
 
 class PoseFilter:
     """Joins frames and odometry to a belief about where the robot is; one object a robot.
 
+    Parameters
+    ----------
+    odometry : OdometryNoise, optional
+        How the robot's odometry errs.
+    frames : FrameErrors, optional
+        How its frames err.
+
     Notes
     -----
-    Call `predict` at each control step, `update` whenever a frame has been looked at, with the time it was taken: the
-    odometry since then carries a late one to the present.
+    Call `predict` at each control step, `update` whenever a frame has been looked at, with the time it was taken. A
+    late frame is put where it belongs in the history of the last second, and what came after is gone through again: the
+    order in which frames come does not matter.
 
-    A frame that allows several poses is taken for the one nearest to the belief, so the belief's half of a symmetric
-    field is held. A frame whose goals tell that half votes for or against it; the belief turns over once the votes
-    against it outnumber those for it, of which six are remembered.
+    The belief is a mixture of Gaussians, each over the pose, the slip (`OdometryNoise`) and the error that frames now
+    share (`FrameErrors`), which is carried along as a first-order Gauss-Markov process in the way driven: so the
+    covariance does not shrink below what frames get wrong together. Each place stands for both halves of a symmetric
+    field: a frame that allows both poses corrects it all the same, one with a single candidate tells the half, and
+    Bayes' rule weighs it by how often that is wrong. `hypotheses` lists them all.
 
-    A frame that contradicts the belief changes nothing, but founds a rival. Frames that name the rival's place, moved
-    by odometry, for 0.4 s, with none in between that agrees with the belief, make it the belief.
+    A frame that contradicts every place founds a new one, as probable as a shove or a kidnapping in the time since the
+    last frame, against that of an outlier. Which of the two it was is told by the frames that follow. One that comes
+    near a place corrects that too, but counts for less the farther off it is.
     """
 
-    def __init__(self) -> None:
-        self._track: _Track | None = None
-        self._rival: _Track | None = None
+    def __init__(self, *, odometry: OdometryNoise | None = None, frames: FrameErrors | None = None) -> None:
+        self._odometry = odometry or OdometryNoise()
+        self._frames = frames or FrameErrors()
         self._expected: Pose2 | None = None
-        # (time, pose that odometry alone has led to)
-        self._history: deque[tuple[float, Pose2]] = deque()
+        self._moments: list[_Moment] = []
+        # of the last odometry; None before the first
+        self._now_s: float | None = None
 
     def expect(self, pose: Pose2) -> None:
         """Say where the robot has probably been put: of what the first frame allows, the nearest is believed."""
@@ -121,19 +97,18 @@ class PoseFilter:
         """
         if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad, t_s))):
             raise ArgumentError(f"odometry and its time must be finite, got {odometry} at {t_s!r} s")
-        if not self._history:
-            self._history.append((t_s, Pose2(0.0, 0.0, 0.0)))
-            return
-        before_s, place = self._history[-1]
-        if t_s < before_s:
-            raise ArgumentError(f"time must not run backwards, got {t_s!r} s after {before_s!r} s")
-        self._history.append((t_s, place.compose(odometry)))
-        while self._history[0][0] < t_s - _HISTORY_S:
-            self._history.popleft()
-        noise = _odometry_covariance(odometry, t_s - before_s)
-        for track in (self._track, self._rival):
-            if track is not None:
-                track.move(odometry, noise)
+        if self._now_s is None:
+            # the motion before the first call is not known
+            self._moments = [replace(moment, t_s=min(moment.t_s, t_s)) for moment in self._moments]
+            self._moments.append(_Moment(t_s, _ORIGIN, None, self._mixture))
+        elif t_s < self._now_s:
+            raise ArgumentError(f"time must not run backwards, got {t_s!r} s after {self._now_s!r} s")
+        else:
+            last = self._moments[-1]
+            self._moments.append(self._after(last, t_s, last.place.compose(odometry), None))
+            gone = next(index for index, moment in enumerate(self._moments) if moment.t_s >= t_s - _HISTORY_S)
+            del self._moments[:gone]
+        self._now_s = t_s
 
     def update(self, estimate: PoseEstimate | NotLocated, t_s: float) -> None:
         """Take in what a frame tells.
@@ -143,119 +118,91 @@ class PoseFilter:
         estimate : PoseEstimate or NotLocated
             Of the robot; the latter tells nothing.
         t_s : float
-            When the frame was taken. One from before the odometry that is remembered (1 s) tells nothing any more.
+            When the frame was taken; one from after the last odometry counts as of now, one from before the history (1
+            s) tells nothing any more.
         """
-        motion = self.motion_since(t_s)
-        if not isinstance(estimate, PoseEstimate) or motion is None or not _is_finite(estimate):
+        if not isinstance(estimate, PoseEstimate) or not math.isfinite(t_s):
             return
-        now_s = self._history[-1][0] if self._history else t_s
-        readings = _readings(estimate, motion, _odometry_covariance(motion, max(now_s - t_s, 0.0)))
-        if self._track is None or self._is_lost:
-            self._track, self._rival = _begin(self._likeliest(readings), estimate, now_s), None
-        elif _follow(self._track, readings, estimate):
-            self._rival = None
-        elif self._rival is None or not _follow(self._rival, readings, estimate):
-            self._rival = _begin(self._likeliest(readings), estimate, now_s)
-        elif self._rival.frames >= _RIVAL_FRAMES and now_s - self._rival.since_s >= _RIVAL_S:
-            self._track, self._rival = self._rival, None
+        if self._now_s is not None:
+            t_s = min(t_s, self._now_s)
+        if not self._moments:
+            self._moments.append(
+                _Moment(t_s, _ORIGIN, estimate, self._mixture.see(estimate, t_s, self._odometry, self._frames))
+            )
+            return
+        place = self._place(t_s)
+        if place is None:
+            return
+        new = _Moment(t_s, place, estimate, self._mixture)
+        at = len(self._moments)
+        while at > 1 and (self._moments[at - 1].t_s, self._moments[at - 1].key) > (t_s, new.key):
+            at -= 1
+        later = self._moments[at:]
+        del self._moments[at:]
+        for moment in (new, *later):
+            self._moments.append(self._after(self._moments[-1], moment.t_s, moment.place, moment.estimate))
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """Where the robot may be now, most probable first; empty while nothing is known."""
+        return self._mixture.hypotheses
 
     @property
     def belief(self) -> PoseEstimate | NotLocated:
-        """Where the robot is now; with its half turn as second candidate while no frame has told the half."""
-        track = self._track
-        if track is None:
-            return NotLocated("no frame has told a pose yet")
-        if self._is_lost:
+        """Where the robot is now; further candidates are hypotheses with a probability of at least a tenth."""
+        places, hypotheses = self._mixture.places, self.hypotheses
+        if not hypotheses:
+            if self._mixture.frame_s == -math.inf:
+                return NotLocated("no frame has told a pose yet")
             return NotLocated("no frame has confirmed the pose for too long")
-        candidates = (track.pose,) if track.votes else (track.pose, track.pose.half_turn())
-        last = track.estimate
-        return PoseEstimate(track.pose, track.covariance, last.inlier_share, last.residual_px, candidates)
+        best, *others = hypotheses
+        candidates = (best.pose, *(other.pose for other in others if other.probability >= _LEAST_CANDIDATE))
+        return PoseEstimate(best.pose, best.covariance, places[0].inlier_share, places[0].residual_px, candidates)
 
     def prior(self, t_s: float) -> Pose2 | None:
         """Where the robot was at a time, to look at a frame of then; None where it is not known, or in doubt."""
         motion = self.motion_since(t_s)
-        if self._track is None or self._is_lost or self._rival is not None or motion is None:
+        if self._mixture.is_in_doubt or motion is None:
             return None
-        return self._track.pose.compose(motion.inverse())
+        return self.hypotheses[0].pose.compose(motion.inverse())
 
     def motion_since(self, t_s: float) -> Pose2 | None:
         """Motion from a time to the present, in the robot's frame of then; None before what is remembered."""
         if not math.isfinite(t_s):
             return None
-        if not self._history or t_s >= self._history[-1][0]:
-            return Pose2(0.0, 0.0, 0.0)
-        later_s, later = self._history[-1]
-        last = later
-        for before_s, before in reversed(self._history):
-            if before_s <= t_s:
-                share = (t_s - before_s) / (later_s - before_s) if later_s > before_s else 0.0
-                step = before.inverse().compose(later)
-                then = before.compose(Pose2(share * step.x_m, share * step.y_m, share * step.theta_rad))
-                return then.inverse().compose(last)
-            later_s, later = before_s, before
-        return None
+        if not self._moments:
+            return _ORIGIN
+        then = self._place(t_s)
+        return None if then is None else then.inverse().compose(self._moments[-1].place)
 
     def forget(self) -> None:
         """Forget everything: the next frame founds a new belief."""
-        self._track = self._rival = None
-        self._history.clear()
+        self._moments.clear()
+        self._now_s = None
 
     @property
-    def _is_lost(self) -> bool:
-        return (
-            self._track is not None and max(self._track.covariance[0, 0], self._track.covariance[1, 1]) > _LOST_STD_M**2
-        )
+    def _mixture(self) -> Mixture:
+        return self._moments[-1].mixture if self._moments else Mixture(near=self._expected)
 
-    def _likeliest(self, readings: list[_Reading]) -> _Reading:
-        """Of what the frame allows, the nearest to where the robot was last believed; without that its first."""
-        allowed = [reading for reading in readings if reading.votes >= 0]
-        near = self._expected if self._track is None else self._track.pose
-        return allowed[0] if near is None else min(allowed, key=lambda r: sum(r.pose.error_to(near)))
+    def _place(self, t_s: float) -> Pose2 | None:
+        """Where odometry alone had led to at a time; None before what is remembered."""
+        later = self._moments[-1]
+        if t_s >= later.t_s:
+            return later.place
+        for before in reversed(self._moments):
+            if before.t_s <= t_s:
+                share = (t_s - before.t_s) / (later.t_s - before.t_s)
+                step = before.place.inverse().compose(later.place)
+                return before.place.compose(Pose2(share * step.x_m, share * step.y_m, share * step.theta_rad))
+            later = before
+        return None
 
-
-def _readings(estimate: PoseEstimate, motion: Pose2, noise: FloatArray) -> list[_Reading]:
-    """Every pose the frame allows; where it allows one alone, its half turn too, with a vote against that half."""
-    turned = (estimate.pose.half_turn(), half_turn_covariance(estimate.covariance))
-    if len(estimate.candidates) == 1:
-        allowed = [(estimate.pose, estimate.covariance, 1), (*turned, -1)]
-    else:
-        allowed = [(estimate.pose, estimate.covariance, 0)]
-        for pose in estimate.candidates[1:]:
-            is_turned = sum(pose.error_to(turned[0])) < 1e-6
-            allowed.append((pose, turned[1] if is_turned else estimate.covariance, 0))
-    return [
-        _Reading(pose.compose(motion), compose_covariance(pose, covariance, motion, noise), votes)
-        for pose, covariance, votes in allowed
-    ]
-
-
-def _begin(reading: _Reading, estimate: PoseEstimate, now_s: float) -> _Track:
-    return _Track(reading.pose, reading.covariance, estimate, max(reading.votes, 0), now_s)
-
-
-def _follow(track: _Track, readings: list[_Reading], estimate: PoseEstimate) -> bool:
-    """Take in the nearest of the readings, unless even that contradicts the track."""
-    distance, index = min((track.distance(r.pose, r.covariance), index) for index, r in enumerate(readings))
-    if not distance <= _GATE:
-        return False
-    nearest = readings[index]
-    track.absorb(nearest.pose, nearest.covariance, estimate)
-    track.vote(nearest.votes)
-    return True
-
-
-def _offset(pose: Pose2, reference: Pose2) -> FloatArray:
-    return np.array(
-        [pose.x_m - reference.x_m, pose.y_m - reference.y_m, wrap_angle(pose.theta_rad - reference.theta_rad)]
-    )
-
-
-def _odometry_covariance(motion: Pose2, seconds: float) -> FloatArray:
-    way = (_ODOMETRY_SHARE * math.hypot(motion.x_m, motion.y_m)) ** 2 + _PUSH_M**2 * seconds
-    turn = (_ODOMETRY_SHARE * motion.theta_rad) ** 2 + _PUSH_RAD**2 * seconds
-    return np.diag([way, way, turn])
-
-
-def _is_finite(estimate: PoseEstimate) -> bool:
-    poses = np.array([pose.array for pose in estimate.candidates])
-    return bool(np.isfinite(poses).all() and np.isfinite(estimate.covariance).all())
+    def _after(self, before: _Moment, t_s: float, place: Pose2, estimate: PoseEstimate | None) -> _Moment:
+        """Return the next moment: first the motion up to it, then what its frame tells."""
+        mixture = before.mixture
+        if t_s > before.t_s or place != before.place:
+            motion = before.place.inverse().compose(place)
+            mixture = mixture.move(motion, t_s - before.t_s, self._odometry, self._frames)
+        if estimate is not None:
+            mixture = mixture.see(estimate, t_s, self._odometry, self._frames)
+        return _Moment(t_s, place, estimate, mixture)
