@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 
+import gaze_half
 import gaze_pose
 from harness import finish, parse_arguments
 
@@ -18,7 +19,7 @@ def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__))
     with ProcessPoolExecutor(2) as pool:
-        results = [part.measure(arguments, pool) for part in (gaze_pose,)]
+        results = [part.measure(arguments, pool) for part in (gaze_pose, gaze_half)]
     finish(arguments.check, all(results))
 
 

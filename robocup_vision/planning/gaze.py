@@ -129,7 +129,7 @@ class PoseGaze:
         The pitch, with its landmarks.
     camera : PinholeCamera
         On the head; its pan counts for nothing, an unknown tilt or roll as 0.
-    neck : Neck
+    neck : Neck, optional
         How the head pans.
     criterion : {"position", "volume"}
         What to make small: the trace of the position's covariance, or the determinant of the pose's.
@@ -144,18 +144,19 @@ class PoseGaze:
 
     Notes
     -----
-    With P grown by `drift` over the horizon, n frames left after the head has turned to psi, v_i the share of the
-    pose's sigma points from which landmark i is in view times its chance of being found and not hidden, and I_i its
-    information on (x, y, theta), the paper's sum becomes
+    With P grown by `drift` over the horizon, n frames left after the head has turned to psi, v_i the chance that
+    landmark i is in view, found and not hidden, and I_i its information on (x, y, theta), the paper's sum becomes
 
         Lambda(psi)^-1 = P^-1 + n * (sum_i v_i(psi) I_i - what the neck's error, which all I_i share, takes away)
+
+    once for each sigma point of the pose, from which other landmarks may be in view; their mean is what is expected.
     """
 
     def __init__(
         self,
         field: Field,
         camera: PinholeCamera,
-        neck: Neck = Neck(),
+        neck: Neck | None = None,
         *,
         criterion: Criterion = "position",
         horizon_s: float = 0.5,
@@ -169,7 +170,7 @@ class PoseGaze:
             raise ArgumentError(f"frame_s must be positive and within horizon_s, got {frame_s} and {horizon_s}")
         if pans < 3:
             raise ArgumentError(f"pans must be at least 3, got {pans}")
-        self.neck = neck
+        self.neck = neck = Neck() if neck is None else neck
         self._criterion = criterion
         self._horizon_s, self._frame_s = horizon_s, frame_s
         self._camera = camera.with_orientation(0.0, camera.tilt_rad or 0.0, camera.roll_rad or 0.0)
@@ -233,7 +234,7 @@ class PoseGaze:
         prior = belief.covariance + growth * self._horizon_s
         left = self._left(prior, belief.pose, shares, pan_rad)
         score = left[:, 0, 0] + left[:, 1, 1] if self._criterion == "position" else np.linalg.det(left)
-        counts = shares.sum(axis=1)
+        counts = shares.sum(axis=2).mean(axis=0)
         if not counts.max(initial=0.0) > 0.5:
             return self._sweep(t_s, "no landmark can be in view")
         as_good = np.flatnonzero(score <= score.min() * (1 + _AS_GOOD))
@@ -247,7 +248,7 @@ class PoseGaze:
         return Gaze(self.neck.sweep(t_s), False, math.inf, 0.0, f"sweep: {why}")
 
     def _shares(self, pose: Pose2, covariance: FloatArray, blockers: Sequence[Blocker]) -> FloatArray:
-        """Chance (P, L) that each pan shows each landmark, over the sigma points of the pose."""
+        """Chance (S, P, L) that each pan shows each landmark, from each sigma point of the pose."""
         factor = np.linalg.cholesky((covariance + covariance.T) / 2 + 1e-12 * np.eye(3))
         points = pose.array + math.sqrt(3.0) * np.vstack([factor.T, -factor.T])
         heading = points[:, 2, None] + self._pans
@@ -267,21 +268,21 @@ class PoseGaze:
         inside &= (np.hypot(way[..., 0], way[..., 1]) < self._farthest_m)[:, None]
         eye = pose.transform(self._camera.offset_m)
         clear = clear_share((*eye, self._camera.height_m), self._marks, blockers)
-        both = (inside & inside[..., self._partner]).mean(axis=0) * clear[self._partner]
-        return np.asarray(clear * (self._alone * inside.mean(axis=0) + (self._found - self._alone) * both))
+        both = (inside & inside[..., self._partner]) * clear[self._partner]
+        return np.asarray(clear * (self._alone * inside + (self._found - self._alone) * both))
 
     def _left(self, prior: FloatArray, pose: Pose2, shares: FloatArray, pan_rad: float) -> FloatArray:
-        """Covariance (P, 3, 3) that each pan is expected to leave at the horizon."""
+        """Covariance (P, 3, 3) that each pan is expected to leave at the horizon, the mean over the sigma points."""
         waits = np.abs(self._pans - pan_rad) / self.neck.speed_rps
         frames = np.maximum((self._horizon_s - waits) / self._frame_s, 1.0)
         rows = self._rows(pose)
-        told = np.einsum("pl,lki,lkj->pij", shares, rows, rows)
+        told = np.tensordot(shares, np.einsum("lki,lkj->lij", rows, rows), 1)
         # an error that a frame's landmarks share is one more unknown, and the sum is what is left when it is taken out
         weight = 1 / self._std_rad
-        by_neck = np.einsum("pl,lki,l->pki", shares, rows, weight)
+        by_neck = np.tensordot(shares, rows * weight[:, None, None], 1)
         freedom = 1 / max(self.neck.std_rad, 1e-6) ** 2 + shares @ weight**2
-        told -= np.einsum("pki,pkj->pij", by_neck, by_neck) / freedom[:, None, None]
-        return np.asarray(np.linalg.inv(np.linalg.inv(prior) + frames[:, None, None] * told))
+        told -= np.swapaxes(by_neck, -1, -2) @ by_neck / freedom[..., None, None]
+        return np.asarray(np.linalg.inv(np.linalg.inv(prior) + frames[:, None, None] * told).mean(axis=0))
 
     def _rows(self, pose: Pose2) -> FloatArray:
         """How bearing and elevation of each landmark change with (x, y, theta), in standard deviations (L, 2, 3)."""

@@ -1,3 +1,5 @@
+"""Landmarks of built-in pitches: what stands, what crosses, and their symmetry."""
+
 import numpy as np
 import pytest
 from hypothesis import given

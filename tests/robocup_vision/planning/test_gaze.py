@@ -1,3 +1,5 @@
+"""Gaze for the own pose: the paper's sum, what hides, what is out of reach, and when to sweep."""
+
 import math
 
 import numpy as np
@@ -46,9 +48,7 @@ def test_looks_away_from_what_is_hidden() -> None:
     belief = _belief(0.3, -1.5, math.pi / 2, (0.02, 0.02, 0.02))
     planner = PoseGaze(FIELD, CAMERA, NECK, detectors=GOAL_DETECTORS)
     assert planner.choose(belief, 0.0).pan_rad < 0
-    walls = [
-        Blocker(*(np.array([0.3, -1.5]) * 0.6 + np.array([2.7, y]) * 0.4), 0.3, SURE, 1.0) for y in (0.45, -0.45)
-    ]
+    walls = [Blocker(*(np.array([0.3, -1.5]) * 0.6 + np.array([2.7, y]) * 0.4), 0.3, SURE, 1.0) for y in (0.45, -0.45)]
     hidden = planner.choose(belief, 0.0, blockers=walls)
     assert hidden.planned
     assert hidden.pan_rad > 0

@@ -1,3 +1,5 @@
+"""What hides what, against places drawn at random."""
+
 import math
 
 import numpy as np
