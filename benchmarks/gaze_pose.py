@@ -210,7 +210,7 @@ def landmark_run(job: tuple[list[int], str]) -> RunScore:
             wanted = gaze.choose(belief, t_s, pan, blockers, noise / FRAME_S).pan_rad
         elif rule == "fixed sweep":
             wanted = NECK.sweep(t_s)
-        pan += max(-NECK.speed_rps * FRAME_S, min(NECK.speed_rps * FRAME_S, wanted - pan))
+        pan = NECK.turned(pan, wanted, FRAME_S)
         errors.append(track.pose.error_to(walk.poses[k])[0])
         spreads.append(max(float(np.linalg.det(track.covariance)), 0.0) ** (1 / 6))
     error = np.array(errors)
@@ -265,7 +265,7 @@ def rendered_run(job: tuple[list[int], str]) -> RunScore:
             ).pan_rad
         elif rule == "fixed sweep":
             wanted = NECK.sweep(t_s)
-        pan += max(-NECK.speed_rps * RENDERED_FRAME_S, min(NECK.speed_rps * RENDERED_FRAME_S, wanted - pan))
+        pan = NECK.turned(pan, wanted, RENDERED_FRAME_S)
         errors.append(belief.pose.error_to(walk.poses[k])[0] if belief else math.nan)
         spreads.append(float(np.linalg.det(belief.covariance)) ** (1 / 6) if belief else math.nan)
     error = np.array(errors)

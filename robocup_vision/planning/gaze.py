@@ -94,6 +94,12 @@ class Neck:
         """Pan of a head that swings from one side to the other and back, once in a period."""
         return self.limit_rad * math.sin(math.tau * t_s / period_s)
 
+    def turned(self, pan_rad: float, wanted_rad: float, seconds: float) -> float:
+        """Pan that a head reaches in some time on its way to a wanted one; command no more and it is always known."""
+        step = self.speed_rps * seconds
+        wanted = max(-self.limit_rad, min(self.limit_rad, wanted_rad))
+        return pan_rad + max(-step, min(step, wanted - pan_rad))
+
 
 @dataclass(frozen=True, slots=True)
 class Gaze:

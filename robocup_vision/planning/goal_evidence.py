@@ -5,7 +5,6 @@ Learnt by running the goal localiser on rendered pictures (`robocup-vision learn
 
 from __future__ import annotations
 
-import bisect
 import itertools
 from dataclasses import dataclass
 from importlib.resources import files
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from field_models.errors import FileError
 from field_models.toml_file import StrictStruct, load_toml
@@ -59,10 +59,10 @@ class GoalEvidence:
     found: FloatArray
     again: float
 
-    def chances(self, corners: int, width_px: float) -> FloatArray:
-        """Return (3,): right goal, wrong goal, nothing."""
-        row: FloatArray = self.found[corners, bisect.bisect_right(self.width_px, width_px)]
-        return row
+    def chances(self, corners: npt.ArrayLike, width_px: npt.ArrayLike) -> FloatArray:
+        """Return (..., 3): right goal, wrong goal, nothing, for numbers of corners (...) and widths (...), pixels."""
+        classes = np.searchsorted(self.width_px, width_px, side="right")
+        return np.asarray(self.found[np.asarray(corners, dtype=np.intp), classes])
 
     @classmethod
     def from_counts(

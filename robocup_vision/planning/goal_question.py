@@ -183,11 +183,10 @@ class GoalQuestion:
             return Look("decided", None, now, now, f"decided: {share.max():.1%} sure, {now:.2f} nat")
         if not self.can_tell:
             return Look("undecidable", None, now, now, "undecidable: nothing that is seen tells the halves apart")
-        expected = np.empty(len(self._pans))
-        for k, chances in enumerate(self._chances(hypotheses, self._pans, blockers)):
-            joint = share[:, None] * chances
-            told = joint.sum(axis=0)
-            expected[k] = sum(t * entropy_nat(column / t) for t, column in zip(told, joint.T, strict=True) if t > 0)
+        joint = share[:, None] * self._chances(hypotheses, self._pans, blockers)
+        told = joint.sum(axis=1, keepdims=True)
+        after = np.divide(joint, told, out=np.ones_like(joint), where=joint > 0)
+        expected = -(joint * np.log(after)).sum(axis=(1, 2))
         least = float(expected.min())
         if now - least < _LEAST_GAIN_NAT:
             reason = f"undecidable from here: the best look would leave {least:.2f} of {now:.2f} nat"
@@ -245,30 +244,33 @@ class GoalQuestion:
         eye = (*hypothesis.pose.transform(self._camera.offset_m).tolist(), self._camera.height_m)
         clear = clear_share(eye, self._corners.reshape(-1, 3), blockers).reshape(-1, CORNERS)
         # a goal that was missed is likely to be missed again
-        again = [
-            self._evidence.again ** sum(abs(wrap_angle(pan - m)) < self._half_view_rad for m in self._missed)
-            for pan in pans.tolist()
-        ]
+        again = np.array(
+            [
+                self._evidence.again ** sum(abs(wrap_angle(pan - m)) < self._half_view_rad for m in self._missed)
+                for pan in pans.tolist()
+            ]
+        )
+        sides = np.array([goal.side for goal in self._field.goals])
+        each = np.arange(len(pans))
         for x, y, theta in points:
             corners, widths = self._in_view(Pose2(x, y, theta), pans)
-            for k in range(len(pans)):
-                # two goals are never in one picture: the one with more corners counts
-                g = int(np.argmax(corners[k].sum(axis=1)))
-                seen = corners[k, g]
-                count = int(seen.sum())
-                open_share = float(clear[g][seen].min()) if count else 1.0
-                right, wrong, _ = open_share * self._evidence.chances(count, widths[k, g]) + (
-                    1 - open_share
-                ) * self._evidence.chances(max(count - 2, 0), widths[k, g])
-                right *= again[k]
-                side = self._field.goals[g].side
-                told[k] += (right, wrong, 0.0) if side > 0 else (wrong, right, 0.0)
+            # two goals are never in one picture: the one with more corners counts
+            goal = corners.sum(axis=-1).argmax(axis=-1)
+            seen, width = corners[each, goal], widths[goal]
+            count = seen.sum(axis=-1)
+            # whoever hides one end of a post stands before its other end too
+            open_share = np.where(seen, clear[goal], 1.0).min(axis=-1)[:, None]
+            found = open_share * self._evidence.chances(count, width)
+            found += (1 - open_share) * self._evidence.chances(np.maximum(count - 2, 0), width)
+            right, wrong = found[:, 0] * again, found[:, 1]
+            told[:, POSITIVE] += np.where(sides[goal] > 0, right, wrong)
+            told[:, NEGATIVE] += np.where(sides[goal] > 0, wrong, right)
         told /= len(points)
         told[:, NOTHING] = 1 - told.sum(axis=1)
         return told
 
     def _in_view(self, pose: Pose2, pans: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
-        """Which corners (P, G, CORNERS) of each goal a pan shows, and how wide the goal looks (P, G), pixels."""
+        """Which corners (P, G, CORNERS) of each goal a pan shows, and how wide each goal looks (G,), pixels."""
         eye = pose.compose(Pose2(*self._camera.offset_m, 0.0))
         flat = eye.inverse().transform(self._corners[..., :2])
         up = self._corners[..., 2] - self._camera.height_m
@@ -282,7 +284,7 @@ class GoalQuestion:
             inside = (pixels >= border) & (pixels <= np.array([width, height]) - 1 - border)
         bearing = np.arctan2(y, x)
         span = np.array([abs(wrap_angle(float(b[0] - b[2]))) for b in bearing])
-        return np.asarray(inside.all(axis=-1)), np.broadcast_to(span * self._camera.focal_px[0], (len(pans), len(span)))
+        return np.asarray(inside.all(axis=-1)), span * self._camera.focal_px[0]
 
 
 def _shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:

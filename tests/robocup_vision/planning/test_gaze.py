@@ -128,6 +128,13 @@ def test_sweep_swings_from_limit_to_limit() -> None:
     assert pans[0] == pytest.approx(pans[-1], abs=1e-9)
 
 
+def test_head_turns_no_faster_and_no_farther_than_it_can() -> None:
+    assert NECK.turned(0.0, 0.1, 0.1) == pytest.approx(0.1)
+    assert NECK.turned(0.0, 1.3, 0.1) == pytest.approx(0.8)
+    assert NECK.turned(0.0, -1.3, 0.1) == pytest.approx(-0.8)
+    assert NECK.turned(1.3, 9.0, 0.1) == pytest.approx(1.4)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
