@@ -205,7 +205,7 @@ def landmark_run(job: tuple[list[int], str]) -> RunScore:
         blockers = blockers_of(walk, k, rng)
         wanted = 0.0
         if rule.startswith("planned"):
-            gaze.saw(len(marks) > 0)
+            gaze.saw(len(marks) > 0, pan)
             belief = PoseEstimate(track.pose, track.covariance, 1.0, 0.0)
             wanted = gaze.choose(belief, t_s, pan, blockers, noise / FRAME_S).pan_rad
         elif rule == "fixed sweep":
@@ -259,7 +259,7 @@ def rendered_run(job: tuple[list[int], str]) -> RunScore:
         blockers = blockers_of(walk, k, rng)
         wanted = 0.0
         if rule == "planned":
-            gaze.saw(bool(seen))
+            gaze.saw(bool(seen), pan)
             wanted = gaze.choose(
                 belief, t_s, pan, blockers, drift_of(walk.odometry[k], RENDERED_FRAME_S) / RENDERED_FRAME_S
             ).pan_rad

@@ -26,6 +26,8 @@ Criterion = Literal["position", "volume"]
 _BORDER_SHARE = 0.03
 # frames in a row that told nothing although they should have, before the head sweeps
 _MOST_MISSES = 2
+# a head so near to where it shall look is there
+_ARRIVED_RAD = 0.15
 # pans whose outcome differs by less than this share are equally good: then the head moves least
 _AS_GOOD = 0.02
 
@@ -193,10 +195,18 @@ class PoseGaze:
         self._farthest_m = np.array([detectors[m.kind].farthest_m for m in marks])
         self._pans = np.linspace(-neck.limit_rad, neck.limit_rad, pans)
         self._misses = 0
+        # where the plan has the head look
+        self._wanted: float | None = None
 
-    def saw(self, found: bool) -> None:
-        """Say whether the last frame told anything of the pose: after two that did not, the head sweeps."""
-        self._misses = 0 if found else self._misses + 1
+    def saw(self, found: bool, pan_rad: float) -> None:
+        """Say whether a frame told anything of the pose, and at which pan it was taken.
+
+        After two in a row that told nothing from where the plan had the head look, the head sweeps until one does.
+        """
+        if found:
+            self._misses = 0
+        elif self._wanted is not None and abs(pan_rad - self._wanted) < _ARRIVED_RAD:
+            self._misses += 1
 
     def choose(
         self,
@@ -228,6 +238,7 @@ class PoseGaze:
         """
         if not (math.isfinite(t_s) and math.isfinite(pan_rad)):
             raise ArgumentError(f"time and pan must be finite, got {t_s} s and {pan_rad} rad")
+        self._wanted = None
         if not belief:
             return self._sweep(t_s, "the pose is not known")
         if self._misses >= _MOST_MISSES:
@@ -248,7 +259,8 @@ class PoseGaze:
         std = math.sqrt(float(left[best, 0, 0] + left[best, 1, 1]))
         before = math.sqrt(float(prior[0, 0] + prior[1, 1]))
         reason = f"{counts[best]:.1f} landmarks there leave {std:.3f} m of {before:.3f} m"
-        return Gaze(float(self._pans[best]), True, std, float(counts[best]), reason)
+        self._wanted = float(self._pans[best])
+        return Gaze(self._wanted, True, std, float(counts[best]), reason)
 
     def _sweep(self, t_s: float, why: str) -> Gaze:
         return Gaze(self.neck.sweep(t_s), False, math.inf, 0.0, f"sweep: {why}")
