@@ -19,6 +19,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.planning.field_landmarks import Kind, field_landmarks
 from robocup_vision.planning.sight_lines import Blocker, clear_share
+from robocup_vision.planning.sigma_points import sigma_points
 
 Criterion = Literal["position", "volume"]
 
@@ -26,6 +27,8 @@ Criterion = Literal["position", "volume"]
 _BORDER_SHARE = 0.03
 # frames in a row that told nothing although they should have, before the head sweeps
 _MOST_MISSES = 2
+# a pose is never known better: m^2 and rad^2
+_LEAST_VARIANCE = 1e-12
 # a head so near to where it shall look is there
 _ARRIVED_RAD = 0.15
 # pans whose outcome differs by less than this share are equally good: then the head moves least
@@ -248,7 +251,7 @@ class PoseGaze:
         if growth.shape != (3, 3) or not np.isfinite(growth).all():
             raise ArgumentError(f"drift must be a finite (3, 3) array, got {drift!r}")
         shares = self._shares(belief.pose, belief.covariance, blockers)
-        prior = belief.covariance + growth * self._horizon_s
+        prior = belief.covariance + growth * self._horizon_s + _LEAST_VARIANCE * np.eye(3)
         left = self._left(prior, belief.pose, shares, pan_rad)
         score = left[:, 0, 0] + left[:, 1, 1] if self._criterion == "position" else np.linalg.det(left)
         counts = shares.sum(axis=2).mean(axis=0)
@@ -267,8 +270,7 @@ class PoseGaze:
 
     def _shares(self, pose: Pose2, covariance: FloatArray, blockers: Sequence[Blocker]) -> FloatArray:
         """Chance (S, P, L) that each pan shows each landmark, from each sigma point of the pose."""
-        factor = np.linalg.cholesky((covariance + covariance.T) / 2 + 1e-12 * np.eye(3))
-        points = pose.array + math.sqrt(3.0) * np.vstack([factor.T, -factor.T])
+        points = sigma_points(pose, covariance)
         heading = points[:, 2, None] + self._pans
         c, s = np.cos(points[:, 2]), np.sin(points[:, 2])
         forward, left = self._camera.offset_m

@@ -30,6 +30,7 @@ from robocup_vision.planning.goal_evidence import (
     load_goal_evidence,
 )
 from robocup_vision.planning.sight_lines import Blocker, clear_share
+from robocup_vision.planning.sigma_points import sigma_points
 
 Answer = Literal["look", "decided", "undecidable"]
 
@@ -237,9 +238,7 @@ class GoalQuestion:
         return chances
 
     def _chances_of(self, hypothesis: Hypothesis, pans: FloatArray, blockers: Sequence[Blocker]) -> FloatArray:
-        covariance = np.asarray(hypothesis.covariance, dtype=np.float64)
-        factor = np.linalg.cholesky((covariance + covariance.T) / 2 + 1e-12 * np.eye(3))
-        points = hypothesis.pose.array + math.sqrt(3.0) * np.vstack([factor.T, -factor.T])
+        points = sigma_points(hypothesis.pose, hypothesis.covariance)
         told = np.zeros((len(pans), 3))
         eye = (*hypothesis.pose.transform(self._camera.offset_m).tolist(), self._camera.height_m)
         clear = clear_share(eye, self._corners.reshape(-1, 3), blockers).reshape(-1, CORNERS)
