@@ -95,7 +95,8 @@ class SelectiveLook:
 
         It has to be seen from another place. Until then nobody knows that it is free, so speed must be kept in check.
         """
-        self._looks.append((at_m, from_m))
+        here = [look for look in self._looks if math.dist(look[1], from_m) < _ELSEWHERE_M]
+        self._looks = [*here, (at_m, from_m)]
 
     def choose(
         self,
@@ -132,8 +133,9 @@ class SelectiveLook:
         undecided = ~free & ~no_go
         room = self._away_m(no_go)
         near_unsure = self._away_m(undecided) <= self._radius_m
-        # where the robot stands it fits, whatever the map says of its own surroundings
-        passable = (room > self._radius_m) | (self._from_m(start, free.shape) <= self._radius_m)
+        # where the robot stands it fits, whatever the map says; from there it may move away from what is too near
+        beside = (self._from_m(start, free.shape) <= self._radius_m) & (room >= room[start])
+        passable = (room > self._radius_m) | beside
         cells = self._shortest(passable, near_unsure, start, end)
         if cells is None:
             self._path_m = None

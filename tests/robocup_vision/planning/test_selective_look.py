@@ -91,6 +91,15 @@ def test_no_way_at_all() -> None:
     assert beside.answer == "blocked"
 
 
+def test_leaves_what_is_too_near_but_not_through_it() -> None:
+    # the robot's rim is over a thin wall that spans the field, but for a gap at its upper end
+    wall = np.s_[11:12, 0:16]
+    inside = _planner().choose(*_map(no_go=wall), (0.0, 0.0), (1.05, 1.05), GOAL)
+    assert inside.answer == "go"
+    assert inside.path_m[:, 1].max() > 1.7
+    assert _planner().choose(*_map(no_go=np.s_[11:12, :]), (0.0, 0.0), (1.05, 1.05), GOAL).answer == "blocked"
+
+
 def test_holds_to_a_path_until_another_is_clearly_shorter() -> None:
     planner = _planner()
 
