@@ -104,7 +104,7 @@ def goal_seen(field: Field, seen: PoseEstimate | NotLocated) -> int:
         As `GoalLocalizer.locate(frame)` says without a prior: the camera's foot and optical axis. With a prior it may
         repeat what it was told.
     """
-    if not isinstance(seen, PoseEstimate) or len(seen.candidates) > 1:
+    if not isinstance(seen, PoseEstimate) or len(seen.candidates) > 1 or not field.goals:
         return 0
     to_goal = [seen.pose.inverse().transform((goal.line_x_m, 0.0)) for goal in field.goals]
     off = [abs(math.atan2(y, x)) for x, y in to_goal]
@@ -112,7 +112,7 @@ def goal_seen(field: Field, seen: PoseEstimate | NotLocated) -> int:
 
 
 class GoalQuestion:
-    """Asks which of several poses is the true one by looking at goals; one object a question.
+    """Asks which of several poses is the true one by looking at goals; one object a question and place.
 
     Parameters
     ----------

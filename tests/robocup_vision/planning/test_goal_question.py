@@ -150,6 +150,7 @@ def test_goal_seen_is_the_one_before_the_camera() -> None:
     assert goal_seen(FIELD, NotLocated("no goal")) == 0
     both = PoseEstimate(at_positive.pose, covariance, 1.0, 0.0, (at_positive.pose, at_positive.pose.half_turn()))
     assert goal_seen(FIELD, both) == 0
+    assert goal_seen(load_field("msl_6x4"), at_positive) == 0
 
 
 def test_entropy_of_a_distribution() -> None:
