@@ -30,7 +30,7 @@ assert isinstance(CAMERA, PinholeCamera)
 NECK = Neck(limit_rad=math.pi)
 STD = np.array([0.15, 0.15, 0.08])
 TRACKED_SHARE, TRACK_STD_M = 0.8, 0.08
-MOST_LOOKS = 18
+MOST_LOOKS = 9
 # a sweep's stops overlap by a third of the view, so that a goal is whole in one of them
 STOPS = np.linspace(-math.pi, math.pi, 10)[:-1]
 RULES = ("expected entropy", "sweep", "goal first", "nearest goal first")
@@ -81,17 +81,20 @@ class Case:
             if rng.random() < TRACKED_SHARE
         ]
         self._localizer = GoalLocalizer(FIELD, CAMERA)
+        self._shown: dict[tuple[float, int], int] = {}
 
     def hypotheses(self, share: FloatArray) -> list[Believed]:
         """Poses with their probabilities."""
         return [Believed(p, c, float(s)) for (p, c), s in zip(self.poses, share, strict=True)]
 
     def look(self, pan_rad: float, count: int) -> int:
-        """Which goal the count-th look shows."""
-        rng = np.random.default_rng([*self._seed, round(pan_rad * 1000) % 100_000, count])
-        head = self.pose.compose(Pose2(0.0, 0.0, pan_rad))
-        frame = MATCH_SENSOR.expose(render_pinhole(CAMERA, self._scene, head, supersample=COARSE), rng)
-        return goal_seen(FIELD, self._localizer.locate(frame))
+        """Which goal the count-th look at a pan shows: the same to every rule."""
+        if (pan_rad, count) not in self._shown:
+            rng = np.random.default_rng([*self._seed, round(pan_rad * 1000) % 100_000, count])
+            head = self.pose.compose(Pose2(0.0, 0.0, pan_rad))
+            frame = MATCH_SENSOR.expose(render_pinhole(CAMERA, self._scene, head, supersample=COARSE), rng)
+            self._shown[pan_rad, count] = goal_seen(FIELD, self._localizer.locate(frame))
+        return self._shown[pan_rad, count]
 
     def goal_pans(self) -> list[float]:
         """Pans towards the goals, the opponent's first."""
@@ -103,13 +106,18 @@ class Case:
         return [math.dist((self.poses[0][0].x_m, self.poses[0][0].y_m), (g.line_x_m, 0.0)) for g in FIELD.goals]
 
 
-def ask(job: tuple[list[int], str]) -> Asked:
-    """Ask one question under one rule."""
+def ask_all(seed: list[int]) -> dict[str, Asked]:
+    """Ask one question under every rule."""
     cv2.setNumThreads(1)
-    seed, rule = job
     case = Case(seed)
+    return {rule: ask(case, rule) for rule in RULES}
+
+
+def ask(case: Case, rule: str) -> Asked:
+    """Ask one question under one rule."""
     question = GoalQuestion(FIELD, CAMERA, NECK)
     share, pan, looks = np.array([0.5, 0.5]), 0.0, 0
+    looked: list[float] = []
     order = case.goal_pans()
     if rule == "nearest goal first" and case.goal_ranges()[1] < case.goal_ranges()[0]:
         order = order[::-1]
@@ -124,7 +132,8 @@ def ask(job: tuple[list[int], str]) -> Asked:
             pan = float(STOPS[looks % len(STOPS)])
         else:
             pan = order[looks % 2]
-        share = question.saw(hypotheses, pan, case.look(pan, looks), case.blockers)
+        share = question.saw(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
+        looked.append(pan)
         looks += 1
     answered = entropy_nat(share) <= ENOUGH_NAT
     return Asked(looks, answered, bool(answered and int(np.argmax(share)) == int(case.turned)))
@@ -133,7 +142,8 @@ def ask(job: tuple[list[int], str]) -> Asked:
 def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     """Print the table; tell whether every acceptance row is ok."""
     runs = 60 if arguments.quick else 1200 if arguments.full else 600
-    asked = {r: list(pool.map(ask, [([arguments.seed, 11, i], r) for i in range(runs)], chunksize=10)) for r in RULES}
+    told_all = list(pool.map(ask_all, [[arguments.seed, 11, i] for i in range(runs)], chunksize=10))
+    asked = {rule: [told[rule] for told in told_all] for rule in RULES}
     # rules are compared where each has an answer: without one, a count of looks says when patience ended
     common = [i for i in range(runs) if all(asked[r][i].answered for r in RULES)]
     table = Table(
