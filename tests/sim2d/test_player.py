@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ import pytest
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
+from robocup_vision.mapping.occupancy import FREE
+from sim2d.match_run import MatchPlan
+from sim2d.match_video import MatchPictures
 from sim2d.player import BuiltInPlayer
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.match_camera import MatchCamera
@@ -189,3 +193,29 @@ def test_a_head_that_pans_finds_its_place_by_the_goals():
     assert known.mean() > 0.5
     assert np.median(rows[known, 2]) < 0.2
     assert all(player.belief.view is not None for player in team)
+
+
+def test_players_that_remember_follow_the_others_and_know_the_floor():
+    plan = MatchPlan(seconds=3.0, seed=3, ours=partial(BuiltInPlayer, remembers=True))
+    match = plan.begin()
+    pictures = MatchPictures(match.arena.field, match.arena.camera, 4, match.arena.limits.radius_m)
+    off_m = []
+    for moment in match.play(plan.seconds):
+        for index, robot in enumerate(moment.robots[:2]):
+            others = [truth.pose for truth in moment.state.robots if truth.index != index]
+            tracks = robot.belief.view.belief.tracks
+            off_m.extend(min(math.hypot(p.x_m - t.x_m, p.y_m - t.y_m) for p in others) for t in tracks)
+    assert len(off_m) > 90
+    assert np.mean(np.array(off_m) < 0.1) > 0.9
+    belief = robot.belief.view.belief
+    assert (belief.free_map.state == FREE).sum() * belief.free_map.cell_m**2 > 0.5
+    assert moment.robots[2].belief.view.belief.free_map is None
+    # the film shows more of those who remember
+    plain = tuple(
+        dataclasses.replace(
+            r, belief=dataclasses.replace(r.belief, view=dataclasses.replace(r.belief.view, belief=None))
+        )
+        for r in moment.robots
+    )
+    shown = pictures.draw(moment) != pictures.draw(dataclasses.replace(moment, robots=plain))
+    assert shown.any(axis=2).sum() > 1000
