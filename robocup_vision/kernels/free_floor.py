@@ -124,6 +124,20 @@ def passable(
                         if valid[j, m]:
                             out[j, m] = LINE
             before[m] = step
+    # a bright corner that points at the robot is no wider than a line at first: what leads up to something blocked is
+    # taken for its corner, over the depth of one that opens from nothing to that width
+    for k in range(rows):
+        left = 0
+        for m in range(columns_in_use - 1, -1, -1):
+            if not valid[k, m]:
+                continue
+            if out[k, m] == BLOCKED:
+                left = line_columns[m]
+            elif out[k, m] == LINE and left > 0:
+                out[k, m] = BLOCKED
+                left -= 1
+            else:
+                left = 0
 
 
 @njit(cache=True, nogil=True)
