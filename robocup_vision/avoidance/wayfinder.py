@@ -2,8 +2,7 @@
 
 Steering looks at one view. Who heads straight for the goal by one view alone stops in a pocket, shuttles between two
 obstacles, or comes to a corner too fast to turn. Here the floor seen lately is kept in a small grid that goes with the
-odometry; what was never seen counts as free, and the cheapest way over it tells the direction. A goal that can be
-reached is so reached in the end: each failure to get through is seen, from near, and closes a way.
+odometry; what was never seen counts as free, and the cheapest way over it tells the direction.
 """
 
 from __future__ import annotations
@@ -26,6 +25,8 @@ UInt8Array = npt.NDArray[np.uint8]
 
 # shares of the robot's radius: a cell; what a gap seen from near must have to spare on each side; the priced seam
 _CELL, _SPARE, _SOFT = 0.2, 0.1, 0.5
+# share of it within which a place ahead counts as tried
+_TRY = 0.5
 # A view tells something of the floor where its sectors are narrower than the robot's radius, and surely where they are
 # narrower than this share of it.
 _SURE = 0.4
@@ -74,7 +75,8 @@ class Wayfinder:
     A view marks cells free up to each direction's range and blocked over a strip behind it; the newest view counts,
     except that what was lately seen to be free from much nearer stays so. What seems blocked from afar is dear to
     cross, since sectors are wide there, what was seen from near far dearer, and dearest in its middle; nothing is
-    impassable, so there is always a way.
+    impassable, so there is always a way. A place that the robot heads for again and again without getting through
+    becomes dearer each time, as in learning real-time A*, so that in the end it tries all others.
 
     The distance handed on makes a robot slow down before a turn. Turning by an angle a at a speed v changes the
     velocity by 2 v sin(a/2), for which it travels about 2 v^2 sin(a/2) / alpha: twice the robot's radius R at a speed
@@ -103,11 +105,13 @@ class Wayfinder:
         """Drop all that was seen."""
         self._state: UInt8Array = np.full((self._size, self._size), way_grid.UNSEEN, np.uint8)
         self._seen_from: Float32Array = np.zeros((self._size, self._size), np.float32)
+        self._tried: Float32Array = np.zeros((self._size, self._size), np.float32)
         self._x = self._y = self._size / 2
         self._theta = 0.0
         self._views = 0
         # next turn, cells, and the way's direction after it; None: straight to the goal
         self._turn: tuple[float, float, float] | None = None
+        self._goal = (math.inf, math.inf)
         self._is_due = True
 
     def see(self, free_space: FreeRanges, motion: Pose2) -> None:
@@ -171,8 +175,12 @@ class Wayfinder:
             raise ArgumentError(
                 f"the goal must be finite and not at a negative distance, got {goal_bearing_rad!r}, {goal_distance_m!r}"
             )
-        if self._is_due:
-            self._find(goal_bearing_rad, goal_distance_m)
+        is_new = self._is_due
+        goal = self._in_grid(goal_bearing_rad, goal_distance_m)
+        # a robot's radius is how far a goal moves before it is another one
+        if is_new or math.hypot(goal[0] - self._goal[0], goal[1] - self._goal[1]) > 1.0 / _CELL:
+            self._goal = goal
+            self._find(goal)
             self._is_due = False
         if self._turn is None:
             bearing, distance_m = goal_bearing_rad, goal_distance_m
@@ -181,6 +189,11 @@ class Wayfinder:
             towards = math.atan2(y - self._y, x - self._x)
             bearing = math.remainder(towards - self._theta, math.tau)
             distance_m = math.hypot(x - self._x, y - self._y) * self._cell_m + self._room_to_turn_m(after - towards)
+        if is_new and distance_m > self._cell_m / _CELL:
+            # what lies a radius ahead is to be passed next
+            angle, radius = bearing + self._theta, 1.0 / _CELL
+            x, y = self._x + radius * math.cos(angle), self._y + radius * math.sin(angle)
+            way_grid.note_try(self._tried, x, y, _TRY * radius)
         if math.hypot(*velocity_mps) > 0.0:
             going = math.atan2(float(velocity_mps[1]), float(velocity_mps[0]))
             distance_m = min(distance_m, self._room_to_turn_m(bearing - going))
@@ -190,18 +203,24 @@ class Wayfinder:
         radius_m = self._cell_m / _CELL
         return 0.5 * radius_m / max(abs(math.sin(0.5 * angle_rad)), 1e-3)
 
-    def _find(self, goal_bearing_rad: float, goal_distance_m: float) -> None:
-        size, radius = self._size, 1.0 / _CELL
-        angle = goal_bearing_rad + self._theta
-        unit_x, unit_y = math.cos(angle), math.sin(angle)
-        far = goal_distance_m / self._cell_m
+    def _in_grid(self, bearing_rad: float, distance_m: float) -> tuple[float, float]:
+        """Cell of a place; of one outside, that on the grid's rim towards it."""
+        unit_x, unit_y = math.cos(bearing_rad + self._theta), math.sin(bearing_rad + self._theta)
+        far = distance_m / self._cell_m
         for unit, place in ((unit_x, self._x), (unit_y, self._y)):
             if abs(unit) > 1e-9:
-                far = min(far, ((size - 2 if unit > 0.0 else 1) - place) / unit)
-        goal_x, goal_y = self._x + far * unit_x, self._y + far * unit_y
+                far = min(far, ((self._size - 2 if unit > 0.0 else 1) - place) / unit)
+        return self._x + far * unit_x, self._y + far * unit_y
+
+    def _find(self, goal_cell: tuple[float, float]) -> None:
+        size, radius = self._size, 1.0 / _CELL
+        goal_x, goal_y = goal_cell
         way_grid.split_blocked(self._state, self._seen_from, _SURE * self._reach, self._open_any, self._open_sure)
-        away = [cv2.distanceTransform(seen, cv2.DIST_L2, cv2.DIST_MASK_5) for seen in (self._open_any, self._open_sure)]
-        way_grid.price_cells(away[0], away[1], radius, _SPARE * radius, _SOFT * radius, self._price)
+        away_any, away_sure = (
+            np.asarray(cv2.distanceTransform(seen, cv2.DIST_L2, cv2.DIST_MASK_5), dtype=np.float32)
+            for seen in (self._open_any, self._open_sure)
+        )
+        way_grid.price_cells(away_any, away_sure, self._tried, radius, _SPARE * radius, _SOFT * radius, self._price)
         self._turn = None
         start = int(self._y + 0.5) * size + int(self._x + 0.5)
         goal = int(goal_y + 0.5) * size + int(goal_x + 0.5)
@@ -226,8 +245,10 @@ class Wayfinder:
         shifted = np.ix_(rows % size, columns % size)
         self._state = np.where(inside, self._state[shifted], way_grid.UNSEEN).astype(np.uint8)
         self._seen_from = np.where(inside, self._seen_from[shifted], 0.0).astype(np.float32)
+        self._tried = np.where(inside, self._tried[shifted], 0.0).astype(np.float32)
         self._x -= by_x
         self._y -= by_y
         if self._turn is not None:
             x, y, after = self._turn
             self._turn = (x - by_x, y - by_y, after)
+        self._goal = (self._goal[0] - by_x, self._goal[1] - by_y)

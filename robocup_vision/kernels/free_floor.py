@@ -125,14 +125,14 @@ def passable(
                             out[j, m] = LINE
             before[m] = step
     # a bright corner that points at the robot is no wider than a line at first: what leads up to something blocked is
-    # taken for its corner, over the depth of one that opens from nothing to that width
+    # taken for its corner, over the depth at which a right angle has opened to that width
     for k in range(rows):
         left = 0
         for m in range(columns_in_use - 1, -1, -1):
             if not valid[k, m]:
                 continue
             if out[k, m] == BLOCKED:
-                left = line_columns[m]
+                left = (line_columns[m] + 1) // 2
             elif out[k, m] == LINE and left > 0:
                 out[k, m] = BLOCKED
                 left -= 1

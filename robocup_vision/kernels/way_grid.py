@@ -1,4 +1,4 @@
-"""Compiled loops over the grid of ways: what a view shows of it, what crossing a cell costs, and the cheapest way."""
+"""Compiled loops over the grid of ways: what a view shows of it, what crossing a cell costs, the cheapest way."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ FADING = 1.03
 MUCH_FARTHER = 1.5
 # crossing what seemed shut from afar, per cell; crossing what is shut, per cell, just so and through its middle
 MAYBE_SHUT, SHUT, BARRED = 5.0, 5.0, 1000.0
+# Heading for a place again and again tells that it cannot be got through: each time beyond the first so many, which
+# passing by slowly takes, makes it so much dearer. Of what was tried, so much is remembered the next time.
+TRIES, TRIED, REMEMBERED = 15.0, 1.0, 0.995
 # extra price of a cell at the very edge of what is open
 _TIGHT = 2.0
 _DIAGONAL = math.sqrt(2.0)
@@ -107,7 +110,13 @@ def split_blocked(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def price_cells(
-    away_any: Float32Array, away_sure: Float32Array, radius: float, spare: float, soft: float, price: Float32Array
+    away_any: Float32Array,
+    away_sure: Float32Array,
+    tried: Float32Array,
+    radius: float,
+    spare: float,
+    soft: float,
+    price: Float32Array,
 ) -> None:
     """Price every cell for a disc of a radius: 1 on open floor, more close to what blocks, much more where it is shut.
 
@@ -115,6 +124,8 @@ def price_cells(
     ----------
     away_any, away_sure : (N, N) float32
         Distance of each cell from the nearest that seems blocked, and from the nearest that surely is, cells.
+    tried : (N, N) float32, changed
+        How often each cell was headed for lately; fades.
     radius, spare, soft : float
         Of the disc; more than it that a sure gap must have on each side; width of the seam that is priced, cells.
     price : (N, N) float32, written
@@ -134,7 +145,18 @@ def price_cells(
             if gap < wide:
                 lack = (wide - gap) / wide
                 cost = max(cost, SHUT + BARRED * lack * lack)
-            price[row, column] = cost
+            price[row, column] = cost + TRIED * max(tried[row, column] - TRIES, 0.0)
+            tried[row, column] *= REMEMBERED
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def note_try(tried: Float32Array, x: float, y: float, radius: float) -> None:
+    """Count one more try in each cell of a disc, cells."""
+    size = tried.shape[0]
+    for row in range(max(int(y - radius), 0), min(int(y + radius) + 2, size)):
+        for column in range(max(int(x - radius), 0), min(int(x + radius) + 2, size)):
+            if (column - x) ** 2 + (row - y) ** 2 <= radius * radius:
+                tried[row, column] += 1.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
