@@ -24,7 +24,7 @@ Float32Array = npt.NDArray[np.float32]
 UInt8Array = npt.NDArray[np.uint8]
 
 # shares of the robot's radius: a cell; what a gap seen from near must have to spare on each side; the priced seam
-_CELL, _SPARE, _SOFT = 0.2, 0.1, 0.5
+_CELL, _SPARE, _SOFT = 0.2, 0.05, 0.5
 # share of it within which a place ahead counts as tried
 _TRY = 0.5
 # A view tells something of the floor where its sectors are narrower than the robot's radius, and surely where they are

@@ -19,8 +19,8 @@ UNSEEN, FREE, BLOCKED = 0, 1, 2
 FADING = 1.03
 # what is seen from this many times as far does not overrule
 MUCH_FARTHER = 1.5
-# crossing what seemed shut from afar, per cell; crossing what is shut, per cell, just so and through its middle
-MAYBE_SHUT, SHUT, BARRED = 5.0, 5.0, 1000.0
+# crossing what is shut, per cell: where it is just so, and what its middle costs more when seen from afar and from near
+SHUT, MAYBE_BARRED, BARRED = 5.0, 50.0, 1000.0
 # Heading for a place again and again tells that it cannot be got through: each time beyond the first so many, which
 # passing by slowly takes, makes it so much dearer. Of what was tried, so much is remembered the next time.
 TRIES, TRIED, REMEMBERED = 15.0, 1.0, 0.995
@@ -137,7 +137,8 @@ def price_cells(
             # half a cell: what blocks may reach to the rim of its cell
             gap = away_any[row, column] - 0.5
             if gap < radius:
-                cost = MAYBE_SHUT
+                lack = (radius - gap) / radius
+                cost = SHUT + MAYBE_BARRED * lack * lack
             else:
                 lack = max((radius + soft - gap) / soft, 0.0)
                 cost = 1.0 + _TIGHT * lack * lack

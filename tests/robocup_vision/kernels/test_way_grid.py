@@ -12,7 +12,7 @@ from robocup_vision.kernels.way_grid import (
     BLOCKED,
     FADING,
     FREE,
-    MAYBE_SHUT,
+    MAYBE_BARRED,
     MUCH_FARTHER,
     REMEMBERED,
     SHUT,
@@ -76,7 +76,7 @@ def test_views_are_marked_as_numpy_marks_them(seed):
 def price_twin(away_any, away_sure, tried, radius, spare, soft):
     gap = away_any - 0.5
     open_floor = 1 + 2 * np.clip((radius + soft - gap) / soft, 0, None) ** 2
-    price = np.where(gap < radius, MAYBE_SHUT, open_floor)
+    price = np.where(gap < radius, SHUT + MAYBE_BARRED * (1 - gap / radius) ** 2, open_floor)
     lack = (radius + spare - away_sure + 0.5) / (radius + spare)
     price = np.where(lack > 0, np.maximum(price, SHUT + BARRED * lack**2), price)
     return price + TRIED * np.maximum(tried - TRIES, 0)
