@@ -193,7 +193,7 @@ class Wayfinder:
             # what lies a radius ahead is to be passed next
             angle, radius = bearing + self._theta, 1.0 / _CELL
             x, y = self._x + radius * math.cos(angle), self._y + radius * math.sin(angle)
-            way_grid.note_try(self._tried, x, y, _TRY * radius)
+            way_grid.note_try(self._tried, self._price, x, y, _TRY * radius)
         if math.hypot(*velocity_mps) > 0.0:
             going = math.atan2(float(velocity_mps[1]), float(velocity_mps[0]))
             distance_m = min(distance_m, self._room_to_turn_m(bearing - going))

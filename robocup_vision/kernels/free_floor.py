@@ -83,6 +83,19 @@ def passable(
                 is_floor = False
             if is_floor:
                 out[k, m] = FLOOR
+    # what that has left alone among floor is noise, too: whatever stands there would hide more
+    for k in range(rows):
+        above, below = out[(k - 1) % rows], out[(k + 1) % rows]
+        for m in range(1, columns_in_use - 1):
+            if (
+                out[k, m] == BLOCKED
+                and valid[k, m]
+                and out[k, m - 1] != BLOCKED
+                and out[k, m + 1] != BLOCKED
+                and above[m] != BLOCKED
+                and below[m] != BLOCKED
+            ):
+                out[k, m] = FLOOR
     for k in range(rows):
         # the robot stands on the floor: what lies under its rim is bounded by floor
         last, floor = -1, -1

@@ -151,12 +151,12 @@ def price_cells(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def note_try(tried: Float32Array, x: float, y: float, radius: float) -> None:
-    """Count one more try in each cell of a disc, cells."""
+def note_try(tried: Float32Array, price: Float32Array, x: float, y: float, radius: float) -> None:
+    """Count one more try in each cell of a disc, cells, that is not open floor (price 1): that is got through."""
     size = tried.shape[0]
     for row in range(max(int(y - radius), 0), min(int(y + radius) + 2, size)):
         for column in range(max(int(x - radius), 0), min(int(x + radius) + 2, size)):
-            if (column - x) ** 2 + (row - y) ** 2 <= radius * radius:
+            if price[row, column] > 1.0 and (column - x) ** 2 + (row - y) ** 2 <= radius * radius:
                 tried[row, column] += 1.0
 
 

@@ -98,6 +98,11 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermos
                     out[k, m] = FLOOR if level[k, m] > level[two] else BLOCKED
                     break
     for k in range(rows):
+        for m in range(1, in_use - 1):
+            beside = [out[k, m - 1], out[k, m + 1], out[(k - 1) % rows, m], out[(k + 1) % rows, m]]
+            if out[k, m] == BLOCKED and valid[k, m] and BLOCKED not in beside:
+                out[k, m] = FLOOR
+    for k in range(rows):
         last = base = -1
         for m in np.flatnonzero(out[k, :in_use] != BLOCKED):
             base = m if floor[k, m] or base < 0 else base

@@ -100,12 +100,13 @@ def test_prices_are_those_numpy_reckons(seed):
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.floats(-3, SIZE + 3), st.floats(-3, SIZE + 3), st.floats(0, 6))
-def test_a_try_counts_within_a_disc(x, y, radius):
+@given(seeds, st.floats(-3, SIZE + 3), st.floats(-3, SIZE + 3), st.floats(0, 6))
+def test_a_try_counts_within_a_disc_where_the_floor_is_not_open(seed, x, y, radius):
     tried = np.zeros((SIZE, SIZE), np.float32)
-    note_try(tried, x, y, radius)
+    price = np.random.default_rng(seed).choice([1.0, 1.2, 300.0], (SIZE, SIZE)).astype(np.float32)
+    note_try(tried, price, x, y, radius)
     rows, columns = np.mgrid[:SIZE, :SIZE]
-    np.testing.assert_array_equal(tried, (columns - x) ** 2 + (rows - y) ** 2 <= radius * radius)
+    np.testing.assert_array_equal(tried, (price > 1) & ((columns - x) ** 2 + (rows - y) ** 2 <= radius * radius))
 
 
 def test_only_what_was_seen_from_near_is_surely_blocked():
