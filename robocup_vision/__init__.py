@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from robocup_vision.avoidance.steering import Steering, SteeringCommand
+    from robocup_vision.avoidance.wayfinder import Wayfinder
     from robocup_vision.camera.files import load_camera
     from robocup_vision.estimates import NotLocated, PoseEstimate
     from robocup_vision.geometry import Pose2
@@ -30,6 +31,7 @@ _HOMES = {
     "SteeringCommand": "avoidance.steering",
     "View": "vision",
     "Vision": "vision",
+    "Wayfinder": "avoidance.wayfinder",
     "draw": "overlay",
     "load_camera": "camera.files",
     "load_colors": "perception.color_table",
@@ -45,6 +47,7 @@ __all__ = [
     "SteeringCommand",
     "View",
     "Vision",
+    "Wayfinder",
     "draw",
     "load_camera",
     "load_colors",

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from field_models import Field
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance import SteadyFreeSpace
+from robocup_vision.avoidance import SteadyFreeSpace, Wayfinder
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import FloatArray, Pose2
@@ -37,8 +37,8 @@ _GRID_M, ROUTE_CLEARANCE_M = 0.005, 0.03
 # room between a course's cubes and around its start and its goal
 _ROOM_M = 0.05
 _TRIES = 10_000
-# bearings and rings of the free space: cells of a few samples each, so that noise blocks none
-_DIRECTIONS, _RINGS = 64, 30
+# bearings and rings of the free space: cells of a few samples each, and of less than a centimetre close to the robot
+_DIRECTIONS, _RINGS = 64, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ class Decision(Protocol):
 
 
 class Pilot(Protocol):
-    """What takes a robot through a course; `Steering` is one."""
+    """What takes a robot where it shall head next; `Steering` is one."""
 
     def steer(
         self,
@@ -195,12 +195,14 @@ def drive_course(
 ) -> Drive:
     """Drive a course by what the camera shows, until the goal, a collision, or the end of patience.
 
+    The way is found by a `Wayfinder`, whoever steers.
+
     Parameters
     ----------
     course : Course
         With `course.start` clear of everything.
     pilot : Pilot
-        Decides 30 times a second; fresh for each course.
+        Steers towards where it is told to head; decides 30 times a second; fresh for each course.
     camera : OmniCamera
         The robot's.
     limits : RobotLimits
@@ -216,6 +218,7 @@ def drive_course(
     eye = MatchCamera(course.field, camera, limits, rng, boxes=course.boxes)
     vision = Vision(course.field, camera, directions=_DIRECTIONS, rings=_RINGS)
     belief, floor = PoseFilter(), SteadyFreeSpace()
+    way = Wayfinder(max(float(vision.grid.ring_bounds_m[0]), limits.radius_m))
     scene = Scene(course.field, boxes=course.boxes)
     wheels = WheelVelocity(limits, CONTROL_PERIOD_S)
     clearance_m = math.inf
@@ -234,12 +237,16 @@ def drive_course(
         view = vision.look(eye.render(state, 0), state.t_s, prior=belief.prior(state.t_s))
         belief.update(view.pose, state.t_s)
         free_space = floor.see(view.free_space, odometry)
+        way.see(free_space, odometry)
         wheels.sense(odometry)
         known = belief.belief
         wanted = (0.0, 0.0)
         if known:
             x, y = known.pose.inverse().transform(course.goal).tolist()
-            decision = pilot.steer(free_space, wheels.now_mps, math.atan2(y, x), math.hypot(x, y), wheels.pending_mps)
+            heading = way.head(math.atan2(y, x), math.hypot(x, y), wheels.now_mps)
+            decision = pilot.steer(
+                free_space, wheels.now_mps, heading.bearing_rad, heading.distance_m, wheels.pending_mps
+            )
             wanted = (float(decision.velocity_mps[0]), float(decision.velocity_mps[1]))
         wheels.command(wanted)
         world.step({0: Command(*wanted)})

@@ -3,5 +3,15 @@
 from robocup_vision.avoidance.moving_obstacles import MovingObstacle
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
+from robocup_vision.avoidance.wayfinder import Heading, Wayfinder
 
-__all__ = ["FreeRanges", "MovingObstacle", "SteadyFreeSpace", "Steering", "SteeringCommand", "carry_free_space"]
+__all__ = [
+    "FreeRanges",
+    "Heading",
+    "MovingObstacle",
+    "SteadyFreeSpace",
+    "Steering",
+    "SteeringCommand",
+    "Wayfinder",
+    "carry_free_space",
+]

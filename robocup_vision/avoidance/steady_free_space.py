@@ -13,7 +13,7 @@ from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
 # a pixel, to which an edge is seen, and a period's lag are some such share of the range
-_DOUBT_SHARE = 0.05
+_DOUBT_SHARE = 0.02
 
 
 class SteadyFreeSpace:

@@ -99,7 +99,7 @@ class Steering:
     keep_side : bool
         Remember the detour: by how much, and to which side, obstacles have turned the robot from the goal's bearing.
         Two equally good ways round then do not make it waver between them, and pockets do not hold it. `forget` drops
-        the memory.
+        the memory. False where a `Wayfinder`, which remembers more than one view, says where to head.
 
     Notes
     -----

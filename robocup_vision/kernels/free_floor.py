@@ -83,6 +83,19 @@ def passable(
                 is_floor = False
             if is_floor:
                 out[k, m] = FLOOR
+    # what that has left alone among floor is noise, too: whatever stands there would hide more
+    for k in range(rows):
+        above, below = out[(k - 1) % rows], out[(k + 1) % rows]
+        for m in range(1, columns_in_use - 1):
+            if (
+                out[k, m] == BLOCKED
+                and valid[k, m]
+                and out[k, m - 1] != BLOCKED
+                and out[k, m + 1] != BLOCKED
+                and above[m] != BLOCKED
+                and below[m] != BLOCKED
+            ):
+                out[k, m] = FLOOR
     for k in range(rows):
         # the robot stands on the floor: what lies under its rim is bounded by floor
         last, floor = -1, -1
@@ -124,6 +137,20 @@ def passable(
                         if valid[j, m]:
                             out[j, m] = LINE
             before[m] = step
+    # a bright corner that points at the robot is no wider than a line at first: what leads up to something blocked is
+    # taken for its corner, over the depth at which a right angle has opened to that width
+    for k in range(rows):
+        left = 0
+        for m in range(columns_in_use - 1, -1, -1):
+            if not valid[k, m]:
+                continue
+            if out[k, m] == BLOCKED:
+                left = (line_columns[m] + 1) // 2
+            elif out[k, m] == LINE and left > 0:
+                out[k, m] = BLOCKED
+                left -= 1
+            else:
+                left = 0
 
 
 @njit(cache=True, nogil=True)

@@ -98,6 +98,11 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermos
                     out[k, m] = FLOOR if level[k, m] > level[two] else BLOCKED
                     break
     for k in range(rows):
+        for m in range(1, in_use - 1):
+            beside = [out[k, m - 1], out[k, m + 1], out[(k - 1) % rows, m], out[(k + 1) % rows, m]]
+            if out[k, m] == BLOCKED and valid[k, m] and BLOCKED not in beside:
+                out[k, m] = FLOOR
+    for k in range(rows):
         last = base = -1
         for m in np.flatnonzero(out[k, :in_use] != BLOCKED):
             base = m if floor[k, m] or base < 0 else base
@@ -119,6 +124,15 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermos
                 if whiter(samples[between, m], valid[between, m] == 0, samples[base, m]):
                     out[between[valid[between, m] > 0], m] = LINE
             last = step
+    for k in range(rows):
+        left = 0
+        for m in [m for m in range(in_use) if valid[k, m]][::-1]:
+            if out[k, m] == BLOCKED:
+                left = (line_columns[m] + 1) // 2
+            elif out[k, m] == LINE and left > 0:
+                out[k, m], left = BLOCKED, left - 1
+            else:
+                left = 0
     return out
 
 
@@ -141,6 +155,26 @@ def test_passable_agrees_with_its_twin(seed):
     outermost = rng.integers(-1, columns, rows)
     passable(samples, llr, valid, line_columns, line_rows, in_use, outermost, out)
     np.testing.assert_array_equal(out, passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermost))
+
+
+def test_a_bright_corner_is_no_line_and_a_line_is_no_corner():
+    rows, columns, tip, wide = 40, 30, 10, 9
+    middle, m = np.mgrid[-20 : rows - 20, :columns]
+    corner, line = np.abs(middle) <= m - tip, np.abs(middle) <= wide // 2
+    widest = np.full(columns, wide, dtype=np.int32)
+    marks = []
+    for shape in (corner, line):
+        samples = np.where(shape[..., None], 230, 60).astype(np.uint8).repeat(3, axis=2)
+        llr = np.where(shape, -64, 40).astype(np.int8)
+        out = np.empty((rows, columns), dtype=np.uint8)
+        valid = np.ones((rows, columns), dtype=np.uint8)
+        passable(samples, llr, valid, widest, widest, columns, np.full(rows, -1), out)
+        marks.append(out)
+    assert (marks[0][~corner] == FLOOR).all()
+    # what is taken back of the blur costs a sample of its sides, and two of its tip
+    assert (marks[0][(np.abs(middle) <= m - tip - 2)] == BLOCKED).all()
+    assert (marks[1] != BLOCKED).all()
+    assert (marks[1][line][:, None] == LINE).mean() > 0.7
 
 
 @settings(deadline=None, max_examples=30)

@@ -1,0 +1,254 @@
+"""Where to head next, so that a robot that sees only what is around it gets round what stands between it and its goal.
+
+Steering looks at one view. Who heads straight for the goal by one view alone stops in a pocket, shuttles between two
+obstacles, or comes to a corner too fast to turn. Here the floor seen lately is kept in a small grid that goes with the
+odometry; what was never seen counts as free, and the cheapest way over it tells the direction.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.avoidance.steering import FreeRanges
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.kernels import way_grid
+
+Float32Array = npt.NDArray[np.float32]
+UInt8Array = npt.NDArray[np.uint8]
+
+# shares of the robot's radius: a cell; what a gap seen from near must have to spare on each side; the priced seam
+_CELL, _SPARE, _SOFT = 0.2, 0.05, 0.5
+# share of it within which a place ahead counts as tried
+_TRY = 0.5
+# A view tells something of the floor where its sectors are narrower than the robot's radius, and surely where they are
+# narrower than this share of it.
+_SURE = 0.4
+# the strip that is marked as blocked behind a free range, cells
+_STRIP = 2.5
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """Where to head.
+
+    Parameters
+    ----------
+    bearing_rad : float
+        Robot frame, radians.
+    distance_m : float
+        To where a robot that slows down to stop there is never too fast for a turn or for the goal, metres.
+    straight : bool
+        Whether this leads straight to the goal.
+    """
+
+    bearing_rad: float
+    distance_m: float
+    straight: bool
+
+
+class Wayfinder:
+    """Remembers the floor around one robot and tells the way over it to a goal.
+
+    Parameters
+    ----------
+    robot_radius_m : float
+        As that of `Steering`: what it does not drive through is no way.
+    window_m : float
+        Width of the square that is remembered, with the robot near its middle. A goal outside counts as on its rim.
+    every : int
+        The way is found anew with every so many views.
+
+    Raises
+    ------
+    ArgumentError
+        An argument is out of its range.
+
+    Notes
+    -----
+    A view marks cells free up to each direction's range and blocked over a strip behind it; the newest view counts,
+    except that what was lately seen to be free from much nearer stays so. What seems blocked from afar is dear to
+    cross, since sectors are wide there, what was seen from near far dearer, and dearest in its middle; nothing is
+    impassable, so there is always a way. A place that the robot heads for again and again without getting through
+    becomes dearer each time, as in learning real-time A*, so that in the end it tries all others.
+
+    The distance handed on makes a robot slow down before a turn. Turning by an angle a at a speed v changes the
+    velocity by 2 v sin(a/2), for which it travels about 2 v^2 sin(a/2) / alpha: twice the robot's radius R at a speed
+    v^2 = alpha R / sin(a/2), which is the speed that a stop from R / (2 sin(a/2)) farther on still has at the turn.
+    """
+
+    def __init__(self, robot_radius_m: float, *, window_m: float = 4.0, every: int = 3) -> None:
+        if not (math.isfinite(robot_radius_m) and robot_radius_m >= 1e-6):
+            raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
+        if not (math.isfinite(window_m) and window_m >= 8.0 * robot_radius_m):
+            raise ArgumentError(f"window_m must be at least 8 radii of the robot, got {window_m!r}")
+        if every < 1:
+            raise ArgumentError(f"every must be at least 1, got {every!r}")
+        self._cell_m = _CELL * robot_radius_m
+        self._size = math.ceil(window_m / self._cell_m)
+        self._every = every
+        shape = (self._size, self._size)
+        self._open_any: UInt8Array = np.empty(shape, np.uint8)
+        self._open_sure: UInt8Array = np.empty(shape, np.uint8)
+        self._price: Float32Array = np.empty(shape, np.float32)
+        self._come_from = np.empty(self._size**2, np.int32)
+        self._cost: Float32Array = np.empty(self._size**2, np.float32)
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop all that was seen."""
+        self._state: UInt8Array = np.full((self._size, self._size), way_grid.UNSEEN, np.uint8)
+        self._seen_from: Float32Array = np.zeros((self._size, self._size), np.float32)
+        self._tried: Float32Array = np.zeros((self._size, self._size), np.float32)
+        self._x = self._y = self._size / 2
+        self._theta = 0.0
+        self._views = 0
+        # next turn, cells, and the way's direction after it; None: straight to the goal
+        self._turn: tuple[float, float, float] | None = None
+        self._goal = (math.inf, math.inf)
+        self._is_due = True
+
+    def see(self, free_space: FreeRanges, motion: Pose2) -> None:
+        """Take in a view.
+
+        Parameters
+        ----------
+        free_space : FreeRanges
+            Free ranges (J,), metres, at evenly spaced bearings, robot frame.
+        motion : Pose2
+            Motion since the view before, in the robot's frame of then.
+
+        Raises
+        ------
+        ArgumentError
+            There are fewer than two bearings, or as many ranges not.
+        """
+        bearing = np.array(free_space.bearing_rad, dtype=np.float64)
+        range_cells = np.array(free_space.range_m, dtype=np.float64) / self._cell_m
+        if bearing.ndim != 1 or len(bearing) < 2 or range_cells.shape != bearing.shape:
+            raise ArgumentError(
+                "free space needs (J,) bearings and ranges, J at least 2,"
+                f" got bearing_rad {bearing.shape} and range_m {range_cells.shape}"
+            )
+        c, s = math.cos(self._theta), math.sin(self._theta)
+        self._x += (c * motion.x_m - s * motion.y_m) / self._cell_m
+        self._y += (s * motion.x_m + c * motion.y_m) / self._cell_m
+        self._theta = math.remainder(self._theta + motion.theta_rad, math.tau)
+        if self._views % self._every == 0:
+            self._keep_inside()
+            radius = 1.0 / _CELL
+            self._reach = radius / float(bearing[1] - bearing[0])
+            way_grid.mark_view(
+                self._state, self._seen_from, self._x, self._y, self._theta, bearing, range_cells,
+                radius, self._reach, _STRIP,
+            )  # fmt: skip
+            self._is_due = True
+        self._views += 1
+
+    def head(
+        self,
+        goal_bearing_rad: float,
+        goal_distance_m: float,
+        velocity_mps: Sequence[float] | FloatArray = (0.0, 0.0),
+    ) -> Heading:
+        """Tell where to head for a goal.
+
+        Parameters
+        ----------
+        goal_bearing_rad, goal_distance_m : float
+            The goal, robot frame, radians and metres.
+        velocity_mps : (2,) float64 or pair of float
+            The robot's, robot frame: going another way, it slows down first.
+
+        Raises
+        ------
+        ArgumentError
+            The goal is not finite, or its distance is negative.
+        """
+        if not (math.isfinite(goal_bearing_rad) and math.isfinite(goal_distance_m) and goal_distance_m >= 0.0):
+            raise ArgumentError(
+                f"the goal must be finite and not at a negative distance, got {goal_bearing_rad!r}, {goal_distance_m!r}"
+            )
+        is_new = self._is_due
+        goal = self._in_grid(goal_bearing_rad, goal_distance_m)
+        # a robot's radius is how far a goal moves before it is another one
+        if is_new or math.hypot(goal[0] - self._goal[0], goal[1] - self._goal[1]) > 1.0 / _CELL:
+            self._goal = goal
+            self._find(goal)
+            self._is_due = False
+        if self._turn is None:
+            bearing, distance_m = goal_bearing_rad, goal_distance_m
+        else:
+            x, y, after = self._turn
+            towards = math.atan2(y - self._y, x - self._x)
+            bearing = math.remainder(towards - self._theta, math.tau)
+            distance_m = math.hypot(x - self._x, y - self._y) * self._cell_m + self._room_to_turn_m(after - towards)
+        if is_new and distance_m > self._cell_m / _CELL:
+            # what lies a radius ahead is to be passed next
+            angle, radius = bearing + self._theta, 1.0 / _CELL
+            x, y = self._x + radius * math.cos(angle), self._y + radius * math.sin(angle)
+            way_grid.note_try(self._tried, self._price, x, y, _TRY * radius)
+        if math.hypot(*velocity_mps) > 0.0:
+            going = math.atan2(float(velocity_mps[1]), float(velocity_mps[0]))
+            distance_m = min(distance_m, self._room_to_turn_m(bearing - going))
+        return Heading(bearing, distance_m, self._turn is None)
+
+    def _room_to_turn_m(self, angle_rad: float) -> float:
+        radius_m = self._cell_m / _CELL
+        return 0.5 * radius_m / max(abs(math.sin(0.5 * angle_rad)), 1e-3)
+
+    def _in_grid(self, bearing_rad: float, distance_m: float) -> tuple[float, float]:
+        """Cell of a place; of one outside, that on the grid's rim towards it."""
+        unit_x, unit_y = math.cos(bearing_rad + self._theta), math.sin(bearing_rad + self._theta)
+        far = distance_m / self._cell_m
+        for unit, place in ((unit_x, self._x), (unit_y, self._y)):
+            if abs(unit) > 1e-9:
+                far = min(far, ((self._size - 2 if unit > 0.0 else 1) - place) / unit)
+        return self._x + far * unit_x, self._y + far * unit_y
+
+    def _find(self, goal_cell: tuple[float, float]) -> None:
+        size, radius = self._size, 1.0 / _CELL
+        goal_x, goal_y = goal_cell
+        way_grid.split_blocked(self._state, self._seen_from, _SURE * self._reach, self._open_any, self._open_sure)
+        away_any, away_sure = (
+            np.asarray(cv2.distanceTransform(seen, cv2.DIST_L2, cv2.DIST_MASK_5), dtype=np.float32)
+            for seen in (self._open_any, self._open_sure)
+        )
+        way_grid.price_cells(away_any, away_sure, self._tried, radius, _SPARE * radius, _SOFT * radius, self._price)
+        self._turn = None
+        start = int(self._y + 0.5) * size + int(self._x + 0.5)
+        goal = int(goal_y + 0.5) * size + int(goal_x + 0.5)
+        if start == goal or way_grid.dearest_between(self._price, self._x, self._y, goal_x, goal_y) <= 1.0:
+            return
+        way_grid.find_way(self._price, start, goal, self._come_from, self._cost)
+        turn, after = way_grid.straight_part(
+            self._price, self._come_from, start, goal, self._x, self._y, round(2.0 * radius)
+        )
+        if turn != goal:
+            x, y = turn % size, turn // size
+            self._turn = (x, y, math.atan2(after // size - y, after % size - x))
+
+    def _keep_inside(self) -> None:
+        """Shift the grid by whole cells when the robot has left its middle."""
+        size = self._size
+        by_x, by_y = round(self._x - size / 2), round(self._y - size / 2)
+        if max(abs(by_x), abs(by_y)) < size // 12:
+            return
+        columns, rows = np.arange(size) + by_x, np.arange(size) + by_y
+        inside = (rows[:, None] >= 0) & (rows[:, None] < size) & (columns >= 0) & (columns < size)
+        shifted = np.ix_(rows % size, columns % size)
+        self._state = np.where(inside, self._state[shifted], way_grid.UNSEEN).astype(np.uint8)
+        self._seen_from = np.where(inside, self._seen_from[shifted], 0.0).astype(np.float32)
+        self._tried = np.where(inside, self._tried[shifted], 0.0).astype(np.float32)
+        self._x -= by_x
+        self._y -= by_y
+        if self._turn is not None:
+            x, y, after = self._turn
+            self._turn = (x - by_x, y - by_y, after)
+        self._goal = (self._goal[0] - by_x, self._goal[1] - by_y)

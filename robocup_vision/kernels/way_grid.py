@@ -1,0 +1,285 @@
+"""Compiled loops over the grid of ways: what a view shows of it, what crossing a cell costs, the cheapest way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
+UInt8Array = npt.NDArray[np.uint8]
+Int32Array = npt.NDArray[np.int32]
+
+UNSEEN, FREE, BLOCKED = 0, 1, 2
+
+# how much less surely a free cell is known with every view that shows it again from farther away
+FADING = 1.03
+# what is seen from this many times as far does not overrule
+MUCH_FARTHER = 1.5
+# crossing what is shut, per cell: where it is just so, and what its middle costs more when seen from afar and from near
+SHUT, MAYBE_BARRED, BARRED = 5.0, 50.0, 1000.0
+# Heading for a place again and again tells that it cannot be got through: each time beyond the first so many, which
+# passing by slowly takes, makes it so much dearer. Of what was tried, so much is remembered the next time.
+TRIES, TRIED, REMEMBERED = 15.0, 1.0, 0.995
+# extra price of a cell at the very edge of what is open
+_TIGHT = 2.0
+_DIAGONAL = math.sqrt(2.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def mark_view(
+    state: UInt8Array,
+    seen_from: Float32Array,
+    robot_x: float,
+    robot_y: float,
+    robot_theta: float,
+    bearing: FloatArray,
+    range_cells: FloatArray,
+    least: float,
+    reach: float,
+    thickness: float,
+) -> None:
+    """Mark what a view shows: free up to each direction's range, blocked over a strip beyond it, the rest as it was.
+
+    Parameters
+    ----------
+    state : (N, N) uint8, changed
+        UNSEEN, FREE or BLOCKED; rows along y, columns along x.
+    seen_from : (N, N) float32, changed
+        Distance from which each cell was judged, cells.
+    robot_x, robot_y, robot_theta : float
+        The robot in the grid, cells and radians.
+    bearing, range_cells : (J,) float64
+        Evenly spaced bearings, robot frame, radians; free ranges, cells. NaN: not measured.
+    least, reach : float
+        Nothing is judged from nearer, or at all from farther, cells.
+    thickness : float
+        Of the blocked strip, cells.
+    """
+    size = state.shape[0]
+    count = bearing.shape[0]
+    step = bearing[1] - bearing[0]
+    first = bearing[0] - 0.5 * step + robot_theta
+    turn = 2.0 * math.pi
+    low_x, high_x = max(int(robot_x - reach), 0), min(int(robot_x + reach) + 1, size - 1)
+    low_y, high_y = max(int(robot_y - reach), 0), min(int(robot_y + reach) + 1, size - 1)
+    for row in range(low_y, high_y + 1):
+        y = row - robot_y
+        for column in range(low_x, high_x + 1):
+            x = column - robot_x
+            r = math.sqrt(x * x + y * y)
+            if r > reach:
+                continue
+            angle = math.atan2(y, x) - first
+            index = int((angle - turn * math.floor(angle / turn)) / step)
+            if index >= count:
+                continue
+            end = range_cells[index]
+            if r < end:
+                now = FREE
+            elif r < end + thickness:
+                now = BLOCKED
+            else:
+                continue
+            r = max(r, least)
+            before = state[row, column]
+            if before == now:
+                # what is shut stays as sure as it ever was; what is free may be entered by others
+                known = seen_from[row, column] * (FADING if now == FREE else 1.0)
+                seen_from[row, column] = min(known, r)
+            elif now == FREE or before == UNSEEN or r <= MUCH_FARTHER * seen_from[row, column]:
+                state[row, column] = now
+                seen_from[row, column] = r
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def split_blocked(
+    state: UInt8Array, seen_from: Float32Array, sure: float, open_any: UInt8Array, open_sure: UInt8Array
+) -> None:
+    """Write 0 where something blocks, else 1: whatever seems to, and only what was seen from nearer than `sure`."""
+    size = state.shape[0]
+    for row in range(size):
+        for column in range(size):
+            blocked = state[row, column] == BLOCKED
+            open_any[row, column] = 0 if blocked else 1
+            open_sure[row, column] = 0 if blocked and seen_from[row, column] < sure else 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def price_cells(
+    away_any: Float32Array,
+    away_sure: Float32Array,
+    tried: Float32Array,
+    radius: float,
+    spare: float,
+    soft: float,
+    price: Float32Array,
+) -> None:
+    """Price every cell for a disc of a radius: 1 on open floor, more close to what blocks, much more where it is shut.
+
+    Parameters
+    ----------
+    away_any, away_sure : (N, N) float32
+        Distance of each cell from the nearest that seems blocked, and from the nearest that surely is, cells.
+    tried : (N, N) float32, changed
+        How often each cell was headed for lately; fades.
+    radius, spare, soft : float
+        Of the disc; more than it that a sure gap must have on each side; width of the seam that is priced, cells.
+    price : (N, N) float32, written
+    """
+    size = price.shape[0]
+    wide = radius + spare
+    for row in range(size):
+        for column in range(size):
+            # half a cell: what blocks may reach to the rim of its cell
+            gap = away_any[row, column] - 0.5
+            if gap < radius:
+                lack = (radius - gap) / radius
+                cost = SHUT + MAYBE_BARRED * lack * lack
+            else:
+                lack = max((radius + soft - gap) / soft, 0.0)
+                cost = 1.0 + _TIGHT * lack * lack
+            gap = away_sure[row, column] - 0.5
+            if gap < wide:
+                lack = (wide - gap) / wide
+                cost = max(cost, SHUT + BARRED * lack * lack)
+            price[row, column] = cost + TRIED * max(tried[row, column] - TRIES, 0.0)
+            tried[row, column] *= REMEMBERED
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def note_try(tried: Float32Array, price: Float32Array, x: float, y: float, radius: float) -> None:
+    """Count one more try in each cell of a disc, cells, that is not open floor (price 1): that is got through."""
+    size = tried.shape[0]
+    for row in range(max(int(y - radius), 0), min(int(y + radius) + 2, size)):
+        for column in range(max(int(x - radius), 0), min(int(x + radius) + 2, size)):
+            if price[row, column] > 1.0 and (column - x) ** 2 + (row - y) ** 2 <= radius * radius:
+                tried[row, column] += 1.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _push(keys: FloatArray, cells: Int32Array, count: int, key: float, cell: int) -> int:
+    place = count
+    while place > 0:
+        parent = (place - 1) >> 1
+        if keys[parent] <= key:
+            break
+        keys[place], cells[place] = keys[parent], cells[parent]
+        place = parent
+    keys[place], cells[place] = key, cell
+    return count + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _drop_least(keys: FloatArray, cells: Int32Array, count: int) -> int:
+    count -= 1
+    key, cell = keys[count], cells[count]
+    place = 0
+    while True:
+        child = 2 * place + 1
+        if child >= count:
+            break
+        if child + 1 < count and keys[child + 1] < keys[child]:
+            child += 1
+        if key <= keys[child]:
+            break
+        keys[place], cells[place] = keys[child], cells[child]
+        place = child
+    keys[place], cells[place] = key, cell
+    return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def find_way(price: Float32Array, start: int, goal: int, come_from: Int32Array, cost: Float32Array) -> None:
+    """Find the cheapest way between two cells by A*; from the goal, `come_from` leads back along it.
+
+    Parameters
+    ----------
+    price : (N, N) float32
+        Of crossing each cell, at least 1; steps go to the eight neighbours.
+    start, goal : int
+        Flat indices.
+    come_from : (N * N,) int32, written
+        The cell before each one on its way from the start.
+    cost : (N * N,) float32, written
+        Of the way from the start.
+    """
+    size = price.shape[0]
+    flat = price.ravel()
+    cost[:] = np.inf
+    # a cell is entered from its eight neighbours at most
+    keys = np.empty(8 * size * size)
+    cells = np.empty(8 * size * size, np.int32)
+    goal_y, goal_x = goal // size, goal % size
+    cost[start] = 0.0
+    come_from[start] = start
+    count = _push(keys, cells, 0, 0.0, start)
+    while count > 0:
+        key, cell = keys[0], cells[0]
+        count = _drop_least(keys, cells, count)
+        if cell == goal:
+            return
+        y, x = cell // size, cell % size
+        dx, dy = abs(x - goal_x), abs(y - goal_y)
+        if cell != start and key > cost[cell] + max(dx, dy) + (_DIAGONAL - 1.0) * min(dx, dy) + 1e-3:
+            continue
+        for step_y in range(-1, 2):
+            for step_x in range(-1, 2):
+                other_x, other_y = x + step_x, y + step_y
+                if not (0 <= other_x < size and 0 <= other_y < size) or (step_x == 0 and step_y == 0):
+                    continue
+                other = other_y * size + other_x
+                length = _DIAGONAL if step_x != 0 and step_y != 0 else 1.0
+                paid = cost[cell] + length * 0.5 * (flat[cell] + flat[other])
+                if paid < cost[other] - 1e-4:
+                    cost[other] = paid
+                    come_from[other] = cell
+                    dx, dy = abs(other_x - goal_x), abs(other_y - goal_y)
+                    left = max(dx, dy) + (_DIAGONAL - 1.0) * min(dx, dy)
+                    count = _push(keys, cells, count, paid + left, other)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def dearest_between(price: Float32Array, x0: float, y0: float, x1: float, y1: float) -> float:
+    """Return the highest price on the straight line between two points, cells."""
+    size = price.shape[0]
+    steps = int(math.ceil(1.5 * math.hypot(x1 - x0, y1 - y0))) + 1
+    highest = 0.0
+    for k in range(steps + 1):
+        x = x0 + (x1 - x0) * k / steps
+        y = y0 + (y1 - y0) * k / steps
+        column, row = min(max(int(x + 0.5), 0), size - 1), min(max(int(y + 0.5), 0), size - 1)
+        highest = max(highest, price[row, column])
+    return highest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def straight_part(
+    price: Float32Array, come_from: Int32Array, start: int, goal: int, robot_x: float, robot_y: float, beyond: int
+) -> tuple[int, int]:
+    """Return the last cell of a way that can be reached straight, and the one so many cells beyond it.
+
+    Straight is no dearer than along the way: it comes no closer to anything.
+    """
+    size = price.shape[0]
+    length = 1
+    cell = goal
+    while cell != start:
+        cell = come_from[cell]
+        length += 1
+    way = np.empty(length, np.int32)
+    cell = goal
+    for k in range(length - 1, -1, -1):
+        way[k] = cell
+        cell = come_from[cell]
+    dearest, reached = price[start // size, start % size], min(1, length - 1)
+    for k in range(1, length):
+        y, x = way[k] // size, way[k] % size
+        dearest = max(dearest, price[y, x])
+        if dearest_between(price, robot_x, robot_y, float(x), float(y)) > dearest + 1e-3:
+            break
+        reached = k
+    return way[reached], way[min(reached + beyond, length - 1)]
