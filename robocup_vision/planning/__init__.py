@@ -1,0 +1,7 @@
+"""Which way and how fast, from what is believed of opponents, floor and pose."""
+
+from robocup_vision.planning.gap import Disc, Gap, WidthSensor, gap_between
+from robocup_vision.planning.gaps import GatePlan, GatePlanner
+from robocup_vision.planning.motion_limits import MotionLimits
+
+__all__ = ["Disc", "Gap", "GatePlan", "GatePlanner", "MotionLimits", "WidthSensor", "gap_between"]
