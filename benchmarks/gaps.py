@@ -418,7 +418,7 @@ def main() -> None:
     all_ok &= measure_fork(paths.out)
     # opponents across a field; and close together, where turning back costs next to nothing
     all_ok &= measure_passage(5 * count, 2.5, arguments.seed)
-    measure_passage(2 * count, 1.0, arguments.seed)
+    all_ok &= measure_passage(2 * count, 1.0, arguments.seed)
     finish(arguments.check, all_ok)
 
 
