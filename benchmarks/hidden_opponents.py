@@ -26,7 +26,7 @@ LIMITS = MotionLimits(1.5, 2.0)
 # from that log-odds on a cell is decided: 1 in 50 is wrong
 DECIDED = math.log(49.0)
 FALSE_ALARM, SIGHT_M, MARGIN_M = 0.02, 2.5, 0.05
-BEARINGS = 128
+BEARINGS, PLACE_STD_M = 128, 0.01
 # where it is, is not in question here
 NOISE = PoseNoise(0.0, 0.02, 1e-6 * np.eye(3))
 _X, _Y = np.meshgrid(
@@ -79,6 +79,8 @@ class Robot:
 
     def __init__(self, opponents: FloatArray, rule: str, constant_mps: float | None, rng: np.random.Generator) -> None:
         self.opponents, self.rule, self.constant_mps, self.rng = opponents, rule, constant_mps, rng
+        # where a tracker has those that are found: it knows their size, and their place up to its error
+        self.tracked = opponents + PLACE_STD_M * np.pad(rng.standard_normal((len(opponents), 2)), ((0, 0), (0, 1)))
         self.log_odds = np.zeros(_X.shape)
         self.found = np.zeros(len(opponents), dtype=int)
         self.follower, self.undecided = PathFollower(LIMITS), UndecidedSpeed(LIMITS, RADIUS_M, EVERY * PERIOD_S)
@@ -118,7 +120,7 @@ class Robot:
 
     def plan(self, place: FloatArray) -> None:
         """Plan the path round what was found, and the speed along it."""
-        known = self.opponents[self.found >= 2]
+        known = self.tracked[self.found >= 2]
         if len(known) != self.known or self.speed == 0.0:
             self.known, self.path = len(known), way_round(place, np.array([LENGTH_M - 0.4, WIDTH_M / 2]), known)
         else:
@@ -133,7 +135,7 @@ class Robot:
         plan = self.undecided.plan(self.path, FloorToDecide(looks, (0.0, 0.0), CELL_M))
         if self.constant_mps is None:
             # and no faster than the controller keeps off what it knows
-            discs = [Disc(x, y, radius, 0.01**2 * np.eye(2)) for x, y, radius in known.tolist()]
+            discs = [Disc(x, y, radius, PLACE_STD_M**2 * np.eye(2)) for x, y, radius in known.tolist()]
             pose = Pose2(float(place[0]), float(place[1]), 0.0)
             other = self.among.plan(self.path, pose, NOISE.look_covariance, self.velocity, discs, self.pending)
             plan = min(plan, other, key=lambda p: p.speed_mps)
