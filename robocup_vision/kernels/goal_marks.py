@@ -23,6 +23,7 @@ def line_marks(
     line_width_m: float,
     spacing_px: float,
     least_width_px: float,
+    clear_px: float,
     marks: FloatArray,
     pixels: FloatArray,
     normals: FloatArray,
@@ -44,6 +45,8 @@ def line_marks(
         Between places on a line.
     least_width_px : float
         Lines that look thinner are left out.
+    clear_px : float
+        Between the edges of two lines: where they come nearer, neither is told from the other, and both are left out.
     marks, pixels, normals, widths : (N, 2), (N, 2), (N, 2), (N,) float64
         Results: the places in the field and in the ideal image, unit vectors across the line there, seen widths.
 
@@ -91,6 +94,35 @@ def line_marks(
         widths[n] = width
         last_u, last_v = u, v
         n += 1
+    return _apart(n, spacing_px, clear_px, marks, pixels, normals, widths)
+
+
+@njit(cache=True, nogil=True)
+def _apart(
+    count: int,
+    spacing_px: float,
+    clear_px: float,
+    marks: FloatArray,
+    pixels: FloatArray,
+    normals: FloatArray,
+    widths: FloatArray,
+) -> int:
+    """Keep the places that no place on another line comes near to, in order; returns how many there are."""
+    alone = np.ones(count, np.bool_)
+    for i in range(count):
+        for j in range(count):
+            du, dv = pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1]
+            # those on the same line are a spacing away along it
+            if i == j or abs(du * normals[i, 1] - dv * normals[i, 0]) > 0.55 * spacing_px:
+                continue
+            if abs(du * normals[i, 0] + dv * normals[i, 1]) < 0.5 * (widths[i] + widths[j]) + clear_px:
+                alone[i] = False
+                break
+    n = 0
+    for i in range(count):
+        if alone[i]:
+            marks[n], pixels[n], normals[n], widths[n] = marks[i], pixels[i], normals[i], widths[i]
+            n += 1
     return n
 
 

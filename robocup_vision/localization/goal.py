@@ -18,8 +18,9 @@ from field_models.field import Field
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.localization.goal_arc import follow_arc
 from robocup_vision.localization.goal_edges import measure
-from robocup_vision.localization.goal_fit import INLIER_PX, LEAST_ELEMENT_SHARE, GoalFit, residuals
+from robocup_vision.localization.goal_fit import INLIER_PX, LEAST_ELEMENT_SHARE, GoalFit, covariance_of, residuals
 from robocup_vision.localization.goal_geometry import (
     BAR_TOP,
     HEADING,
@@ -296,8 +297,12 @@ def _is_plain(candidate: Candidate) -> bool:
 
 
 def _goal_alone(candidate: Candidate) -> GoalSight:
-    covariance = np.linalg.inv(candidate.fit.information)
-    return GoalSight(candidate.fit.unknowns, np.asarray(covariance, np.float64), candidate.sides, candidate.fit, None)
+    found, model = candidate.fit, candidate.model
+    covariance = covariance_of(model, found.information)
+    std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    if std > 0.06:
+        covariance = follow_arc(model, found.samples, found.unknowns, std).covariance_about(found.unknowns)
+    return GoalSight(found.unknowns, covariance, candidate.sides, found, None)
 
 
 def _estimate(sight: GoalSight) -> PoseEstimate:

@@ -277,6 +277,15 @@ def fit(
     return p, float(cost), information
 
 
+def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
+    """Invert an information matrix (8, 8); what the model holds fast has no variance."""
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
+    held = np.isinf(model.weight)
+    covariance[held] = 0.0
+    covariance[:, held] = 0.0
+    return covariance
+
+
 def swung(model: GoalModel, unknowns: FloatArray, share: float = -1.0) -> FloatArray:
     """Another camera that sees nearly the same picture: as far from the goal's middle, `share` times as oblique.
 
