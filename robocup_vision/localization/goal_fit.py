@@ -361,9 +361,37 @@ def refine(
     residual = residuals(model, samples, p)
     inlier = np.abs(residual[: len(samples.edge)]) < INLIER_PX
     share = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
+    share = _looked_again(image, camera, model, p, look, share)
     # what an edge is off as a whole grows with what its samples scatter: blur, compression and glare do both
     scatter = float(np.mean(residual[: len(samples.edge)][inlier] ** 2)) if inlier.any() else 0.0
     return GoalFit(p, information / max(1.0, scatter / _EDGE_ERROR_PX**2), samples, residual, share)
+
+
+def _looked_again(
+    image: npt.NDArray[np.uint8],
+    camera: PinholeCamera,
+    model: GoalModel,
+    p: FloatArray,
+    look: Look,
+    share: FloatArray,
+) -> FloatArray:
+    """Shares (6,) in which a post's weak edges count by any step of colour or light that lies exactly there.
+
+    Paint washed white, or before something of its own hue, has edges of another kind. They are too often somebody
+    else's to be fitted to; but where all other edges say that a post stands there, they tell that it does.
+    """
+    weak = share < LEAST_ELEMENT_SHARE
+    weak[BAR_TOP:] = False
+    if not weak.any() or weak.sum() > 2 or share[~weak].min() < LEAST_OTHER_SHARE:
+        return share
+    grey = np.full(3, 3**-0.5)
+    again = share
+    for towards in (grey, -grey, -look.towards):
+        samples = measure(image, camera, model.view, model.shape, p, INLIER_PX, Look(towards, math.inf, 1.0))
+        if samples is not None:
+            seen = np.bincount(samples.edge, minlength=EDGES) / np.maximum(samples.expected, 4)
+            again = np.where(weak & (seen >= LEAST_OTHER_SHARE), np.maximum(again, seen), again)
+    return again
 
 
 def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:

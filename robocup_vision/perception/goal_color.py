@@ -59,13 +59,25 @@ def white_gains(image: ByteImage) -> npt.NDArray[np.float64]:
     return np.asarray(np.minimum(gains, _CAST), np.float64)
 
 
-def narrower(families: dict[str, tuple[float, float]]) -> list[dict[str, tuple[float, float]]]:
-    """Each family's lower and upper half: what to try when clutter of a neighbouring hue touches the goal."""
-    halves = [{}, {}]  # type: list[dict[str, tuple[float, float]]]
-    for color, (low, high) in families.items():
-        middle, overlap = (low + high) / 2, (high - low) / 12
-        halves[0][color], halves[1][color] = (low, middle + overlap), (middle - overlap, high)
-    return halves
+def halves(family: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Lower and upper half of a family: what to try when clutter of a neighbouring hue touches the goal."""
+    low, high = family
+    middle, overlap = (low + high) / 2, (high - low) / 12
+    return (low, middle + overlap), (middle - overlap, high)
+
+
+def paint_channels(image: ByteImage, color: str) -> tuple[ByteImage, ByteImage]:
+    """Two channels (H, W) in which paint of a named colour is bright: where it has kept its hue, and washed or not."""
+    bgr = COLOR_NAMES[color]
+    channels = cv2.split(image)
+    strong = [k for k in range(3) if 3 * bgr[k] > sum(bgr)]
+    lit, rest = channels[strong[0]], None
+    for k in strong[1:]:
+        lit = cv2.min(lit, channels[k])
+    for k in range(3):
+        if k not in strong:
+            rest = channels[k] if rest is None else cv2.max(rest, channels[k])
+    return np.asarray(cv2.subtract(lit, rest), np.uint8), np.asarray(lit, np.uint8)
 
 
 def hue_modes(image: ByteImage, mask: ByteImage) -> list[tuple[float, float]]:
