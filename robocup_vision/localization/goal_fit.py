@@ -186,13 +186,22 @@ def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | N
     if np.any(np.abs(found.unknowns[:2]) > extent_m):
         x, y = found.unknowns[:2]
         return f"what looks like one would put the camera off the pitch, at x = {x:.1f}, y = {y:.1f} m"
-    strain = np.abs(found.unknowns - model.prior) * np.sqrt(np.where(np.isinf(model.weight), 0.0, model.weight))
+    strain = _strains(model, found.unknowns)
     if float(strain.max()) > MOST_STRAIN:
         what = ("x", "y", "heading", "tilt", "roll", "height", "focal length", "bleeding")[int(np.argmax(strain))]
         return f"what looks like one would need a camera {what} that is {strain.max():.0f} standard deviations off"
     if not standing.any():
         return "what looks like one does not stand on the carpet"
     return None
+
+
+def _strains(model: GoalModel, unknowns: FloatArray) -> FloatArray:
+    return np.asarray(np.abs(unknowns - model.prior) * np.sqrt(np.where(np.isinf(model.weight), 0.0, model.weight)))
+
+
+def strain_of(model: GoalModel, unknowns: FloatArray) -> float:
+    """How far the prior that suffers most is off, standard deviations."""
+    return float(_strains(model, unknowns).max())
 
 
 def strip_samples(camera: PinholeCamera, posts: Sequence[tuple[int, Strip]]) -> EdgeSamples:

@@ -85,8 +85,10 @@ class GoalMarks:
         points, directions = along_lines(lines)
         self._points, self._directions = np.ascontiguousarray(points), np.ascontiguousarray(directions)
 
-    def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit) -> LineFit | None:
+    def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit) -> tuple[float, LineFit] | None:
         """Fit goal and lines together; None where the lines that should be in view are not.
+
+        What comes first says how much likelier such lines are to be seen here than clutter, as a logarithm.
 
         Parameters
         ----------
@@ -111,7 +113,8 @@ class GoalMarks:
         for other_evidence, other in fits[1:]:
             if math.dist(other.unknowns[:2], best.unknowns[:2]) > _SAME_M and evidence - other_evidence < _CLEARLY:
                 return None
-        return best if are_mostly_within(residuals(model, found.samples, best.unknowns), INLIER_PX) else None
+        within = are_mostly_within(residuals(model, found.samples, best.unknowns), INLIER_PX)
+        return (evidence, best) if within else None
 
     def _starts(
         self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc

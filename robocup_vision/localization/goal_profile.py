@@ -202,7 +202,7 @@ def polish(
     # the fit's own misfit says what every edge is off as a whole
     square = np.minimum((residual / samples.sigma) ** 2, 9 * single / samples.sigma**2).sum()
     due = max(float((single / samples.sigma**2).sum()) - _FREEDOM, 1.0)
-    strange = max(1.0, (float(square) + _TRUSTED) / (due + _TRUSTED))
+    strange = (float(square) + _TRUSTED) / (due + _TRUSTED)
     samples = replace(samples, sigma=samples.sigma * math.sqrt(strange))
     return replace(found, unknowns=p, information=information / strange, samples=samples, residual_px=residual)
 

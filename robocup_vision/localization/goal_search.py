@@ -19,6 +19,7 @@ from robocup_vision.kernels.goal_strips import BRIGHTEST, mean_along
 from robocup_vision.localization.goal_edges import Look, from_ideal
 from robocup_vision.localization.goal_fit import (
     INLIER_PX,
+    LEAST_EDGE_SHARE,
     LEAST_ELEMENT_SHARE,
     GoalFit,
     GoalModel,
@@ -31,11 +32,12 @@ from robocup_vision.localization.goal_fit import (
     refine,
     residuals,
     starts,
+    strain_of,
     strip_samples,
     swung,
     with_bar,
 )
-from robocup_vision.localization.goal_geometry import HEADING, TILT, X, Y, goal_shape, project
+from robocup_vision.localization.goal_geometry import BAR_TOP, HEADING, TILT, X, Y, goal_shape, project
 from robocup_vision.perception.goal_color import halves, hue_families, hue_masks, hue_modes, is_chromatic, paint_channels
 from robocup_vision.perception.goal_region import Strip, bright_runs, carpet_mask, enlarged, mask_runs, posts_under, strips, white_runs
 
@@ -52,6 +54,7 @@ _RIVAL = 0.7  # share of such a goal's score from which the other branch may be 
 _SWINGS = (-1.0, 0.0)  # obliqueness of further starts, in shares of the first fit's
 _LEAST_CANDIDATE_SCORE = 0.3
 _SAME_PLACE_M = 0.03
+_STRAIN_WORTH = 0.02  # of a score: what a prior off by one standard deviation costs
 _LEAST_PAINTED = 0.4
 _CARPET_PX = 4.0
 _BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
@@ -80,6 +83,16 @@ class Candidate:
     model: GoalModel
     look: Look
     objection: str | None
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether nothing speaks against it."""
+        return self.objection is None and float(self.fit.share[:BAR_TOP].min()) >= LEAST_EDGE_SHARE
+
+    @property
+    def rank(self) -> float:
+        """What several are ordered by: the score, less what the priors suffer."""
+        return self.fit.score - _STRAIN_WORTH * strain_of(self.model, self.fit.unknowns) ** 2
 
 
 class Proposal(NamedTuple):
@@ -133,9 +146,9 @@ class GoalSearch:
                 found += [self._judged(f, proposal) for f in fits if f.score > _LEAST_CANDIDATE_SCORE]
                 if fits and fits[0].score > _CLEAR_SCORE:
                     break
-            if any(c.objection is None and c.fit.score > _CLEAR_SCORE for c in found):
+            if any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found):
                 break
-        found.sort(key=lambda c: (c.objection is not None, -c.fit.score))
+        found.sort(key=lambda c: (c.objection is not None, -c.rank))
         distinct: list[Candidate] = []
         for candidate in found:
             place = candidate.fit.unknowns[:2]
@@ -226,7 +239,7 @@ class GoalSearch:
         Clutter of a neighbouring hue touches a post, lamps wash it white: its edges are still there in the channels
         that its paint is bright in, and one of its hue's parts may have it.
         """
-        if not self.families or any(c.objection is None for c in found):
+        if not self.families or any(c.is_plain for c in found):
             return
         small, factor = self.reduced(frame)
         whole = hue_masks(small, self.families)
