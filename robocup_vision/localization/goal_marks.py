@@ -18,6 +18,7 @@ from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal_edges import measure_ridges
 from robocup_vision.kernels.goal_marks import line_marks, mark_stds
 from robocup_vision.localization.goal_arc import GoalArc, follow_arc
+from robocup_vision.localization.goal_drawing import LineDrawing
 from robocup_vision.localization.goal_edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal_fit import (
     INLIER_PX,
@@ -109,12 +110,26 @@ class GoalMarks:
         fits.sort(key=lambda t: -t[0])
         if not fits or fits[0][0] < _LEAST_EVIDENCE:
             return None
-        evidence, best = fits[0]
-        for other_evidence, other in fits[1:]:
+        if std > SURE_M:
+            fits = self._drawn(frame, model, fits)
+        evidence, best, _ = fits[0]
+        for other_evidence, other, _ in fits[1:]:
             if math.dist(other.unknowns[:2], best.unknowns[:2]) > _SAME_M and evidence - other_evidence < _CLEARLY:
                 return None
         within = are_mostly_within(residuals(model, found.samples, best.unknowns), INLIER_PX)
         return (evidence, best) if within else None
+
+    def _drawn(
+        self, frame: npt.NDArray[np.uint8], model: GoalModel, fits: list[tuple[float, LineFit, EdgeSamples]]
+    ) -> list[tuple[float, LineFit, EdgeSamples]]:
+        """Settle each fit along its arc by all lines drawn; the likeliest first."""
+        drawing = LineDrawing(frame, self._points, self._width_m)
+        settled = []
+        for _, line_fit, samples in fits:
+            drawn = drawing.settle(model, samples, line_fit.unknowns, line_fit.covariance)
+            moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
+            settled.append((drawn.likelihood, moved, samples))
+        return sorted(settled, key=lambda t: -t[0])
 
     def _starts(
         self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
@@ -156,8 +171,8 @@ class GoalMarks:
         found: GoalFit,
         start: FloatArray,
         covariance: FloatArray,
-    ) -> tuple[float, LineFit] | None:
-        """Fit goal and lines from one start; returns the evidence, the goal's own included, and the fit."""
+    ) -> tuple[float, LineFit, EdgeSamples] | None:
+        """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
         p = start
         is_near = False  # nothing was looked for farther away than the next round would
         marked = None
@@ -178,7 +193,7 @@ class GoalMarks:
         of_goal = float(np.log1p((off / 0.3) ** 2) @ (0.3 / found.samples.sigma) ** 2 + strain.sum())
         residual = residuals(model, marked.samples, p)[len(off) :]
         share = float(marked.seen.mean())
-        return self._evidence(model, marked, p) - of_goal / 2, LineFit(p, covariance, share, residual)
+        return self._evidence(model, marked, p) - of_goal / 2, LineFit(p, covariance, share, residual), marked.samples
 
     def _marked(
         self,
