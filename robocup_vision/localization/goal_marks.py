@@ -52,6 +52,8 @@ _CLUTTER = 0.2
 # logarithms of odds: for lines at all, and of one place against another so far off
 _LEAST_EVIDENCE, _CLEARLY, _SAME_M = 5.0, 3.0, 0.2
 _MOST_STARTS = 3
+_REACH_STDS = 2.5
+_LEAST_DRAWN = 6.0
 _LEAST_CONTRAST = 0.4  # of the median, for its width
 _FULL_WIDTH_PX = 1.5  # wider paint looks no brighter
 # what the goal may leave open before its arc is searched
@@ -67,6 +69,10 @@ class _Marked:
     seen: npt.NDArray[np.bool_]
     width: FloatArray
     reach: FloatArray
+
+
+# how likely it is, as a logarithm; the fit; what it was fitted to
+_Fitted = tuple[float, LineFit, EdgeSamples]
 
 
 class GoalMarks:
@@ -102,16 +108,16 @@ class GoalMarks:
         """
         covariance = covariance_of(model, found.information)
         std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-        if std <= SURE_M:
-            starts = [(found.unknowns, covariance)]
-        else:
-            starts = self._starts(frame, model, found, follow_arc(model, found.samples, found.unknowns, std))
+        arc = follow_arc(model, found.samples, found.unknowns, std) if std > SURE_M else None
+        starts = [(found.unknowns, covariance)] if arc is None else self._starts(frame, model, found, arc)
         fits = [t for t in (self._from(frame, model, found, p, c) for p, c in starts) if t is not None]
+        fits = [t for t in fits if t[0] >= _LEAST_EVIDENCE]
+        if arc is not None:
+            drawing = LineDrawing(frame, self._points, self._width_m)
+            fits = self._drawn(drawing, model, fits) if fits else self._drawn_alone(drawing, model, found, arc)
         fits.sort(key=lambda t: -t[0])
-        if not fits or fits[0][0] < _LEAST_EVIDENCE:
+        if not fits:
             return None
-        if std > SURE_M:
-            fits = self._drawn(frame, model, fits)
         evidence, best, _ = fits[0]
         for other_evidence, other, _ in fits[1:]:
             if math.dist(other.unknowns[:2], best.unknowns[:2]) > _SAME_M and evidence - other_evidence < _CLEARLY:
@@ -119,17 +125,30 @@ class GoalMarks:
         within = are_mostly_within(residuals(model, found.samples, best.unknowns), INLIER_PX)
         return (evidence, best) if within else None
 
-    def _drawn(
-        self, frame: npt.NDArray[np.uint8], model: GoalModel, fits: list[tuple[float, LineFit, EdgeSamples]]
-    ) -> list[tuple[float, LineFit, EdgeSamples]]:
-        """Settle each fit along its arc by all lines drawn; the likeliest first."""
-        drawing = LineDrawing(frame, self._points, self._width_m)
+    def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
+        """Settle each fit along its arc by all lines drawn."""
         settled = []
         for _, line_fit, samples in fits:
-            drawn = drawing.settle(model, samples, line_fit.unknowns, line_fit.covariance)
-            moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
-            settled.append((drawn.likelihood, moved, samples))
-        return sorted(settled, key=lambda t: -t[0])
+            reach = _REACH_STDS * math.sqrt(line_fit.covariance[HEADING, HEADING])
+            drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
+            if drawn is not None:
+                moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
+                settled.append((drawn.likelihood, moved, samples))
+        return settled
+
+    def _drawn_alone(self, drawing: LineDrawing, model: GoalModel, found: GoalFit, arc: GoalArc) -> list[_Fitted]:
+        """Settle the goal along its arc where too few lines are seen one by one, by all of them drawn."""
+        told = np.array([drawing.likelihood(model, p) for p in arc.unknowns]) - arc.cost / 2
+        best = int(np.argmax(told))
+        if told[best] <= 0.0:
+            return []
+        turns = np.abs(np.diff(arc.unknowns[:, HEADING]))
+        reach = 2 * float(turns[max(best - 1, 0) : best + 1].max())
+        drawn = drawing.settle(model, found.samples, arc.unknowns[best], reach, loose=2)
+        if drawn is None or drawn.likelihood < _LEAST_DRAWN:
+            return []
+        line_fit = LineFit(drawn.unknowns, drawn.covariance, 0.0, np.empty(0))
+        return [(drawn.likelihood, line_fit, found.samples)]
 
     def _starts(
         self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
@@ -171,7 +190,7 @@ class GoalMarks:
         found: GoalFit,
         start: FloatArray,
         covariance: FloatArray,
-    ) -> tuple[float, LineFit, EdgeSamples] | None:
+    ) -> _Fitted | None:
         """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
         p = start
         is_near = False  # nothing was looked for farther away than the next round would
