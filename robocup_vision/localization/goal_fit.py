@@ -53,6 +53,7 @@ _SAMPLE_ERROR_PX = 0.05
 _UPRIGHT_STD_RAD = 0.1  # a robot's camera is roughly upright even where the file says nothing
 _KNOWN_ANGLE_STD_RAD = 0.01
 _START_SCALES = np.full(8, 100.0)
+_SECOND_REACH_PX, _PLAIN_SHARE = 2.0, 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,20 +353,23 @@ def refine(
     The bar's lower edge waits until the rest holds: the net's own bar runs close below it.
     """
     p, information = start, np.zeros((UNKNOWNS, UNKNOWNS))
-    samples = None
+    samples, residual = None, np.empty(0)
     for reach, scales in (
         (first_reach_px, np.array([3.0, 2.0, 1.0])),
-        (2.0, np.array([1.0, 1.0, 1.0])),
+        (_SECOND_REACH_PX, np.array([1.0, 1.0, 1.0])),
         (1.5, np.array([1.0, 1.0])),
     ):
+        if reach == _SECOND_REACH_PX and np.count_nonzero(np.abs(residual) < INLIER_PX) > _PLAIN_SHARE * len(residual):
+            continue  # near enough for the last one
         measured = measure(image, camera, model.view, model.shape, p, reach, look)
         if measured is None or len(measured.edge) < 12:
             return None
         samples = weigh(measured)
-        used = without(samples, BAR_BOTTOM) if reach > 2.0 else samples
+        used = without(samples, BAR_BOTTOM) if reach > _SECOND_REACH_PX else samples
         p, cost, information = fit(model, used, p, scales)
         if not math.isfinite(cost):
             return None
+        residual = residuals(model, used, p)
     assert samples is not None
     residual = residuals(model, samples, p)
     inlier = np.abs(residual[: len(samples.edge)]) < INLIER_PX

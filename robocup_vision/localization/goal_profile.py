@@ -23,7 +23,7 @@ from robocup_vision.localization.goal_geometry import BAR_TOP, EDGES
 
 _PIECES = 6
 _MOST_LINES = 3
-_ROUNDS = 5
+_ROUNDS = 4
 _REACH_PX = 3.0
 _CLEAR_OF_CORNERS_PX = 1.8
 _MARGIN_PX = 14
