@@ -59,6 +59,7 @@ _FULL_WIDTH_PX = 1.5  # wider paint looks no brighter
 # what the goal may leave open before its arc is searched
 SURE_M = 0.06
 _ITERATIONS = 4
+_TRUSTED = 4.0  # places that the noise expected counts for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,12 +208,17 @@ class GoalMarks:
                 return None
             covariance = covariance_of(model, information)
         assert marked is not None
+        samples = _as_scattered(model, marked.samples, p)
+        p, cost, information = fit(model, samples, p, np.full(_ITERATIONS, _SCALES_PX[-1]))
+        if not math.isfinite(cost):
+            return None
+        covariance = covariance_of(model, information)
         off = residuals(model, found.samples, p)
         strain = np.where(np.isinf(model.weight), 0.0, model.weight) * (p - model.prior) ** 2
         of_goal = float(np.log1p((off / 0.3) ** 2) @ (0.3 / found.samples.sigma) ** 2 + strain.sum())
         residual = residuals(model, marked.samples, p)[len(off) :]
         share = float(marked.seen.mean())
-        return self._evidence(model, marked, p) - of_goal / 2, LineFit(p, covariance, share, residual), marked.samples
+        return self._evidence(model, marked, p) - of_goal / 2, LineFit(p, covariance, share, residual), samples
 
     def _marked(
         self,
@@ -272,3 +278,13 @@ class GoalMarks:
             sigma=np.concatenate([samples.sigma, sigma]),
         )
         return _Marked(joined, seen, widths, reach)
+
+
+def _as_scattered(model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
+    """Let the noise of marks be what they scatter; what lines are off as a whole comes and goes with it."""
+    first = len(samples.sigma) - len(samples.mark_m)
+    square = np.minimum((residuals(model, samples, p)[first:] / samples.sigma[first:]) ** 2, 9.0)
+    scatter = (float(square.sum()) + _TRUSTED) / (len(square) + _TRUSTED)
+    sigma = samples.sigma.copy()
+    sigma[first:] *= math.sqrt(scatter)
+    return replace(samples, sigma=sigma)

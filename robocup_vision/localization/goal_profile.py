@@ -40,7 +40,7 @@ _SCALES = np.array([1.0, 0.5, 0.3, 0.3])
 _LEAST_SAMPLES = 10
 # the profiles' fit is the edges' refined: it may not be somewhere else
 _MOST_SHIFT = 5.0
-_FREEDOM, _TRUSTED = 5, 4.0
+_FREEDOM, _TRUSTED = 5, 2.0
 
 
 def expected_profile() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
