@@ -73,7 +73,12 @@ def draw_lines(
         length_m = math.hypot(dx, dy)
         if length_m > most_apart_m or length_m < 1e-9:
             continue
-        if max(u, last_u) < -3.0 or min(u, last_u) > width + 2.0 or max(v, last_v) < -3.0 or min(v, last_v) > height + 2.0:
+        if (
+            max(u, last_u) < -3.0
+            or min(u, last_u) > width + 2.0
+            or max(v, last_v) < -3.0
+            or min(v, last_v) > height + 2.0
+        ):
             continue
         # seen width, from a step across on the floor at the segment's end
         nx, ny = -dy / length_m, dx / length_m

@@ -40,7 +40,7 @@ from robocup_vision.localization.goal_lines import (
     line_starts,
     loosened,
 )
-from robocup_vision.localization.goal_marks import GoalMarks
+from robocup_vision.localization.goal_marks import SURE_M, GoalMarks
 from robocup_vision.localization.goal_paper import PaperMethod
 from robocup_vision.localization.goal_profile import polish
 from robocup_vision.localization.goal_search import (
@@ -312,7 +312,7 @@ def _goal_alone(candidate: Candidate) -> GoalSight:
     found, model = candidate.fit, candidate.model
     covariance = covariance_of(model, found.information)
     std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-    if std > 0.06:
+    if std > SURE_M:
         covariance = follow_arc(model, found.samples, found.unknowns, std).covariance_about(found.unknowns)
     return GoalSight(found.unknowns, covariance, candidate.sides, found, None)
 

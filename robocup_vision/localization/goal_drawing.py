@@ -7,7 +7,7 @@ Drawn together they still look like nothing else, and pixel by pixel they tell w
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.line_drawing import draw_lines
+from robocup_vision.localization.goal_arc import HeldArc
 from robocup_vision.localization.goal_edges import EdgeSamples
-from robocup_vision.localization.goal_fit import GoalModel, covariance_of, fit
-from robocup_vision.localization.goal_geometry import HEADING, UNKNOWNS, X, Y
+from robocup_vision.localization.goal_fit import GoalModel
 from robocup_vision.perception.goal_region import carpet_mask
 
 Float32Array = npt.NDArray[np.float32]
@@ -31,7 +31,7 @@ _BORDER_PX = 5  # of the carpet, where something else begins
 _PIXELS_FOR_ONE = 25.0
 # steps to either side of a heading, and how often they are halved
 _STEPS, _HALVINGS = 5, 4
-_SCALES = np.full(3, 0.5)
+_LOOSE_STEP = 0.5  # standard deviations
 # what drawn lines are off as a whole: by lens, blur and paint that the drawing does not know of
 _DRAWN_TO_PX = 0.15
 
@@ -133,97 +133,47 @@ class LineDrawing:
         Drawn or None
             None where the samples do not hold a camera.
         """
-        arc = _Arc(model, samples, start)
-        at = np.zeros(1 + loose)
-        step = np.array([reach_rad / _STEPS] + loose * [0.5])
-
-        def told(place: tuple[float, ...]) -> float:
-            p = arc.camera(place)
-            return -math.inf if p is None else self.likelihood(model, p[0]) - p[1] / 2
-
+        arc = HeldArc(model, samples, start)
         seen: dict[tuple[float, ...], float] = {}
 
         def look(place: FloatArray) -> float:
             key = tuple(place.tolist())
             if key not in seen:
-                seen[key] = told(key)
+                found = arc.camera(place)
+                seen[key] = -math.inf if found is None else self.likelihood(model, found[0]) - found[1] / 2
             return seen[key]
 
-        axes = np.diag(step)
+        axes = np.diag([reach_rad / _STEPS] + loose * [_LOOSE_STEP])
         ways = range(-_STEPS, _STEPS + 1)
-        at = max((at + k * axes[0] + m * axes[-1] for k in ways for m in (ways[1::2] if loose else (0,))), key=look)
+        others = ways[1::2] if loose else (0,)
+        at = max((k * axes[0] + m * axes[-1] for k in ways for m in others), key=look)
         for _ in range(_HALVINGS):
             axes = axes / 2
             for axis in (*axes, *axes[:1]) if loose else axes:
                 at = max((at - axis, at, at + axis), key=look)
-        likelihood = look(at)
-        best = arc.camera(tuple(at.tolist()))
-        if best is None or likelihood <= 0.0:
+        covariance = self._covariance(model, arc, at, 2 * axes, look(at)) if look(at) > 0.0 else None
+        best = arc.camera(at)
+        return Drawn(look(at), best[0], covariance) if best is not None and covariance is not None else None
+
+    def _covariance(
+        self, model: GoalModel, arc: HeldArc, at: FloatArray, axes: FloatArray, likelihood: float
+    ) -> FloatArray | None:
+        """Covariance (8, 8) at a place on an arc, by how far the drawing moves with the camera; axes (K, K) to try."""
+        around = [arc.camera(place) for axis in axes for place in (at - axis, at + axis)]
+        cameras = np.array([found[0] for found in around if found is not None])
+        if len(cameras) < len(around):
             return None
-        ends = [(arc.camera(tuple((at - a).tolist())), arc.camera(tuple((at + a).tolist()))) for a in 2 * axes]
-        if any(one is None or other is None for one, other in ends):
-            return None
-        between = np.array([other[0] - one[0] for one, other in ends if one is not None and other is not None])
-        pairs = [(one[0], other[0]) for one, other in ends if one is not None and other is not None]
-        along = between.T / (4 * np.diag(axes))
-        motion = self._motion(model, best[0], pairs) / np.outer(4 * np.diag(axes), 4 * np.diag(axes))
+        length = 2 * np.diag(axes)
+        along = (cameras[1::2] - cameras[::2]).T / length
+        motion = self._motion(model, cameras) / np.outer(length, length)
+        # a faint drawing is placed as badly as noise lets it, a plain one as well as it knows the picture
         off_px2 = _DRAWN_TO_PX**2 + _BLUR_PX**2 / likelihood
-        spread = np.linalg.inv(motion / off_px2 + np.diag([1e-9] + loose * [1.0]))
-        return Drawn(likelihood, best[0], arc.rest(best[2], loose) + along @ spread @ along.T)
+        spread = np.linalg.inv(motion / off_px2 + np.diag([1e-9] + (len(axes) - 1) * [1.0]))
+        return np.asarray(arc.rest(at) + along @ spread @ along.T, np.float64)
 
-    def _motion(self, model: GoalModel, at: FloatArray, pairs: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
-        """How far lines move across themselves from one camera to the other of each pair: mean products (K, K), px^2."""
-        drawn = self._drawn(model, at).astype(np.float64)
-        steepness = float(np.sum(np.gradient(drawn, axis=0) ** 2) + np.sum(np.gradient(drawn, axis=1) ** 2))
-        changes = []
-        for one, other in pairs:
-            before = self._drawn(model, one).copy()
-            changes.append((self._drawn(model, other) - before).ravel().astype(np.float64))
-        return np.asarray(np.array(changes) @ np.array(changes).T / max(steepness, 1e-12))
-
-
-class _Arc:
-    """Cameras at headings near one, all else as samples have it there, and what they tell least."""
-
-    def __init__(self, model: GoalModel, samples: EdgeSamples, start: FloatArray) -> None:
-        weight = model.weight.copy()
-        weight[HEADING] = np.inf
-        self._held = replace(model, weight=weight)
-        self._samples, self._start = samples, start
-        self._fits: dict[float, tuple[FloatArray, float, FloatArray] | None] = {}
-        first = self._fit(0.0)
-        self._covariance = np.zeros((UNKNOWNS, UNKNOWNS)) if first is None else covariance_of(self._held, first[2])
-        # metres and radians: in what they move, everything counts alike over a few metres
-        variance, vectors = np.linalg.eigh(self._covariance)
-        self._loosest = (vectors * np.sqrt(np.maximum(variance, 0.0))).T[::-1]
-
-    def loosest(self, count: int) -> FloatArray:
-        """Directions (count, 8), one standard deviation each."""
-        return self._loosest[:count][::-1]
-
-    def rest(self, information: FloatArray, count: int) -> FloatArray:
-        """Covariance (8, 8) at one heading less what lies in the loosest directions."""
-        if count == 0:
-            return covariance_of(self._held, information)
-        loosest = self.loosest(count)
-        return np.asarray(self._covariance - loosest.T @ loosest)
-
-    def camera(self, place: tuple[float, ...]) -> tuple[FloatArray, float, FloatArray] | None:
-        """Camera at a turn of the heading and so many standard deviations off in the loosest directions; its cost."""
-        at_heading = self._fit(place[0])
-        if at_heading is None:
-            return None
-        p, cost, information = at_heading
-        off = np.array(place[1:])
-        return p + off @ self.loosest(len(off)), cost + float(off @ off), information
-
-    def _fit(self, turn: float) -> tuple[FloatArray, float, FloatArray] | None:
-        if turn not in self._fits:
-            line = self._held.shape.line_x_m
-            c, s = math.cos(turn), math.sin(turn)
-            dx, dy = self._start[X] - line, self._start[Y]
-            p = self._start.copy()
-            p[X], p[Y], p[HEADING] = line + c * dx - s * dy, s * dx + c * dy, self._start[HEADING] + turn
-            p, cost, information = fit(self._held, self._samples, p, _SCALES)
-            self._fits[turn] = (p, cost, information) if math.isfinite(cost) else None
-        return self._fits[turn]
+    def _motion(self, model: GoalModel, cameras: FloatArray) -> FloatArray:
+        """How far lines move across themselves between two cameras each, (2K, 8): mean products (K, K), px^2."""
+        drawn = [self._drawn(model, camera).astype(np.float64) for camera in cameras]
+        steepness = sum(float(np.sum(np.diff(drawn[0], axis=axis) ** 2)) for axis in (0, 1))
+        moved = np.array([(after - before).ravel() for before, after in zip(drawn[::2], drawn[1::2], strict=True)])
+        return np.asarray(moved @ moved.T / max(steepness, 1e-12), np.float64)

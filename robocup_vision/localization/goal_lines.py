@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.goal_edges import measure_ridges
+from robocup_vision.kernels.goal_marks import measure_ridges
 from robocup_vision.localization.goal_edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal_fit import GoalModel, residuals
 from robocup_vision.localization.goal_geometry import (

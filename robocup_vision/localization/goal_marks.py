@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.goal_edges import measure_ridges
-from robocup_vision.kernels.goal_marks import line_marks, mark_stds
-from robocup_vision.localization.goal_arc import GoalArc, follow_arc
+from robocup_vision.kernels.goal_marks import line_marks, mark_stds, measure_ridges
+from robocup_vision.localization.goal_arc import GoalArc, at_one_heading, follow_arc
 from robocup_vision.localization.goal_drawing import LineDrawing
 from robocup_vision.localization.goal_edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal_fit import (
@@ -155,9 +154,7 @@ class GoalMarks:
         self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
     ) -> list[tuple[FloatArray, FloatArray]]:
         """Cameras on the arc that lines bear out best."""
-        weight = model.weight.copy()
-        weight[HEADING] = np.inf
-        held = replace(model, weight=weight)
+        held = at_one_heading(model)
         scored = []
         for p, covariance, cost in zip(arc.unknowns, arc.covariance, arc.cost, strict=True):
             marked = self._marked(frame, held, found.samples, p, covariance, _REACHES_PX[0])

@@ -25,21 +25,33 @@ from robocup_vision.localization.goal_fit import (
     GoalModel,
     agreement,
     are_mostly_within,
-    bar_rows,
     fit,
     goal_model,
     objection,
     refine,
     residuals,
-    starts,
     strain_of,
-    strip_samples,
-    swung,
-    with_bar,
 )
 from robocup_vision.localization.goal_geometry import BAR_TOP, HEADING, TILT, X, Y, goal_shape, project
-from robocup_vision.perception.goal_color import halves, hue_families, hue_masks, hue_modes, is_chromatic, paint_channels
-from robocup_vision.perception.goal_region import Strip, bright_runs, carpet_mask, enlarged, mask_runs, posts_under, strips, white_runs
+from robocup_vision.localization.goal_starts import bar_rows, starts, strip_samples, swung, with_bar
+from robocup_vision.perception.goal_color import (
+    halves,
+    hue_families,
+    hue_masks,
+    hue_modes,
+    is_chromatic,
+    paint_channels,
+)
+from robocup_vision.perception.goal_region import (
+    Strip,
+    bright_runs,
+    carpet_mask,
+    enlarged,
+    mask_runs,
+    posts_under,
+    strips,
+    white_runs,
+)
 
 ByteImage = npt.NDArray[np.uint8]
 
@@ -174,7 +186,7 @@ class GoalSearch:
         if np.sort(painted)[1] < _LEAST_PAINTED * 255:
             return "what looks like one has not the goal's colour"
         feet = pixels[[0, 3]]
-        mean_along(proposal.carpet, feet + (0.0, 1.5), feet + (0.0, 1.5 + _CARPET_PX), before)
+        mean_along(proposal.carpet, feet + np.array([0.0, 1.5]), feet + np.array([0.0, 1.5 + _CARPET_PX]), before)
         if before.max() < _LEAST_PAINTED * 255:
             return "what looks like one has no carpet before it"
         return None
@@ -257,10 +269,8 @@ class GoalSearch:
                 seen += of_part
             yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue), *_weakened(by_light)], factor)
 
-    def _under_bars(
-        self, color: str, mask: ByteImage, carpet: ByteImage, hue: ByteImage, factor: int
-    ) -> Proposal:
-        """Posts where a bar ends, whether they are to be seen or not."""
+    def _under_bars(self, color: str, mask: ByteImage, carpet: ByteImage, hue: ByteImage, factor: int) -> Proposal:
+        """Propose posts where a bar ends, whether they are to be seen or not."""
         upside, nowhere = np.ascontiguousarray(hue.T), np.zeros_like(carpet.T)
         lying = [
             *strips(mask_runs(np.ascontiguousarray(mask.T), 2), 2, nowhere, certain=True),
@@ -292,7 +302,7 @@ class GoalSearch:
         look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0)
         return Proposal(sides, found, self._pairs(found, 6), mask, carpet, factor, self.colored_model, look)
 
-    def _pairs(self, found: list[Strip], most: int, pooled: bool=False) -> list[tuple[Strip, Strip]]:
+    def _pairs(self, found: list[Strip], most: int, pooled: bool = False) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
         wide = self.shape.width_m / (2 * self.shape.radius_m)
         pairs = []
@@ -349,7 +359,7 @@ class GoalSearch:
 
 
 def _weakened(found: list[Strip]) -> list[Strip]:
-    """Strips found by their edges, with the strength that rows of a mask would have."""
+    """Give strips found by their edges the strength that rows of a mask would have."""
     return [replace(s, strength=s.strength / BRIGHTEST) for s in found]
 
 

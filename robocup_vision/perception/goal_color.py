@@ -6,6 +6,7 @@ boundaries lie half-way between goal, carpet, ball and beacons.
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import cv2
@@ -69,14 +70,11 @@ def halves(family: tuple[float, float]) -> tuple[tuple[float, float], tuple[floa
 def paint_channels(image: ByteImage, color: str) -> tuple[ByteImage, ByteImage]:
     """Two channels (H, W) in which paint of a named colour is bright: where it has kept its hue, and washed or not."""
     bgr = COLOR_NAMES[color]
-    channels = cv2.split(image)
     strong = [k for k in range(3) if 3 * bgr[k] > sum(bgr)]
-    lit, rest = channels[strong[0]], None
-    for k in strong[1:]:
-        lit = cv2.min(lit, channels[k])
-    for k in range(3):
-        if k not in strong:
-            rest = channels[k] if rest is None else cv2.max(rest, channels[k])
+    lit, rest = (
+        functools.reduce(step, (image[..., k] for k in range(3) if (k in strong) == of_paint))
+        for step, of_paint in ((np.minimum, True), (np.maximum, False))
+    )
     return np.asarray(cv2.subtract(lit, rest), np.uint8), np.asarray(lit, np.uint8)
 
 

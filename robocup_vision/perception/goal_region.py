@@ -86,7 +86,7 @@ def carpet_mask(image: ByteImage, excluded: ByteImage | None = None) -> ByteImag
 
 
 def white_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Runs of white, as `bright_runs` gives them: white paint is bright in all channels, and green carpet is not."""
+    """Find runs of white as `bright_runs` does: white paint is bright in all channels, and green carpet is not."""
     return bright_runs(np.asarray(cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2]), np.uint8), row_step)
 
 
@@ -243,7 +243,7 @@ def _strip(
 
 
 def posts_under(bar: Strip, carpet: ByteImage) -> tuple[Strip, Strip] | None:
-    """Posts that may stand at both ends of a bar, as thick as it is; None where no carpet begins below.
+    """Suppose posts at both ends of a bar, as thick as it is; None where no carpet begins below.
 
     Parameters
     ----------

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.goal_edges import goal_points, link_runs, measure_edges, measure_ridges, spread_samples
+from robocup_vision.kernels.goal_edges import goal_points, link_runs, measure_edges, spread_samples
+from robocup_vision.kernels.goal_marks import measure_ridges
 from robocup_vision.localization.goal_edges import edge_segments
 from robocup_vision.localization.goal_geometry import IdealView, foot_points, goal_shape, project, silhouette_lines
 

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from field_models import COLOR_NAMES, load_field
 from robocup_vision.perception.goal_color import (
+    halves,
     hue_families,
     hue_masks,
     hue_modes,
     hue_of,
     is_chromatic,
-    narrower,
     white_gains,
 )
 from robocup_vision.perception.goal_region import carpet_mask, enlarged, mask_runs, strips, white_runs
@@ -69,9 +69,8 @@ def test_families_part_the_pitch_s_colours():
         assert low < hue_of(color) < high
         for other in ("green", "orange", "pink"):
             assert not low <= hue_of(other) <= high
-        halves = narrower(families)
-        assert halves[0][color][0] == low
-        assert halves[1][color][1] == high
+        lower, upper = halves((low, high))
+        assert lower[0] == low < upper[0] < lower[1] < upper[1] == high
     assert hue_families(load_field("spl_2020")) == {}
     assert is_chromatic("orange")
     assert not is_chromatic("white")
