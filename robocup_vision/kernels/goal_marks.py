@@ -118,7 +118,7 @@ def _apart(
         for j in range(count):
             du, dv = pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1]
             # those on the same line are a spacing away along it
-            if i == j or abs(du * normals[i, 1] - dv * normals[i, 0]) > 0.55 * spacing_px:
+            if i == j or abs(du * normals[i, 1] - dv * normals[i, 0]) > 0.95 * spacing_px:
                 continue
             if abs(du * normals[i, 0] + dv * normals[i, 1]) < 0.5 * (widths[i] + widths[j]) + clear_px:
                 alone[i] = False
