@@ -156,7 +156,7 @@ class GoalSearch:
                 if not fits:
                     reason = "no goal: two posts may be there, but no bar that fits them"
                 found += [self._judged(f, proposal) for f in fits if f.score > _LEAST_CANDIDATE_SCORE]
-                if fits and fits[0].score > _CLEAR_SCORE:
+                if found and any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found[-len(fits) :]):
                     break
             if any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found):
                 break
@@ -325,6 +325,10 @@ class GoalSearch:
         samples = strip_samples(self.camera, ((0, left), (1, right)))
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
         rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - 0.2]
+        # where two starts came to the same place, one goes on
+        rough = [
+            r for k, r in enumerate(rough) if all(math.dist(r[0][:2], o[0][:2]) > _SAME_PLACE_M for o in rough[:k])
+        ]
         if not rough:
             return []
         found: list[GoalFit] = []
