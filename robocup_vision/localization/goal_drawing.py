@@ -32,7 +32,7 @@ _PIXELS_FOR_ONE = 25.0
 # steps to either side of a heading, and how often they are halved
 _STEPS, _HALVINGS = 5, 4
 _LOOSE_STEP = 0.5  # standard deviations
-# what drawn lines are off as a whole: by lens, blur and paint that the drawing does not know of
+# what drawn lines are off as a whole for each direction searched: by lens, blur and paint the drawing does not know of
 _DRAWN_TO_PX = 0.15
 
 
@@ -167,7 +167,7 @@ class LineDrawing:
         along = (cameras[1::2] - cameras[::2]).T / length
         motion = self._motion(model, cameras) / np.outer(length, length)
         # a faint drawing is placed as badly as noise lets it, a plain one as well as it knows the picture
-        off_px2 = _DRAWN_TO_PX**2 + _BLUR_PX**2 / likelihood
+        off_px2 = (len(axes) * _DRAWN_TO_PX) ** 2 + _BLUR_PX**2 / likelihood
         spread = np.linalg.inv(motion / off_px2 + np.diag([1e-9] + (len(axes) - 1) * [1.0]))
         return np.asarray(arc.rest(at) + along @ spread @ along.T, np.float64)
 

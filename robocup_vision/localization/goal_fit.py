@@ -301,14 +301,15 @@ def _looked_again(
     look: Look,
     share: FloatArray,
 ) -> FloatArray:
-    """Shares (6,) in which a post's weak edges count by any step of colour or light that lies exactly there.
+    """Shares (6,) in which weak edges count by any step of colour or light that lies exactly there.
 
     Paint washed white, or before something of its own hue, has edges of another kind. They are too often somebody
-    else's to be fitted to; but where all other edges say that a post stands there, they tell that it does.
+    else's to be fitted to; but where half of the edges say that a goal stands there, they tell that it does.
     """
     weak = share < LEAST_ELEMENT_SHARE
-    weak[BAR_TOP:] = False
-    if not weak.any() or weak.sum() > 2 or share[~weak].min() < LEAST_OTHER_SHARE:
+    weak[BAR_TOP] = False
+    # the bar's lower edge is the least of them: the net hangs there
+    if not weak.any() or weak[:BAR_TOP].sum() > 2 or share[~weak].min() < LEAST_OTHER_SHARE:
         return share
     grey = np.full(3, 3**-0.5)
     again = share
