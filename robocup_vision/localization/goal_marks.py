@@ -127,8 +127,13 @@ class GoalMarks:
 
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
         """Settle each fit along its arc by all lines drawn."""
-        settled = []
-        for _, line_fit, samples in fits:
+        settled: list[_Fitted] = []
+        tried: list[FloatArray] = []
+        for _, line_fit, samples in sorted(fits, key=lambda t: -t[0]):
+            place = line_fit.unknowns[:2]
+            if any(math.dist(place, other) < _SAME_M / 2 for other in tried):
+                continue
+            tried.append(place)
             reach = _REACH_STDS * math.sqrt(line_fit.covariance[HEADING, HEADING])
             drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
             if drawn is not None:
