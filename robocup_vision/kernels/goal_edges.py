@@ -1,4 +1,4 @@
-"""Upright runs, silhouette edges and line ridges, measured along normals at sub-pixel places."""
+"""Upright runs and silhouette edges, measured along normals at sub-pixel places."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _WASHED = 0.5
 
 
 @njit(cache=True, nogil=True)
-def _sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
+def sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
     """Bilinear value of one channel; the caller keeps (u, v) inside the image."""
     u0, v0 = int(u), int(v)
     fu, fv = u - u0, v - v0
@@ -82,7 +82,7 @@ def measure_edges(
                 ok = False
                 break
             for c in range(3):
-                profile[i, c] = _sample(image, u, v, c)
+                profile[i, c] = sample(image, u, v, c)
             score[i] = profile[i, 0] * towards[n, 0] + profile[i, 1] * towards[n, 1] + profile[i, 2] * towards[n, 2]
         if not ok:
             continue
@@ -196,90 +196,6 @@ def link_runs(
         while oldest < chains and row[n] - row[last[oldest]] > max_gap:
             oldest += 1
     return chains
-
-
-@njit(cache=True, nogil=True)
-def measure_ridges(
-    image: UInt8Array,
-    starts: FloatArray,
-    normals: FloatArray,
-    reach: FloatArray,
-    width: FloatArray,
-    offset: FloatArray,
-    contrast: FloatArray,
-) -> None:
-    """Middle of the white line that crosses each start point's normal nearest, seen against green on both sides.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        BGR.
-    starts, normals : (N, 2) float64
-        Where a line should be, pixels, and unit directions across it.
-    reach, width : (N,) float64
-        How far to look to both sides, and how wide the line should look, pixels.
-    offset, contrast : (N,) float64
-        Results: pixels along the normal (NaN: none), and grey levels over the greener sides.
-    """
-    rows, columns = image.shape[0], image.shape[1]
-    step = 0.5
-    bright, green = np.empty(401), np.empty(401)
-    for n in range(starts.shape[0]):
-        offset[n] = np.nan
-        contrast[n] = 0.0
-        side = 0.5 * width[n] + 1.5
-        margin = side + 1.0
-        count = int(round(2.0 * (reach[n] + margin) / step)) + 1
-        if count > 401:
-            continue
-        first = -reach[n] - margin
-        ok = True
-        for i in range(count):
-            t = first + i * step
-            u, v = starts[n, 0] + t * normals[n, 0], starts[n, 1] + t * normals[n, 1]
-            if not (0.0 <= u < columns - 1 and 0.0 <= v < rows - 1):
-                ok = False
-                break
-            b, g, r = _sample(image, u, v, 0), _sample(image, u, v, 1), _sample(image, u, v, 2)
-            bright[i] = min(b, r)
-            green[i] = (2.0 * g - r - b) / (r + g + b + 30.0)
-        if not ok:
-            continue
-        half = max(0, int(0.3 * width[n] / step))
-        far = int(round(side / step))
-        best, at = 6.0, -1
-        for i in range(far + 2, count - far - 2):
-            middle = 0.0
-            for k in range(i - half, i + half + 1):
-                middle += bright[k] / (2 * half + 1)
-            left = (bright[i - far] + bright[i - far - 1] + bright[i - far - 2]) / 3.0
-            right = (bright[i + far] + bright[i + far + 1] + bright[i + far + 2]) / 3.0
-            if green[i - far - 1] < 0.08 or green[i + far + 1] < 0.08:
-                continue
-            value = (middle - max(left, right)) * (1.0 - 0.5 * abs(first + i * step) / (reach[n] + 1.0))
-            if value > best:
-                best, at = value, i
-        if at < 0:
-            continue
-        peak = at
-        for i in range(at - half - 1, at + half + 2):
-            if bright[i] > bright[peak]:
-                peak = i
-        ends = np.empty(2)
-        for way in range(2):
-            sign = -1 if way == 0 else 1
-            base = (bright[at + sign * far] + bright[at + sign * (far + 1)] + bright[at + sign * (far + 2)]) / 3.0
-            level = 0.5 * (base + bright[peak])
-            i = peak
-            while 0 < i + sign < count - 1 and bright[i] > level:
-                i += sign
-            before = bright[i - sign]
-            share = (before - level) / (before - bright[i]) if before > bright[i] else 0.5
-            ends[way] = first + (i - sign + sign * share) * step
-        seen = ends[1] - ends[0]
-        if 0.35 * width[n] - 0.5 < seen < 1.8 * width[n] + 2.0:
-            offset[n] = 0.5 * (ends[0] + ends[1])
-            contrast[n] = best
 
 
 @njit(cache=True, nogil=True)

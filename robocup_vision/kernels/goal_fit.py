@@ -203,7 +203,10 @@ def fit_goal(
     float
         The last iteration's `robust_cost`, or infinity where the fit broke down.
     """
-    count = edge.shape[0] + foot_post.shape[0] + mark_m.shape[0]
+    edges, first_mark = edge.shape[0], edge.shape[0] + foot_post.shape[0]
+    count = first_mark + mark_m.shape[0]
+    lines, feet = np.empty((6, 3)), np.empty((2, offsets.shape[0], 2))
+    moved_lines, moved_feet = np.empty((6, 3)), np.empty((2, offsets.shape[0], 2))
     base, moved = np.empty(count), np.empty(count)
     jacobian = np.empty((count, 8))
     step = np.array([1e-5, 1e-5, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4])
@@ -227,29 +230,29 @@ def fit_goal(
             mark_direction,
             base,
         )
+        goal_prediction(shape, view, p, offsets, lines, feet)
         for k in range(8):
             if math.isinf(weight[k]):
                 continue
             trial[:] = p
             trial[k] += step[k]
-            goal_residuals(
-                shape,
-                view,
-                trial,
-                offsets,
-                edge,
-                uv,
-                foot_post,
-                foot_at,
-                foot_uv,
-                foot_direction,
-                mark_m,
-                mark_uv,
-                mark_direction,
-                moved,
-            )
-            for n in range(count):
-                jacobian[n, k] = (moved[n] - base[n]) / step[k]
+            # the picture is a few lines and points: their derivatives serve all samples
+            goal_prediction(shape, view, trial, offsets, moved_lines, moved_feet)
+            moved_lines -= lines
+            moved_lines /= step[k]
+            for n in range(edges):
+                e = edge[n]
+                jacobian[n, k] = moved_lines[e, 0] * uv[n, 0] + moved_lines[e, 1] * uv[n, 1] + moved_lines[e, 2]
+            bloom = 1.0 if k == 7 else 0.0
+            for n in range(foot_post.shape[0]):
+                post, at = foot_post[n], foot_at[n]
+                by_u = (moved_feet[post, at, 0] - feet[post, at, 0]) / step[k]
+                by_v = (moved_feet[post, at, 1] - feet[post, at, 1]) / step[k]
+                jacobian[edges + n, k] = -by_u * foot_direction[n, 0] - by_v * foot_direction[n, 1] - bloom
+            if mark_m.shape[0]:
+                floor_residuals(view, trial, mark_m, mark_uv, mark_direction, moved[first_mark:])
+                for n in range(first_mark, count):
+                    jacobian[n, k] = (moved[n] - base[n]) / step[k]
         normal[:, :] = 0.0
         right[:] = 0.0
         for n in range(count):

@@ -173,14 +173,15 @@ def gather_profiles(
 
 @njit(cache=True, nogil=True)
 def pixel_model(
-    place: FloatArray,
+    places: FloatArray,
+    pixel: int,
     is_foot: bool,
     channel: int,
     member: int,
     shared: FloatArray,
     own: FloatArray,
-    by_own: FloatArray,
-    by_shared: FloatArray,
+    segment: int,
+    slopes: FloatArray,
 ) -> float:
     """Predict one pixel, with derivatives.
 
@@ -189,44 +190,48 @@ def pixel_model(
 
     Parameters
     ----------
-    place : (4,) float64
+    places : (N, 4) float64
         See `gather_profiles`.
+    pixel : int
+        Which of them.
     is_foot : bool
         A pixel around a foot.
     channel, member : int
         Of the pixel.
-    shared, own : (SHARED,), (OWN,) float64
+    shared, own : (SHARED,), (segments, OWN) float64
         The unknowns.
-    by_own, by_shared : (4,), (5,) float64
+    segment : int
+        That the pixel belongs to.
+    slopes : (9 or more,) float64
         Results: derivatives by both moves and both backgrounds of this channel; by its blur, the member's slope and
         curve, and the channel's brightness and its slope.
     """
     base = CHANNELS + PER_MEMBER * member
     blur, across, curve = shared[channel], shared[base], shared[base + 1]
     bright, along = shared[base + 2 + 2 * channel], shared[base + 3 + 2 * channel]
+    ground_a, ground_b = own[segment, 2 + 2 * channel], own[segment, 3 + 2 * channel]
+    sharp = 1.0 / blur
     if is_foot:
-        z = place[2] + own[0]
-        lower, pf = normal_share(z / blur)
-        ground, paint = own[2 + 2 * channel], own[3 + 2 * channel]
-        by_own[0], by_own[1], by_own[2], by_own[3] = (paint - ground) * pf / blur, 0.0, 1.0 - lower, lower
-        by_shared[:] = 0.0
-        by_shared[0] = -(paint - ground) * pf * z / (blur * blur)
-        return float(ground + (paint - ground) * lower)
-    da, db = place[0] + own[0], place[1] + own[1]
+        z = (places[pixel, 2] + own[segment, 0]) * sharp
+        lower, pf = normal_share(z)
+        step = (ground_b - ground_a) * pf * sharp
+        slopes[0], slopes[1], slopes[2], slopes[3] = step, 0.0, 1.0 - lower, lower
+        slopes[4], slopes[5], slopes[6], slopes[7], slopes[8] = -step * z, 0.0, 0.0, 0.0, 0.0
+        return float(ground_a + (ground_b - ground_a) * lower)
+    da, db = places[pixel, 0] + own[segment, 0], places[pixel, 1] + own[segment, 1]
     half, x = 0.5 * (da + db), 0.5 * (da - db)
-    ca, pa = normal_share(da / blur)
-    cb, pb = normal_share(db / blur)
+    thin = 1.0 / half
+    ca, pa = normal_share(da * sharp)
+    cb, pb = normal_share(db * sharp)
     cover = ca + cb - 1.0
-    first = (x * cover + blur * (pa - pb)) / half
-    second = ((x * x + blur * blur) * cover + blur * ((x - half) * pa - (x + half) * pb)) / (half * half)
-    shade = 1.0 + along * place[3]
+    first = (x * cover + blur * (pa - pb)) * thin
+    second = ((x * x + blur * blur) * cover + blur * ((x - half) * pa - (x + half) * pb)) * thin * thin
+    shade = 1.0 + along * places[pixel, 3]
     gain = bright * shade
     shape = cover + across * first + curve * second
-    ground_a, ground_b = own[2 + 2 * channel], own[3 + 2 * channel]
-    step_a, step_b = gain * (1.0 - across + curve) - ground_a, gain * (1.0 + across + curve) - ground_b
-    by_own[0], by_own[1] = step_a * pa / blur, step_b * pb / blur
-    by_own[2], by_own[3] = 1.0 - ca, 1.0 - cb
-    by_shared[0] = -(step_a * pa * da + step_b * pb * db) / (blur * blur)
-    by_shared[1], by_shared[2] = gain * first, gain * second
-    by_shared[3], by_shared[4] = shade * shape, bright * place[3] * shape
+    step_a = (gain * (1.0 - across + curve) - ground_a) * pa * sharp
+    step_b = (gain * (1.0 + across + curve) - ground_b) * pb * sharp
+    slopes[0], slopes[1], slopes[2], slopes[3] = step_a, step_b, 1.0 - ca, 1.0 - cb
+    slopes[4], slopes[5], slopes[6] = -(step_a * da + step_b * db) * sharp, gain * first, gain * second
+    slopes[7], slopes[8] = shade * shape, bright * places[pixel, 3] * shape
     return float(gain * shape + ground_a * (1.0 - ca) + ground_b * (1.0 - cb))

@@ -62,7 +62,6 @@ def fit_profiles(
     """
     count, segments = values.shape[0], own.shape[0]
     feet_from = MEMBERS * pieces
-    by_own, by_shared = np.empty(4), np.empty(TOUCHED)
     # of one segment and channel: its own four unknowns, the shared ones, the residual; weighted sums of their products
     slopes, sums = np.empty(_ALL + 1), np.empty((_ALL, _ALL + 1))
     index, mine = np.empty(TOUCHED, np.int64), np.empty(4, np.int64)
@@ -99,7 +98,7 @@ def fit_profiles(
             for c in range(CHANNELS):
                 sums[:, :] = 0.0
                 for n in range(first[s], first[s + 1]):
-                    r = values[n, c] - pixel_model(places[n], is_foot, c, member, shared, own[s], by_own, by_shared)
+                    r = values[n, c] - pixel_model(places, n, is_foot, c, member, shared, own, s, slopes)
                     residual[n, c] = r
                     scaled = r * r / noise2[c]
                     w = 1.0 / (1.0 + scaled / _CUT**2) if turn > 0 else 1.0
@@ -109,10 +108,6 @@ def fit_profiles(
                     strange[s, side] += min(scaled, 30.0)
                     asked[s, side] += 1.0
                     w /= noise2[c] * inflation[c]
-                    for i in range(4):
-                        slopes[i] = by_own[i]
-                    for i in range(TOUCHED):
-                        slopes[4 + i] = by_shared[i]
                     slopes[_ALL] = r
                     for i in range(_ALL):
                         wi = w * slopes[i]

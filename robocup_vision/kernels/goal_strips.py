@@ -11,7 +11,7 @@ Int64Array = npt.NDArray[np.int64]
 UInt8Array = npt.NDArray[np.uint8]
 
 _ACROSS = np.linspace(0.15, 0.85, 7)  # of a foot: where carpet is looked for between the edges
-_BRIGHTEST = 20.0
+BRIGHTEST = 20.0
 _ALONG = np.linspace(0.08, 0.92, 24)  # of a bar, clear of the posts
 _LEAST_ALONG = 8
 
@@ -167,7 +167,7 @@ def fit_strip(
     strip[6] = foot_row(strip[:4], strip[5], carpet)
     strip[7] = 0.0
     for m in members:
-        strip[7] += min(contrast[m], _BRIGHTEST)
+        strip[7] += min(contrast[m], BRIGHTEST)
     return True
 
 

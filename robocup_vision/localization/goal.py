@@ -18,8 +18,9 @@ from field_models.field import Field
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.localization.goal_arc import follow_arc
 from robocup_vision.localization.goal_edges import measure
-from robocup_vision.localization.goal_fit import INLIER_PX, LEAST_ELEMENT_SHARE, GoalFit, residuals
+from robocup_vision.localization.goal_fit import INLIER_PX, LEAST_ELEMENT_SHARE, GoalFit, covariance_of, residuals
 from robocup_vision.localization.goal_geometry import (
     BAR_TOP,
     HEADING,
@@ -39,7 +40,7 @@ from robocup_vision.localization.goal_lines import (
     line_starts,
     loosened,
 )
-from robocup_vision.localization.goal_marks import GoalMarks
+from robocup_vision.localization.goal_marks import SURE_M, GoalMarks
 from robocup_vision.localization.goal_paper import PaperMethod
 from robocup_vision.localization.goal_profile import polish
 from robocup_vision.localization.goal_search import (
@@ -56,6 +57,8 @@ ByteImage = npt.NDArray[np.uint8]
 Method = Literal["edges", "paper", "angles"]
 
 _MOST_LINE_TRIALS = 2
+# goals of a hue that lines may choose among, and how much worse they may be than the best
+_MOST_RIVALS, _NEARLY = 3, 0.1
 _LEAST_LINE_POINTS = 20
 _POST_REACH_PX = 3.0
 # so many places along lines in view, and lines that are not there speak against a white goal
@@ -165,7 +168,7 @@ class GoalLocalizer:
         self._check(frame)
         candidates, reason = self._search.candidates(frame)
         if candidates and candidates[0].objection is None and candidates[0].model is self._search.colored_model:
-            return self._colored(frame, candidates[0])
+            return self._colored(frame, candidates)
         for candidate in candidates[: _MOST_LINE_TRIALS if self._lines is not None else 0]:
             joined = self._with_lines(frame, candidate)
             if joined is not None:
@@ -190,13 +193,23 @@ class GoalLocalizer:
             _goal_alone(part) if part is not None else NotLocated(f"{reason}; nor does enough of it bear out the prior")
         )
 
-    def _colored(self, frame: ByteImage, candidate: Candidate) -> GoalSight:
+    def _colored(self, frame: ByteImage, candidates: list[Candidate]) -> GoalSight:
         """Make a goal of a hue, which is certain, exact by its profiles, and by the lines where they bear it out."""
-        fine = polish(frame, self.camera, candidate.model, candidate.fit, candidate.look)
-        joined = self._marks.join(frame, candidate.model, fine) if self._marks is not None else None
-        if joined is not None:
-            return GoalSight(joined.unknowns, joined.covariance, candidate.sides, fine, joined)
-        return _goal_alone(replace(candidate, fit=fine))
+        best = candidates[0]
+        rivals = [
+            c
+            for c in candidates[:_MOST_RIVALS]
+            if c.objection is None and c.model is best.model and c.rank > best.rank - _NEARLY
+        ]
+        alone = None
+        for candidate in rivals:
+            fine = polish(frame, self.camera, candidate.model, candidate.fit, candidate.look)
+            alone = alone or replace(candidate, fit=fine)
+            joined = self._marks.join(frame, candidate.model, fine) if self._marks is not None else None
+            if joined is not None:
+                return GoalSight(joined[1].unknowns, joined[1].covariance, candidate.sides, fine, joined[1])
+        assert alone is not None
+        return _goal_alone(alone)
 
     def _with_lines(self, frame: ByteImage, candidate: Candidate) -> GoalSight | None:
         """Fit goal and lines together; None where lines do not bear the goal out."""
@@ -296,8 +309,12 @@ def _is_plain(candidate: Candidate) -> bool:
 
 
 def _goal_alone(candidate: Candidate) -> GoalSight:
-    covariance = np.linalg.inv(candidate.fit.information)
-    return GoalSight(candidate.fit.unknowns, np.asarray(covariance, np.float64), candidate.sides, candidate.fit, None)
+    found, model = candidate.fit, candidate.model
+    covariance = covariance_of(model, found.information)
+    std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    if std > SURE_M:
+        covariance = follow_arc(model, found.samples, found.unknowns, std).covariance_about(found.unknowns)
+    return GoalSight(found.unknowns, covariance, candidate.sides, found, None)
 
 
 def _estimate(sight: GoalSight) -> PoseEstimate:

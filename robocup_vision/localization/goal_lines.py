@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.goal_edges import measure_ridges
+from robocup_vision.kernels.goal_marks import measure_ridges
 from robocup_vision.localization.goal_edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal_fit import GoalModel, residuals
 from robocup_vision.localization.goal_geometry import (
@@ -306,7 +306,7 @@ def line_ridges(
     place, normal, seen_width = _ridge_places(camera, unknowns, line_map, line_width_m)
     start, across_px = np.ascontiguousarray(from_ideal(camera, place)), np.ascontiguousarray(normal)
     offset, contrast = np.empty(len(place)), np.empty(len(place))
-    measure_ridges(frame, start, across_px, np.full(len(place), reach_px), seen_width, offset, contrast)
+    measure_ridges(frame, start, across_px, np.full(len(place), reach_px), seen_width, 0.0, offset, contrast)
     good = np.isfinite(offset)
     if good.any():
         good &= contrast > 0.25 * np.median(contrast[good])

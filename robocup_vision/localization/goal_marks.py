@@ -8,23 +8,34 @@ the goal's own fit.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.goal_edges import measure_ridges
-from robocup_vision.kernels.goal_marks import line_marks, mark_stds
+from robocup_vision.kernels.goal_marks import line_marks, mark_stds, measure_ridges
+from robocup_vision.localization.goal_arc import GoalArc, at_one_heading, follow_arc
+from robocup_vision.localization.goal_drawing import LineDrawing
 from robocup_vision.localization.goal_edges import EdgeSamples, from_ideal, to_ideal
-from robocup_vision.localization.goal_fit import INLIER_PX, GoalFit, GoalModel, are_mostly_within, fit, residuals
-from robocup_vision.localization.goal_geometry import LOG_FOCAL
+from robocup_vision.localization.goal_fit import (
+    INLIER_PX,
+    GoalFit,
+    GoalModel,
+    are_mostly_within,
+    covariance_of,
+    fit,
+    residuals,
+)
+from robocup_vision.localization.goal_geometry import HEADING, LOG_FOCAL
 from robocup_vision.localization.goal_lines import LineFit, along_lines
 from robocup_vision.localization.line_map import LineMap
 
 _SPACING_PX = 6.0
+_ALONG_PX = 3.0
 _LEAST_WIDTH_PX = 0.15
+_CLEAR_PX = 2.5  # what a line is compared with lies as far beside it
 _REACHES_PX = (8.0, 4.0, 2.5)
 _SCALES_PX = (3.0, 1.5, 1.0)
 _FLOOR_PX = 1.5
@@ -33,16 +44,35 @@ _SHARP_WIDTH_PX = 0.5  # thinner lines are fainter
 _LINE_ERROR_PX = 0.045  # of all places together
 _PAINTED_TO_M = 0.003
 _LEAST_MARKS = 10
-# of what lines in view are worth; more where the goal leaves the place open: among many tried, one agrees by chance
-_LEAST_SHARE, _LEAST_OPEN_SHARE = 0.45, 0.6
-# a second place as far off as this that is nearly as good leaves the choice open
-_SAME_M, _RIVAL = 0.2, 0.92
-_INLIER_PX = 1.0
+# where a line is due, a ridge is seen this often, less often where the line looks thinner than this, and spreads so far
+_SEEN, _PLAIN_WIDTH_PX, _SPREAD_PX = 0.8, 0.35, 0.4
+# where none is due, something passes for a ridge this often
+_CLUTTER = 0.2
+# logarithms of odds: for lines at all, and of one place against another so far off
+_LEAST_EVIDENCE, _CLEARLY, _SAME_M = 5.0, 3.0, 0.2
+_MOST_STARTS = 3
+_REACH_STDS = 2.5
+_LEAST_DRAWN = 6.0
 _LEAST_CONTRAST = 0.4  # of the median, for its width
 _FULL_WIDTH_PX = 1.5  # wider paint looks no brighter
-# other starts, where the goal leaves more than this open: how far, and how far apart, along what it tells least
-_SURE_M, _SWING_STDS, _FARTHEST_M, _SWING_M = 0.06, 2.5, 1.6, 0.15
+# what the goal may leave open before its arc is searched
+SURE_M = 0.06
 _ITERATIONS = 4
+_TRUSTED = 4.0  # places that the noise expected counts for
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Marked:
+    """A goal's samples with marks on lines, which of the places looked at they are, line widths and reaches there."""
+
+    samples: EdgeSamples
+    seen: npt.NDArray[np.bool_]
+    width: FloatArray
+    reach: FloatArray
+
+
+# how likely it is, as a logarithm; the fit; what it was fitted to
+_Fitted = tuple[float, LineFit, EdgeSamples]
 
 
 class GoalMarks:
@@ -62,8 +92,10 @@ class GoalMarks:
         points, directions = along_lines(lines)
         self._points, self._directions = np.ascontiguousarray(points), np.ascontiguousarray(directions)
 
-    def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit) -> LineFit | None:
+    def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit) -> tuple[float, LineFit] | None:
         """Fit goal and lines together; None where the lines that should be in view are not.
+
+        What comes first says how much likelier such lines are to be seen here than clutter, as a logarithm.
 
         Parameters
         ----------
@@ -74,29 +106,85 @@ class GoalMarks:
         found : GoalFit
             The goal.
         """
-        covariance = np.asarray(np.linalg.inv(found.information), np.float64)
-        tried = [self._from(frame, model, found, found.unknowns, covariance)]
-        # what the goal tells least: the camera's place along one direction, and all that goes with it
-        variance, direction = np.linalg.eigh(covariance[:2, :2])
-        std = math.sqrt(max(float(variance[-1]), 0.0))
-        if std > _SURE_M:
-            swing = covariance[:, :2] @ direction[:, -1] / std
-            farthest = min(_SWING_STDS * std, _FARTHEST_M)
-            steps = math.ceil(farthest / _SWING_M)
-            tried += [
-                self._from(frame, model, found, found.unknowns + k / steps * farthest / std * swing, covariance / 4)
-                for k in range(-steps, steps + 1)
-                if k
-            ]
-        fits = sorted((t for t in tried if t is not None), key=lambda t: -t.line_share)
-        if not fits or fits[0].line_share < (_LEAST_SHARE if std <= _SURE_M else _LEAST_OPEN_SHARE):
+        covariance = covariance_of(model, found.information)
+        std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+        arc = follow_arc(model, found.samples, found.unknowns, std) if std > SURE_M else None
+        starts = [(found.unknowns, covariance)] if arc is None else self._starts(frame, model, found, arc)
+        fits = [t for t in (self._from(frame, model, found, p, c) for p, c in starts) if t is not None]
+        fits = [t for t in fits if t[0] >= _LEAST_EVIDENCE]
+        if arc is not None:
+            drawing = LineDrawing(frame, self._points, self._width_m)
+            fits = self._drawn(drawing, model, fits) if fits else self._drawn_alone(drawing, model, found, arc)
+        fits.sort(key=lambda t: -t[0])
+        if not fits:
             return None
-        best = fits[0]
-        for other in fits[1:]:
-            apart = math.dist(other.unknowns[:2], best.unknowns[:2])
-            if apart > _SAME_M and other.line_share > _RIVAL * best.line_share:
+        evidence, best, _ = fits[0]
+        for other_evidence, other, _ in fits[1:]:
+            if math.dist(other.unknowns[:2], best.unknowns[:2]) > _SAME_M and evidence - other_evidence < _CLEARLY:
                 return None
-        return best if are_mostly_within(residuals(model, found.samples, best.unknowns), INLIER_PX) else None
+        within = are_mostly_within(residuals(model, found.samples, best.unknowns), INLIER_PX)
+        return (evidence, best) if within else None
+
+    def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
+        """Settle each fit along its arc by all lines drawn."""
+        settled: list[_Fitted] = []
+        tried: list[FloatArray] = []
+        for _, line_fit, samples in sorted(fits, key=lambda t: -t[0]):
+            place = line_fit.unknowns[:2]
+            if any(math.dist(place, other) < _SAME_M / 2 for other in tried):
+                continue
+            tried.append(place)
+            reach = _REACH_STDS * math.sqrt(line_fit.covariance[HEADING, HEADING])
+            drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
+            if drawn is not None:
+                moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
+                settled.append((drawn.likelihood, moved, samples))
+        return settled
+
+    def _drawn_alone(self, drawing: LineDrawing, model: GoalModel, found: GoalFit, arc: GoalArc) -> list[_Fitted]:
+        """Settle the goal along its arc where too few lines are seen one by one, by all of them drawn."""
+        told = np.array([drawing.likelihood(model, p) for p in arc.unknowns]) - arc.cost / 2
+        best = int(np.argmax(told))
+        if told[best] <= 0.0:
+            return []
+        turns = np.abs(np.diff(arc.unknowns[:, HEADING]))
+        reach = 2 * float(turns[max(best - 1, 0) : best + 1].max())
+        drawn = drawing.settle(model, found.samples, arc.unknowns[best], reach, loose=2)
+        if drawn is None or drawn.likelihood < _LEAST_DRAWN:
+            return []
+        line_fit = LineFit(drawn.unknowns, drawn.covariance, 0.0, np.empty(0))
+        return [(drawn.likelihood, line_fit, found.samples)]
+
+    def _starts(
+        self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Cameras on the arc that lines bear out best."""
+        held = at_one_heading(model)
+        scored = []
+        for p, covariance, cost in zip(arc.unknowns, arc.covariance, arc.cost, strict=True):
+            marked = self._marked(frame, held, found.samples, p, covariance, _REACHES_PX[0])
+            if marked is None:
+                continue
+            q, least, _ = fit(held, marked.samples, p, np.full(_ITERATIONS, _SCALES_PX[1]))
+            if math.isfinite(least):
+                scored.append((self._evidence(held, marked, q) - cost / 2, q, covariance))
+        scored.sort(key=lambda one: -one[0])
+        chosen: list[tuple[FloatArray, FloatArray]] = []
+        for _, p, covariance in scored:
+            if all(math.dist(p[:2], other[:2]) > _SAME_M for other, _ in chosen):
+                chosen.append((p, covariance))
+            if len(chosen) == _MOST_STARTS:
+                break
+        return chosen
+
+    def _evidence(self, model: GoalModel, marked: _Marked, p: FloatArray) -> float:
+        """Logarithm of how much likelier the ridges are if these lines are there than if they are clutter."""
+        residual = residuals(model, marked.samples, p)[-int(marked.seen.sum()) :]
+        due = _SEEN * np.minimum(1.0, marked.width / _PLAIN_WIDTH_PX)
+        near = np.exp(-0.5 * (residual / _SPREAD_PX) ** 2) / (_SPREAD_PX * math.sqrt(math.tau))
+        anywhere = _CLUTTER / (2 * marked.reach)
+        there = np.log1p(due[marked.seen] * (near / anywhere[marked.seen] - 1.0))
+        return float(there.sum() + np.log1p(-due[~marked.seen]).sum())
 
     def _from(
         self,
@@ -105,25 +193,34 @@ class GoalMarks:
         found: GoalFit,
         start: FloatArray,
         covariance: FloatArray,
-    ) -> LineFit | None:
-        p, samples, worth, expected = start, found.samples, np.empty(0), 1.0
+    ) -> _Fitted | None:
+        """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
+        p = start
         is_near = False  # nothing was looked for farther away than the next round would
+        marked = None
         for reach, scale in zip(_REACHES_PX, _SCALES_PX, strict=True):
             if is_near and reach > _REACHES_PX[-1]:
                 continue
             marked = self._marked(frame, model, found.samples, p, covariance, reach)
             if marked is None:
                 return None
-            samples, worth, expected, reached = marked
-            is_near = reached <= _REACHES_PX[1]
-            p, cost, information = fit(model, samples, p, np.full(_ITERATIONS, scale))
+            is_near = float(marked.reach.max()) <= _REACHES_PX[1]
+            p, cost, information = fit(model, marked.samples, p, np.full(_ITERATIONS, scale))
             if not math.isfinite(cost):
                 return None
-            covariance = np.asarray(np.linalg.inv(information), np.float64)
-        residual = residuals(model, samples, p)[-len(worth) :]
-        # near is better than within reach: lines that a wrong camera meets by chance lie anywhere there
-        agreed = worth * np.maximum(0.0, 1.0 - (residual / _INLIER_PX) ** 2)
-        return LineFit(p, covariance, float(agreed.sum()) / expected, residual)
+            covariance = covariance_of(model, information)
+        assert marked is not None
+        samples = _as_scattered(model, marked.samples, p)
+        p, cost, information = fit(model, samples, p, np.full(_ITERATIONS, _SCALES_PX[-1]))
+        if not math.isfinite(cost):
+            return None
+        covariance = covariance_of(model, information)
+        off = residuals(model, found.samples, p)
+        strain = np.where(np.isinf(model.weight), 0.0, model.weight) * (p - model.prior) ** 2
+        of_goal = float(np.log1p((off / 0.3) ** 2) @ (0.3 / found.samples.sigma) ** 2 + strain.sum())
+        residual = residuals(model, marked.samples, p)[len(off) :]
+        share = float(marked.seen.mean())
+        return self._evidence(model, marked, p) - of_goal / 2, LineFit(p, covariance, share, residual), samples
 
     def _marked(
         self,
@@ -133,8 +230,8 @@ class GoalMarks:
         p: FloatArray,
         covariance: FloatArray,
         most_px: float,
-    ) -> tuple[EdgeSamples, FloatArray, float, float] | None:
-        """Return samples with marks, the worth of each, that of all places looked at, and the farthest reach."""
+    ) -> _Marked | None:
+        """Look for the lines where a camera predicts them; None where too few are in view or seen."""
         room = len(self._points)
         marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
         n = line_marks(
@@ -146,6 +243,7 @@ class GoalMarks:
             self._width_m,
             _SPACING_PX,
             _LEAST_WIDTH_PX,
+            _CLEAR_PX,
             marks,
             pixels,
             normals,
@@ -159,7 +257,7 @@ class GoalMarks:
         start = np.ascontiguousarray(from_ideal(self._camera, pixels))
         offset, contrast = np.empty(n), np.empty(n)
         reach = np.minimum(3 * std + _FLOOR_PX, most_px)
-        measure_ridges(frame, start, normals, reach, widths, offset, contrast)
+        measure_ridges(frame, start, normals, reach, widths, _ALONG_PX, offset, contrast)
         seen = np.isfinite(offset)
         # paint of half the width makes half the contrast
         contrast /= np.minimum(widths, _FULL_WIDTH_PX)
@@ -174,7 +272,6 @@ class GoalMarks:
             + paint**2
             + _LINE_ERROR_PX**2 * count
         )
-        worth = np.minimum(1.0, widths / _SHARP_WIDTH_PX) ** 2
         joined = replace(
             samples,
             mark_m=marks[seen],
@@ -182,4 +279,14 @@ class GoalMarks:
             mark_direction=normals[seen],
             sigma=np.concatenate([samples.sigma, sigma]),
         )
-        return joined, worth[seen], float(worth.sum()), float(reach.max())
+        return _Marked(joined, seen, widths, reach)
+
+
+def _as_scattered(model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
+    """Let the noise of marks be what they scatter; what lines are off as a whole comes and goes with it."""
+    first = len(samples.sigma) - len(samples.mark_m)
+    square = np.minimum((residuals(model, samples, p)[first:] / samples.sigma[first:]) ** 2, 9.0)
+    scatter = (float(square.sum()) + _TRUSTED) / (len(square) + _TRUSTED)
+    sigma = samples.sigma.copy()
+    sigma[first:] *= math.sqrt(scatter)
+    return replace(samples, sigma=sigma)

@@ -23,7 +23,7 @@ from robocup_vision.localization.goal_geometry import BAR_TOP, EDGES
 
 _PIECES = 6
 _MOST_LINES = 3
-_ROUNDS = 5
+_ROUNDS = 4
 _REACH_PX = 3.0
 _CLEAR_OF_CORNERS_PX = 1.8
 _MARGIN_PX = 14
@@ -40,7 +40,7 @@ _SCALES = np.array([1.0, 0.5, 0.3, 0.3])
 _LEAST_SAMPLES = 10
 # the profiles' fit is the edges' refined: it may not be somewhere else
 _MOST_SHIFT = 5.0
-_FREEDOM, _TRUSTED = 5, 4.0
+_FREEDOM, _TRUSTED = 5, 2.0
 
 
 def expected_profile() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -202,7 +202,7 @@ def polish(
     # the fit's own misfit says what every edge is off as a whole
     square = np.minimum((residual / samples.sigma) ** 2, 9 * single / samples.sigma**2).sum()
     due = max(float((single / samples.sigma**2).sum()) - _FREEDOM, 1.0)
-    strange = max(1.0, (float(square) + _TRUSTED) / (due + _TRUSTED))
+    strange = (float(square) + _TRUSTED) / (due + _TRUSTED)
     samples = replace(samples, sigma=samples.sigma * math.sqrt(strange))
     return replace(found, unknowns=p, information=information / strange, samples=samples, residual_px=residual)
 

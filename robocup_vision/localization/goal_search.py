@@ -15,28 +15,43 @@ import numpy.typing as npt
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.goal_edges import Look
+from robocup_vision.kernels.goal_strips import BRIGHTEST, mean_along
+from robocup_vision.localization.goal_edges import Look, from_ideal
 from robocup_vision.localization.goal_fit import (
     INLIER_PX,
+    LEAST_EDGE_SHARE,
     LEAST_ELEMENT_SHARE,
     GoalFit,
     GoalModel,
     agreement,
     are_mostly_within,
-    bar_rows,
     fit,
     goal_model,
     objection,
     refine,
     residuals,
-    starts,
-    strip_samples,
-    swung,
-    with_bar,
+    strain_of,
 )
-from robocup_vision.localization.goal_geometry import HEADING, TILT, X, Y, goal_shape
-from robocup_vision.perception.goal_color import hue_families, hue_masks, hue_modes, is_chromatic, narrower
-from robocup_vision.perception.goal_region import Strip, carpet_mask, enlarged, mask_runs, strips, white_runs
+from robocup_vision.localization.goal_geometry import BAR_TOP, HEADING, TILT, X, Y, goal_shape, project
+from robocup_vision.localization.goal_starts import bar_rows, starts, strip_samples, swung, with_bar
+from robocup_vision.perception.goal_color import (
+    halves,
+    hue_families,
+    hue_masks,
+    hue_modes,
+    is_chromatic,
+    paint_channels,
+)
+from robocup_vision.perception.goal_region import (
+    Strip,
+    bright_runs,
+    carpet_mask,
+    enlarged,
+    mask_runs,
+    posts_under,
+    strips,
+    white_runs,
+)
 
 ByteImage = npt.NDArray[np.uint8]
 
@@ -51,6 +66,9 @@ _RIVAL = 0.7  # share of such a goal's score from which the other branch may be 
 _SWINGS = (-1.0, 0.0)  # obliqueness of further starts, in shares of the first fit's
 _LEAST_CANDIDATE_SCORE = 0.3
 _SAME_PLACE_M = 0.03
+_STRAIN_WORTH = 0.02  # of a score: what a prior off by one standard deviation costs
+_LEAST_PAINTED = 0.4
+_CARPET_PX = 4.0
 _BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
 
 
@@ -78,6 +96,16 @@ class Candidate:
     look: Look
     objection: str | None
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether nothing speaks against it."""
+        return self.objection is None and float(self.fit.share[:BAR_TOP].min()) >= LEAST_EDGE_SHARE
+
+    @property
+    def rank(self) -> float:
+        """What several are ordered by: the score, less what the priors suffer."""
+        return self.fit.score - _STRAIN_WORTH * strain_of(self.model, self.fit.unknowns) ** 2
+
 
 class Proposal(NamedTuple):
     """Strips that may be posts, with what to fit them by."""
@@ -86,6 +114,7 @@ class Proposal(NamedTuple):
     found: list[Strip]
     pairs: list[tuple[Strip, Strip]]
     paint: ByteImage
+    carpet: ByteImage
     scale: int
     model: GoalModel
     look: Look
@@ -126,18 +155,12 @@ class GoalSearch:
                 fits = self._fits(frame, left, right, proposal)
                 if not fits:
                     reason = "no goal: two posts may be there, but no bar that fits them"
-                found += [
-                    Candidate(
-                        f, proposal.sides, proposal.model, proposal.look, objection(proposal.model, f, self.extent_m)
-                    )
-                    for f in fits
-                    if f.score > _LEAST_CANDIDATE_SCORE
-                ]
-                if fits and fits[0].score > _CLEAR_SCORE:
+                found += [self._judged(f, proposal) for f in fits if f.score > _LEAST_CANDIDATE_SCORE]
+                if found and any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found[-len(fits) :]):
                     break
-            if any(c.objection is None and c.fit.score > _CLEAR_SCORE for c in found):
+            if any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found):
                 break
-        found.sort(key=lambda c: (c.objection is not None, -c.fit.score))
+        found.sort(key=lambda c: (c.objection is not None, -c.rank))
         distinct: list[Candidate] = []
         for candidate in found:
             place = candidate.fit.unknowns[:2]
@@ -146,6 +169,27 @@ class GoalSearch:
         if distinct and distinct[0].objection is not None:
             reason = f"no whole goal: {distinct[0].objection}"
         return distinct, reason or "no goal: nothing in the picture looks like two posts"
+
+    def _judged(self, fit: GoalFit, proposal: Proposal) -> Candidate:
+        reason = objection(proposal.model, fit, self.extent_m)
+        if reason is None and proposal.model is self.colored_model:
+            reason = self._strangeness(fit, proposal)
+        return Candidate(fit, proposal.sides, proposal.model, proposal.look, reason)
+
+    def _strangeness(self, fit: GoalFit, proposal: Proposal) -> str | None:
+        """Why a goal of a hue cannot be one for what the masks show around it, or None."""
+        corners = project(proposal.model.view, fit.unknowns, self.shape.corners)
+        pixels = (from_ideal(self.camera, corners) + 0.5) / proposal.scale - 0.5
+        painted, before = np.empty(3), np.empty(2)
+        mean_along(proposal.paint, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), painted)
+        # of posts and bar lamps may have washed one
+        if np.sort(painted)[1] < _LEAST_PAINTED * 255:
+            return "what looks like one has not the goal's colour"
+        feet = pixels[[0, 3]]
+        mean_along(proposal.carpet, feet + np.array([0.0, 1.5]), feet + np.array([0.0, 1.5 + _CARPET_PX]), before)
+        if before.max() < _LEAST_PAINTED * 255:
+            return "what looks like one has no carpet before it"
+        return None
 
     def partial(self, frame: ByteImage, prior: Pose2) -> Candidate | None:
         """One post and the bar, or two posts without it, fitted under a prior pose; None where less is in view.
@@ -193,29 +237,51 @@ class GoalSearch:
             for color, mask in masks.items():
                 yield self._colored(color, mask, carpet, factor)
         if self._has_white:
-            found = strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False)
+            carpet = carpet_mask(frame)
+            found = strips(white_runs(frame, 4), 4, carpet, certain=False)
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
             paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
             look = Look(np.full(3, 3**-0.5), math.inf, 1.0)
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 14)
-            yield Proposal(sides, found, pairs, paint, 1, self.white_model, look)
+            yield Proposal(sides, found, pairs, paint, carpet, 1, self.white_model, look)
 
     def _last_resorts(self, frame: ByteImage, found: list[Candidate]) -> Iterator[Proposal]:
-        """Yield parts of each hue, where clutter of a neighbouring hue touches the goal; nothing once one is found."""
-        if not self.families or any(c.objection is None for c in found):
+        """Yield what masks alone do not show; nothing once a goal is found.
+
+        Clutter of a neighbouring hue touches a post, lamps wash it white: its edges are still there in the channels
+        that its paint is bright in, and one of its hue's parts may have it.
+        """
+        if not self.families or any(c.is_plain for c in found):
             return
         small, factor = self.reduced(frame)
         whole = hue_masks(small, self.families)
-        modes = [
-            {color: (max(low, self.families[color][0]), min(high, self.families[color][1]))}
-            for color, mask in whole.items()
-            for low, high in hue_modes(small, mask)
+        carpet = carpet_mask(small, np.bitwise_or.reduce(list(whole.values())))
+        for color, mask in whole.items():
+            hue, light = paint_channels(small, color)
+            by_hue, by_light = (strips(bright_runs(c, 2), 2, carpet, certain=True) for c in (hue, light))
+            seen = strips(mask_runs(mask, 2), 2, carpet, certain=True)
+            yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue)], factor)
+            yield self._under_bars(color, mask, carpet, hue, factor)
+            for part in (*hue_modes(small, mask), *halves(self.families[color])):
+                only = hue_masks(small, {color: part})[color]
+                of_part = strips(mask_runs(only, 2), 2, carpet, certain=True)
+                yield self._pooled(color, only, carpet, of_part, factor)
+                seen += of_part
+            yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue), *_weakened(by_light)], factor)
+
+    def _under_bars(self, color: str, mask: ByteImage, carpet: ByteImage, hue: ByteImage, factor: int) -> Proposal:
+        """Propose posts where a bar ends, whether they are to be seen or not."""
+        upside, nowhere = np.ascontiguousarray(hue.T), np.zeros_like(carpet.T)
+        lying = [
+            *strips(mask_runs(np.ascontiguousarray(mask.T), 2), 2, nowhere, certain=True),
+            *_weakened(strips(bright_runs(upside, 2), 2, nowhere, certain=True)),
         ]
-        for part in (*modes, *narrower(self.families)):
-            masks = hue_masks(small, part)
-            carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
-            for color, mask in masks.items():
-                yield self._colored(color, mask, carpet, factor)
+        pairs = []
+        for bar in sorted(lying, key=lambda s: -s.strength):
+            posts = posts_under(bar, carpet) if bar.height > 3 * bar.width_at(bar.bottom) else None
+            if posts is not None:
+                pairs.append((enlarged(posts[0], factor), enlarged(posts[1], factor)))
+        return self._pooled(color, mask, carpet, [], factor)._replace(pairs=pairs[:6])
 
     def reduced(self, frame: ByteImage) -> tuple[ByteImage, int]:
         """Return the frame at about `_SEARCH_WIDTH_PX`, and the factor it was reduced by."""
@@ -226,14 +292,17 @@ class GoalSearch:
         return np.asarray(small, np.uint8), factor
 
     def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int) -> Proposal:
-        found = [enlarged(s, factor) for s in strips(mask_runs(mask, 2), 2, carpet, certain=True)]
+        return self._pooled(color, mask, carpet, strips(mask_runs(mask, 2), 2, carpet, certain=True), factor)
+
+    def _pooled(self, color: str, mask: ByteImage, carpet: ByteImage, found: list[Strip], factor: int) -> Proposal:
+        found = [enlarged(s, factor) for s in found]
         sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
         paint = np.array(COLOR_NAMES[color], dtype=np.float64)
         away = paint - paint.mean()
         look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0)
-        return Proposal(sides, found, self._pairs(found, 6), mask, factor, self.colored_model, look)
+        return Proposal(sides, found, self._pairs(found, 6), mask, carpet, factor, self.colored_model, look)
 
-    def _pairs(self, found: list[Strip], most: int) -> list[tuple[Strip, Strip]]:
+    def _pairs(self, found: list[Strip], most: int, pooled: bool = False) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
         wide = self.shape.width_m / (2 * self.shape.radius_m)
         pairs = []
@@ -245,7 +314,8 @@ class GoalSearch:
                 continue
             if not 0.45 < width_a / width_b < 2.2 or abs(a.bottom - b.bottom) > apart:
                 continue
-            pairs.append((a.strength * b.strength, a, b))
+            alike = min(width_a, width_b) / max(width_a, width_b) * min(a.height, b.height) / max(a.height, b.height)
+            pairs.append((a.strength * b.strength * (alike if pooled else 1.0), a, b))
         pairs.sort(key=lambda pair: -pair[0])
         return [(a, b) for _, a, b in pairs[:most]]
 
@@ -255,6 +325,10 @@ class GoalSearch:
         samples = strip_samples(self.camera, ((0, left), (1, right)))
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
         rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - 0.2]
+        # where two starts came to the same place, one goes on
+        rough = [
+            r for k, r in enumerate(rough) if all(math.dist(r[0][:2], o[0][:2]) > _SAME_PLACE_M for o in rough[:k])
+        ]
         if not rough:
             return []
         found: list[GoalFit] = []
@@ -286,6 +360,11 @@ class GoalSearch:
             if max(f.score for f in found) > _CLEAR_SCORE:
                 break  # a better bar will not come
         return sorted(found, key=lambda f: -f.score)
+
+
+def _weakened(found: list[Strip]) -> list[Strip]:
+    """Give strips found by their edges the strength that rows of a mask would have."""
+    return [replace(s, strength=s.strength / BRIGHTEST) for s in found]
 
 
 def under_prior(model: GoalModel, prior: Pose2) -> GoalModel:

@@ -6,6 +6,7 @@ boundaries lie half-way between goal, carpet, ball and beacons.
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import cv2
@@ -59,13 +60,22 @@ def white_gains(image: ByteImage) -> npt.NDArray[np.float64]:
     return np.asarray(np.minimum(gains, _CAST), np.float64)
 
 
-def narrower(families: dict[str, tuple[float, float]]) -> list[dict[str, tuple[float, float]]]:
-    """Each family's lower and upper half: what to try when clutter of a neighbouring hue touches the goal."""
-    halves = [{}, {}]  # type: list[dict[str, tuple[float, float]]]
-    for color, (low, high) in families.items():
-        middle, overlap = (low + high) / 2, (high - low) / 12
-        halves[0][color], halves[1][color] = (low, middle + overlap), (middle - overlap, high)
-    return halves
+def halves(family: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Lower and upper half of a family: what to try when clutter of a neighbouring hue touches the goal."""
+    low, high = family
+    middle, overlap = (low + high) / 2, (high - low) / 12
+    return (low, middle + overlap), (middle - overlap, high)
+
+
+def paint_channels(image: ByteImage, color: str) -> tuple[ByteImage, ByteImage]:
+    """Two channels (H, W) in which paint of a named colour is bright: where it has kept its hue, and washed or not."""
+    bgr = COLOR_NAMES[color]
+    strong = [k for k in range(3) if 3 * bgr[k] > sum(bgr)]
+    lit, rest = (
+        functools.reduce(step, (image[..., k] for k in range(3) if (k in strong) == of_paint))
+        for step, of_paint in ((np.minimum, True), (np.maximum, False))
+    )
+    return np.asarray(cv2.subtract(lit, rest), np.uint8), np.asarray(lit, np.uint8)
 
 
 def hue_modes(image: ByteImage, mask: ByteImage) -> list[tuple[float, float]]:

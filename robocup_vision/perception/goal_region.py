@@ -21,6 +21,7 @@ ByteImage = npt.NDArray[np.uint8]
 _LEAN = 0.27  # the most a post may lean in the image: 15 degrees of roll and perspective
 _THINNEST_PX = 2.5
 _LONGEST_GAP_WIDTHS = 2.0
+_MOSTLY = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,11 @@ class Strip:
     def edges_at(self, v: float) -> tuple[float, float]:
         """Left and right edge (u, pixels) in a row."""
         return self.left[0] + self.left[1] * v, self.right[0] + self.right[1] * v
+
+    @property
+    def height(self) -> float:
+        """Rows from its top to its bottom."""
+        return self.bottom - self.top
 
     def axis_at(self, v: float) -> float:
         """Middle (u, pixels) in a row."""
@@ -80,18 +86,21 @@ def carpet_mask(image: ByteImage, excluded: ByteImage | None = None) -> ByteImag
 
 
 def white_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Bright stretches between a rising and a falling edge, in bands of rows.
+    """Find runs of white as `bright_runs` does: white paint is bright in all channels, and green carpet is not."""
+    return bright_runs(np.asarray(cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2]), np.uint8), row_step)
+
+
+def bright_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Bright stretches of one channel between a rising and a falling edge, in bands of rows.
 
     Returns
     -------
     row, left, right, contrast : (N,) float64
         Sorted by row; edges at sub-pixel columns; contrast is the weaker edge's gradient in noise units.
     """
-    # white paint is bright in all three channels, and green carpet dark in this one
-    darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
     bands = image.shape[0] // row_step
     profile = cv2.resize(
-        np.ascontiguousarray(darkest[: bands * row_step]), (image.shape[1], bands), interpolation=cv2.INTER_AREA
+        np.ascontiguousarray(image[: bands * row_step]), (image.shape[1], bands), interpolation=cv2.INTER_AREA
     ).astype(np.float32)
     kernel = np.array([-1, -2, 0, 2, 1], np.float32) / 8
     gradient = np.asarray(cv2.sepFilter2D(profile, cv2.CV_32F, kernel, np.ones(1, np.float32)), np.float32)
@@ -231,6 +240,32 @@ def _strip(
         return None
     left_at, left_lean, right_at, right_lean, top, bottom, foot, strength = found.tolist()
     return Strip((left_at, left_lean), (right_at, right_lean), top, bottom, foot, strength)
+
+
+def posts_under(bar: Strip, carpet: ByteImage) -> tuple[Strip, Strip] | None:
+    """Suppose posts at both ends of a bar, as thick as it is; None where no carpet begins below.
+
+    Parameters
+    ----------
+    bar : Strip
+        Found in the transposed image: a bar lies there as a post stands here, and ends where the posts begin.
+    carpet : (H, W) uint8
+        See `carpet_mask`.
+    """
+    found = []
+    for end, way in ((bar.top, -1), (bar.bottom, 1)):
+        thick, middle = bar.width_at(end), bar.axis_at(end)
+        left, right = sorted((end, end + way * thick))
+        columns = carpet[max(0, round(middle + thick)) :, max(0, round(left)) : max(0, round(right)) + 1]
+        if columns.size == 0:
+            return None
+        green = (columns > 0).mean(axis=1) > _MOSTLY
+        stays = np.flatnonzero(green[:-2] & green[1:-1] & green[2:])
+        if len(stays) == 0:
+            return None
+        foot = max(0, round(middle + thick)) + float(stays[0]) - 0.5
+        found.append(Strip((left, 0.0), (right, 0.0), middle, foot, foot, bar.strength))
+    return found[0], found[1]
 
 
 def enlarged(strip: Strip, factor: int) -> Strip:

@@ -85,7 +85,7 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
     painted = floor[where]
     step = np.subtract(COLOR_NAMES[scene.field.line_color], COLOR_NAMES["green"]).astype(np.float32)
     light[painted] += share[:, None] * step
-    if scene.light.texture:
+    if scene.light.texture and len(floor):
         patch = np.maximum(rays.radial_m[floor], rays.tangential_m[floor])
         light[floor] *= _carpet_texture(scene.light, hit_x[floor], hit_y[floor], patch)[:, None]
     if scene.ball is not None:

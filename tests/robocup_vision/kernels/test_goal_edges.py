@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.goal_edges import goal_points, link_runs, measure_edges, measure_ridges, spread_samples
+from robocup_vision.kernels.goal_edges import goal_points, link_runs, measure_edges, spread_samples
+from robocup_vision.kernels.goal_marks import measure_ridges
 from robocup_vision.localization.goal_edges import edge_segments
 from robocup_vision.localization.goal_geometry import IdealView, foot_points, goal_shape, project, silhouette_lines
 
@@ -86,7 +87,7 @@ def test_ridge_lies_where_it_was_drawn(shift, width):
     image = np.rint(np.array([220.0, 225, 220]) * share + np.array([50.0, 130, 45]) * (1 - share)).astype(np.uint8)
     offset, contrast = np.empty(1), np.empty(1)
     start, normal = np.array([[30.0, 30.0]]), np.array([[0.0, 1.0]])
-    measure_ridges(image, start, normal, np.array([8.0]), np.array([width]), offset, contrast)
+    measure_ridges(image, start, normal, np.array([8.0]), np.array([width]), 0.0, offset, contrast)
     assert offset[0] == pytest.approx(shift, abs=0.25)
     assert contrast[0] > 20
 
@@ -97,7 +98,7 @@ def test_ridge_needs_green_on_both_sides():
     image[32:] = 60
     offset, contrast = np.empty(1), np.empty(1)
     start, normal = np.array([[30.0, 30.0]]), np.array([[0.0, 1.0]])
-    measure_ridges(image, start, normal, np.array([8.0]), np.array([4.0]), offset, contrast)
+    measure_ridges(image, start, normal, np.array([8.0]), np.array([4.0]), 0.0, offset, contrast)
     assert np.isnan(offset[0])
 
 

@@ -4,20 +4,21 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal_marks import line_marks, mark_stds
+from robocup_vision.kernels.goal_marks import line_marks, mark_stds, measure_ridges
 from robocup_vision.localization.goal_geometry import IdealView, project
 
 VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
 VIEW_ARRAY = np.array([384.0, 380.0, 207.5, 159.5])
 ALONG = np.arange(-1.5, 1.5, 0.02)
 POINTS = np.column_stack([np.full(len(ALONG), 2.0), ALONG])
-DIRECTIONS = np.tile([0.0, 1.0], (len(ALONG), 1))
 
 
-def places(p, spacing=6.0, least=0.2):
-    room = len(POINTS)
+def places(p, spacing=6.0, least=0.2, points=POINTS, clear=2.5):
+    room = len(points)
     marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
-    n = line_marks(POINTS, DIRECTIONS, VIEW_ARRAY, p, (416, 320), 0.05, spacing, least, marks, pixels, normals, widths)
+    along = np.tile([0.0, 1.0], (room, 1))
+    size = (416, 320)
+    n = line_marks(points, along, VIEW_ARRAY, p, size, 0.05, spacing, least, clear, marks, pixels, normals, widths)
     return marks[:n], pixels[:n], normals[:n], widths[:n]
 
 
@@ -62,3 +63,29 @@ def test_thin_and_hidden_lines_are_left_out():
     turned = p.copy()
     turned[2] = np.pi  # looks away
     assert len(places(turned)[0]) == 0
+
+
+def test_lines_that_run_into_each_other_are_told_from_neither():
+    p = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0])
+    beside = POINTS + np.array([0.06, 0.0])
+    both = np.vstack([POINTS, beside])
+    assert len(places(p, points=both)[0]) == 0
+    assert len(places(p, points=both, clear=-100.0)[0]) > 1.9 * len(places(p)[0])
+    assert len(places(p, points=np.vstack([POINTS, POINTS + np.array([1.0, 0.0])]))[0]) > len(places(p)[0])
+
+
+def test_a_line_too_faint_for_one_place_is_seen_over_a_stretch():
+    rng = np.random.default_rng(3)
+    picture = np.full((60, 400, 3), (50.0, 130.0, 45.0))
+    picture[30] += 9.0
+    frame = np.clip(np.rint(picture + rng.normal(0, 3, picture.shape)), 0, 255).astype(np.uint8)
+    start = np.column_stack([np.arange(20.0, 380.0, 8.0), np.full(45, 30.0)])
+    normal, width, reach = np.tile([0.0, 1.0], (45, 1)), np.full(45, 0.2), np.full(45, 2.0)
+    off = {}
+    for along_px in (0.0, 6.0):
+        offset, contrast = np.empty(45), np.empty(45)
+        measure_ridges(frame, start, normal, reach, width, along_px, offset, contrast)
+        off[along_px] = offset[np.isfinite(offset)]
+    assert len(off[6.0]) > 30
+    assert len(off[6.0]) > len(off[0.0])
+    assert off[6.0].std() < off[0.0].std()

@@ -55,7 +55,7 @@ def test_the_model_is_the_blurred_paint(seed):
     width, channel, member = rng.uniform(2.0, 20.0), int(rng.integers(2)), int(rng.integers(3))
     inside = rng.uniform(-3, width + 3)
     place = np.array([inside, width - inside, 0.0, rng.uniform(-1, 1)])
-    got = pixel_model(place, False, channel, member, shared, own, np.empty(4), np.empty(5))
+    got = pixel_model(place[None], 0, False, channel, member, shared, own[None], 0, np.empty(9))
     assert got == pytest.approx(integrated(place[0], place[1], place[3], channel, member, shared, own), abs=0.05)
 
 
@@ -67,23 +67,23 @@ def test_slopes_of_own_unknowns_and_brightness_are_differences(seed, is_foot):
     place = np.array([rng.uniform(-2, 6), rng.uniform(-2, 6), rng.uniform(-2, 2), rng.uniform(-1, 1)])
     if place[0] + place[1] < 2.0:
         place[1] = 4.0 - place[0]
-    by_own, by_shared, scratch = np.empty(4), np.empty(5), (np.empty(4), np.empty(5))
+    slopes = np.empty(9)
 
     def model(s, o):
-        return pixel_model(place, is_foot, 1, 0, s, o, *scratch)
+        return pixel_model(place[None], 0, is_foot, 1, 0, s, o[None], 0, np.empty(9))
 
-    pixel_model(place, is_foot, 1, 0, shared, own, by_own, by_shared)
+    pixel_model(place[None], 0, is_foot, 1, 0, shared, own[None], 0, slopes)
     for k, i in enumerate((0, 1, 4, 5)):
         step = np.zeros(OWN)
         step[i] = 1e-5
         slope = (model(shared, own + step) - model(shared, own - step)) / 2e-5
         # moves of an edge leave the shading across where it is
-        assert by_own[k] == pytest.approx(slope, abs=8.0 if i < 2 and not is_foot else 1e-2)
+        assert slopes[k] == pytest.approx(slope, abs=8.0 if i < 2 and not is_foot else 1e-2)
     for k, i in ((1, 2), (2, 3), (3, 6), (4, 7)):
         step = np.zeros(SHARED)
         step[i] = 1e-5
         slope = (model(shared + step, own) - model(shared - step, own)) / 2e-5
-        assert by_shared[k] == pytest.approx(slope, abs=1e-2)
+        assert slopes[4 + k] == pytest.approx(slope, abs=1e-2)
 
 
 def drawn(rng, noise, left=20.3, width=7.0, slope=0.02, shine=False):

@@ -70,6 +70,38 @@ def test_a_panel_of_nearly_the_same_hue_may_touch_a_post(localizer):
     assert estimate.pose.error_to(sample.pose)[0] < 0.05
 
 
+@pytest.mark.parametrize(
+    ("condition", "seed", "index"),
+    [
+        ("clean_416x320", 10, 61),
+        ("clean_416x320", 9, 12),
+        ("heavy_glare_416x320", 9, 60),
+        ("heavy_glare_416x320", 9, 61),
+    ],
+)
+def test_posts_washed_white_or_before_their_own_hue_are_found(condition, seed, index):
+    places = paper_places(FIELD)
+    sample = next(
+        sample_goal(FIELD, GOAL_CONDITIONS[condition], seed, 66, places=places, indices=[index], supersample=3)
+    )
+    estimate = GoalLocalizer(FIELD, GOAL_CONDITIONS[condition].camera).locate(sample.frame)
+    assert estimate
+    assert estimate.pose.error_to(sample.pose)[0] < 0.2
+
+
+def test_a_far_goal_alone_says_how_little_it_knows():
+    condition = GOAL_CONDITIONS["mild_glare_208x160"]
+    localizer = GoalLocalizer(FIELD, condition.camera, use_lines=False)
+    squares = []
+    for sample in sample_goal(
+        FIELD, condition, 7, 66, places=paper_places(FIELD), indices=[54, 55, 60, 64, 65], supersample=2
+    ):
+        estimate = localizer.locate(sample.frame)
+        offset = estimate.pose.array - sample.pose.array
+        squares.append(offset @ np.linalg.solve(estimate.covariance, offset))
+    assert np.median(squares) < 16.3  # 99.9 % of 3 degrees of freedom
+
+
 def test_tilt_roll_and_height_are_by_products(clean, localizer):
     sight = localizer.look(clean[0].frame)
     assert sight

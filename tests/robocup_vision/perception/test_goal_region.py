@@ -7,15 +7,24 @@ from hypothesis import strategies as st
 
 from field_models import COLOR_NAMES, load_field
 from robocup_vision.perception.goal_color import (
+    halves,
     hue_families,
     hue_masks,
     hue_modes,
     hue_of,
     is_chromatic,
-    narrower,
+    paint_channels,
     white_gains,
 )
-from robocup_vision.perception.goal_region import carpet_mask, enlarged, mask_runs, strips, white_runs
+from robocup_vision.perception.goal_region import (
+    bright_runs,
+    carpet_mask,
+    enlarged,
+    mask_runs,
+    posts_under,
+    strips,
+    white_runs,
+)
 
 FIELD = load_field("four_legged_2007")
 
@@ -69,9 +78,8 @@ def test_families_part_the_pitch_s_colours():
         assert low < hue_of(color) < high
         for other in ("green", "orange", "pink"):
             assert not low <= hue_of(other) <= high
-        halves = narrower(families)
-        assert halves[0][color][0] == low
-        assert halves[1][color][1] == high
+        lower, upper = halves((low, high))
+        assert lower[0] == low < upper[0] < lower[1] < upper[1] == high
     assert hue_families(load_field("spl_2020")) == {}
     assert is_chromatic("orange")
     assert not is_chromatic("white")
@@ -111,3 +119,36 @@ def test_nothing_comes_of_nothing():
     frame = np.zeros((120, 160, 3), np.uint8)
     assert strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False) == []
     assert all(not mask.any() for mask in hue_masks(frame, hue_families(FIELD)).values())
+
+
+@pytest.mark.parametrize("color", ["cyan", "yellow"])
+def test_paint_is_bright_in_its_channels_and_washed_paint_in_one(color):
+    frame = drawn(color)
+    frame[50:60, 60:68] = 255
+    hue, light = paint_channels(frame, color)
+    assert hue[40, 64] > 100 > hue[100, 100]
+    assert hue[55, 64] == 0
+    assert light[55, 64] == 255
+    assert light[40, 64] > 150 > light[100, 100]
+
+
+def test_a_post_before_a_panel_of_its_own_hue_has_edges_still():
+    frame = drawn("cyan")
+    frame[20:70, 68:150] = (140, 120, 30)
+    hue, _ = paint_channels(frame, "cyan")
+    found = strips(bright_runs(hue, 2), 2, carpet_mask(frame), certain=True)
+    assert any(s.edges_at(50) == pytest.approx((59.5, 67.5), abs=1.0) for s in found)
+
+
+def test_posts_are_supposed_where_a_bar_ends():
+    frame = drawn("cyan", left=40, width=8)
+    frame[30:90, 112:120] = COLOR_NAMES["cyan"]
+    frame[30:38, 40:120] = COLOR_NAMES["cyan"]
+    mask = hue_masks(frame, hue_families(FIELD))["cyan"]
+    lying = strips(mask_runs(np.ascontiguousarray(mask.T), 2), 2, np.zeros((160, 120), np.uint8), certain=True)
+    bar = max(lying, key=lambda s: s.height)
+    posts = posts_under(bar, carpet_mask(frame, mask))
+    assert posts is not None
+    assert [p.axis_at(60) for p in posts] == pytest.approx([43.5, 115.5], abs=3.0)
+    assert [p.foot for p in posts] == pytest.approx([89.5, 89.5], abs=2.0)
+    assert posts_under(bar, np.zeros_like(mask)) is None
