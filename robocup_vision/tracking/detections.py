@@ -167,13 +167,13 @@ class ReturnDetector:
         self, obstacles: Sequence[Obstacle], robot: Pose2, robot_covariance: FloatArray | None = None
     ) -> tuple[Detection, ...]:
         """Return the detections among `View.obstacles`; other parameters as in `in_profile`."""
-        near = [o for o in obstacles if o.range_m < self.longest_m]
+        # outlines in an image are blurred: past a body a sliver of floor shows, and then something; so is a line's end
+        # at a wall. What is less than half as wide as an object is no sighting of one
+        near = [o for o in obstacles if o.range_m < self.longest_m and o.width_m >= self.radius_m]
         if not near:
             return ()
         inside = self._inside(np.array([[o.x_m, o.y_m] for o in near]), robot, robot_covariance)
-        sure = [o for o, is_inside in zip(near, inside.tolist(), strict=True) if is_inside]
-        # outlines in an image are blurred: past them a sliver of floor shows, and then something
-        return self._detections([o for o in sure if not any(self._is_edge(o, other) for other in sure)])
+        return self._detections([o for o, is_inside in zip(near, inside.tolist(), strict=True) if is_inside])
 
     def _std_m(self, range_m: FloatArray) -> FloatArray:
         return self.range_std[0] + self.range_std[1] * range_m
@@ -206,16 +206,6 @@ class ReturnDetector:
                 off = (piece - 0.5 * (count - 1)) * width
                 found.append(Detection(ahead * out - aside * off, aside * out + ahead * off, covariance))
         return tuple(found)
-
-    def _is_edge(self, sliver: Obstacle, other: Obstacle) -> bool:
-        """Whether a narrow return is the blurred edge of a wider one right beside it and hardly nearer."""
-        behind = sliver.range_m - other.range_m
-        wider = other.width_m > sliver.width_m < self.radius_m
-        if not wider or not 0 < behind < 4 * self.radius_m:
-            return False
-        apart = abs(math.remainder(other.bearing_rad - sliver.bearing_rad, math.tau))
-        # half of each, and once the sliver's own width between them
-        return apart < 0.5 * other.width_m / other.range_m + 1.5 * sliver.width_m / sliver.range_m
 
 
 def in_field(
