@@ -68,6 +68,7 @@ def _parser() -> argparse.ArgumentParser:
     from sim2d.rendering.command import add_render_parser, run_render
     from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
     from sim2d.rendering.hall_command import add_render_hall_parser, run_render_hall
+    from sim2d.sensor_command import add_sensors_parser, run_sensors
 
     parser = _Parser(prog="robocup-vision", description="One camera frame in; a robot's pose, free floor and ball out.")
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
@@ -87,6 +88,8 @@ def _parser() -> argparse.ArgumentParser:
     render_hall.set_defaults(run=run_render_hall)
     landmark_map: argparse.ArgumentParser = add_map_parser(commands)
     landmark_map.set_defaults(run=run_map)
+    sensors: argparse.ArgumentParser = add_sensors_parser(commands)
+    sensors.set_defaults(run=run_sensors)
     fields = commands.add_parser("fields", help="list the built-in fields")
     fields.set_defaults(run=_run_fields)
     return parser

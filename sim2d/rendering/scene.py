@@ -258,20 +258,23 @@ class Scene:
                 height_m, color = float(rng.uniform(0.2, 1.5)), rng.uniform(30, 200) * rng.uniform(0.7, 1.3, 3)
                 yield Box(float(x), float(y), float(rng.uniform(0, 0.3)), width_m, width_m, height_m, _bgr(color))
 
-    def footprint_segments(self) -> FloatArray:
-        """(S, 4) float64: feet of all walls, panels and box faces as x0, y0, x1, y1, metres."""
-        rows = [[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in self.walls()]
+    def footprint_segments(self, above_m: float = 0.0) -> FloatArray:
+        """(S, 4) float64: feet of all walls, panels and box faces higher than this, as x0, y0, x1, y1, metres."""
+        rows = [[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in self.walls() if w.height_m > above_m]
         for box in self.boxes:
+            if box.height_m <= above_m:
+                continue
             corners = box.corners
             rows += np.hstack([corners, np.roll(corners, -1, axis=0)]).tolist()
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
-    def footprint_circles(self) -> FloatArray:
-        """(C, 3) float64: feet of all posts, beacons and robots as x, y, radius, metres."""
+    def footprint_circles(self, above_m: float = 0.0) -> FloatArray:
+        """(C, 3) float64: feet of all posts, beacons and robots higher than this, as x, y, radius, metres."""
         round_things: list[Post | Robot] = [*self.posts(), *self.robots]
-        return np.array([[r.x_m, r.y_m, r.radius_m] for r in round_things], dtype=np.float64).reshape(-1, 3)
+        rows = [[r.x_m, r.y_m, r.radius_m] for r in round_things if r.height_m > above_m]
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
-    def free_range_m(self, pose: Pose2, bearing_rad: npt.ArrayLike) -> FloatArray:
+    def free_range_m(self, pose: Pose2, bearing_rad: npt.ArrayLike, above_m: float = 0.0) -> FloatArray:
         """Exact free range from the robot's centre: the benchmarks' truth.
 
         Parameters
@@ -280,6 +283,8 @@ class Scene:
             The robot in the field frame.
         bearing_rad : (N,) array_like
             Bearings in the robot frame.
+        above_m : float
+            Only what is higher than this counts.
 
         Returns
         -------
@@ -290,7 +295,7 @@ class Scene:
         direction = pose.theta_rad + np.asarray(bearing_rad, dtype=np.float64)
         dx, dy = np.cos(direction)[:, None], np.sin(direction)[:, None]
         nearest = np.full(len(dx), np.inf)
-        segments = self.footprint_segments() - (pose.x_m, pose.y_m) * 2
+        segments = self.footprint_segments(above_m) - (pose.x_m, pose.y_m) * 2
         if len(segments):
             ax, ay, bx, by = segments.T
             cross_a, cross_b = ax * dy - ay * dx, bx * dy - by * dx
@@ -298,7 +303,7 @@ class Scene:
                 range_m = (ax * by - ay * bx) / (cross_a - cross_b)
                 hit = (cross_a * cross_b <= 0) & (range_m > 0)
             nearest = np.minimum(nearest, np.where(hit, range_m, np.inf).min(axis=1))
-        circles = self.footprint_circles()
+        circles = self.footprint_circles(above_m)
         if len(circles):
             cx, cy, radius = (circles - (pose.x_m, pose.y_m, 0.0)).T
             along, aside = cx * dx + cy * dy, cx * dy - cy * dx

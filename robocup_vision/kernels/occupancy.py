@@ -1,0 +1,265 @@
+"""Compiled loops of the free-space map: what one range profile says of each cell, and how far cells are free."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
+Int8Array = npt.NDArray[np.int8]
+Int32Array = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
+
+# what a profile says of a cell: nothing; something is there (the paper's event O); nothing is there (not O)
+SILENT, HIT, CROSSED = 0, 1, 2
+_TURN = 2.0 * math.pi
+# bearings closer together than this join without a gap, radians
+_JOINED_RAD = 1e-9
+
+
+@njit(cache=True, nogil=True)
+def _span(dx: float, dy: float, half: float) -> tuple[float, float, float, float, float]:
+    """Nearest and farthest range of a cell, direction of its middle, and its lowest and highest direction from that.
+
+    For a middle (dx, dy) at least a whole cell away: nearer, the cell has no span.
+    """
+    ax, ay = abs(dx), abs(dy)
+    near = math.hypot(max(ax - half, 0.0), max(ay - half, 0.0))
+    far = math.hypot(ax + half, ay + half)
+    low, high = 0.0, 0.0
+    for sx in (-half, half):
+        for sy in (-half, half):
+            slope = (dx * sy - dy * sx) / (dx * (dx + sx) + dy * (dy + sy))
+            low, high = min(low, slope), max(high, slope)
+    return near, far, math.atan2(dy, dx), math.atan(low), math.atan(high)
+
+
+@njit(cache=True, nogil=True)
+def _sector_at(offset: float, lower: FloatArray, upper: FloatArray) -> int:
+    """Sector that holds a direction, given from the first sector's lower edge within [0, 2 pi); -1 in a gap."""
+    first, last = 0, lower.shape[0]
+    while last - first > 1:
+        middle = (first + last) // 2
+        if lower[middle] - lower[0] <= offset:
+            first = middle
+        else:
+            last = middle
+    return first if offset <= upper[first] - lower[0] + _JOINED_RAD else -1
+
+
+@njit(cache=True, nogil=True)
+def gather_evidence(
+    corner_x: float,
+    corner_y: float,
+    cell_m: float,
+    x_m: float,
+    y_m: float,
+    theta_rad: float,
+    bearing: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    range_m: FloatArray,
+    depth_m: FloatArray,
+    hit: BoolArray,
+    nearest_m: float,
+    reach_m: float,
+    discs: FloatArray,
+    out: Int8Array,
+) -> None:
+    """Say of each cell what one range profile tells: HIT, CROSSED or, where it tells nothing, SILENT.
+
+    A cell is hit by a bearing whose ray has its end in it, or in whose cone its middle lies at that range; it is
+    crossed if the cones of all bearings that touch it end beyond its farthest corner.
+
+    Parameters
+    ----------
+    corner_x, corner_y : float
+        Lowest corner of cell (0, 0), metres.
+    cell_m : float
+        Side of a cell.
+    x_m, y_m, theta_rad : float
+        The sensor in the map's frame.
+    bearing, lower, upper : (J,) float64
+        Middle and edges of each bearing's cone, sensor frame, ascending within one turn, radians.
+    range_m, depth_m : (J,) float64
+        What is met stands between range and range + depth; a NaN range tells nothing.
+    hit : (J,) bool
+        Whether something is met; else it is free as far as the range.
+    nearest_m, reach_m : float
+        Ranges between which the sensor tells anything.
+    discs : (D, 3) float64
+        x, y, radius in the map's frame: cells that touch one are left out.
+    out : (N, N) int8, written
+        First index along x.
+    """
+    count, size = bearing.shape[0], out.shape[0]
+    half = 0.5 * cell_m
+    out[:] = SILENT
+    first_i = max(int(math.floor((x_m - reach_m - corner_x) / cell_m)), 0)
+    last_i = min(int(math.ceil((x_m + reach_m - corner_x) / cell_m)), size)
+    first_j = max(int(math.floor((y_m - reach_m - corner_y) / cell_m)), 0)
+    last_j = min(int(math.ceil((y_m + reach_m - corner_y) / cell_m)), size)
+    for i in range(first_i, last_i):
+        dx = corner_x + (i + 0.5) * cell_m - x_m
+        for j in range(first_j, last_j):
+            dy = corner_y + (j + 0.5) * cell_m - y_m
+            away = math.hypot(dx, dy)
+            if away < cell_m or away > reach_m + cell_m:
+                continue
+            near, far, middle, low, high = _span(dx, dy, half)
+            if near < nearest_m or far > reach_m or _touches(dx + x_m, dy + y_m, half, discs):
+                continue
+            offset = (middle + low - theta_rad - lower[0]) % _TURN
+            k = _sector_at(offset, lower, upper)
+            if k < 0:
+                continue
+            turned, width = offset + lower[0], high - low
+            # each bearing that touches the cell, and how far from the cell's lowest direction its cone begins
+            begin = lower[k] - turned
+            crossed, is_hit = True, False
+            for _ in range(count):
+                if not range_m[k] >= far:
+                    crossed = False
+                    if hit[k] and range_m[k] >= nearest_m:
+                        if begin <= -low <= begin + upper[k] - lower[k]:
+                            is_hit |= range_m[k] - half <= away <= range_m[k] + depth_m[k] + half
+                        ray = begin + bearing[k] - lower[k]
+                        if 0.0 <= ray <= width:
+                            direction = middle + low + ray
+                            c, s = math.cos(direction), math.sin(direction)
+                            enter, leave = _chord(dx, dy, half, c, s)
+                            is_hit |= enter <= leave and enter <= range_m[k] + depth_m[k] and leave >= range_m[k]
+                end = begin + upper[k] - lower[k]
+                if end >= width:
+                    break
+                after = k + 1 if k + 1 < count else 0
+                gap = lower[after] - upper[k] + (_TURN if after == 0 else 0.0)
+                if gap > _JOINED_RAD:
+                    crossed = False
+                begin = end + gap
+                k = after
+                if begin > width:
+                    break
+            if is_hit:
+                out[i, j] = HIT
+            elif crossed:
+                out[i, j] = CROSSED
+
+
+@njit(cache=True, nogil=True)
+def _chord(dx: float, dy: float, half: float, c: float, s: float) -> tuple[float, float]:
+    """Where a ray from the origin along (c, s) enters and leaves the cell about (dx, dy); enter > leave: it misses."""
+    enter, leave = 0.0, np.inf
+    if c != 0.0:
+        a, b = (dx - half) / c, (dx + half) / c
+        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+    elif abs(dx) > half:
+        return 1.0, 0.0
+    if s != 0.0:
+        a, b = (dy - half) / s, (dy + half) / s
+        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+    elif abs(dy) > half:
+        return 1.0, 0.0
+    return enter, leave
+
+
+@njit(cache=True, nogil=True)
+def _touches(x: float, y: float, half: float, discs: FloatArray) -> bool:
+    """Whether the cell about (x, y) touches one of the discs."""
+    for d in range(discs.shape[0]):
+        ax = max(abs(discs[d, 0] - x) - half, 0.0)
+        ay = max(abs(discs[d, 1] - y) - half, 0.0)
+        if ax * ax + ay * ay <= discs[d, 2] * discs[d, 2]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def add_evidence(
+    evidence: Int8Array,
+    hit_step: float,
+    crossed_step: float,
+    most: float,
+    log_odds: Float32Array,
+    observations: Int32Array,
+) -> None:
+    """Bayes' rule in each cell that a profile tells of: add to its log-odds, within +-`most`, and count it."""
+    for i in range(evidence.shape[0]):
+        for j in range(evidence.shape[1]):
+            if evidence[i, j] == SILENT:
+                continue
+            step = hit_step if evidence[i, j] == HIT else crossed_step
+            log_odds[i, j] = min(max(log_odds[i, j] + step, -most), most)
+            observations[i, j] += 1
+
+
+@njit(cache=True, nogil=True)
+def free_ranges(
+    corner_x: float,
+    corner_y: float,
+    cell_m: float,
+    x_m: float,
+    y_m: float,
+    theta_rad: float,
+    lower: FloatArray,
+    upper: FloatArray,
+    nearest_m: float,
+    is_free: BoolArray,
+    out: FloatArray,
+) -> None:
+    """Range of each cone to the first cell that touches it and is not free, or to the map's end.
+
+    Parameters
+    ----------
+    corner_x, corner_y, cell_m, x_m, y_m, theta_rad, lower, upper
+        As in `gather_evidence`.
+    nearest_m : float
+        Cells that reach nearer than this are not asked.
+    is_free : (N, N) bool
+    out : (J,) float64, written
+        Metres.
+    """
+    count, size = lower.shape[0], is_free.shape[0]
+    half, side = 0.5 * cell_m, size * cell_m
+    for k in range(count):
+        out[k] = np.inf
+        for angle in (lower[k], 0.5 * (lower[k] + upper[k]), upper[k]):
+            c, s = math.cos(theta_rad + angle), math.sin(theta_rad + angle)
+            _, leave = _chord(corner_x + 0.5 * side - x_m, corner_y + 0.5 * side - y_m, 0.5 * side, c, s)
+            out[k] = min(out[k], leave)
+    for i in range(size):
+        dx = corner_x + (i + 0.5) * cell_m - x_m
+        for j in range(size):
+            if is_free[i, j]:
+                continue
+            dy = corner_y + (j + 0.5) * cell_m - y_m
+            if math.hypot(dx, dy) < cell_m:
+                if nearest_m <= 0.0:
+                    out[:] = 0.0
+                continue
+            near, _, middle, low, high = _span(dx, dy, half)
+            if near < nearest_m:
+                continue
+            offset = (middle + low - theta_rad - lower[0]) % _TURN
+            k = _sector_at(offset, lower, upper)
+            begin = 0.0
+            if k < 0:
+                # the next cone after the gap
+                k = 0
+                while k < count and lower[k] - lower[0] < offset:
+                    k += 1
+                k = k if k < count else 0
+                begin = (lower[k] - lower[0] - offset) % _TURN
+            else:
+                begin = lower[k] - lower[0] - offset
+            for _ in range(count):
+                if begin > high - low:
+                    break
+                out[k] = min(out[k], near)
+                after = k + 1 if k + 1 < count else 0
+                begin += lower[after] - lower[k] + (_TURN if after == 0 else 0.0)
+                k = after

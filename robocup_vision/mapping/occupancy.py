@@ -1,0 +1,329 @@
+"""A map of the free floor around the robot from two sensors that see different parts of things (Miura 2004, 2.2).
+
+A camera that tells the floor by its colour is fooled by glare; a range sensor looks over a ball or a fallen robot. As
+they may see different parts of the same thing, their readings must not be added up: each sensor keeps a grid of its
+own, and what their grids say is put together afterwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.kernels import occupancy as kernel
+from robocup_vision.mapping.range_profile import RangeProfile, cones
+from robocup_vision.mapping.sensor_model import SensorModel, default_sensors
+from robocup_vision.perception.free_space import FreeSpace
+
+UInt8Array = npt.NDArray[np.uint8]
+Int8Array = npt.NDArray[np.int8]
+Int32Array = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
+
+FREE, NO_GO, UNDECIDED = 0, 1, 2
+
+_NO_DISCS = np.empty((0, 3))
+
+
+class FreeSpaceMap:
+    """Where the floor around the robot is free, from what its sensors have said on the way.
+
+    A square window of cells moves with the robot in whole cells; its axes stay those of the frame in which the robot's
+    pose is given, so nothing is ever resampled. What leaves the window is forgotten.
+
+    Parameters
+    ----------
+    sensors : mapping of str to SensorModel, optional
+        By name; the project's own ``floor`` and ``range`` unless given.
+    cells : int
+        Cells N along each side of the window.
+    cell_m : float
+        Side of a cell, metres.
+    free_below, no_go_above : float
+        A cell less probably occupied than the first is free, more probably than the second an obstacle.
+    clip : float
+        No cell is held for less probably occupied than this, nor for more than 1 - clip, so that it can be unlearnt.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no sensor, or a size or probability is out of its range.
+
+    Notes
+    -----
+    P(E|O) and P(E|not O) by Bayes' rule, P0 = 0.5, as log-odds. The measured cell of a bearing is O, nearer ones are
+    not O, farther ones untold. A bearing is a cone that widens with range: not O is told only of cells that the cones
+    cross as a whole. A cell is `FREE` if one sensor at least holds it for free, and every other does so too or, after
+    n_req observations or more, is undecided about it. All else must not be entered: `NO_GO` where a sensor holds it
+    for an obstacle, `UNDECIDED` where none does, and looking again may yet free it.
+
+    The poses should be of one smooth frame. After a jump (a robot carried off, the other half of the field), `forget`.
+    """
+
+    def __init__(
+        self,
+        sensors: Mapping[str, SensorModel] | None = None,
+        *,
+        cells: int = 80,
+        cell_m: float = 0.04,
+        free_below: float = 0.1,
+        no_go_above: float = 0.9,
+        clip: float = 0.02,
+    ) -> None:
+        self.sensors = dict(default_sensors() if sensors is None else sensors)
+        if not self.sensors:
+            raise ArgumentError("sensors must name at least one sensor")
+        if cells < 3:
+            raise ArgumentError(f"cells must be at least 3, got {cells}")
+        if not 0 < cell_m < math.inf:
+            raise ArgumentError(f"cell_m must be positive, got {cell_m}")
+        if not 0 < clip < free_below < 0.5 < no_go_above < 1 - clip:
+            raise ArgumentError(
+                "probabilities must be 0 < clip < free_below < 0.5 < no_go_above < 1 - clip, got "
+                f"clip {clip}, free_below {free_below}, no_go_above {no_go_above}"
+            )
+        self.cells, self.cell_m = cells, cell_m
+        self._free_odds, self._no_go_odds, self._most_odds = (_logit(p) for p in (free_below, no_go_above, 1 - clip))
+        self._needed = {name: model.observations_needed(free_below) for name, model in self.sensors.items()}
+        self._log_odds = {name: np.zeros((cells, cells), dtype=np.float32) for name in self.sensors}
+        self._counts = {name: np.zeros((cells, cells), dtype=np.int32) for name in self.sensors}
+        self._robot = Pose2(0.0, 0.0, 0.0)
+        self._first = (-(cells // 2), -(cells // 2))
+        self._state: UInt8Array | None = None
+
+    def forget(self) -> None:
+        """Forget all that was seen."""
+        for name in self.sensors:
+            self._log_odds[name][:] = 0.0
+            self._counts[name][:] = 0
+        self._state = None
+
+    @property
+    def robot(self) -> Pose2:
+        """The robot, as `move` was last told."""
+        return self._robot
+
+    @property
+    def corner_m(self) -> tuple[float, float]:
+        """Lowest corner of cell (0, 0), metres."""
+        return self._first[0] * self.cell_m, self._first[1] * self.cell_m
+
+    @property
+    def center(self) -> tuple[float, float]:
+        """Middle of the window, metres."""
+        half = self.cells * self.cell_m / 2
+        return self.corner_m[0] + half, self.corner_m[1] + half
+
+    @property
+    def cell_centers_m(self) -> FloatArray:
+        """(N, N, 2) float64: middles of the cells, metres; the first index runs along x."""
+        along = (np.arange(self.cells) + 0.5) * self.cell_m
+        x, y = along + self.corner_m[0], along + self.corner_m[1]
+        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+
+    def move(self, robot: Pose2 | None = None, *, odometry: Pose2 | None = None) -> None:
+        """Tell where the robot is by now; the window follows in whole cells.
+
+        Parameters
+        ----------
+        robot : Pose2, optional
+            Its pose in the map's frame: the field's, or that of odometry.
+        odometry : Pose2, optional
+            Or its motion since it was last told, in its frame then.
+
+        Raises
+        ------
+        ArgumentError
+            If both or neither is given, or it is not finite.
+        """
+        if (robot is None) == (odometry is None):
+            raise ArgumentError("move needs either the robot's pose or its odometry")
+        pose = robot if robot is not None else self._robot.compose(odometry)  # type: ignore[arg-type]
+        if not np.isfinite(pose.array).all():
+            raise ArgumentError(f"the robot's pose must be finite, got {pose}")
+        self._robot = pose
+        half = self.cells // 2
+        first = (math.floor(pose.x_m / self.cell_m) - half, math.floor(pose.y_m / self.cell_m) - half)
+        shift = (first[0] - self._first[0], first[1] - self._first[1])
+        if shift == (0, 0):
+            return
+        for name in self.sensors:
+            _scroll(self._log_odds[name], shift)
+            _scroll(self._counts[name], shift)
+        self._first = first
+        self._state = None
+
+    def evidence(self, sensor: str, profile: RangeProfile, *, mask: npt.ArrayLike | None = None) -> Int8Array:
+        """Return what a profile seen from where the robot is says of each cell.
+
+        Returns
+        -------
+        (N, N) int8
+            `kernels.occupancy.HIT` (the paper's O), CROSSED (not O) or SILENT.
+        """
+        model = self._model(sensor)
+        discs = self._discs(mask)
+        hit, depth_m = profile.hit, np.asarray(profile.depth_m)
+        if len(discs):
+            hit = hit & ~self._on_disc(profile, discs)
+        out = np.empty((self.cells, self.cells), dtype=np.int8)
+        lower, upper = cones(profile.bearing_rad)
+        corner_x, corner_y = self.corner_m
+        robot = self._robot
+        kernel.gather_evidence(
+            corner_x,
+            corner_y,
+            self.cell_m,
+            robot.x_m,
+            robot.y_m,
+            robot.theta_rad,
+            profile.bearing_rad,
+            lower,
+            upper,
+            profile.range_m,
+            depth_m,
+            hit,
+            model.nearest_m,
+            model.reach_m,
+            discs,
+            out,
+        )
+        return out
+
+    def update(self, sensor: str, profile: RangeProfile, *, mask: npt.ArrayLike | None = None) -> None:
+        """Take in what a sensor sees from where the robot is.
+
+        Parameters
+        ----------
+        sensor : str
+            Which.
+        profile : RangeProfile
+            What it sees.
+        mask : (D, 3) array_like, optional
+            Discs x, y, radius in the map's frame, metres: moving robots, as tracked. Nothing is learnt of the cells
+            they touch, and what is met at them is no evidence of anything that stays; up to them it is still free.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such sensor, or the mask is not (D, 3) and finite.
+        """
+        model = self._model(sensor)
+        evidence = self.evidence(sensor, profile, mask=mask)
+        grids = self._log_odds[sensor], self._counts[sensor]
+        kernel.add_evidence(evidence, model.hit_step, model.crossed_step, self._most_odds, *grids)
+        self._state = None
+
+    def probability(self, sensor: str) -> FloatArray:
+        """(N, N) float64: P(E) of each cell by one sensor."""
+        self._model(sensor)
+        return np.asarray(1 / (1 + np.exp(-self._log_odds[sensor].astype(np.float64))))
+
+    def observations(self, sensor: str) -> Int32Array:
+        """(N, N) int32: how often one sensor has told something of each cell."""
+        self._model(sensor)
+        return self._counts[sensor].copy()
+
+    def sensor_state(self, sensor: str) -> UInt8Array:
+        """(N, N) uint8: FREE, NO_GO or UNDECIDED by one sensor alone."""
+        self._model(sensor)
+        odds = self._log_odds[sensor]
+        free, no_go = odds < self._free_odds, odds > self._no_go_odds
+        return np.where(free, FREE, np.where(no_go, NO_GO, UNDECIDED)).astype(np.uint8)
+
+    @property
+    def state(self) -> UInt8Array:
+        """(N, N) uint8, read-only: FREE, NO_GO or UNDECIDED by all sensors together; first index along x."""
+        if self._state is None:
+            some_free = np.zeros((self.cells, self.cells), dtype=np.bool_)
+            agreed, blocked = ~some_free, some_free.copy()
+            for name in self.sensors:
+                own = self.sensor_state(name)
+                some_free |= own == FREE
+                blocked |= own == NO_GO
+                agreed &= (own == FREE) | ((own == UNDECIDED) & (self._counts[name] >= self._needed[name]))
+            state = np.where(some_free & agreed, FREE, np.where(blocked, NO_GO, UNDECIDED)).astype(np.uint8)
+            state.flags.writeable = False
+            self._state = state
+        return self._state
+
+    def free_space(self, robot: Pose2, bearing_rad: npt.ArrayLike, *, nearest_m: float = 0.0) -> FreeSpace:
+        """Free ranges around a pose, for steering: in each bearing's cone up to the first cell that is not FREE.
+
+        Moving robots that were masked stand in their tracks, not in here: steer by the smaller of this and what the
+        present frame shows.
+
+        Parameters
+        ----------
+        robot : Pose2
+            In the map's frame, inside the window.
+        bearing_rad : (J,) array_like
+            In the robot frame, ascending within one turn, radians.
+        nearest_m : float
+            Cells that reach nearer than this are not asked: where the robot stands, or its sensors see nothing.
+
+        Raises
+        ------
+        ArgumentError
+            If the pose lies outside the window, or the bearings do not ascend within one turn.
+        """
+        bearing = np.array(bearing_rad, dtype=np.float64)
+        # the profile's own checks of bearings
+        bearing = RangeProfile(bearing, np.zeros(bearing.shape), np.zeros(bearing.shape, dtype=np.bool_)).bearing_rad
+        x, y = robot.x_m - self.corner_m[0], robot.y_m - self.corner_m[1]
+        if not (0 <= x < self.cells * self.cell_m and 0 <= y < self.cells * self.cell_m):
+            raise ArgumentError(f"the pose must lie inside the map around {self.center}, got {robot}")
+        out = np.empty(len(bearing))
+        lower, upper = cones(bearing)
+        corner_x, corner_y = self.corner_m
+        pose = robot.x_m, robot.y_m, robot.theta_rad
+        is_free = self.state == FREE
+        kernel.free_ranges(corner_x, corner_y, self.cell_m, *pose, lower, upper, nearest_m, is_free, out)
+        out.flags.writeable = False
+        return FreeSpace(bearing, out)
+
+    def _model(self, sensor: str) -> SensorModel:
+        model = self.sensors.get(sensor)
+        if model is None:
+            raise ArgumentError(f"there is no sensor {sensor!r}: they are {', '.join(self.sensors)}")
+        return model
+
+    def _discs(self, mask: npt.ArrayLike | None) -> FloatArray:
+        if mask is None:
+            return _NO_DISCS
+        discs = np.asarray(mask, dtype=np.float64)
+        if not discs.size:
+            return _NO_DISCS
+        if discs.ndim != 2 or discs.shape[1] != 3 or not np.isfinite(discs).all():
+            raise ArgumentError(f"mask must be finite and of rows x, y, radius, got shape {discs.shape}")
+        return np.ascontiguousarray(discs)
+
+    def _on_disc(self, profile: RangeProfile, discs: FloatArray) -> BoolArray:
+        """(J,) bool: bearings whose end lies on a disc, as far as cells and depth can tell."""
+        turn = profile.bearing_rad + self._robot.theta_rad
+        c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+        x, y = discs[:, 0] - self._robot.x_m, discs[:, 1] - self._robot.y_m
+        along, aside = c * x + s * y, np.abs(c * y - s * x)
+        near, far = profile.range_m[:, None], (profile.range_m + profile.depth_m)[:, None]
+        beyond = np.maximum(np.maximum(near - along, along - far), 0.0)
+        return np.asarray((np.hypot(beyond, aside) <= discs[:, 2] + self.cell_m).any(axis=1))
+
+
+def _logit(probability: float) -> float:
+    return math.log(probability / (1 - probability))
+
+
+def _scroll(grid: npt.NDArray[np.float32] | Int32Array, shift: tuple[int, int]) -> None:
+    """Move a grid's content against a shift of its window; what comes in is 0."""
+    size = len(grid)
+    kept = np.zeros_like(grid)
+    if abs(shift[0]) < size and abs(shift[1]) < size:
+        source = tuple(slice(max(s, 0), size + min(s, 0)) for s in shift)
+        target = tuple(slice(max(-s, 0), size + min(-s, 0)) for s in shift)
+        kept[target] = grid[source]
+    grid[:] = kept

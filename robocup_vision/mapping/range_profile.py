@@ -1,0 +1,102 @@
+"""The nearest thing in every direction: what a sensor tells a map, whatever sensor it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.kernels import free_floor
+from robocup_vision.perception.free_space import FreeSpaceGrid
+from robocup_vision.view import View
+
+BoolArray = npt.NDArray[np.bool_]
+
+# a gap between bearings of more than this many times their smallest spacing belongs to nobody
+_GAP = 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RangeProfile:
+    """Ranges all around, or over what the sensor sees.
+
+    Parameters
+    ----------
+    bearing_rad : (J,) float64
+        Directions in the robot frame, ascending within one turn, radians. Each stands for a cone halfway to its
+        neighbours; a wide gap between two belongs to neither.
+    range_m : (J,) float64
+        Free distance from the robot's centre, metres; NaN where the sensor tells nothing.
+    hit : (J,) bool
+        Whether something ends it; else it is free so far, and nothing is known beyond.
+    depth_m : (J,) float64 or float
+        What ends it stands between range and range + depth.
+
+    Raises
+    ------
+    ArgumentError
+        If the sizes differ, bearings do not ascend within one turn, or a range or depth is negative.
+    """
+
+    bearing_rad: FloatArray
+    range_m: FloatArray
+    hit: BoolArray
+    depth_m: FloatArray | float = 0.0
+
+    def __post_init__(self) -> None:
+        bearing, range_m = read_only(self.bearing_rad), read_only(self.range_m)
+        hit = np.array(self.hit, dtype=np.bool_)
+        hit.flags.writeable = False
+        if bearing.ndim != 1 or not len(bearing):
+            raise ArgumentError(f"bearing_rad must be (J,) with at least one bearing, got shape {bearing.shape}")
+        if range_m.shape != bearing.shape or hit.shape != bearing.shape:
+            raise ArgumentError(
+                f"bearing_rad, range_m and hit must be as long as each other, got {bearing.shape}, {range_m.shape} and "
+                f"{hit.shape}"
+            )
+        if not np.isfinite(bearing).all() or not (np.diff(bearing) > 0).all() or bearing[-1] - bearing[0] >= math.tau:
+            raise ArgumentError("bearing_rad must be finite and ascend within one turn")
+        depth = np.asarray(self.depth_m, dtype=np.float64)
+        if depth.shape not in ((), bearing.shape):
+            raise ArgumentError(f"depth_m must be a number or as long as the bearings, got shape {depth.shape}")
+        if (range_m < 0).any() or not (depth >= 0).all():
+            raise ArgumentError("ranges and depths must not be negative, and depths be numbers")
+        for name, value in (("bearing_rad", bearing), ("range_m", range_m), ("hit", hit)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "depth_m", read_only(np.broadcast_to(depth, bearing.shape)))
+
+
+def cones(bearing_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper edges (J,) of bearings' cones, radians: halfway to the neighbours, but not into a gap."""
+    ahead = np.append(np.diff(bearing_rad), bearing_rad[0] + math.tau - bearing_rad[-1])
+    least = float(ahead.min())
+    half = 0.5 * np.where(ahead <= _GAP * least, ahead, least)
+    return bearing_rad - np.roll(half, 1), bearing_rad + half
+
+
+def floor_profile(view: View, grid: FreeSpaceGrid) -> RangeProfile:
+    """Where the floor's colour ends in each direction, a ball's foot among them.
+
+    Parameters
+    ----------
+    view : View
+        What a frame shows.
+    grid : FreeSpaceGrid
+        Of the `Vision` that made it; best with as many directions as cells at the sensor's reach call for.
+
+    Notes
+    -----
+    `view.free_space` leaves out the ball, which a robot may drive to; a map of what stands where does not. What ends
+    the floor stands in the first ring that is not free.
+    """
+    bounds = grid.ring_bounds_m
+    passable = np.where(view.marks == free_floor.BALL, free_floor.BLOCKED, view.marks).astype(np.uint8)
+    range_m = grid.measure(passable).range_m
+    ring = np.searchsorted(bounds, range_m)
+    hit = ring < len(bounds) - 1
+    depth = np.where(hit, bounds[np.minimum(ring + 1, len(bounds) - 1)] - range_m, 0.0)
+    return RangeProfile(grid.bearing_rad, range_m, hit, depth)

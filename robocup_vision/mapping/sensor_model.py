@@ -1,0 +1,190 @@
+"""How far a sensor's word can be relied on: P(O|E) and P(O|not E), learnt from runs with truth, kept in a file."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError, FileError
+from field_models.toml_file import StrictStruct, load_toml
+from robocup_vision.kernels import occupancy as kernel
+
+Int8Array = npt.NDArray[np.int8]
+BoolArray = npt.NDArray[np.bool_]
+
+DEFAULT_FILE = Path(__file__).parent / "sensors.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class SensorModel:
+    """One sensor as the map sees it (Miura 2004, section 2.2.3).
+
+    Parameters
+    ----------
+    hit_if_occupied : float
+        P(O|E): of the occupied cells that it tells anything of, the share in which it meets something.
+    hit_if_free : float
+        P(O|not E): the same of the free cells.
+    nearest_m, reach_m : float
+        Ranges between which it tells anything, from the robot's centre.
+
+    Raises
+    ------
+    ArgumentError
+        If not 0 < hit_if_free < hit_if_occupied < 1, or not 0 <= nearest_m < reach_m.
+    """
+
+    hit_if_occupied: float
+    hit_if_free: float
+    nearest_m: float = 0.0
+    reach_m: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.hit_if_free < self.hit_if_occupied < 1:
+            raise ArgumentError(
+                "probabilities must be 0 < hit_if_free < hit_if_occupied < 1, got "
+                f"hit_if_free {self.hit_if_free}, hit_if_occupied {self.hit_if_occupied}"
+            )
+        if not 0 <= self.nearest_m < self.reach_m < math.inf:
+            raise ArgumentError(
+                f"ranges must be 0 <= nearest_m < reach_m, got nearest_m {self.nearest_m}, reach_m {self.reach_m}"
+            )
+
+    @property
+    def hit_step(self) -> float:
+        """What the event O adds to a cell's log-odds."""
+        return math.log(self.hit_if_occupied / self.hit_if_free)
+
+    @property
+    def crossed_step(self) -> float:
+        """What the event not O adds to a cell's log-odds; negative."""
+        return math.log((1 - self.hit_if_occupied) / (1 - self.hit_if_free))
+
+    def observations_needed(self, free_probability: float) -> int:
+        """Return n_req: so many correct observations take a cell from 0.5 to this probability of being occupied."""
+        return math.ceil(-math.log(free_probability / (1 - free_probability)) / -self.crossed_step)
+
+
+class _Sensor(StrictStruct):
+    hit_if_occupied: float
+    hit_if_free: float
+    nearest_m: float
+    reach_m: float
+
+
+class _SensorFile(StrictStruct):
+    format: Literal[1]
+    source: str
+    sensors: dict[str, _Sensor]
+
+
+def load_sensors(path: str | Path) -> dict[str, SensorModel]:
+    """Read sensor models by name from a file.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, a key is missing or unknown, or a value is impossible.
+    """
+    content = load_toml(path, _SensorFile)
+    if not content.sensors:
+        raise FileError(path, "must name at least one sensor", key="sensors")
+    models = {}
+    for name, s in content.sensors.items():
+        try:
+            models[name] = SensorModel(s.hit_if_occupied, s.hit_if_free, s.nearest_m, s.reach_m)
+        except ArgumentError as error:
+            raise FileError(path, str(error), key=f"sensors.{name}") from None
+    return models
+
+
+def write_sensors(path: str | Path, sensors: Mapping[str, SensorModel], source: str) -> None:
+    """Write sensor models by name to a file that `load_sensors` reads.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    sensors : mapping of str to SensorModel
+        Names are of letters, digits, ``_`` and ``-``.
+    source : str
+        How they were learnt.
+
+    Raises
+    ------
+    ArgumentError
+        If a name cannot be a bare TOML key.
+    FileError
+        If the file cannot be written.
+    """
+    lines = ["format = 1", f"source = {json.dumps(source, ensure_ascii=False)}"]
+    for name, model in sensors.items():
+        if not name or not all(c.isascii() and (c.isalnum() or c in "_-") for c in name):
+            raise ArgumentError(f"a sensor's name must be of letters, digits, _ and -, got {name!r}")
+        lines += ["", f"[sensors.{name}]"]
+        lines.append(f"hit_if_occupied = {model.hit_if_occupied:.6g}  # P(O|E)")
+        lines.append(f"hit_if_free = {model.hit_if_free:.6g}  # P(O|not E)")
+        lines += [f"nearest_m = {model.nearest_m!r}", f"reach_m = {model.reach_m!r}"]
+    try:
+        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
+
+
+@lru_cache(maxsize=1)
+def _default() -> tuple[tuple[str, SensorModel], ...]:
+    return tuple(load_sensors(DEFAULT_FILE).items())
+
+
+def default_sensors() -> dict[str, SensorModel]:
+    """Return the models that come with the project: ``floor``, a mirror camera's floor colour, and ``range``."""
+    return dict(_default())
+
+
+class SensorTally:
+    """Counts what a sensor says of cells whose truth is known, and so learns its probabilities."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros((2, 2), dtype=np.int64)
+
+    def add(self, evidence: Int8Array, occupied: BoolArray, free: BoolArray) -> None:
+        """Count one profile.
+
+        Parameters
+        ----------
+        evidence : (N, N) int8
+            From `FreeSpaceMap.evidence`.
+        occupied, free : (N, N) bool
+            The truth; cells that are neither do not count.
+        """
+        for row, cells in enumerate((occupied, free)):
+            said = evidence[cells]
+            self._counts[row] += np.count_nonzero(said == kernel.HIT), np.count_nonzero(said == kernel.CROSSED)
+
+    def merge(self, other: SensorTally) -> None:
+        """Add another tally's counts."""
+        self._counts += other._counts
+
+    @property
+    def counts(self) -> npt.NDArray[np.int64]:
+        """(2, 2) int64: occupied and free cells by hit and crossed."""
+        return self._counts.copy()
+
+    def model(self, nearest_m: float, reach_m: float) -> SensorModel:
+        """Return the sensor's model: shares with one count of each kind more, so that none is 0 or 1.
+
+        Raises
+        ------
+        ArgumentError
+            If the sensor tells nothing: it meets something in free cells as often as in occupied ones.
+        """
+        shares = (self._counts[:, 0] + 1) / (self._counts.sum(axis=1) + 2)
+        return SensorModel(float(shares[0]), float(shares[1]), nearest_m, reach_m)

@@ -1,0 +1,85 @@
+"""A range sensor that turns in a level plane: it sees what is higher than the plane, and looks over all else."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2, read_only
+from robocup_vision.mapping.range_profile import RangeProfile
+from sim2d.rendering.scene import Robot, Scene
+
+
+@dataclass(frozen=True, slots=True)
+class RangeSensor:
+    """What a scanner at the robot's centre measures.
+
+    Parameters
+    ----------
+    height_m : float
+        Of the plane over the floor. A ball that reaches higher is met where the plane cuts it.
+    beams : int
+        Evenly all around.
+    reach_m : float
+        What is farther gives no echo.
+    noise_std_m : float
+        Of each range.
+    dropout_share : float
+        Share of beams that get no echo from something within reach: they look as if nothing were there.
+
+    Raises
+    ------
+    ArgumentError
+        If one is out of its range.
+    """
+
+    height_m: float = 0.08
+    beams: int = 240
+    reach_m: float = 3.0
+    noise_std_m: float = 0.01
+    dropout_share: float = 0.02
+
+    def __post_init__(self) -> None:
+        if self.beams < 3:
+            raise ArgumentError(f"beams must be at least 3, got {self.beams}")
+        if not 0 < self.reach_m < math.inf:
+            raise ArgumentError(f"reach_m must be positive, got {self.reach_m}")
+        for name in ("height_m", "noise_std_m"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
+        if not 0 <= self.dropout_share < 1:
+            raise ArgumentError(f"dropout_share must be within 0 to 1, got {self.dropout_share}")
+
+    def scan(self, scene: Scene, pose: Pose2, rng: np.random.Generator) -> RangeProfile:
+        """Measure all around.
+
+        Parameters
+        ----------
+        scene : Scene
+            What is there; without the robot that carries the sensor.
+        pose : Pose2
+            That robot, field frame.
+        rng : numpy.random.Generator
+            Source of noise and drop-outs.
+        """
+        bearing = read_only((np.arange(self.beams) + 0.5) * (math.tau / self.beams) - math.pi)
+        true_m = self._with_cut_ball(scene).free_range_m(pose, bearing, self.height_m)
+        noise_m = self.noise_std_m * rng.standard_normal(self.beams)
+        lost = rng.random(self.beams) < self.dropout_share
+        hit = (true_m < self.reach_m) & ~lost
+        range_m = np.where(hit, np.clip(true_m + noise_m, 0.0, self.reach_m), self.reach_m)
+        return RangeProfile(bearing, range_m, hit)
+
+    def _with_cut_ball(self, scene: Scene) -> Scene:
+        ball = scene.ball
+        if ball is None or not self.height_m < 2 * ball.radius_m:
+            return scene
+        cut_m = math.sqrt(ball.radius_m**2 - (self.height_m - ball.radius_m) ** 2) if self.height_m > 0 else 0.0
+        if not cut_m > 0:
+            return scene
+        cut = Robot(ball.x_m, ball.y_m, cut_m, 2 * ball.radius_m)
+        return dataclasses.replace(scene, robots=(*scene.robots, cut))
