@@ -1,0 +1,233 @@
+"""Candidates for moving objects: returns inside known free space (Miura 2004, section 2.4).
+
+A difference in time would need the robot's motion to be known exactly. What stands where the floor has been free
+before, or where no wall of the field is, needs no more than the pose and its covariance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.perception.obstacles import Obstacle, find_obstacles
+
+# a return counts as inside when it is farther from the border than this many standard deviations of its place
+_INSIDE_STDS = 3.0
+# a disc's near side, averaged over the bearings that see it, lies this share of its radius before its middle
+_NEAR_SIDE = math.pi / 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detection:
+    """Something seen where the floor is known to be free.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its middle, robot frame.
+    covariance : (2, 2) float64
+        Of that as the sensor measures it, square metres.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        covariance = read_only(self.covariance)
+        if covariance.shape != (2, 2):
+            raise ArgumentError(f"covariance must be (2, 2), got {covariance.shape}")
+        object.__setattr__(self, "covariance", covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownFreeSpace:
+    """Where nothing stands that does not move, as cells of the field frame.
+
+    Parameters
+    ----------
+    free : (H, W) bool
+        Row by y, column by x.
+    corner_m : (float, float)
+        Middle of cell [0, 0], field frame.
+    cell_m : float
+        Their size.
+
+    Raises
+    ------
+    ArgumentError
+        If the cells are not a table or have no size.
+    """
+
+    free: npt.NDArray[np.bool_]
+    corner_m: tuple[float, float]
+    cell_m: float
+
+    def __post_init__(self) -> None:
+        free = np.array(self.free, dtype=bool)
+        if free.ndim != 2 or not free.size:
+            raise ArgumentError(f"free must be (H, W), got {free.shape}")
+        if not self.cell_m > 0:
+            raise ArgumentError(f"cell_m must be positive, got {self.cell_m}")
+        free.flags.writeable = False
+        object.__setattr__(self, "free", free)
+
+    @classmethod
+    def of_field(cls, field: Field, cell_m: float = 0.02) -> KnownFreeSpace:
+        """Make the whole floor of a field known to be free."""
+        low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
+        width, height = np.ceil((high - low) / cell_m).astype(int) + 1
+        x, y = low[0] + cell_m * np.arange(width), low[1] + cell_m * np.arange(height)
+        inside = field.contains(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)).reshape(height, width)
+        return cls(inside, (float(low[0]), float(low[1])), cell_m)
+
+    @cached_property
+    def _depth_m(self) -> FloatArray:
+        padded = np.pad(self.free, 1).astype(np.uint8)
+        cells = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+        # distances are to the middle of the nearest cell that is not free
+        return np.asarray(np.maximum(cells - 0.5, 0.0) * self.cell_m, dtype=np.float64)
+
+    def depth_m(self, points_m: FloatArray) -> FloatArray:
+        """How deep inside points (..., 2) of the field frame lie, metres; 0 where it is not known to be free."""
+        column, row = np.moveaxis(np.rint((points_m - self.corner_m) / self.cell_m), -1, 0)
+        height, width = self.free.shape
+        known = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        column, row = (np.where(known, v, 0).astype(np.int64) for v in (column, row))
+        return np.where(known, self._depth_m[row, column], 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReturnDetector:
+    """Tells returns inside known free space, each as an object's middle.
+
+    Parameters
+    ----------
+    known_free : KnownFreeSpace
+        Only what lies inside is a candidate.
+    radius_m : float
+        Of the objects, taken for upright cylinders: 0.09 m for a robot of the small-size league.
+    range_std : (float, float)
+        Standard deviation of a measured range: metres, and share of the range.
+    longest_m : float
+        Returns farther away are left out.
+
+    Raises
+    ------
+    ArgumentError
+        If radius or deviation is not positive.
+    """
+
+    known_free: KnownFreeSpace
+    radius_m: float = 0.09
+    range_std: tuple[float, float] = (0.01, 0.02)
+    longest_m: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.radius_m > 0:
+            raise ArgumentError(f"radius_m must be positive, got {self.radius_m}")
+        if not (min(self.range_std) >= 0 and max(self.range_std) > 0):
+            raise ArgumentError(f"range_std must be positive, got {self.range_std}")
+
+    def in_profile(
+        self, bearing_rad: FloatArray, range_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None = None
+    ) -> tuple[Detection, ...]:
+        """Return the detections in a range profile.
+
+        Parameters
+        ----------
+        bearing_rad : (J,) float64
+            Directions, robot frame, ascending and evenly spaced.
+        range_m : (J,) float64
+            Range of the first thing in each; not finite where there is none.
+        robot : Pose2
+            The robot in the field frame then.
+        robot_covariance : (3, 3) float64, optional
+            Of that.
+        """
+        seen = np.isfinite(range_m) & (range_m < self.longest_m)
+        reach = np.where(seen, range_m, 0.0)
+        ends = np.stack([reach * np.cos(bearing_rad), reach * np.sin(bearing_rad)], axis=-1)
+        outside = ~seen | ~self._inside(ends, robot, robot_covariance)
+        spacing = float(np.median(np.diff(bearing_rad)))
+        column = np.zeros(len(ends), dtype=np.int64)
+        returns = find_obstacles(ends[:, None], column, outside, gap_m=0.5 * self.radius_m, step_rad=spacing)
+        return self._detections(returns)
+
+    def in_obstacles(
+        self, obstacles: Sequence[Obstacle], robot: Pose2, robot_covariance: FloatArray | None = None
+    ) -> tuple[Detection, ...]:
+        """Return the detections among `View.obstacles`; other parameters as in `in_profile`."""
+        near = [o for o in obstacles if o.range_m < self.longest_m]
+        if not near:
+            return ()
+        inside = self._inside(np.array([[o.x_m, o.y_m] for o in near]), robot, robot_covariance)
+        return self._detections([o for o, is_inside in zip(near, inside.tolist(), strict=True) if is_inside])
+
+    def _std_m(self, range_m: FloatArray) -> FloatArray:
+        return self.range_std[0] + self.range_std[1] * range_m
+
+    def _inside(self, points_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None) -> npt.NDArray[np.bool_]:
+        """(...,) bool: points (..., 2), robot frame, that are surely inside known free space."""
+        reach = np.hypot(points_m[..., 0], points_m[..., 1])
+        variance = self._std_m(reach) ** 2
+        if robot_covariance is not None:
+            place = float(np.linalg.eigvalsh(robot_covariance[:2, :2])[-1])
+            variance = variance + place + reach**2 * float(robot_covariance[2, 2])
+        depth = self.known_free.depth_m(robot.transform(points_m))
+        return np.asarray(depth > _INSIDE_STDS * np.sqrt(variance))
+
+    def _detections(self, returns: Sequence[Obstacle]) -> tuple[Detection, ...]:
+        found = []
+        for near in returns:
+            # two that stand side by side are seen as one wide thing
+            count = max(1, round(near.width_m / (2 * self.radius_m)))
+            width = near.width_m / count
+            ahead, aside = math.cos(near.bearing_rad), math.sin(near.bearing_rad)
+            out = near.range_m + _NEAR_SIDE * self.radius_m
+            along = float(self._std_m(np.array(near.range_m))) ** 2
+            # of a thing seen in part, the rest may be on either side
+            hidden = max(2 * self.radius_m - width, 0.0)
+            across = along + hidden**2 / 12
+            axes = np.array([[ahead, -aside], [aside, ahead]])
+            covariance = axes @ np.diag([along, across]) @ axes.T
+            for piece in range(count):
+                off = (piece - 0.5 * (count - 1)) * width
+                found.append(Detection(ahead * out - aside * off, aside * out + ahead * off, covariance))
+        return tuple(found)
+
+
+def in_field(
+    detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return places (M, 2) and covariances (M, 2, 2) in the field frame, the robot's own added.
+
+    Parameters
+    ----------
+    detections : sequence of Detection
+        Of one frame.
+    robot : Pose2
+        The robot in the field frame then.
+    robot_covariance : (3, 3) float64, optional
+        Of that.
+    """
+    local = np.array([[d.x_m, d.y_m] for d in detections]).reshape(-1, 2)
+    c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
+    turn = np.array([[c, -s], [s, c]])
+    spreads = turn @ np.array([d.covariance for d in detections]).reshape(-1, 2, 2) @ turn.T
+    places = robot.transform(local)
+    if robot_covariance is not None:
+        by_pose = np.zeros((len(local), 2, 3))
+        by_pose[:, 0, 0] = by_pose[:, 1, 1] = 1.0
+        by_pose[:, 0, 2], by_pose[:, 1, 2] = robot.y_m - places[:, 1], places[:, 0] - robot.x_m
+        spreads = spreads + by_pose @ np.asarray(robot_covariance) @ by_pose.transpose(0, 2, 1)
+    return places, spreads
