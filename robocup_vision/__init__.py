@@ -14,12 +14,15 @@ if TYPE_CHECKING:
     from robocup_vision.camera.files import load_camera
     from robocup_vision.estimates import NotLocated, PoseEstimate
     from robocup_vision.geometry import Pose2
+    from robocup_vision.memory import Belief, Memory
     from robocup_vision.overlay import draw
     from robocup_vision.perception.color_table import load_colors
     from robocup_vision.vision import View, Vision
 
 # loaded when first asked for, so that the command's --help answers at once
 _HOMES = {
+    "Belief": "memory",
+    "Memory": "memory",
     "NotLocated": "estimates",
     "Pose2": "geometry",
     "PoseEstimate": "estimates",
@@ -33,6 +36,8 @@ _HOMES = {
 }
 
 __all__ = [
+    "Belief",
+    "Memory",
     "NotLocated",
     "Pose2",
     "PoseEstimate",

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, read_only
+from robocup_vision.geometry import FloatArray, Pose2, compose_covariance, half_turn_covariance, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +49,16 @@ class PoseEstimate:
     def std(self) -> FloatArray:
         """(3,) float64: standard deviations of x (m), y (m) and theta (rad)."""
         return np.sqrt(np.diag(self.covariance))
+
+    def seen_from(self, mount: Pose2) -> PoseEstimate:
+        """Return the estimate, with its candidates, of what lies at `mount` in the frame that this one is of."""
+        return PoseEstimate(
+            self.pose.compose(mount),
+            compose_covariance(self.pose, self.covariance, mount, np.zeros((3, 3))),
+            self.inlier_share,
+            self.residual_px,
+            tuple(candidate.compose(mount) for candidate in self.candidates),
+        )
 
     def half_turn(self) -> PoseEstimate:
         """Return the estimate turned by pi about the field's centre, with its candidates in the same order."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,9 @@ from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.perception.obstacles import Obstacle, find_obstacles
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
+
+if TYPE_CHECKING:
+    from robocup_vision.memory import Belief
 
 UInt8Array = npt.NDArray[np.uint8]
 
@@ -56,6 +60,8 @@ class View:
         camera's own foot on the floor.
     t_s : float or None
         When the frame was taken, as `look` was told.
+    belief : Belief or None
+        What is believed over time, where `Vision` has a memory.
     """
 
     pose: PoseEstimate | NotLocated
@@ -68,6 +74,7 @@ class View:
     polar: PolarView | FloorView | None
     pose_camera: OmniCamera | PinholeCamera
     t_s: float | None = None
+    belief: Belief | None = None
 
     def __post_init__(self) -> None:
         own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)

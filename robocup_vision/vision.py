@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -23,6 +24,7 @@ from robocup_vision.view import View
 
 if TYPE_CHECKING:
     from robocup_vision.calibration.online import OnlineCalibration
+    from robocup_vision.memory import Memory
 
 UInt8Array = npt.NDArray[np.uint8]
 Method = Literal["floor", "field", "hull", "goal"]
@@ -60,6 +62,9 @@ class Vision:
     online : OnlineCalibration, optional
         Refines this mirror camera's centre and tilt while frames are looked at; `camera` is then the one now in use,
         and `online.state` tells how far it has moved.
+    memory : Memory, optional
+        Joins what the frames show: `view.belief` is then what is believed over time, and its pose the prior of the next
+        frame. Frames need `t_s`, and the robot's `odometry` between them.
 
     Raises
     ------
@@ -79,10 +84,12 @@ class Vision:
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
         online: OnlineCalibration | None = None,
+        memory: Memory | None = None,
     ) -> None:
         if online is not None and online.camera is not camera:
             raise ArgumentError("online must be made for this very camera, which must be a mirror camera")
         self._online = online
+        self._memory = memory
         self._sight: MirrorSight | PinholeSight
         if isinstance(camera, PinholeCamera):
             chosen = method or "goal"
@@ -110,7 +117,7 @@ class Vision:
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         t_s : float, optional
-            When it was taken; stands in the view.
+            When it was taken; stands in the view. Needed with a memory.
         odometry : Pose2, optional
             The robot's motion since the frame before, in its frame then; with the last pose it makes a prior.
         prior : PoseEstimate or Pose2, optional
@@ -121,8 +128,13 @@ class Vision:
         ------
         FrameError
             If the frame has another size or type.
+        ArgumentError
+            With a memory: if `t_s` is missing, or runs backwards where odometry is told.
         """
-        view = self._sight.look(frame, t_s, odometry, prior)
+        if self._memory is None:
+            view = self._sight.look(frame, t_s, odometry, prior)
+        else:
+            view = self._look_and_remember(self._memory, frame, t_s, odometry, prior)
         if self._online is not None and isinstance(self._sight, MirrorSight):
             better = self._online.follow(frame, view)
             if better is not None:
@@ -130,9 +142,41 @@ class Vision:
                 self.camera = better
         return view
 
+    def _look_and_remember(
+        self,
+        memory: Memory,
+        frame: UInt8Array,
+        t_s: float | None,
+        odometry: Pose2 | None,
+        prior: PoseEstimate | Pose2 | None,
+    ) -> View:
+        if t_s is None:
+            raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
+        if odometry is not None:
+            memory.predict(odometry, t_s)
+        mounting = self._mounting
+        if prior is None:
+            known = memory.prior(t_s)
+            prior = known if known is None or mounting is None else known.compose(mounting)
+        view = self._sight.look(frame, t_s, odometry, prior)
+        robot = view.pose
+        if mounting is not None and isinstance(robot, PoseEstimate):
+            robot = robot.seen_from(mounting.inverse())
+        grid = None if self._sight.grid is None else self.grid
+        return replace(view, belief=memory.see(view, grid, robot=robot))
+
+    @property
+    def _mounting(self) -> Pose2 | None:
+        """The camera's foot and axis on the robot, where it is they that a frame tells; None where it is the robot."""
+        if self.method != "goal" or not isinstance(self.camera, PinholeCamera):
+            return None
+        return Pose2(*self.camera.offset_m, self.camera.pan_rad or 0.0)
+
     def forget(self) -> None:
-        """Forget learnt colours and the last pose: the next frame stands alone."""
+        """Forget learnt colours, the last pose and what memory holds: the next frame stands alone."""
         self._sight.forget()
+        if self._memory is not None:
+            self._memory.forget()
 
     @property
     def colors(self) -> Colors | None:

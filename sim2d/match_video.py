@@ -18,6 +18,7 @@ from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
+from robocup_vision.memory import MapPicture
 from robocup_vision.overlay import draw
 from robocup_vision.vision import Vision
 from sim2d.moment import Moment, RobotMoment
@@ -33,6 +34,8 @@ _PERIODS_PER_FRAME = 3
 _SMOOTHING_PX = 0.8
 _TOP_WIDTH, _LEAST_HEIGHT, _LEAST_PANEL_HEIGHT = 760, 456, 180
 _LINE_HEIGHT = 22
+# of FREE, NO_GO and UNDECIDED cells
+_MAP_COLORS = np.array([(90, 160, 90), (60, 60, 200), (120, 120, 120)], dtype=np.uint8)
 _PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
 
 
@@ -126,6 +129,8 @@ class MatchPictures:
             panel[_LINE_HEIGHT:] = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
         else:
             _write(panel, "no frame", (10, _LINE_HEIGHT + 30), _SOFT)
+        if view is not None and view.belief is not None and view.belief.free_map is not None:
+            _draw_map(panel, view.belief.free_map)
         pose = robot.belief.pose
         error = "lost"
         if isinstance(pose, PoseEstimate):
@@ -140,8 +145,16 @@ class MatchPictures:
         ours, theirs = state.score
         doing = "kick-off" if state.phase == "kick_off" else "play"
         _write(canvas, f"{self._name}   {state.t_s:6.1f} s   {ours} : {theirs}   {doing}", (14, 27), _INK, 0.55)
-        legend = "disc: truth   ring: belief, with its 95 % ellipse   cross: believed ball"
+        legend = "disc: truth   ring: belief, with its 95 % ellipse   cross: believed ball   small ring: track"
         _write(canvas, legend, (330, 27), _SOFT, 0.38)
+
+
+def _draw_map(panel: UInt8Array, free_map: MapPicture) -> None:
+    """Draw the floor as remembered into the panel's upper right corner: x of the field to the right, y up."""
+    picture = _MAP_COLORS[free_map.state.T[::-1]]
+    side = panel.shape[0] // 3
+    picture = cv2.resize(picture, (side, side), interpolation=cv2.INTER_NEAREST)
+    panel[_LINE_HEIGHT : _LINE_HEIGHT + side, -side:] = picture
 
 
 def _write(canvas: UInt8Array, text: str, place: tuple[int, int], color: Bgr, size: float = 0.42) -> None:

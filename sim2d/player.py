@@ -1,6 +1,6 @@
 """The built-in player: from camera frames and odometry alone to commands for one robot.
 
-What it believes comes from `Vision` and `PoseFilter`; what it wants from `player_tactics`, in its team's frame; how it
+What it believes comes from `Vision` and `Memory`; what it wants from `player_tactics`, in its team's frame; how it
 gets there from `player_motion`.
 """
 
@@ -12,15 +12,17 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.avoidance.moving_obstacles import MovingObstacle
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.pose_filter import PoseFilter
+from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 from sim2d.line_up import kick_off_pose
-from sim2d.player_memory import BallMemory, Point, block_ball, is_in_sight
+from sim2d.player_memory import BallMemory, Point, block_ball, is_in_sight, moving_obstacle
 from sim2d.player_motion import Motion
 from sim2d.player_tactics import Plan, Situation, Tactics
 from sim2d.robot_link import Belief, Command, PlayerSetup, Senses
@@ -45,9 +47,11 @@ class BuiltInPlayer:
     ----------
     setup : PlayerSetup
         What it knows before the match.
+    remembers : bool
+        Follow who moves on the field and keep a map of the floor: steering then keeps clear of where others will be.
     """
 
-    def __init__(self, setup: PlayerSetup) -> None:
+    def __init__(self, setup: PlayerSetup, *, remembers: bool = False) -> None:
         self._setup = setup
         camera = setup.camera
         self._head: PinholeCamera | None = None
@@ -56,7 +60,8 @@ class BuiltInPlayer:
             self._head = camera
             camera = dataclasses.replace(camera, pan_rad=0.0, offset_m=(0.0, 0.0))
         self._vision = Vision(setup.field, camera)
-        self._filter = PoseFilter()
+        self._memory = Memory.of_everything(setup.field) if remembers else Memory(setup.field)
+        self._filter = self._memory.poses
         # the rules say where it begins, up to what a frame has to say
         self._filter.expect(
             kick_off_pose(setup.field, setup.attacks, setup.number, setup.players, setup.limits.radius_m)
@@ -114,15 +119,12 @@ class BuiltInPlayer:
         self._last_frame = frame.copy()
         mount = self._mount()
         prior = self._filter.prior(frame_t_s)
-        self._view = view = self._vision.look(frame, frame_t_s, prior=None if prior is None else prior.compose(mount))
+        view = self._vision.look(frame, frame_t_s, prior=None if prior is None else prior.compose(mount))
         pose = view.pose
-        if pose and self._head is not None:
-            pose = dataclasses.replace(
-                pose,
-                pose=pose.pose.compose(mount.inverse()),
-                candidates=tuple(candidate.compose(mount.inverse()) for candidate in pose.candidates),
-            )
-        self._filter.update(pose, frame_t_s)
+        if isinstance(pose, PoseEstimate) and self._head is not None:
+            pose = pose.seen_from(mount.inverse())
+        grid = None if view.polar is None else self._vision.grid
+        self._view = dataclasses.replace(view, belief=self._memory.see(view, grid, robot=pose, mount=mount))
         if view.polar is None or not view.marks.any():
             return
         belief, motion = self._filter.belief, self._filter.motion_since(frame_t_s)
@@ -186,7 +188,15 @@ class BuiltInPlayer:
         return self._drive(plan, pose, free_space, senses.t_s)
 
     def _drive(self, plan: Plan, pose: Pose2, free_space: FreeSpace, t_s: float) -> Command:
-        return self._motion.drive(plan, self._in_team(pose), free_space, t_s)
+        return self._motion.drive(plan, self._in_team(pose), free_space, t_s, self._moving(pose, t_s))
+
+    def _moving(self, robot: Pose2, t_s: float) -> tuple[MovingObstacle, ...]:
+        """Who moves on the field, where it is by now, in the robot frame."""
+        belief = None if self._view is None else self._view.belief
+        if belief is None:
+            return ()
+        radius_m = self._setup.limits.radius_m
+        return tuple(moving_obstacle(track, radius_m, robot, t_s - belief.t_s) for track in belief.tracks)
 
     def _free_space_now(self, seen: FreeSpace, motion: Pose2) -> FreeSpace:
         if self._head is None:

@@ -1,4 +1,4 @@
-"""What a player remembers between frames: where the ball was last seen, and the free floor of a frame that is late."""
+"""What a player remembers between frames, as its steering and tactics need it: the ball, and who moves where."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import math
 
 import numpy as np
 
+from robocup_vision.avoidance.moving_obstacles import MovingObstacle
+from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.tracking import Track
 
 Point = tuple[float, float]
 
@@ -67,6 +70,18 @@ def block_ball(free_space: FreeSpace, ball: Point, radius_m: float) -> FreeSpace
     return FreeSpace(
         free_space.bearing_rad, np.where(hidden, np.minimum(free_space.range_m, away - radius_m), free_space.range_m)
     )
+
+
+def moving_obstacle(track: Track, radius_m: float, robot: Pose2, age_s: float) -> MovingObstacle:
+    """Return a track (field frame, of some seconds ago) as an obstacle around the robot now."""
+    vx, vy = track.vx_mps, track.vy_mps
+    x_m, y_m = robot.inverse().transform((track.x_m + age_s * vx, track.y_m + age_s * vy)).tolist()
+    c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
+    place, velocity = (
+        math.sqrt(max(float(np.linalg.eigvalsh(part)[-1]), 0.0))
+        for part in (track.covariance[:2, :2], track.covariance[2:, 2:])
+    )
+    return MovingObstacle(x_m, y_m, c * vx + s * vy, c * vy - s * vx, radius_m, place + age_s * velocity, velocity)
 
 
 def is_in_sight(free_space: FreeSpace, place: Point) -> bool:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from robocup_vision.avoidance import Steering
+from robocup_vision.avoidance.moving_obstacles import MovingObstacle
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.player_tactics import Plan
@@ -62,7 +64,14 @@ class Motion:
             self._drift, self._anchor_s = (0.0, 0.0), t_s
         self._wheels.sense(odometry)
 
-    def drive(self, plan: Plan, pose: Pose2, free_space: FreeSpace, t_s: float) -> Command:
+    def drive(
+        self,
+        plan: Plan,
+        pose: Pose2,
+        free_space: FreeSpace,
+        t_s: float,
+        moving: Sequence[MovingObstacle] = (),
+    ) -> Command:
         """Return the next command.
 
         Parameters
@@ -75,6 +84,8 @@ class Motion:
             Around the robot.
         t_s : float
             Now, seconds.
+        moving : sequence of MovingObstacle
+            Who moves around the robot.
         """
         there = pose.inverse().transform(plan.target)
         distance_m, bearing = float(np.hypot(*there)), math.atan2(there[1], there[0])
@@ -90,7 +101,8 @@ class Motion:
         steering = self._close if plan.close else self._travel
         if t_s - self._direct_s > _DETOUR_S:
             self._forget_detours(t_s)
-        chosen = steering.steer(free_space, self._wheels.now_mps, bearing, distance_m, self._wheels.pending_mps)
+        wheels = self._wheels
+        chosen = steering.steer(free_space, wheels.now_mps, bearing, distance_m, wheels.pending_mps, moving)
         if chosen.reason == "towards goal":
             self._direct_s = t_s
         v_x, v_y = chosen.velocity_mps.tolist()

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from field_models import COLOR_NAMES, Field
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.memory import Belief as MemoryBelief
 from sim2d.moment import RobotMoment
 from sim2d.world_state import BallState, RobotState, WorldState
 
@@ -24,6 +25,8 @@ _SHIFT = 4
 _MARGIN_SHARE = 0.04
 # a belief's ellipse holds 95 % of a normal distribution in the plane
 _ELLIPSE_SIGMAS = 2.448
+# tracks are drawn with the way of so many seconds, hypotheses from this probability on
+_AHEAD_S, _LEAST_PROBABILITY = 0.5, 0.02
 
 
 class TopView:
@@ -60,6 +63,8 @@ class TopView:
             color = SIDE_COLORS[truth.side]
             if isinstance(robot.belief.pose, PoseEstimate):
                 self._draw_belief(canvas, robot.belief.pose, color)
+                if robot.belief.view is not None and robot.belief.view.belief is not None:
+                    self._draw_memory(canvas, robot.belief.view.belief, color)
             else:
                 cv2.putText(
                     canvas, "?", self._whole(truth.pose.x_m, truth.pose.y_m), cv2.FONT_HERSHEY_SIMPLEX, 0.8, _INK, 2
@@ -115,6 +120,19 @@ class TopView:
         circle = np.stack([np.cos(angles), np.sin(angles)])
         around = (axes @ (_ELLIPSE_SIGMAS * np.sqrt(np.maximum(spread, 0.0))[:, None] * circle)).T
         self._path(canvas, Pose2(pose.x_m, pose.y_m, 0.0).transform(around), _INK, 1)
+
+    def _draw_memory(self, canvas: UInt8Array, belief: MemoryBelief, color: Bgr) -> None:
+        """Draw who is believed to move and to where, and the places where the robot might be instead."""
+        radius = round(0.35 * self._radius_m * self._px_per_m * (1 << _SHIFT))
+        for track in belief.tracks:
+            cv2.circle(canvas, self._fixed(track.x_m, track.y_m), radius, color, 1, cv2.LINE_AA, _SHIFT)
+            ahead = (track.x_m + _AHEAD_S * track.vx_mps, track.y_m + _AHEAD_S * track.vy_mps)
+            self._path(canvas, np.array([[track.x_m, track.y_m], ahead]), color, 1)
+        for rival in belief.hypotheses[1:]:
+            if rival.probability >= _LEAST_PROBABILITY:
+                here = self._fixed(rival.pose.x_m, rival.pose.y_m)
+                cv2.circle(canvas, here, 2 * radius, color, 1, cv2.LINE_AA, _SHIFT)
+                self._draw_heading(canvas, rival.pose, 0.0, 0.7, color, 1)
 
     def _draw_heading(self, canvas: UInt8Array, pose: Pose2, low: float, high: float, color: Bgr, thick: int) -> None:
         ends = pose.transform(self._radius_m * np.array([[low, 0.0], [high, 0.0]]))

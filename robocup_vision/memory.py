@@ -1,0 +1,229 @@
+"""What a robot knows over time: where it is, who moves where, and which floor is free, joined from frames and odometry.
+
+The parts stand alone in `localization.pose_filter`, `tracking` and `mapping`; here they work together: the tracks are
+masked from the map, and both are told from the pose that is believed, not from the one that a frame names.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.pose_filter import PoseFilter
+from robocup_vision.localization.pose_hypothesis import Hypothesis
+from robocup_vision.mapping.occupancy import FreeSpaceMap
+from robocup_vision.mapping.range_profile import floor_profile
+from robocup_vision.mapping.sensor_model import default_sensors
+from robocup_vision.perception.free_space import FreeSpaceGrid
+from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector, Track
+from robocup_vision.view import View
+
+UInt8Array = npt.NDArray[np.uint8]
+
+_FLOOR = "floor"
+_NOWHERE = Pose2(0.0, 0.0, 0.0)
+# tracks are masked with this much around them: a robot's place is known no better
+_MASK_MARGIN_M = 0.05
+# where the pose is off from where odometry has led to by more than corrections amount to, memory is of another place
+_JUMP_M, _JUMP_RAD = 0.25, 0.35
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapPicture:
+    """The map at one moment.
+
+    Parameters
+    ----------
+    state : (N, N) uint8
+        `mapping.occupancy.FREE`, NO_GO or UNDECIDED; first index along x of the field frame.
+    corner_m : (float, float)
+        Lowest corner of cell (0, 0), field frame.
+    cell_m : float
+        Side of a cell.
+    """
+
+    state: UInt8Array
+    corner_m: tuple[float, float]
+    cell_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What is believed after a frame, from all frames so far.
+
+    Parameters
+    ----------
+    t_s : float
+        When.
+    pose : PoseEstimate or NotLocated
+        The robot on the field.
+    hypotheses : tuple of Hypothesis
+        Where it may be, with probabilities, most probable first.
+    tracks : tuple of Track
+        Who moves on the field; empty unless asked for.
+    free_map : MapPicture or None
+        Which floor is free; None unless asked for, or while the pose is not known.
+    """
+
+    t_s: float
+    pose: PoseEstimate | NotLocated
+    hypotheses: tuple[Hypothesis, ...]
+    tracks: tuple[Track, ...]
+    free_map: MapPicture | None
+
+
+class Memory:
+    """Joins what frames show; one object a robot.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    poses : PoseFilter, optional
+        A pose filter of one's own settings.
+    objects : MovingObjects or None
+        Follows what moves on the field. None: nobody is followed.
+    free_map : FreeSpaceMap or None
+        Remembers the free floor, by the sensor ``floor`` of its models. None: no map is kept.
+    object_radius_m : float
+        Of the robots that move on the field.
+
+    Raises
+    ------
+    ArgumentError
+        If the map has no sensor ``floor``.
+
+    Notes
+    -----
+    Call `predict` at each control step and `see` for each frame, or hand the object to `Vision`, which does both. As
+    objects are followed in the field's frame, nobody is followed, and no map kept, while the pose is not known; both
+    begin anew when the robot turns out to be elsewhere.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        *,
+        poses: PoseFilter | None = None,
+        objects: MovingObjects | None = None,
+        free_map: FreeSpaceMap | None = None,
+        object_radius_m: float = 0.09,
+    ) -> None:
+        if free_map is not None and _FLOOR not in free_map.sensors:
+            raise ArgumentError(f"the map needs a sensor {_FLOOR!r}, it has {', '.join(free_map.sensors)}")
+        self.poses = poses or PoseFilter()
+        self.objects, self.free_map = objects, free_map
+        self._radius_m = object_radius_m
+        self._detector = None
+        if objects is not None:
+            self._detector = ReturnDetector(KnownFreeSpace.of_field(field), object_radius_m)
+        self._tracks: tuple[Track, ...] = ()
+        self._last: tuple[float, Pose2] | None = None
+
+    @classmethod
+    def of_everything(cls, field: Field) -> Memory:
+        """Return a memory that follows what moves, and keeps a map of what the camera alone tells of the floor."""
+        floor = {_FLOOR: default_sensors()[_FLOOR]}
+        return cls(field, objects=MovingObjects(), free_map=FreeSpaceMap(floor))
+
+    def predict(self, odometry: Pose2, t_s: float) -> None:
+        """Move the belief: `PoseFilter.predict`."""
+        self.poses.predict(odometry, t_s)
+
+    def prior(self, t_s: float) -> Pose2 | None:
+        """Where the robot was at a time, to look at a frame of then: `PoseFilter.prior`."""
+        return self.poses.prior(t_s)
+
+    def see(
+        self,
+        view: View,
+        grid: FreeSpaceGrid | None = None,
+        *,
+        robot: PoseEstimate | NotLocated | None = None,
+        mount: Pose2 = _NOWHERE,
+    ) -> Belief:
+        """Take in what a frame shows.
+
+        Parameters
+        ----------
+        view : View
+            What it shows; its `t_s` must be told. One from before the last one serves the pose alone.
+        grid : FreeSpaceGrid, optional
+            Of the `Vision` that made it; needed for the map.
+        robot : PoseEstimate or NotLocated, optional
+            What the frame tells of the robot, where that is not `view.pose` (method "goal": of the camera).
+        mount : Pose2
+            Where on the robot the view's robot frame lies: that of a head that turns.
+
+        Raises
+        ------
+        ArgumentError
+            If the view does not say when its frame was taken, or a map is kept and no grid is given.
+        """
+        t_s = view.t_s
+        if t_s is None:
+            raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
+        self.poses.update(view.pose if robot is None else robot, t_s)
+        then = self._pose_at(t_s)
+        if then is None:
+            self._tracks = ()
+        elif self._last is None or t_s > self._last[0]:
+            if self._last is not None and self._has_jumped(*self._last, then.pose):
+                self._forget_surroundings()
+            self._last = (t_s, then.pose)
+            self._look_around(view, grid, then, mount)
+        return self.belief(t_s)
+
+    def belief(self, t_s: float) -> Belief:
+        """Return what is believed now; `t_s` stands in it."""
+        picture = None
+        pose = self.poses.belief
+        if pose and self.free_map is not None and self._last is not None:
+            picture = MapPicture(self.free_map.state, self.free_map.corner_m, self.free_map.cell_m)
+        return Belief(t_s, pose, self.poses.hypotheses, self._tracks, picture)
+
+    def forget(self) -> None:
+        """Forget everything: the next frame founds a new belief."""
+        self.poses.forget()
+        self._forget_surroundings()
+
+    def _pose_at(self, t_s: float) -> PoseEstimate | None:
+        """Where the robot was believed to be at a time."""
+        pose, motion = self.poses.belief, self.poses.motion_since(t_s)
+        return pose.seen_from(motion.inverse()) if pose and motion is not None else None
+
+    def _has_jumped(self, before_s: float, before: Pose2, pose: Pose2) -> bool:
+        motion = self.poses.motion_since(before_s)
+        now = self.poses.belief
+        if motion is None or not now:
+            return True
+        away_m, away_rad = now.pose.error_to(before.compose(motion))
+        return away_m > _JUMP_M or away_rad > _JUMP_RAD
+
+    def _look_around(self, view: View, grid: FreeSpaceGrid | None, robot: PoseEstimate, mount: Pose2) -> None:
+        eye = robot.seen_from(mount)
+        if self._detector is not None and self.objects is not None and view.t_s is not None:
+            seen = self._detector.in_obstacles(view.obstacles, eye.pose, eye.covariance)
+            self._tracks = self.objects.update(view.t_s, seen, eye.pose, eye.covariance)
+        if self.free_map is not None:
+            if grid is None:
+                raise ArgumentError("a map needs the grid of the Vision that made the view")
+            around = self._radius_m + _MASK_MARGIN_M
+            discs = np.array([(track.x_m, track.y_m, around) for track in self._tracks])
+            self.free_map.move(eye.pose)
+            if view.marks.any():
+                self.free_map.update(_FLOOR, floor_profile(view, grid), mask=discs)
+
+    def _forget_surroundings(self) -> None:
+        self._tracks, self._last = (), None
+        if self.objects is not None:
+            # the same settings, nobody followed
+            self.objects = replace(self.objects)
+        if self.free_map is not None:
+            self.free_map.forget()

@@ -1,0 +1,168 @@
+"""Laws of memory: what moves is followed and not mapped, the halves of a field, jumps, late frames, bad calls."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from field_models.errors import ArgumentError
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.mapping.occupancy import FREE, NO_GO, FreeSpaceMap
+from robocup_vision.mapping.sensor_model import default_sensors
+from robocup_vision.memory import Memory
+from robocup_vision.tracking import MovingObjects
+from robocup_vision.vision import Vision
+from sim2d.rendering.match_camera import MatchCamera
+from sim2d.robot_link import Command, RobotLimits
+from sim2d.world import CONTROL_PERIOD_S, World
+
+_NOWHERE = Pose2(0.0, 0.0, 0.0)
+
+
+def drive(vision, eye, world, periods, commands=None, after=None):
+    """Let a world go on, seen by robot 0; return the last view."""
+    view = None
+    for period in range(periods):
+        state = world.state
+        view = vision.look(np.array(eye.render(state, 0)), state.t_s, world.odometry(0))
+        if after is not None:
+            after(period, view)
+        world.step(commands or {})
+    return view
+
+
+@pytest.fixture
+def eye(ssl_field, paper_camera):
+    return MatchCamera(ssl_field, paper_camera, RobotLimits(), np.random.default_rng(5))
+
+
+@pytest.fixture
+def world(ssl_field):
+    world = World(ssl_field, 1, RobotLimits(), np.random.default_rng(4))
+    world.place_ball(-1.2, -0.7)
+    world.place(0, Pose2(-0.5, -0.2, 0.2))
+    world.place(1, Pose2(0.3, -0.6, math.pi / 2))
+    return world
+
+
+def test_an_opponent_is_followed_and_not_mapped(ssl_field, paper_camera, eye, world):
+    memory = Memory.of_everything(ssl_field)
+    vision = Vision(ssl_field, paper_camera, memory=memory)
+    view = drive(vision, eye, world, 45, {1: Command(forward_mps=0.5)})
+    belief, truth = view.belief, world.state.robots
+    assert belief.pose.pose.error_to(truth[0].pose)[0] < 0.03
+    (track,) = belief.tracks
+    there = truth[1].pose
+    assert math.hypot(track.x_m - there.x_m, track.y_m - there.y_m) < 0.08
+    assert track.vy_mps == pytest.approx(0.5, abs=0.2)
+    assert abs(track.vx_mps) < 0.2
+    # nothing of its way is left behind in the map, and the walls are
+    state, low = belief.free_map.state, np.array(belief.free_map.corner_m)
+    begun = tuple(((np.array([0.3, -0.45]) - low) / belief.free_map.cell_m).astype(int))
+    assert state[begun] != NO_GO
+    assert (state == NO_GO).sum() > 20
+    assert (state == FREE).mean() > 0.2
+
+
+def test_without_parts_there_is_a_pose_alone(ssl_field, paper_camera, eye, world):
+    view = drive(Vision(ssl_field, paper_camera, memory=Memory(ssl_field)), eye, world, 4)
+    assert view.belief.pose
+    assert view.belief.hypotheses[0].probability > 0.5
+    assert view.belief.tracks == ()
+    assert view.belief.free_map is None
+    assert view.belief.t_s == view.t_s
+
+
+def test_a_vision_without_memory_believes_nothing(ssl_field, paper_camera, eye, world):
+    assert drive(Vision(ssl_field, paper_camera), eye, world, 1).belief is None
+
+
+def test_nobody_is_followed_while_the_pose_is_unknown(ssl_field, paper_camera, eye, world):
+    memory = Memory.of_everything(ssl_field)
+    view = drive(Vision(ssl_field, paper_camera), eye, world, 1)
+    belief = memory.see(dataclasses.replace(view, pose=NotLocated("dark")), None)
+    assert not belief.pose
+    assert belief.tracks == ()
+    assert belief.free_map is None
+
+
+def test_elsewhere_the_map_begins_anew(ssl_field, paper_camera, eye, world):
+    memory = Memory.of_everything(ssl_field)
+    vision = Vision(ssl_field, paper_camera, memory=memory)
+    drive(vision, eye, world, 20)
+    seen_before = memory.free_map.observations("floor").max()
+    world.place(0, Pose2(0.8, 0.5, -2.0))
+    counts = []
+    drive(vision, eye, world, 30, after=lambda *_: counts.append(int(memory.free_map.observations("floor").max())))
+    assert seen_before == 20
+    # in between everything was forgotten
+    assert min(counts) < 5
+    assert memory.poses.belief.pose.error_to(world.state.robots[0].pose)[0] < 0.03
+
+
+def test_a_late_frame_serves_the_pose_alone(ssl_field, paper_camera, eye, world):
+    memory = Memory.of_everything(ssl_field)
+    vision = Vision(ssl_field, paper_camera, memory=memory)
+    view = drive(vision, eye, world, 10)
+    counts = memory.free_map.observations("floor")
+    memory.see(dataclasses.replace(view, t_s=view.t_s - CONTROL_PERIOD_S), vision.grid)
+    np.testing.assert_array_equal(memory.free_map.observations("floor"), counts)
+
+
+def test_a_head_that_is_turned_sees_the_same_places(ssl_field, paper_camera, eye, world):
+    mount = Pose2(0.0, 0.0, 0.7)
+    state = world.state
+    turned = Vision(ssl_field, paper_camera)
+    memory, plain = Memory.of_everything(ssl_field), Memory.of_everything(ssl_field)
+    for period in range(8):
+        t_s = period * CONTROL_PERIOD_S
+        view = turned.look(np.array(eye.render(state, 0)), t_s)
+        plain.predict(_NOWHERE, t_s)
+        memory.predict(_NOWHERE, t_s)
+        one = plain.see(view, turned.grid)
+        # the same frame, said to be seen by a head that looks to the left: the robot then heads to the right of it
+        other = memory.see(view, turned.grid, robot=view.pose.seen_from(mount.inverse()), mount=mount)
+    assert other.pose.pose.compose(mount).error_to(one.pose.pose)[0] < 1e-3
+    assert len(one.tracks) == len(other.tracks) == 1
+    assert (one.tracks[0].x_m, one.tracks[0].y_m) == pytest.approx((other.tracks[0].x_m, other.tracks[0].y_m), abs=0.01)
+
+
+def test_to_forget_is_to_begin_anew(ssl_field, paper_camera, eye, world):
+    memory = Memory.of_everything(ssl_field)
+    vision = Vision(ssl_field, paper_camera, memory=memory)
+    drive(vision, eye, world, 8)
+    vision.forget()
+    assert not memory.poses.belief
+    assert not memory.belief(0.0).tracks
+    assert memory.free_map.observations("floor").max() == 0
+
+
+def test_bad_calls_say_what_is_wrong(ssl_field, paper_camera, eye, world):
+    frame = np.array(eye.render(world.state, 0))
+    with pytest.raises(ArgumentError, match="hand t_s to look"):
+        Vision(ssl_field, paper_camera, memory=Memory(ssl_field)).look(frame)
+    view = Vision(ssl_field, paper_camera).look(frame)
+    with pytest.raises(ArgumentError, match="hand t_s to look"):
+        Memory(ssl_field).see(view)
+    only_range = {"range": default_sensors()["range"]}
+    with pytest.raises(ArgumentError, match="needs a sensor 'floor', it has range"):
+        Memory(ssl_field, free_map=FreeSpaceMap(only_range))
+    mapped = Memory(ssl_field, objects=MovingObjects(), free_map=FreeSpaceMap())
+    with pytest.raises(ArgumentError, match="needs the grid"):
+        mapped.see(dataclasses.replace(view, t_s=0.0))
+
+
+def test_an_estimate_seen_from_a_mount_and_back_is_itself():
+    cov = np.diag([1e-4, 4e-4, 9e-4])
+    estimate = PoseEstimate(Pose2(1.0, -0.5, 2.0), cov, 0.9, 0.3, (Pose2(1.0, -0.5, 2.0), Pose2(-1.0, 0.5, -1.14)))
+    mount = Pose2(0.1, 0.02, 0.5)
+    there = estimate.seen_from(mount)
+    assert there.pose == estimate.pose.compose(mount)
+    # a lever arm turns doubt of heading into doubt of place
+    assert np.trace(there.covariance[:2, :2]) > np.trace(cov[:2, :2])
+    back = there.seen_from(mount.inverse())
+    np.testing.assert_allclose(back.covariance, cov, atol=1e-12)
+    for one, other in zip(back.candidates, estimate.candidates, strict=True):
+        assert one.error_to(other) == pytest.approx((0.0, 0.0), abs=1e-9)
