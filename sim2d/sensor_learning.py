@@ -12,8 +12,9 @@ from robocup_vision.camera import OmniCamera
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.sensor_model import SensorModel, SensorTally
 from robocup_vision.vision import Vision
+from sim2d.cell_truth import CellTruth
 from sim2d.range_sensor import RangeSensor
-from sim2d.sensor_runs import KINDS, CellTruth, map_vision, sensor_run
+from sim2d.sensor_runs import KINDS, map_vision, sensor_run
 
 FLOOR, RANGE = "floor", "range"
 KINDS_LEARNT = ("plain", "glare", "shadow", "glare_shadow")
@@ -65,7 +66,7 @@ def learn_sensors(
     Notes
     -----
     P(O|E) and P(O|not E) are shares of the cells that a profile tells anything of, by the rule that the map itself
-    goes by, from where the robot believes to be. Cells that a thing covers by less than half do not count.
+    goes by, from where the robot truly is. Cells that a thing covers by less than half do not count.
     """
     scanner = scanner or RangeSensor()
     vision = map_vision(field, camera)
@@ -80,9 +81,7 @@ def learn_sensors(
             for frame in seen:
                 if truth is None:
                     truth = CellTruth(frame.scene, cell_m)
-                if frame.believed is None:
-                    continue
-                grid.move(frame.believed)
+                grid.move(frame.pose)
                 occupied, free = truth.window(grid)
                 for name, profile in ((FLOOR, frame.floor), (RANGE, frame.scan)):
                     tallies[name].add(grid.evidence(name, profile), occupied, free)

@@ -11,14 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models import COLOR_NAMES, Field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.localization.pose_filter import PoseFilter
-from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.range_profile import RangeProfile, floor_profile
 from robocup_vision.vision import Vision
 from sim2d.range_sensor import RangeSensor
@@ -28,7 +26,6 @@ from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import Command, RobotLimits
 from sim2d.world import World
 
-BoolArray = npt.NDArray[np.bool_]
 Point = tuple[float, float]
 
 # the camera and the range sensor deliver every third control period
@@ -46,7 +43,6 @@ _TRIES = 400
 # lamps hang so high, so far away; a mirror image of one on the floor is blurred by the carpet
 _LAMP_HEIGHT_M, _LAMP_AWAY_M = 2.5, (3.0, 12.0)
 _LAMP_SIGMA_M, _LAMP_AMPLITUDE = (0.04, 0.10), (50.0, 110.0)
-_SUB_CELLS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +176,8 @@ def sensor_run(
             others = tuple(Robot(m.pose.x_m, m.pose.y_m, limits.radius_m, limits.height_m) for m in movers)
             seen = dataclasses.replace(lit, robots=(*lit.robots, *others))
             frame = _CAMERA_SENSOR.expose(renderer.render(seen, pose), rng)
-            view = vision.look(frame, state.t_s, prior=belief.prior(state.t_s))
+            # it knows where it was put down
+            view = vision.look(frame, state.t_s, prior=belief.prior(state.t_s) if period else pose)
             belief.update(view.pose, state.t_s)
             known = belief.belief
             yield SensorFrame(
@@ -328,56 +325,3 @@ def _with_reflections(
     return dataclasses.replace(
         scene, light=dataclasses.replace(scene.light, highlights=(*scene.light.highlights, *mirrored))
     )
-
-
-class CellTruth:
-    """Which cells of a map on the field are free, by the scene itself.
-
-    Parameters
-    ----------
-    scene : Scene
-        What stands.
-    cell_m : float
-        Side of the map's cells.
-    """
-
-    def __init__(self, scene: Scene, cell_m: float) -> None:
-        self.cell_m = cell_m
-        low, high = scene.field.floor_polygon.min(axis=0), scene.field.floor_polygon.max(axis=0)
-        self.first = np.floor(low / cell_m).astype(int) - 1
-        size = np.ceil(high / cell_m).astype(int) + 1 - self.first
-        parts = (np.arange(_SUB_CELLS) + 0.5) / _SUB_CELLS
-        along = [((np.arange(n) + f)[:, None] + parts).ravel() * cell_m for n, f in zip(size, self.first, strict=True)]
-        points = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1)
-        blocked = ~scene.field.contains(points.reshape(-1, 2)).reshape(points.shape[:2])
-        for box in scene.boxes:
-            local = np.abs(Pose2(box.x_m, box.y_m, box.yaw_rad).inverse().transform(points))
-            blocked |= (local[..., 0] <= box.width_m / 2) & (local[..., 1] <= box.depth_m / 2)
-        for x, y, radius in scene.footprint_circles():
-            blocked |= np.hypot(points[..., 0] - x, points[..., 1] - y) <= radius
-        if scene.ball is not None:
-            ball = scene.ball
-            blocked |= np.hypot(points[..., 0] - ball.x_m, points[..., 1] - ball.y_m) <= ball.radius_m
-        share = blocked.reshape(size[0], _SUB_CELLS, size[1], _SUB_CELLS).mean(axis=(1, 3))
-        self.occupied, self.free = share >= 0.5, share == 0.0
-        if scene.ball is not None:
-            i, j = np.floor(np.array([scene.ball.x_m, scene.ball.y_m]) / cell_m).astype(int) - self.first
-            self.occupied[i, j] = True
-
-    def window(self, grid: FreeSpaceMap) -> tuple[BoolArray, BoolArray]:
-        """Occupied and free cells (N, N) of a map as it lies now; what is off the field is occupied."""
-        return self.cut(self.occupied, grid, outside=True), self.cut(self.free, grid, outside=False)
-
-    def cut(self, cells: BoolArray, grid: FreeSpaceMap, *, outside: bool) -> BoolArray:
-        """Cut a map's window (N, N) out of something told of the field's cells; what is off the field is `outside`."""
-        offset = np.rint(np.array(grid.corner_m) / self.cell_m).astype(int) - self.first
-        along = [o + np.arange(grid.cells) for o in offset]
-        inside = [(i >= 0) & (i < n) for i, n in zip(along, cells.shape, strict=True)]
-        window = cells[np.ix_(*(np.clip(i, 0, n - 1) for i, n in zip(along, cells.shape, strict=True)))]
-        return np.where(inside[0][:, None] & inside[1][None, :], window, outside)
-
-    @property
-    def centers_m(self) -> FloatArray:
-        """(A, B, 2) float64: middles of the field's cells, metres."""
-        along = [(np.arange(n) + f + 0.5) * self.cell_m for n, f in zip(self.free.shape, self.first, strict=True)]
-        return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1)

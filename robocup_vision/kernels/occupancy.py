@@ -39,8 +39,9 @@ def _span(dx: float, dy: float, half: float) -> tuple[float, float, float, float
 
 
 @njit(cache=True, nogil=True)
-def _sector_at(offset: float, lower: FloatArray, upper: FloatArray) -> int:
-    """Sector that holds a direction, given from the first sector's lower edge within [0, 2 pi); -1 in a gap."""
+def _first_cone(direction: float, lower: FloatArray, upper: FloatArray) -> tuple[int, float]:
+    """Cone that holds a direction, or, in a gap, the next one; and the angle from the direction to where it begins."""
+    offset = (direction - lower[0]) % _TURN
     first, last = 0, lower.shape[0]
     while last - first > 1:
         middle = (first + last) // 2
@@ -48,7 +49,10 @@ def _sector_at(offset: float, lower: FloatArray, upper: FloatArray) -> int:
             first = middle
         else:
             last = middle
-    return first if offset <= upper[first] - lower[0] + _JOINED_RAD else -1
+    if offset <= upper[first] - lower[0] + _JOINED_RAD:
+        return first, lower[first] - lower[0] - offset
+    after = first + 1 if first + 1 < lower.shape[0] else 0
+    return after, (lower[after] - lower[0] - offset) % _TURN
 
 
 @njit(cache=True, nogil=True)
@@ -113,15 +117,13 @@ def gather_evidence(
             near, far, middle, low, high = _span(dx, dy, half)
             if near < nearest_m or far > reach_m or _touches(dx + x_m, dy + y_m, half, discs):
                 continue
-            offset = (middle + low - theta_rad - lower[0]) % _TURN
-            k = _sector_at(offset, lower, upper)
-            if k < 0:
-                continue
-            turned, width = offset + lower[0], high - low
-            # each bearing that touches the cell, and how far from the cell's lowest direction its cone begins
-            begin = lower[k] - turned
-            crossed, is_hit = True, False
+            k, begin = _first_cone(middle + low - theta_rad, lower, upper)
+            width = high - low
+            crossed, is_hit = begin <= 0.0, False
+            # each bearing whose cone touches the cell, and where from the cell's lowest direction it begins
             for _ in range(count):
+                if begin > width:
+                    break
                 if not range_m[k] >= far:
                     crossed = False
                     if hit[k] and range_m[k] >= nearest_m:
@@ -142,8 +144,6 @@ def gather_evidence(
                     crossed = False
                 begin = end + gap
                 k = after
-                if begin > width:
-                    break
             if is_hit:
                 out[i, j] = HIT
             elif crossed:
@@ -244,18 +244,7 @@ def free_ranges(
             near, _, middle, low, high = _span(dx, dy, half)
             if near < nearest_m:
                 continue
-            offset = (middle + low - theta_rad - lower[0]) % _TURN
-            k = _sector_at(offset, lower, upper)
-            begin = 0.0
-            if k < 0:
-                # the next cone after the gap
-                k = 0
-                while k < count and lower[k] - lower[0] < offset:
-                    k += 1
-                k = k if k < count else 0
-                begin = (lower[k] - lower[0] - offset) % _TURN
-            else:
-                begin = lower[k] - lower[0] - offset
+            k, begin = _first_cone(middle + low - theta_rad, lower, upper)
             for _ in range(count):
                 if begin > high - low:
                     break

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FileError
-from field_models.toml_file import StrictStruct, load_toml
+from field_models.toml_file import StrictStruct, convert, load_toml
 from robocup_vision.kernels import occupancy as kernel
 
 Int8Array = npt.NDArray[np.int8]
@@ -83,7 +83,7 @@ class _Sensor(StrictStruct):
 class _SensorFile(StrictStruct):
     format: Literal[1]
     source: str
-    sensors: dict[str, _Sensor]
+    sensors: dict[str, Any]
 
 
 def load_sensors(path: str | Path) -> dict[str, SensorModel]:
@@ -97,13 +97,18 @@ def load_sensors(path: str | Path) -> dict[str, SensorModel]:
     content = load_toml(path, _SensorFile)
     if not content.sensors:
         raise FileError(path, "must name at least one sensor", key="sensors")
-    models = {}
-    for name, s in content.sensors.items():
-        try:
-            models[name] = SensorModel(s.hit_if_occupied, s.hit_if_free, s.nearest_m, s.reach_m)
-        except ArgumentError as error:
-            raise FileError(path, str(error), key=f"sensors.{name}") from None
-    return models
+    return {name: _model(path, name, raw) for name, raw in content.sensors.items()}
+
+
+def _model(path: str | Path, name: str, raw: Any) -> SensorModel:
+    try:
+        entry = convert(path, raw, _Sensor)
+        return SensorModel(entry.hit_if_occupied, entry.hit_if_free, entry.nearest_m, entry.reach_m)
+    except FileError as error:
+        key = f"sensors.{name}.{error.key}" if error.key else f"sensors.{name}"
+        raise FileError(path, error.problem, key=key, value=error.value) from None
+    except ArgumentError as error:
+        raise FileError(path, str(error), key=f"sensors.{name}") from None
 
 
 def write_sensors(path: str | Path, sensors: Mapping[str, SensorModel], source: str) -> None:
@@ -186,5 +191,10 @@ class SensorTally:
         ArgumentError
             If the sensor tells nothing: it meets something in free cells as often as in occupied ones.
         """
-        shares = (self._counts[:, 0] + 1) / (self._counts.sum(axis=1) + 2)
-        return SensorModel(float(shares[0]), float(shares[1]), nearest_m, reach_m)
+        occupied, free = ((self._counts[:, 0] + 1) / (self._counts.sum(axis=1) + 2)).tolist()
+        if not free < occupied:
+            raise ArgumentError(
+                f"the sensor tells nothing: it meets something in {occupied:.1%} of the occupied cells it tells of "
+                f"and in {free:.1%} of the free ones"
+            )
+        return SensorModel(occupied, free, nearest_m, reach_m)
