@@ -4,7 +4,7 @@
 alone, with a pose that is off. All trackers get the same detections. CLEAR MOT against the truth of ALL six, in view or
 not; a report is right within 0.15 m. A false track is one that never was right. The GNN's ten settings were chosen for
 MOTA on other seeds; "keeps quiet" is the same with two more: a track goes on unreported after some misses. The time is
-of `update` with eight others.
+the CPU time of `update` with eight others.
 """
 
 from __future__ import annotations
@@ -73,14 +73,14 @@ def score(tracker: Tracker, films: Sequence[Sequence[Frame]]) -> Score | None:
 
 
 def milliseconds(films: Sequence[Sequence[Frame]]) -> FloatArray:
-    """Time of each update, milliseconds."""
+    """CPU time of each update, milliseconds: the machine has other work too."""
     taken = []
     for frames in films:
         tracker = MovingObjects()
         for frame in frames:
-            start = time.perf_counter()
+            start = time.process_time()
             tracker.update(frame.t_s, frame.detections, frame.robot, COVARIANCE)
-            taken.append(1e3 * (time.perf_counter() - start))
+            taken.append(1e3 * (time.process_time() - start))
     return np.array(taken)
 
 
@@ -131,7 +131,7 @@ def main() -> None:
 
     table = Table(("eight others", "ms, median", "99 %", "at most", "verdict"))
     taken = milliseconds(eight)
-    fast = float(np.median(taken)) <= MOST_MS
+    fast = float(np.quantile(taken, 0.99)) <= MOST_MS
     table.row("update", float(np.median(taken)), float(np.quantile(taken, 0.99)), MOST_MS, verdict(fast))
     finish(arguments.check, ok and fast)
 

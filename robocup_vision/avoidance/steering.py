@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.avoidance.moving_obstacles import MovingObstacle, moving_table, ranges_past
 from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels import grown_profile
 from robocup_vision.kernels import steering as kernel
@@ -199,6 +200,7 @@ class Steering:
         goal_bearing_rad: float,
         goal_distance_m: float | None = None,
         pending_mps: Sequence[float] | FloatArray | None = None,
+        moving: Sequence[MovingObstacle] = (),
     ) -> SteeringCommand:
         """Choose the next command (the paper's Steps 1 to 5).
 
@@ -217,6 +219,8 @@ class Steering:
         pending_mps : (2,) float64 or pair of float, optional
             The command that is obeyed until this one is, robot frame: what was commanded last. Without it the robot
             goes on with its present velocity during the dead time.
+        moving : sequence of MovingObstacle
+            What is known to move: kept clear of where it will be at each moment, instead of where it is now.
 
         Returns
         -------
@@ -243,6 +247,8 @@ class Steering:
             raise ArgumentError(f"goal_distance_m must not be negative, got {goal_distance_m!r}")
         if bearing.shape[0] != self._known_bearing.shape[0]:
             self._resize(bearing.shape[0])
+        if moving:
+            range_m = ranges_past(bearing, range_m, moving)
         time_to_contact = np.empty(self._directions.shape[0])
         outcome, index, speed, detour = kernel.steer(
             velocity,
@@ -264,6 +270,7 @@ class Steering:
             self._profile,
             self._fine,
             self._coarse,
+            moving_table(moving, self._radius_m),
             time_to_contact,
         )
         if outcome < 0:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from numba import njit
 
 from robocup_vision.kernels.grown_profile import grow_profile, measure_sectors, profile_bin
+from robocup_vision.kernels.moving_contact import moving_contact_then_stop, moving_contact_time
 from robocup_vision.kernels.trajectories import contact_time, predict_position, predict_velocity
 
 FloatArray = npt.NDArray[np.float64]
@@ -47,6 +48,7 @@ def choose_direction(
     fine: FloatArray,
     coarse: FloatArray,
     smallest: float,
+    moving: FloatArray,
     time_to_contact: FloatArray,
 ) -> Outcome:
     """Predict every direction (paper's Steps 3-4) and choose (Step 5); `Steering` explains the rule.
@@ -67,6 +69,8 @@ def choose_direction(
         Radians, within [0, 2 pi), and unit vectors.
     profile, fine, coarse, smallest
         From `grow_profile`.
+    moving : (M, 8) float64
+        As `moving_contact_time` takes it.
     time_to_contact : (J,) float64, written
         T_j at the top speed.
 
@@ -94,6 +98,7 @@ def choose_direction(
     coasted = contact_time(
         here, velocity, pending, acceleration, dead_time, step_m, profile, fine, coarse, smallest
     )  # fmt: skip
+    coasted = min(coasted, moving_contact_time(here, velocity, pending, acceleration, 0.0, dead_time, step_m, moving))
     start = predict_position(here, velocity, pending, acceleration, dead_time)
     obeying = predict_velocity(velocity, pending, acceleration, dead_time)
     best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
@@ -117,6 +122,7 @@ def choose_direction(
                 continue
             target = (slower * units[j, 0], slower * units[j, 1])
             present = obeying if use_velocity else target
+            meets = np.inf
             settle = math.sqrt((target[0] - present[0]) ** 2 + (target[1] - present[1]) ** 2) / acceleration
             needed = threshold if threshold >= 0.0 else 2.0 * dead_time + period + settle + 0.5 * slower / acceleration
             horizon = 1.1 * needed
@@ -127,13 +133,24 @@ def choose_direction(
             elif coasted < np.inf:
                 t = coasted
             else:
+                rest = max(horizon - dead_time, 0.0)
                 t = dead_time + contact_time(
-                    start, obeying, target, acceleration, max(horizon - dead_time, 0.0), step_m, profile, fine, coarse,
-                    smallest,
+                    start, obeying, target, acceleration, rest, step_m, profile, fine, coarse, smallest
                 )  # fmt: skip
+                if moving.shape[0] > 0:
+                    # safe where it can be carried out to its end, or given up at the next decision, and then stopped
+                    meets = min(
+                        moving_contact_then_stop(
+                            start, obeying, target, acceleration, dead_time, settle + dead_time + period, step_m, moving
+                        ),
+                        moving_contact_then_stop(
+                            start, obeying, target, acceleration, dead_time, period, step_m, moving
+                        ),
+                    )  # fmt: skip
+                    t = min(t, dead_time + meets)
             if level == 0:
                 time_to_contact[j] = t
-            if t < needed:
+            if t < needed or meets < np.inf:
                 beyond = False
                 if ahead and goal_distance < np.inf and t >= dead_time:
                     if use_velocity:
@@ -156,6 +173,10 @@ def choose_direction(
         latest = dead_time + contact_time(
             start, obeying, here, acceleration, stop, step_m, profile, fine, coarse, smallest
         )  # fmt: skip
+        latest = min(
+            latest,
+            dead_time + moving_contact_time(start, obeying, here, acceleration, dead_time, stop, step_m, moving),
+        )
     # Later by less than contacts are told apart is no later, and braking then touches more softly.
     latest += 0.1 * step_m / max(speed, math.hypot(velocity[0], velocity[1]), step_m)
     chosen = -1
@@ -186,6 +207,7 @@ def steer(
     profile: FloatArray,
     fine: FloatArray,
     coarse: FloatArray,
+    moving: FloatArray,
     time_to_contact: FloatArray,
 ) -> Outcome:
     """Join the steps in one call; the sectors are measured again only when the bearings have changed.
@@ -217,7 +239,7 @@ def steer(
     distance = goal_distance if abs(detour) <= resolution else np.inf
     outcome, index, speed, turned = choose_direction(
         velocity, pending, goal_bearing + detour, distance, side, limits, use_velocity, directions, units,
-        profile, fine, coarse, smallest, time_to_contact,
+        profile, fine, coarse, smallest, moving, time_to_contact,
     )  # fmt: skip
     if outcome == 0 and abs(turned) > resolution:
         detour += turned

@@ -207,7 +207,7 @@ class ReturnDetector:
 
 
 def in_field(
-    detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None
+    detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return places (M, 2) and covariances (M, 2, 2) in the field frame, the robot's own added.
 

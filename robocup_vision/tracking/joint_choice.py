@@ -9,7 +9,7 @@ import numpy as np
 from robocup_vision.tracking.branches import MISS, Branches, IntArray
 
 # steps of the search after which the best choice so far is taken
-_MOST_STEPS = 2000
+_MOST_STEPS = 1000
 
 
 def choose_together(branches: Branches) -> IntArray:

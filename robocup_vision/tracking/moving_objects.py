@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.avoidance.moving_obstacles import MovingObstacle
 from robocup_vision.geometry import FloatArray, Pose2, read_only
 from robocup_vision.tracking.branches import Branches, IntArray
 from robocup_vision.tracking.detections import Detection, in_field
@@ -25,6 +26,7 @@ from robocup_vision.tracking.shadows import Shadows
 _FIRST, _BELIEVED, _FORGOTTEN = -3.0, 4.0, -3.0
 # unseen: an object is gone after so long on average, and its velocity forgotten
 _LIFETIME_S, _STEADY_S = 100.0, 1.5
+_PLACE, _VELOCITY = slice(0, 2), slice(2, 4)
 # a report is right within this share of the object's width
 _NEAR_SHARE = 2 / 3
 
@@ -62,9 +64,25 @@ class Track:
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))
 
-    def after(self, seconds: float) -> tuple[float, float]:
-        """Where it will be, field frame, metres, if it goes on as it does."""
-        return self.x_m + self.vx_mps * seconds, self.y_m + self.vy_mps * seconds
+    def as_obstacle(self, robot: Pose2, radius_m: float, seconds: float = 0.0) -> MovingObstacle:
+        """Return what `Steering.steer` takes.
+
+        Parameters
+        ----------
+        robot : Pose2
+            The robot in the field frame now.
+        radius_m : float
+            The object's.
+        seconds : float
+            Since the track's frame.
+        """
+        x, y = robot.inverse().transform((self.x_m + self.vx_mps * seconds, self.y_m + self.vy_mps * seconds)).tolist()
+        c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
+        vx, vy = c * self.vx_mps + s * self.vy_mps, c * self.vy_mps - s * self.vx_mps
+        place, velocity = (
+            math.sqrt(float(np.linalg.eigvalsh(self.covariance[part, part])[-1])) for part in (_PLACE, _VELOCITY)
+        )
+        return MovingObstacle(x, y, vx, vy, radius_m, place, velocity)
 
 
 @dataclass(slots=True)

@@ -10,11 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from steering_twins import BINS, EDGES, RADIUS, around, grown, plain_positions
 
-from robocup_vision.kernels import grown_profile, trajectories
+from robocup_vision.kernels import grown_profile, moving_contact, trajectories
 from robocup_vision.kernels import steering as kernels
 
 seeds = st.integers(0, 2**32 - 1)
 HERE = (0.0, 0.0)
+# nothing moves
+NOTHING = np.empty((0, moving_contact.COLUMNS))
 
 
 def plain_choice(velocity, pending, wanted, goal_distance, side, limits, use_velocity, directions, profile, minima):
@@ -75,7 +77,7 @@ def plain_choice(velocity, pending, wanted, goal_distance, side, limits, use_vel
     return ((2, index, speed, 0.0) if contacts[0][index] > braking else (1, -1, 0.0, 0.0)), contacts[0]
 
 
-def steer(velocity, pending, goal, goal_distance, detour, limits, use_velocity, range_m, count=24):
+def steer(velocity, pending, goal, goal_distance, detour, limits, use_velocity, range_m, count=24, moving=NOTHING):
     directions = np.arange(count) * math.tau / count
     units = np.stack([np.cos(directions), np.sin(directions)], axis=1)
     bearing, known, scratch = around(len(range_m)), np.full(len(range_m), np.nan), np.empty(BINS)
@@ -85,7 +87,7 @@ def steer(velocity, pending, goal, goal_distance, detour, limits, use_velocity, 
         found = kernels.steer(
             velocity, pending, goal, goal_distance, detour, limits, use_velocity, directions, units, bearing, range_m,
             known, sectors, sector_bins, EDGES, RADIUS, scratch, np.empty(grown_profile.FINE),
-            np.empty(grown_profile.COARSE), found_times,
+            np.empty(grown_profile.COARSE), moving, found_times,
         )  # fmt: skip
         np.testing.assert_array_equal(known, bearing)
     return found, found_times
@@ -116,7 +118,7 @@ def test_choice_agrees_with_whole_arrays(seed, motion, side, threshold, use_velo
     found_times = np.empty(24)
     found = kernels.choose_direction(
         velocity, pending, wanted, goal_distance, side, limits, use_velocity, directions, units, profile, *minima,
-        found_times,
+        NOTHING, found_times,
     )  # fmt: skip
     assert found[:2] == expected[:2]
     assert found[2:] == pytest.approx(expected[2:], abs=1e-12)
@@ -178,6 +180,7 @@ def test_steering_refuses_bearings_that_do_not_ascend():
     found = kernels.steer(
         HERE, HERE, 0.0, math.inf, 1.0, LIMITS, True, np.zeros(4), np.zeros((4, 2)),
         np.array([0.0, 2.0, 1.0]), np.ones(3), np.full(3, np.nan), np.empty((3, 4)), np.empty((3, 4), dtype=np.int64),
-        EDGES, RADIUS, np.empty(BINS), np.empty(grown_profile.FINE), np.empty(grown_profile.COARSE), np.empty(4),
+        EDGES, RADIUS, np.empty(BINS), np.empty(grown_profile.FINE), np.empty(grown_profile.COARSE), NOTHING,
+        np.empty(4),
     )  # fmt: skip
     assert found == (-1, -1, 0.0, 1.0)

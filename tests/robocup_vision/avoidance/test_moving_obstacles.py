@@ -1,0 +1,125 @@
+"""Moving obstacles: the floor seen past them, and what is commanded before them."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from field_models.errors import ArgumentError
+from robocup_vision.avoidance import MovingObstacle, Steering
+from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
+
+RADIUS = 0.09
+BEARING = np.arange(128) * math.tau / 128 - math.pi
+
+
+def open_floor(obstacles=(), reach=3.0):
+    range_m = np.full(len(BEARING), reach)
+    for o in obstacles:
+        distance = math.hypot(o.x_m, o.y_m)
+        off = np.abs(np.angle(np.exp(1j * (BEARING - math.atan2(o.y_m, o.x_m)))))
+        hit = off < math.asin(o.radius_m / distance)
+        range_m[hit] = distance - o.radius_m * np.cos(off[hit])
+    return SimpleNamespace(bearing_rad=BEARING, range_m=range_m)
+
+
+def steering():
+    return Steering(RADIUS, 1.2, 0.03, 0.6)
+
+
+@pytest.mark.parametrize("name", ["x_m", "vy_mps", "radius_m", "std_m", "velocity_std_mps"])
+def test_values_out_of_range_are_refused_by_name(name):
+    good = {"x_m": 1.0, "y_m": 0.0, "vx_mps": 0.0, "vy_mps": 0.0, "radius_m": 0.09}
+    with pytest.raises(ArgumentError, match=f"moving obstacle's {name} is out of range: nan"):
+        MovingObstacle(**(good | {name: math.nan}))
+    if name.endswith(("radius_m", "std_m", "std_mps")):
+        with pytest.raises(ArgumentError, match=name):
+            MovingObstacle(**(good | {name: -0.1}))
+
+
+def test_the_table_adds_the_radii():
+    table = moving_table([MovingObstacle(1.0, 2.0, 0.3, 0.4, 0.1, 0.01, 0.02)], 0.09)
+    assert table.shape == (1, 8)
+    np.testing.assert_allclose(table[0, :5], [1.0, 2.0, 0.3, 0.4, 0.19])
+    assert moving_table([], 0.09).shape == (0, 8)
+
+
+def test_past_an_obstacle_the_floor_is_as_free_as_beside_it_on_its_nearer_side():
+    mover = MovingObstacle(1.0, 0.0, 0.0, 0.5, RADIUS)
+    seen = open_floor([mover])
+    seen.range_m[BEARING > 0] = np.minimum(seen.range_m[BEARING > 0], 2.0)
+    past = ranges_past(BEARING, seen.range_m, [mover])
+    assert past.min() == 2.0
+    np.testing.assert_array_equal(past[np.abs(BEARING) > 0.2], seen.range_m[np.abs(BEARING) > 0.2])
+    # what stands before or behind it stays
+    for other in (0.5, 1.4):
+        blocked = np.where(np.abs(BEARING) < 0.15, other, 3.0)
+        np.testing.assert_array_equal(ranges_past(BEARING, blocked, [mover]), blocked)
+
+
+def test_unseen_bearings_stay_unseen_and_an_obstacle_all_around_changes_nothing():
+    mover = MovingObstacle(0.01, 0.0, 0.0, 0.0, RADIUS)
+    near = np.full(len(BEARING), RADIUS)
+    np.testing.assert_array_equal(ranges_past(BEARING, near, [mover]), near)
+    mover = MovingObstacle(1.0, 0.0, 0.0, 0.0, RADIUS)
+    unseen = np.where(BEARING > 1.0, np.nan, open_floor([mover]).range_m)
+    np.testing.assert_array_equal(np.isnan(ranges_past(BEARING, unseen, [mover])), BEARING > 1.0)
+
+
+def test_without_anything_that_moves_nothing_changes():
+    seen = open_floor([MovingObstacle(0.4, 0.05, 0.0, 0.0, RADIUS)])
+    plain = steering().steer(seen, (0.3, 0.0), 0.0, 2.0)
+    empty = steering().steer(seen, (0.3, 0.0), 0.0, 2.0, moving=())
+    np.testing.assert_array_equal(plain.velocity_mps, empty.velocity_mps)
+    np.testing.assert_array_equal(plain.time_to_contact_s, empty.time_to_contact_s)
+
+
+def test_one_that_clears_the_way_in_time_is_no_obstacle_and_one_that_will_block_it_is():
+    leaving = MovingObstacle(0.3, 0.12, 0.0, 1.0, RADIUS)
+    assert steering().steer(open_floor([leaving]), (0.4, 0.0), 0.0).reason == "around obstacle"
+    command = steering().steer(open_floor([leaving]), (0.4, 0.0), 0.0, moving=[leaving])
+    assert command.reason == "towards goal"
+    # it will be ahead before the robot could stop
+    coming = MovingObstacle(0.35, 0.5, 0.0, -1.0, RADIUS)
+    assert steering().steer(open_floor([coming]), (0.6, 0.0), 0.0).reason == "towards goal"
+    command = steering().steer(open_floor([coming]), (0.6, 0.0), 0.0, moving=[coming])
+    assert command.reason != "towards goal"
+
+
+def test_a_robot_that_stands_gives_way_to_nothing_it_cannot_escape():
+    walls = SimpleNamespace(bearing_rad=BEARING, range_m=np.full(len(BEARING), 0.12))
+    coming = MovingObstacle(0.5, 0.0, -1.0, 0.0, RADIUS)
+    command = steering().steer(walls, (0.0, 0.0), 0.0, moving=[coming])
+    assert not command.safe
+    np.testing.assert_array_equal(command.velocity_mps, 0.0)
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("offset_s", [-0.4, -0.2, 0.0, 0.2, 0.4])
+def test_the_robot_never_drives_into_one_that_crosses_steadily(speed, offset_s):
+    """Exact knowledge, exact obedience: a moving robot of ours never closes the last gap itself."""
+    pilot, period = steering(), 1 / 30
+    place, velocity, waiting = np.zeros(2), np.zeros(2), np.zeros(2)
+    meet_s = 2.0 + offset_s
+    for k in range(150):
+        t = k * period
+        other = np.array([0.8, speed * (t - meet_s)])
+        mover = MovingObstacle(*(other - place), 0.0, speed, RADIUS)
+        goal = np.array([2.0, 0.0]) - place
+        command = pilot.steer(
+            open_floor([mover] if np.hypot(*(other - place)) > 2 * RADIUS else []), velocity,
+            math.atan2(goal[1], goal[0]), float(np.hypot(*goal)), waiting, moving=[mover],
+        )  # fmt: skip
+        before = velocity
+        change = np.array(waiting) - velocity
+        velocity = velocity + change * min(1.0, 1.2 * period / max(float(np.hypot(*change)), 1e-9))
+        waiting = command.velocity_mps
+        place = place + period * (before + velocity) / 2
+        away = np.array([0.8, speed * (t + period - meet_s)]) - place
+        distance = float(np.hypot(*away))
+        if distance < 2 * RADIUS:
+            assert velocity @ away / distance < 0.02
+            break
