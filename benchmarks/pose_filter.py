@@ -142,7 +142,7 @@ class Ekf:
             turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
             moved = Pose2(*ekf.x).compose(odometry)
             ekf.F = jacobian
-            ekf.Q = turn @ self._noise.covariance(odometry, t_s - self._t_s) @ turn.T
+            ekf.Q = turn @ white_noise(self._noise, odometry, t_s - self._t_s) @ turn.T
             ekf.predict_x = lambda u=0: setattr(ekf, "x", moved.array)
             ekf.predict()
         self._t_s = t_s
@@ -158,9 +158,7 @@ class Ekf:
             self._filter.x, self._filter.P = pose.array, covariance
             return
         pose, covariance = nearest(estimate, motion, Pose2(*self._filter.x))
-        self._filter.update(
-            pose.array, lambda x: np.eye(3), lambda x: x, R=covariance, residual=_residual
-        )
+        self._filter.update(pose.array, lambda x: np.eye(3), lambda x: x, R=covariance, residual=_residual)
 
     @property
     def belief(self) -> PoseEstimate | NotLocated:
@@ -168,6 +166,12 @@ class Ekf:
         if self._filter is None:
             return NotLocated("no frame yet")
         return PoseEstimate(Pose2(*self._filter.x), self._filter.P, 0.0, 0.0)
+
+
+def white_noise(noise: OdometryNoise, motion: Pose2, seconds: float) -> FloatArray:
+    """Covariance (3, 3) of a step's odometry, slip that lasts replaced by independent errors that add up to the same."""
+    slip = noise.slip(motion)
+    return 2 * noise.slip_s / max(seconds, 0.01) * slip @ slip + noise.push(seconds)
 
 
 def _residual(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -473,7 +477,19 @@ def main() -> None:
 def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
     """Print a row for each condition and method; tell whether the filter's are as wanted."""
     table = Table(
-        ("condition   ", "method", "RMS mm", "RMS deg", "ratio", "NEES mean", "median", "in 95 %", "flips", "lost %", ""),
+        (
+            "condition   ",
+            "method",
+            "RMS mm",
+            "RMS deg",
+            "ratio",
+            "NEES mean",
+            "median",
+            "in 95 %",
+            "flips",
+            "lost %",
+            "",
+        ),
         f"wandering: {len(results)} runs of {RUN_S:g} s; wanted: ratio at most {MOST_RATIO}, NEES {NEES_BOUNDS[0]:g} to "
         f"{NEES_BOUNDS[1]:g}, no flips",
     )

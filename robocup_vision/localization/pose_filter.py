@@ -125,7 +125,9 @@ class PoseFilter:
         if self._now_s is not None:
             t_s = min(t_s, self._now_s)
         if not self._moments:
-            self._moments.append(_Moment(t_s, _ORIGIN, estimate, self._mixture.see(estimate, t_s, self._frames)))
+            self._moments.append(
+                _Moment(t_s, _ORIGIN, estimate, self._mixture.see(estimate, t_s, self._odometry, self._frames))
+            )
             return
         place = self._place(t_s)
         if place is None:
@@ -195,12 +197,11 @@ class PoseFilter:
         return None
 
     def _after(self, before: _Moment, t_s: float, place: Pose2, estimate: PoseEstimate | None) -> _Moment:
-        """The next moment: first the motion up to it, then what its frame tells."""
+        """Return the next moment: first the motion up to it, then what its frame tells."""
         mixture = before.mixture
         if t_s > before.t_s or place != before.place:
             motion = before.place.inverse().compose(place)
-            noise = self._odometry.covariance(motion, t_s - before.t_s)
-            mixture = mixture.move(motion, noise, self._frames)
+            mixture = mixture.move(motion, t_s - before.t_s, self._odometry, self._frames)
         if estimate is not None:
-            mixture = mixture.see(estimate, t_s, self._frames)
+            mixture = mixture.see(estimate, t_s, self._odometry, self._frames)
         return _Moment(t_s, place, estimate, mixture)

@@ -10,12 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
-from robocup_vision.localization.pose_hypothesis import FrameErrors, Hypothesis, Place, Reading, pose_offset
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.pose_hypothesis import (
+    FrameErrors,
+    Hypothesis,
+    OdometryNoise,
+    Place,
+    Reading,
+    pose_offset,
+)
 
 # squared Mahalanobis distance that one frame in a thousand exceeds, with 3 degrees of freedom
 _GATE = 16.27
@@ -25,15 +33,17 @@ _SAME = 1.0
 _LEAST_PROBABILITY, _MOST_PLACES = 1e-4, 8
 # no count of frames makes a half of the field more certain than this: a hand may have turned the robot round
 _MOST_HALF_ODDS = math.log(999.0)
-# how often the robot is in the half where it was expected, or of the poses allowed at the nearest
-_EXPECTED = 0.8
+# how often the robot is in the half where it was expected
+_EXPECTED_ODDS = math.log(0.8 / 0.2)
+# standard deviations of the velocity that a shove or spinning wheels may have
+_SHOVE_MPS, _SHOVE_RPS = 0.5, 3.0
 # a position less sure than this is no position
 _LOST_STD_M = 0.5
 # frames closer together than this are the same moment
 _LEAST_FRAME_S = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Mixture:
     """The state of a pose filter at one time.
 
@@ -56,7 +66,7 @@ class Mixture:
         """The last frame contradicts what is believed most."""
         return not self.places or not self.places[0].agrees
 
-    @property
+    @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """Most probable first; probabilities sum to 1."""
         both = [hypothesis for place in self.places for hypothesis in place.hypotheses]
@@ -64,70 +74,76 @@ class Mixture:
         scaled = [replace(hypothesis, probability=hypothesis.probability / whole) for hypothesis in both]
         return tuple(sorted(scaled, key=lambda hypothesis: -hypothesis.probability))
 
-    def move(self, motion: Pose2, noise: FloatArray, errors: FrameErrors) -> Mixture:
+    def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
         """Carry all places along; those that become too unsure are lost."""
         if not self.places:
             return self
-        kept = math.exp(-math.hypot(motion.x_m, motion.y_m) / errors.lasting_m)
-        moved = [place.move(motion, noise, kept) for place in self.places]
+        moved = [place.move(motion, seconds, odometry, errors.lasting_m) for place in self.places]
         sure = [place for place in moved if place.std_m <= _LOST_STD_M]
         return Mixture(_normalised(sure), moved[0].pose, self.frame_s)
 
-    def see(self, estimate: PoseEstimate, t_s: float, errors: FrameErrors) -> Mixture:
+    def see(self, estimate: PoseEstimate, t_s: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
         """Take in what a frame tells; unchanged if its numbers make no sense."""
         readings = _readings(estimate, errors.lasting_share)
         if not readings:
             return self
         since_s = max(t_s - self.frame_s, _LEAST_FRAME_S)
-        agreeing = [_nearest(place, readings) for place in self.places]
         fresh = -math.expm1(-since_s / errors.spell_s)
-        if not any(agreeing):
-            # all took the same frame for a new error; or the robot is somewhere else
-            error = math.log(fresh * errors.outlier_rate)
-            kidnapped = math.log(-math.expm1(-errors.kidnap_per_s * since_s)) if self.places else 0.0
-            places = [
-                replace(place, log_weight=place.log_weight + error, agrees=place.agrees and rank > 0)
-                for rank, place in enumerate(self.places)
-            ]
-            places += self._born(readings, kidnapped, estimate, t_s, errors)
-        else:
-            places = []
-            for place, reading in zip(self.places, agreeing, strict=True):
-                worth = _log_chance(place.agrees, reading is not None, fresh, errors.outlier_rate)
-                weighed = replace(place, log_weight=place.log_weight + worth, agrees=reading is not None)
-                if reading is not None:
+        agreeing = [_nearest(place, readings) for place in self.places]
+        places: list[Place] = []
+        if any(agreeing):
+            for place, found in zip(self.places, agreeing, strict=True):
+                worth = _log_chance(place.agrees, found is not None, fresh, errors.outlier_rate)
+                weighed = replace(place, log_weight=place.log_weight + worth, agrees=found is not None)
+                if found is not None:
                     weighed = replace(
-                        _tell_half(weighed.absorb(reading[0]), reading[1], t_s, errors),
+                        _tell_half(weighed.absorb(found[0]), found[1], t_s, errors.half_error_rate, errors.spell_s),
+                        agreed_s=t_s,
                         inlier_share=estimate.inlier_share,
                         residual_px=estimate.residual_px,
                     )
                 places.append(weighed)
+        else:
+            # to all of them it is a new error; or else the robot is somewhere else
+            worth = math.log(fresh * errors.outlier_rate)
+            for rank, place in enumerate(self.places):
+                places.append(replace(place, log_weight=place.log_weight + worth, agrees=place.agrees and rank > 0))
+            for reading in readings:
+                born = self._born(reading, len(readings), estimate, t_s, odometry)
+                told = 1 if reading.tells_half else 0
+                places.append(_tell_half(born, told, t_s, errors.half_error_rate, errors.spell_s))
         joined = _normalised(_merged(places))
         return Mixture(joined, joined[0].pose, t_s)
 
     def _born(
-        self, readings: Sequence[Reading], log_weight: float, estimate: PoseEstimate, t_s: float, errors: FrameErrors
-    ) -> list[Place]:
-        """A new place for each reading; the half nearer to where the robot was believed is the likelier."""
+        self, reading: Reading, readings: int, estimate: PoseEstimate, t_s: float, odometry: OdometryNoise
+    ) -> Place:
+        """Found a place where a frame says that no place is; in the half where the robot was believed, if any."""
         near = self.near
-        tied = [0.0 if near is None else min(_apart(r, near), _apart(r.half_turn(), near)) for r in readings]
-        nearest = tied.index(min(tied))
-        places = []
-        for index, reading in enumerate(readings):
-            share = 1 / len(readings)
-            if near is not None and len(readings) > 1:
-                share = _EXPECTED if index == nearest else (1 - _EXPECTED) / (len(readings) - 1)
-            place = Place.found(reading, log_weight + math.log(share), estimate.inlier_share, estimate.residual_px)
-            if near is not None:
-                is_near = _apart(reading, near) <= _apart(reading.half_turn(), near)
-                odds = math.log(_EXPECTED / (1 - _EXPECTED))
-                place = replace(place, half_log_odds=odds if is_near else -odds)
-            places.append(_tell_half(place, 1 if reading.tells_half else 0, t_s, errors))
-        return places
+        if near is not None and _apart(reading.pose.half_turn(), near) < _apart(reading.pose, near):
+            turned = self._born(reading.half_turn(), readings, estimate, t_s, odometry)
+            return turned.half_turn()
+        odds = 0.0 if near is None else _EXPECTED_ODDS
+        if not self.places:
+            # of several readings, too, the nearest is the likeliest, by so much a metre or radian
+            log_weight = -odds * _apart(reading.pose, near) if near is not None else 0.0
+            slip_std = 1.0
+        else:
+            believed = self.places[0]
+            rate, since_s = odometry.kidnap_per_s, max(t_s - self.frame_s, _LEAST_FRAME_S)
+            reach = max(t_s - believed.agreed_s, _LEAST_FRAME_S) * np.array([_SHOVE_MPS, _SHOVE_MPS, _SHOVE_RPS])
+            if believed.distance(reading, np.diag(reach**2)) <= _GATE:
+                rate, odds = rate + odometry.shove_per_s, believed.half_log_odds
+            log_weight = math.log(-math.expm1(-rate * since_s) / readings)
+            # wheels may spin: all of what odometry tells may be slip
+            slip_std = max(1 / odometry.slip_share, 1.0)
+        place = Place.found(reading, estimate, t_s, log_weight, slip_std)
+        return replace(place, half_log_odds=odds)
 
 
-def _apart(reading: Reading, near: Pose2) -> float:
-    return sum(reading.pose.error_to(near))
+def _apart(pose: Pose2, near: Pose2) -> float:
+    """Metres and radians together: near the centre both halves are equally far, and only the heading parts them."""
+    return sum(pose.error_to(near))
 
 
 def _readings(estimate: PoseEstimate, lasting_share: float) -> list[Reading]:
@@ -151,32 +167,32 @@ def _readings(estimate: PoseEstimate, lasting_share: float) -> list[Reading]:
 
 
 def _nearest(place: Place, readings: Sequence[Reading]) -> tuple[Reading, int] | None:
-    """The reading that agrees best with the place, turned into its half, and the half it tells (1, -1; 0: neither)."""
+    """Find the reading that agrees best, turned into the place's half, and the half it tells (1, -1; 0: neither)."""
     best: tuple[Reading, int] | None = None
     least = _GATE
     for reading in readings:
-        for seen, half in ((reading, 1), (reading.half_turn(), -1)):
-            distance = place.distance(seen)
-            if distance <= least:
-                best, least = (seen, half if reading.tells_half else 0), distance
+        is_turned = _apart(reading.pose.half_turn(), place.pose) < _apart(reading.pose, place.pose)
+        seen = reading.half_turn() if is_turned else reading
+        distance = place.distance(seen)
+        if distance <= least:
+            best, least = (seen, (-1 if is_turned else 1) if reading.tells_half else 0), distance
     return best
 
 
-def _tell_half(place: Place, half: int, t_s: float, errors: FrameErrors) -> Place:
-    """Weigh a frame that tells the half of the field: this one (1), the other (-1), or neither (0)."""
-    if half == 0:
-        return place
-    fresh = -math.expm1(-max(t_s - place.told_s, _LEAST_FRAME_S) / errors.spell_s)
-    rate = errors.half_error_rate
-    # two chains: one in which this half is right, one in which it is not
-    if place.told == 0:
-        right = math.log((1 - rate) / rate)
-        odds = half * right
-    else:
-        odds = _log_chance(place.told > 0, half > 0, fresh, rate) - _log_chance(place.told < 0, half < 0, fresh, rate)
-    total = min(max(place.half_log_odds + odds, -_MOST_HALF_ODDS), _MOST_HALF_ODDS)
-    told = replace(place, half_log_odds=total, told=half, told_s=t_s)
-    return told if total >= 0 else told.half_turn()
+def _tell_half(place: Place, half: int, t_s: float, rate: float, spell_s: float) -> Place:
+    """Weigh a frame that tells the half of the field, wrongly at a rate: 1 this one, -1 the other, 0 neither."""
+    if half != 0:
+        fresh = -math.expm1(-max(t_s - place.told_s, _LEAST_FRAME_S) / spell_s)
+        if place.told == 0:
+            odds = half * math.log((1 - rate) / rate)
+        else:
+            # two chains: one of a robot in this half, one of a robot in the other
+            odds = _log_chance(place.told > 0, half > 0, fresh, rate) - _log_chance(
+                place.told < 0, half < 0, fresh, rate
+            )
+        total = min(max(place.half_log_odds + odds, -_MOST_HALF_ODDS), _MOST_HALF_ODDS)
+        place = replace(place, half_log_odds=total, told=half, told_s=t_s)
+    return place if place.half_log_odds >= 0 else place.half_turn()
 
 
 def _log_chance(was_right: bool, is_right: bool, fresh: float, error_rate: float) -> float:
@@ -186,7 +202,7 @@ def _log_chance(was_right: bool, is_right: bool, fresh: float, error_rate: float
 
 
 def _merged(places: Sequence[Place]) -> list[Place]:
-    """The places, heaviest first, each joined with those that are nearly the same."""
+    """Return the places, heaviest first, each joined with those that are nearly the same."""
     kept: list[Place] = []
     for place in sorted(places, key=lambda p: -p.log_weight):
         for index, other in enumerate(kept):
