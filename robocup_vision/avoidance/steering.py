@@ -220,7 +220,10 @@ class Steering:
             The command that is obeyed until this one is, robot frame: what was commanded last. Without it the robot
             goes on with its present velocity during the dead time.
         moving : sequence of MovingObstacle
-            What is known to move: kept clear of where it will be at each moment, instead of where it is now.
+            What is known to move: kept clear of where it will be at each moment, instead of where it is now. A command
+            is safe if it can be carried out to its end, or given up at the next decision, and the robot then be
+            stopped before any of them is met; what runs into a standing robot is not reckoned with. Without
+            `use_velocity` they are obstacles like all others.
 
         Returns
         -------
@@ -247,6 +250,8 @@ class Steering:
             raise ArgumentError(f"goal_distance_m must not be negative, got {goal_distance_m!r}")
         if bearing.shape[0] != self._known_bearing.shape[0]:
             self._resize(bearing.shape[0])
+        if not self._use_velocity:
+            moving = ()
         if moving:
             range_m = ranges_past(bearing, range_m, moving)
         time_to_contact = np.empty(self._directions.shape[0])
@@ -277,8 +282,9 @@ class Steering:
             raise ArgumentError("bearing_rad must be finite and ascend within one turn")
         if self._keep_side:
             self._detour_rad = detour
-        # The last safe command left room to stop; what the view from here adds to that is the width of its sectors.
-        if outcome == 2 and self._may_brake:
+        # The last safe command left room to stop; what the view from here adds to that is the width of its sectors,
+        # unless something moves otherwise than it did.
+        if outcome == 2 and self._may_brake and not moving:
             outcome, index, speed = 1, -1, 0.0
         self._may_brake = outcome < 2 and (self._may_brake or outcome == 0)
         time_to_contact.flags.writeable = False

@@ -189,6 +189,8 @@ class ReturnDetector:
     def _detections(self, returns: Sequence[Obstacle]) -> tuple[Detection, ...]:
         found = []
         for near in returns:
+            if near.width_m < self.radius_m and any(self._is_edge(near, other) for other in returns):
+                continue
             # two that stand side by side are seen as one wide thing
             count = max(1, round(near.width_m / (2 * self.radius_m)))
             width = near.width_m / count
@@ -204,6 +206,15 @@ class ReturnDetector:
                 off = (piece - 0.5 * (count - 1)) * width
                 found.append(Detection(ahead * out - aside * off, aside * out + ahead * off, covariance))
         return tuple(found)
+
+    def _is_edge(self, sliver: Obstacle, other: Obstacle) -> bool:
+        """Whether a narrow return is the blurred edge of a wider one right beside it and hardly nearer."""
+        behind = sliver.range_m - other.range_m
+        if other.width_m <= sliver.width_m or not 0 < behind < 4 * self.radius_m:
+            return False
+        apart = abs(math.remainder(other.bearing_rad - sliver.bearing_rad, math.tau))
+        # half of each, and once the sliver's own width between them
+        return apart < 0.5 * other.width_m / other.range_m + 1.5 * sliver.width_m / sliver.range_m
 
 
 def in_field(

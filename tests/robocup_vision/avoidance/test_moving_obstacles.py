@@ -77,6 +77,15 @@ def test_without_anything_that_moves_nothing_changes():
     np.testing.assert_array_equal(plain.time_to_contact_s, empty.time_to_contact_s)
 
 
+def test_the_papers_variant_takes_what_moves_for_standing():
+    leaving = MovingObstacle(0.3, 0.12, 0.0, 1.0, RADIUS)
+    plain = Steering(RADIUS, 1.2, 0.03, 0.6, use_velocity=False)
+    told = plain.steer(open_floor([leaving]), (0.4, 0.0), 0.0, moving=[leaving])
+    untold = Steering(RADIUS, 1.2, 0.03, 0.6, use_velocity=False).steer(open_floor([leaving]), (0.4, 0.0), 0.0)
+    np.testing.assert_array_equal(told.velocity_mps, untold.velocity_mps)
+    np.testing.assert_array_equal(told.time_to_contact_s, untold.time_to_contact_s)
+
+
 def test_one_that_clears_the_way_in_time_is_no_obstacle_and_one_that_will_block_it_is():
     leaving = MovingObstacle(0.3, 0.12, 0.0, 1.0, RADIUS)
     assert steering().steer(open_floor([leaving]), (0.4, 0.0), 0.0).reason == "around obstacle"
