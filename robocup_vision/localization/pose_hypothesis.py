@@ -48,8 +48,8 @@ class OdometryNoise:
     """How odometry errs: slip in proportion to the motion, and pushes that no wheel feels.
 
     Slip is a first-order Gauss-Markov process in time, followed as part of the state: what frames tell of it carries on
-    to the next moment. By default it is a tenth of the motion, so that odometry that is off by a fifth for good (worn
-    wheels, another carpet) is still followed.
+    to the next moment. Its default is a little more than a robot with good wheels has, so that odometry that is a fifth
+    off for good (worn wheels, another carpet) is still followed with an honest covariance.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ class OdometryNoise:
         If one is negative, zero where it must not be, or not finite.
     """
 
-    slip_share: float = 0.1
-    slip_s: float = 0.1
+    slip_share: float = 0.07
+    slip_s: float = 0.2
     push_m: float = 0.002
     push_rad: float = 0.005
     shove_per_s: float = 0.1

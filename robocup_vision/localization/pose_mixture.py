@@ -27,12 +27,14 @@ from robocup_vision.localization.pose_hypothesis import (
 
 # squared Mahalanobis distance that one frame in a thousand exceeds, with 3 degrees of freedom
 _GATE = 16.27
+# up to this many times that, a frame may just be less exact than it says, as one in ten is; it counts for less then
+_NEAR_MISS, _NEAR_MISS_RATE = 9.0, 0.1
 # places nearer to each other than a standard deviation are one
 _SAME = 1.0
 # a place less probable than this is not followed, and no more than so many are
 _LEAST_PROBABILITY, _MOST_PLACES = 1e-4, 8
 # no count of frames makes a half of the field more certain than this: a hand may have turned the robot round
-_MOST_HALF_ODDS = math.log(999.0)
+_MOST_HALF_ODDS = math.log(9999.0)
 # how often the robot is in the half where it was expected
 _EXPECTED_ODDS = math.log(0.8 / 0.2)
 # standard deviations of the velocity that a shove or spinning wheels may have
@@ -89,29 +91,31 @@ class Mixture:
             return self
         since_s = max(t_s - self.frame_s, _LEAST_FRAME_S)
         fresh = -math.expm1(-since_s / errors.spell_s)
-        agreeing = [_nearest(place, readings) for place in self.places]
+        matches = [_match(place, readings) for place in self.places]
+        is_exact = any(match is not None and match.excess <= 1 for match in matches)
+        # what a near miss is worth beside one that agrees; none but a new place is better beside a near miss
+        miss = math.log(_NEAR_MISS_RATE)
         places: list[Place] = []
-        if any(agreeing):
-            for place, found in zip(self.places, agreeing, strict=True):
-                worth = _log_chance(place.agrees, found is not None, fresh, errors.outlier_rate)
-                weighed = replace(place, log_weight=place.log_weight + worth, agrees=found is not None)
-                if found is not None:
-                    weighed = replace(
-                        _tell_half(weighed.absorb(found[0]), found[1], t_s, errors.half_error_rate, errors.spell_s),
-                        agreed_s=t_s,
-                        inlier_share=estimate.inlier_share,
-                        residual_px=estimate.residual_px,
-                    )
+        if any(matches):
+            for place, match in zip(self.places, matches, strict=True):
+                worth = _log_chance(place.agrees, match is not None, fresh, errors.outlier_rate)
+                weighed = replace(place, log_weight=place.log_weight + worth, agrees=match is not None)
+                if match is not None:
+                    weighed = _follow(weighed, match, estimate, t_s, errors)
+                    if is_exact and match.excess > 1:
+                        weighed = replace(weighed, log_weight=weighed.log_weight + miss)
                 places.append(weighed)
         else:
             # to all of them it is a new error; or else the robot is somewhere else
             worth = math.log(fresh * errors.outlier_rate)
             for rank, place in enumerate(self.places):
                 places.append(replace(place, log_weight=place.log_weight + worth, agrees=place.agrees and rank > 0))
+        if not is_exact:
             for reading in readings:
                 born = self._born(reading, len(readings), estimate, t_s, odometry)
-                told = 1 if reading.tells_half else 0
-                places.append(_tell_half(born, told, t_s, errors.half_error_rate, errors.spell_s))
+                if any(matches):
+                    born = replace(born, log_weight=born.log_weight - miss)
+                places.append(_tell_half(born, 1 if reading.tells_half else 0, t_s, errors))
         joined = _normalised(_merged(places))
         return Mixture(joined, joined[0].pose, t_s)
 
@@ -166,23 +170,45 @@ def _readings(estimate: PoseEstimate, lasting_share: float) -> list[Reading]:
     return readings
 
 
-def _nearest(place: Place, readings: Sequence[Reading]) -> tuple[Reading, int] | None:
-    """Find the reading that agrees best, turned into the place's half, and the half it tells (1, -1; 0: neither)."""
-    best: tuple[Reading, int] | None = None
-    least = _GATE
+@dataclass(frozen=True, slots=True, eq=False)
+class _Match:
+    """A reading turned into a place's half, the half it tells (1, -1; 0: neither), its squared distance in gates."""
+
+    reading: Reading
+    half: int
+    excess: float
+
+
+def _match(place: Place, readings: Sequence[Reading]) -> _Match | None:
+    """Find the reading that agrees best with a place."""
+    best: _Match | None = None
     for reading in readings:
         is_turned = _apart(reading.pose.half_turn(), place.pose) < _apart(reading.pose, place.pose)
         seen = reading.half_turn() if is_turned else reading
-        distance = place.distance(seen)
-        if distance <= least:
-            best, least = (seen, (-1 if is_turned else 1) if reading.tells_half else 0), distance
+        excess = place.distance(seen) / _GATE
+        if excess <= (_NEAR_MISS if best is None else best.excess):
+            best = _Match(seen, (-1 if is_turned else 1) if reading.tells_half else 0, excess)
     return best
 
 
-def _tell_half(place: Place, half: int, t_s: float, rate: float, spell_s: float) -> Place:
-    """Weigh a frame that tells the half of the field, wrongly at a rate: 1 this one, -1 the other, 0 neither."""
+def _follow(place: Place, match: _Match, estimate: PoseEstimate, t_s: float, errors: FrameErrors) -> Place:
+    """Correct a place by the reading that agrees with it."""
+    reading = match.reading
+    if match.excess > 1:
+        reading = replace(reading, white=match.excess * reading.white)
+    return replace(
+        _tell_half(place.absorb(reading), match.half, t_s, errors),
+        agreed_s=t_s,
+        inlier_share=estimate.inlier_share,
+        residual_px=estimate.residual_px,
+    )
+
+
+def _tell_half(place: Place, half: int, t_s: float, errors: FrameErrors) -> Place:
+    """Weigh a frame that tells the half of the field: 1 this one, -1 the other, 0 neither."""
     if half != 0:
-        fresh = -math.expm1(-max(t_s - place.told_s, _LEAST_FRAME_S) / spell_s)
+        rate = errors.half_error_rate
+        fresh = -math.expm1(-max(t_s - place.told_s, _LEAST_FRAME_S) / errors.spell_s)
         if place.told == 0:
             odds = half * math.log((1 - rate) / rate)
         else:

@@ -405,7 +405,7 @@ def test_a_step_of_odometry_is_as_uncertain_in_pieces():
 def test_bayes_weighs_the_half_by_how_often_frames_tell_it_wrongly():
     truth = Pose2(0.4, 0.3, 1.0)
     filter_ = PoseFilter(frames=FrameErrors(half_error_rate=0.1))
-    for seconds, odds in ((0.0, 9.0), (10.0, 81.0), (20.0, 729.0), (30.0, 999.0)):
+    for seconds, odds in ((0.0, 9.0), (10.0, 81.0), (20.0, 729.0), (30.0, 6561.0), (40.0, 9999.0)):
         filter_.predict(STILL, seconds)
         filter_.update(told(truth), seconds)
         first, second = filter_.hypotheses
