@@ -1,0 +1,221 @@
+"""How fast, among known opponents and among hidden ones: the planned speed, and constant ones.
+
+Known surroundings (Miura 2004, section 6.2): gaps of 2 to 3.5 robot widths, 1.2 to 1.8 m ahead. The robot knows where
+its opponents are up to 12 mm, and where it is by a look every 0.8 s (a landmark now and then: 20 mm from look to look,
+18 mm in all looks alike) and by odometry that slips in between. It is told estimates only, and followed in truth. Where
+it finds no safe speed for 4 s it goes another way: such a drive counts as refused, with its time so far and that of the
+constant speed for the whole course.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from harness import Table, finish, parse_arguments, verdict
+
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.kernels.path_following import drive, spread
+from robocup_vision.planning import Disc, MotionLimits, PathFollower, PoseNoise, SpeedPlanner
+
+LIMITS = MotionLimits(1.5, 3.0)
+RADIUS_M = 0.09
+PERIOD_S, LOOK_PERIOD_S = 1 / 30, 0.8
+# of a look: what differs from look to look, and what all looks of a drive have in common (calibration, map)
+LOOK_STD, BIAS_STD = np.array([0.02, 0.02, 0.02]), np.array([0.018, 0.018, 0.005])
+DISC_STD_M = 0.012
+NOISE = PoseNoise(0.06, 0.12, np.diag(LOOK_STD**2 + BIAS_STD**2))
+CONSTANT_MPS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5)
+# commands between two plans, and seconds without a safe speed after which the robot goes another way
+PLAN_EVERY, PATIENCE_S = 3, 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Slalom:
+    """Opponents in pairs, as they stand and as the robot believes, and the path it has planned between them."""
+
+    discs: FloatArray
+    believed: tuple[Disc, ...]
+    path_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How a drive went."""
+
+    seconds: float
+    collided: bool
+    refused: bool
+    places_m: FloatArray
+    speeds_mps: FloatArray
+
+
+def draw_slalom(widths_m: Sequence[float], rng: np.random.Generator) -> Slalom:
+    """Draw a course through gaps of these widths, 1.2 to 1.8 m apart."""
+    discs, believed, path = [], [], [(0.0, 0.0)]
+    x = 0.0
+    for width in widths_m:
+        x, y = x + rng.uniform(1.2, 1.8), rng.uniform(-0.4, 0.4)
+        pair = []
+        for side in (-1, 1):
+            place = np.array([x, y + side * (0.5 * width + RADIUS_M)])
+            seen = place + DISC_STD_M * rng.standard_normal(2)
+            discs.append((*place, RADIUS_M))
+            pair.append(Disc(float(seen[0]), float(seen[1]), RADIUS_M, DISC_STD_M**2 * np.eye(2)))
+        believed += pair
+        middle = 0.5 * (pair[0].y_m + pair[1].y_m)
+        path += [(x - 0.45, middle), (x + 0.45, middle)]
+    path.append((x + 1.5, 0.0))
+    return Slalom(np.array(discs), tuple(believed), np.array(path))
+
+
+def drive_slalom(course: Slalom, constant_mps: float | None, rng: np.random.Generator) -> Drive:
+    """Drive it, at a constant speed or as planned (None)."""
+    follower = PathFollower(LIMITS)
+    planner = SpeedPlanner(follower, RADIUS_M, NOISE, LOOK_PERIOD_S)
+    bias = BIAS_STD * rng.standard_normal(3)
+    truth = LOOK_STD * rng.standard_normal(3) - bias
+    believed, covariance = np.zeros(3), np.diag(LOOK_STD**2)
+    place, velocity, pending = (float(truth[0]), float(truth[1])), (0.0, 0.0), (0.0, 0.0)
+    turn = float(truth[2])
+    since, start_covariance = np.zeros(2), covariance
+    collided, missed_s, speed = False, 0.0, constant_mps or 0.0
+    places, speeds = [place], [0.0]
+    every = round(LOOK_PERIOD_S / PERIOD_S)
+    slip = np.array([NOISE.along, NOISE.aside]) * rng.standard_normal(2)
+    # looks come when they come, not when the drive begins
+    first = int(rng.integers(every))
+    for step in range(first, first + int(60 / PERIOD_S)):
+        pose = Pose2(*believed.tolist())
+        if math.dist((pose.x_m, pose.y_m), course.path_m[-1]) < 0.05:
+            return Drive((step - first) * PERIOD_S, collided, False, np.array(places), np.array(speeds))
+        if step % every == 0:
+            seen = np.array([*place, turn]) + bias + LOOK_STD * rng.standard_normal(3)
+            gain = covariance @ np.linalg.inv(covariance + np.diag(LOOK_STD**2))
+            believed = believed + gain @ (seen - believed)
+            covariance = (np.eye(3) - gain) @ covariance
+            since, start_covariance = np.zeros(2), covariance
+            slip = np.array([NOISE.along, NOISE.aside]) * rng.standard_normal(2)
+            pose = Pose2(*believed.tolist())
+        if constant_mps is None and step % PLAN_EVERY == 0:
+            # velocities as the robot thinks them to be: turned by its error of heading
+            off = pose.theta_rad - turn
+            felt, asked = (Pose2(0, 0, off).transform(v).tolist() for v in (velocity, pending))
+            left_s = (every - step % every) * PERIOD_S
+            doubt = covariance + np.diag(BIAS_STD**2)
+            plan = planner.plan(course.path_m, pose, doubt, felt, course.believed, asked, left_s)
+            speed, missed_s = plan.speed_mps, 0.0 if plan.safe else missed_s + PLAN_EVERY * PERIOD_S
+            if missed_s > PATIENCE_S:
+                return Drive((step - first) * PERIOD_S, collided, True, np.array(places), np.array(speeds))
+        command = follower.command(course.path_m, pose, speed)
+        x, y = Pose2(0, 0, turn).transform(command).tolist()
+        before = place
+        place, velocity = drive(
+            place, velocity, pending, (x, y), LIMITS.acceleration_mps2, LIMITS.dead_time_s, PERIOD_S
+        )
+        pending = (x, y)
+        moved = np.array(place) - before
+        # odometry in the robot's frame, with slip along and across the way
+        wrong = Pose2(0, 0, pose.theta_rad - turn).transform(
+            (1 + slip[0]) * moved + slip[1] * np.array([-moved[1], moved[0]])
+        )
+        believed = believed + np.append(wrong, 0.0)
+        since += wrong
+        xx, xy, yy = spread(start_covariance, (NOISE.along, NOISE.aside), (float(since[0]), float(since[1])))
+        covariance = start_covariance.copy()
+        covariance[:2, :2] = [[xx, xy], [xy, yy]]
+        covariance[0, 2] = covariance[2, 0] = start_covariance[0, 2] - since[1] * start_covariance[2, 2]
+        covariance[1, 2] = covariance[2, 1] = start_covariance[1, 2] + since[0] * start_covariance[2, 2]
+        clear = np.hypot(course.discs[:, 0] - place[0], course.discs[:, 1] - place[1]) - course.discs[:, 2] - RADIUS_M
+        collided |= bool(clear.min() < 0)
+        places.append(place)
+        speeds.append(math.hypot(*velocity))
+    return Drive(60.0, collided, True, np.array(places), np.array(speeds))
+
+
+def drives(widths: tuple[float, float], gaps: int, constant: float | None, runs: int, seed: int) -> list[Drive]:
+    """Drive courses with gaps of so many robot widths; the same courses and errors at each speed."""
+    out = []
+    for k in range(runs):
+        rng = np.random.default_rng([seed, 6, gaps, round(10 * widths[0]), k])
+        out.append(drive_slalom(draw_slalom(rng.uniform(*widths, gaps) * 2 * RADIUS_M, rng), constant, rng))
+    return out
+
+
+def measure_known(runs: int, seed: int) -> bool:
+    """Print the tables of known surroundings; whether all of their rows are ok."""
+    all_ok = True
+    fastest = CONSTANT_MPS[0]
+    for gaps, title in ((1, "known surroundings: one gap of 2 to 3.5 robot widths"), (3, "three such gaps in a row")):
+        table = Table(("speed           ", "drives", "collided", "refused", "seconds", "share", "verdict"), title)
+        ours = drives((2.0, 3.5), gaps, None, runs, seed)
+        struck, refused = sum(d.collided for d in ours), sum(d.refused for d in ours)
+        rows = [(v, drives((2.0, 3.5), gaps, v, runs, seed)) for v in CONSTANT_MPS]
+        quick_s = math.inf
+        for speed, found in rows:
+            seconds = float(np.mean([d.seconds for d in found]))
+            if sum(d.collided for d in found) <= struck and seconds < quick_s:
+                fastest, quick_s = speed, seconds
+            table.row(
+                f"constant {speed:g} m/s", str(runs), str(sum(d.collided for d in found)), "0", seconds, None, None
+            )
+        own_s = with_refusals_s(ours, quick_s)
+        ok = own_s <= 0.75 * quick_s
+        # the issue asks it of gaps, not of courses in which nothing is open floor
+        all_ok &= ok or gaps > 1
+        table.row(
+            "as planned",
+            str(runs),
+            str(struck),
+            str(refused),
+            own_s,
+            own_s / quick_s,
+            verdict(ok) if gaps == 1 else None,
+        )
+        print(f"share of the fastest constant speed's time with no more collisions ({fastest:g} m/s); at most 0.75")
+        if gaps == 1:
+            all_ok &= measure_widths(fastest, runs // 3, seed)
+    return all_ok
+
+
+def with_refusals_s(found: list[Drive], instead_s: float) -> float:
+    """Mean seconds; a drive that is refused takes the time of another way besides."""
+    return float(np.mean([d.seconds + (instead_s if d.refused else 0.0) for d in found]))
+
+
+def measure_widths(constant: float, runs: int, seed: int) -> bool:
+    """Print the table of single gaps by their width; whether its rows are ok."""
+    table = Table(
+        ("robot widths", "drives", "collided", "refused", "seconds", "constant collided", "its seconds", "verdict"),
+        f"one gap by its width, as planned, and constant {constant:g} m/s",
+    )
+    all_ok = True
+    for low, high in ((1.2, 1.5), (1.5, 1.8), (1.8, 2.0), (2.0, 2.5), (2.5, 3.0), (3.0, 3.5)):
+        mine, others = (drives((low, high), 1, speed, runs, seed) for speed in (None, constant))
+        struck, refused = sum(d.collided for d in mine), sum(d.refused for d in mine)
+        other_struck, other_s = sum(d.collided for d in others), float(np.mean([d.seconds for d in others]))
+        own_s = with_refusals_s(mine, other_s)
+        # from 1.8 to 2 widths, the limit by these errors, it may do either; below it must refuse
+        ok = None
+        if high <= 1.8:
+            ok = refused >= 0.95 * runs
+            all_ok &= ok
+        table.row(
+            f"{low:g} to {high:g}", str(runs), str(struck), str(refused), own_s, str(other_struck), other_s,
+            None if ok is None else verdict(ok),
+        )  # fmt: skip
+    return all_ok
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    runs = 90 if arguments.quick else 1500 if arguments.full else 300
+    all_ok = measure_known(runs, arguments.seed)
+    finish(arguments.check, all_ok)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""A gap between two opponents as the robot believes it to be, and how well its width can be seen from elsewhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, read_only
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Disc:
+    """Something round that stands on the floor: a tracked opponent.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its centre, in the frame that is planned in.
+    radius_m : float
+        Its radius.
+    covariance : (2, 2) float64
+        Of the centre, square metres.
+    """
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        covariance = read_only(self.covariance)
+        if covariance.shape != (2, 2):
+            raise ArgumentError(f"covariance must be (2, 2), got {covariance.shape}")
+        if not (math.isfinite(self.radius_m) and self.radius_m >= 0.0):
+            raise ArgumentError(f"radius_m must not be negative, got {self.radius_m!r}")
+        object.__setattr__(self, "covariance", covariance)
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """An opening of uncertain width.
+
+    Parameters
+    ----------
+    center_m : (float, float)
+        Its middle.
+    across_rad : float
+        Direction in which it is passed; the opening lies at right angles to it. The way back is as good.
+    width_m, sigma_m : float
+        What its width is believed to be: a normal distribution.
+    """
+
+    center_m: Point
+    across_rad: float
+    width_m: float
+    sigma_m: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.width_m):
+            raise ArgumentError(f"width_m must be finite, got {self.width_m!r}")
+        if not (math.isfinite(self.sigma_m) and self.sigma_m > 0.0):
+            raise ArgumentError(f"sigma_m must be positive, got {self.sigma_m!r}")
+
+    def seen(self, width_m: float, sigma_m: float) -> Gap:
+        """Return what is believed after another reading of the width."""
+        gain = self.sigma_m**2 / (self.sigma_m**2 + sigma_m**2)
+        width = self.width_m + gain * (width_m - self.width_m)
+        return Gap(self.center_m, self.across_rad, width, self.sigma_m * math.sqrt(1.0 - gain))
+
+    def wide_enough(self, needed_m: float) -> float:
+        """Probability that it is at least this wide."""
+        return 0.5 * math.erfc((needed_m - self.width_m) / (self.sigma_m * math.sqrt(2.0)))
+
+
+def gap_between(first: Disc, second: Disc) -> Gap:
+    """Return the gap between two opponents: free width between their edges along the line of their centres.
+
+    Parameters
+    ----------
+    first, second : Disc
+        In the same frame; their errors are taken to be independent.
+
+    Raises
+    ------
+    ArgumentError
+        Their centres coincide.
+    """
+    dx, dy = second.x_m - first.x_m, second.y_m - first.y_m
+    apart = math.hypot(dx, dy)
+    if not apart > 0.0:
+        raise ArgumentError(f"a gap needs two places, got {(first.x_m, first.y_m)} twice")
+    unit = np.array([dx, dy]) / apart
+    variance = float(unit @ (first.covariance + second.covariance) @ unit)
+    edge_m = 0.5 * (first.radius_m + apart - second.radius_m)
+    center = (first.x_m + unit[0] * edge_m, first.y_m + unit[1] * edge_m)
+    width = apart - first.radius_m - second.radius_m
+    return Gap((float(center[0]), float(center[1])), math.atan2(-dx, dy), width, max(math.sqrt(variance), 1e-6))
+
+
+@dataclass(frozen=True, slots=True)
+class WidthSensor:
+    """How well one look tells a gap's width: the nearer and the straighter it is seen, the better.
+
+    The feet of two opponents are seen, each to `angle_rad` in bearing and in depression. At distance d and from height
+    h that is d * angle across the line of sight and (d^2 + h^2) / h * angle along it (the floor range is h / tan of the
+    depression). Of a gap whose normal is seen under phi its two edges' errors add up to
+    sigma^2 = 2 angle^2 ((d cos phi)^2 + ((d^2 + h^2) / h sin phi)^2) + edge^2; and until the robot gets there the
+    opponents may have moved: + (drift * t)^2.
+
+    Parameters
+    ----------
+    angle_rad : float
+        Standard deviation of an edge's direction: about a pixel's angle, radians.
+    height_m : float
+        Of the camera over the floor.
+    edge_m : float
+        What remains from nearby (shape of the opponents' feet).
+    drift_mps : float
+        Standard deviation of the speed at which the gap widens or closes, beyond what is known of it.
+    """
+
+    angle_rad: float = 0.01
+    height_m: float = 0.2
+    edge_m: float = 0.01
+    drift_mps: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("angle_rad", "height_m", "edge_m"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        if not self.drift_mps >= 0.0:
+            raise ArgumentError(f"drift_mps must not be negative, got {self.drift_mps!r}")
+
+    def sigma_m(self, gap: Gap, eye_m: Point, until_s: float = 0.0) -> float:
+        """Return the standard deviation of the width as read from `eye_m`, of the gap as it will be in `until_s`."""
+        dx, dy = gap.center_m[0] - eye_m[0], gap.center_m[1] - eye_m[1]
+        distance = math.hypot(dx, dy)
+        phi = math.atan2(dy, dx) - gap.across_rad
+        across = distance * math.cos(phi)
+        along = (distance**2 + self.height_m**2) / self.height_m * math.sin(phi)
+        return math.sqrt(
+            2.0 * self.angle_rad**2 * (across**2 + along**2) + self.edge_m**2 + (self.drift_mps * until_s) ** 2
+        )

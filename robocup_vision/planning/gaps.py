@@ -1,0 +1,273 @@
+"""The gate problem: a gap that may be too narrow, and a sure way round. Which to take, and whence to look before that.
+
+Miura (2004), section 5, with the cost
+C*(x, I) = min(detour, pass if confirmed, min over x' of C_move + C_look + sum_k P(I_k) C*(x', I_k)).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels import gate_problem
+from robocup_vision.planning.gap import Gap, Point, WidthSensor
+from robocup_vision.planning.motion_limits import MotionLimits
+
+# cells of the width's distribution, over so many standard deviations to either side
+_WIDTHS, _SPREAD = 32, 4.0
+# A reading is told apart by how many standard deviations it is above what is needed: finer, plans do not change.
+_READINGS_AT = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+# viewpoints on a grid over the triangle of robot, gap and detour, this many steps a side
+_STEPS = 5
+_ROOT_2 = math.sqrt(2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class GatePlan:
+    """What to do about a gap.
+
+    Parameters
+    ----------
+    action : str
+        "detour", "pass", or "look".
+    viewpoint_m : (float, float) or None
+        Whence to look; None unless that is the action.
+    expected_s : float
+        Expected time to the goal.
+    detour_s, look_now_s, go_and_look_s : float
+        The same for simpler plans: the detour at once; one look from here, and one from before the gap, each followed
+        by the better of gap, if confirmed, and detour.
+    probability : float
+        That the gap is wide enough, as far as is known by now.
+    beliefs : int
+        How many beliefs the search reckoned with.
+    reason : str
+        In words.
+    """
+
+    action: Literal["detour", "pass", "look"]
+    viewpoint_m: Point | None
+    expected_s: float
+    detour_s: float
+    look_now_s: float
+    go_and_look_s: float
+    probability: float
+    beliefs: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GateTables:
+    """The gate problem in numbers, as `robocup_vision.kernels.gate_problem` takes them.
+
+    Parameters
+    ----------
+    viewpoints_m : (N, 2) float64
+        Places to look from: first where the robot is, second before the gap.
+    prior : (W,) float64
+        Probability of each cell of width.
+    first_wide : int
+        The first of them that is wide enough.
+    likelihood : (N, K, W) float64
+        Probability of each reading.
+    move_s : (N, N) float64
+        Seconds between viewpoints.
+    pass_s, fail_s, detour_s : (N,) float64
+        Seconds to the goal through a wide gap, by a narrow one and back, and by the detour.
+    """
+
+    viewpoints_m: FloatArray
+    prior: FloatArray
+    first_wide: int
+    likelihood: FloatArray
+    move_s: FloatArray
+    pass_s: FloatArray
+    fail_s: FloatArray
+    detour_s: FloatArray
+
+
+class GatePlanner:
+    """Plans for gaps; knows the robot, not the situation, so one serves all gaps.
+
+    Parameters
+    ----------
+    limits : MotionLimits
+        How the robot moves.
+    sensor : WidthSensor
+        How well it sees widths.
+    needed_m : float
+        What a gap must measure: the robot's width and the clearance it wants.
+    confirmed : float
+        Probability from which it enters a gap.
+    look_s : float
+        What a look takes, standing.
+    failure_s : float
+        What a gap that turns out too narrow costs besides the way to it and back: touching, stopping, turning.
+    looks : int
+        Horizon: how many looks a plan reckons with. Planned again after each.
+
+    Raises
+    ------
+    ArgumentError
+        An argument is out of its range.
+    """
+
+    def __init__(
+        self,
+        limits: MotionLimits,
+        sensor: WidthSensor,
+        needed_m: float,
+        *,
+        confirmed: float = 0.95,
+        look_s: float = 0.2,
+        failure_s: float = 2.0,
+        looks: int = 3,
+    ) -> None:
+        for name, value in (("needed_m", needed_m), ("look_s", look_s)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        if not 0.5 <= confirmed < 1.0:
+            raise ArgumentError(f"confirmed must be from 0.5 to below 1, got {confirmed!r}")
+        if not (math.isfinite(failure_s) and failure_s >= 0.0):
+            raise ArgumentError(f"failure_s must not be negative, got {failure_s!r}")
+        if looks < 1:
+            raise ArgumentError(f"looks must be at least 1, got {looks!r}")
+        self._limits, self._sensor = limits, sensor
+        self._needed_m, self._confirmed = float(needed_m), float(confirmed)
+        self._look_s, self._failure_s, self._looks = float(look_s), float(failure_s), int(looks)
+
+    def plan(
+        self,
+        robot_m: Point,
+        gap: Gap,
+        goal_m: Point,
+        detour_m: Sequence[Point],
+        viewpoints_m: FloatArray | None = None,
+    ) -> GatePlan:
+        """Return what to do now; to be asked again after each look, and as the opponents move.
+
+        Parameters
+        ----------
+        robot_m, goal_m : (float, float)
+            Where the robot is, and where it wants to be; it starts and arrives at rest.
+        gap : Gap
+            The gap, as believed.
+        detour_m : sequence of (float, float)
+            The way round, by these points, without robot and goal.
+        viewpoints_m : (N, 2) float64, optional
+            Where it may look from besides where it is and right before the gap. A grid between robot, gap and detour
+            unless given.
+        """
+        tables = self.tables(robot_m, gap, goal_m, detour_m, viewpoints_m)
+        belief = np.empty((self._looks + 1, len(tables.prior)))
+        belief[0] = tables.prior
+        counted = np.ones(1, dtype=np.int64)
+        expected, action = gate_problem.search(
+            belief, 0, 0, math.inf, tables.first_wide, tables.likelihood, tables.move_s, self._look_s,
+            tables.pass_s, tables.fail_s, tables.detour_s, self._confirmed, counted,
+        )  # fmt: skip
+        probability = float(tables.prior[tables.first_wide :].sum())
+        detour_s = float(tables.detour_s[0])
+        known = f"gap {gap.width_m:.2f} m, sigma {gap.sigma_m:.2f} m"
+        viewpoint: Point | None = None
+        chosen: Literal["detour", "pass", "look"]
+        if action == gate_problem.DETOUR:
+            chosen, reason = "detour", f"detour {detour_s:.1f} s: {known}, no look is worth its time"
+        elif action == gate_problem.PASS:
+            chosen, reason = "pass", f"through the gap: {known}, {100 * probability:.0f} % wide enough"
+        else:
+            x, y = tables.viewpoints_m[action].tolist()
+            chosen, viewpoint = "look", (x, y)
+            where = "from here" if action == 0 else f"from ({x:.2f}, {y:.2f})"
+            reason = f"look {where}: {known}, expected {expected:.1f} s, detour {detour_s:.1f} s"
+        return GatePlan(
+            chosen, viewpoint, float(expected), detour_s, self._one_look_s(tables, 0), self._one_look_s(tables, 1),
+            probability, int(counted[0]), reason,
+        )  # fmt: skip
+
+    def tables(
+        self,
+        robot_m: Point,
+        gap: Gap,
+        goal_m: Point,
+        detour_m: Sequence[Point],
+        viewpoints_m: FloatArray | None = None,
+    ) -> GateTables:
+        """Return the problem in numbers; parameters as those of `plan`."""
+        robot, goal, center = (np.array(p, dtype=np.float64) for p in (robot_m, goal_m, gap.center_m))
+        way = np.array(detour_m, dtype=np.float64).reshape(-1, 2)
+        if not (np.isfinite([robot, goal, center]).all() and np.isfinite(way).all()):
+            raise ArgumentError("robot, goal, gap and detour must be finite")
+        if not len(way):
+            raise ArgumentError("detour_m must have at least one point")
+        # right before the gap, on the robot's side
+        normal = np.array([math.cos(gap.across_rad), math.sin(gap.across_rad)])
+        side = -1.0 if (center - robot) @ normal >= 0.0 else 1.0
+        before = center + side * self._needed_m * normal
+        more = _between(robot, before, way[0]) if viewpoints_m is None else np.asarray(viewpoints_m, dtype=np.float64)
+        if more.ndim != 2 or more.shape[1] != 2 or not np.isfinite(more).all():
+            raise ArgumentError(f"viewpoints_m must be (N, 2) and finite, got {more.shape}")
+        places = np.vstack([robot, before, more])
+        to_gap = np.hypot(*(places - center).T)
+        to_way = np.hypot(*(places - way[0]).T)
+        # from the detour's first point on, from the gap on, and from the gap back into the detour
+        after_way = _length(np.vstack([way, goal]))
+        after_gap = float(np.hypot(*(goal - center)))
+        back = float(np.hypot(*(way[0] - center))) + after_way
+        travel = self._limits.travel_s
+        pass_s, detour_s = (
+            np.array([travel(d + rest) for d in away])
+            for away, rest in ((to_gap.tolist(), after_gap), (to_way.tolist(), after_way))
+        )
+        fail_s = np.array([travel(d) for d in to_gap.tolist()]) + self._failure_s + travel(back)
+        apart = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+        move_s = np.array([[travel(d) for d in row] for row in apart.tolist()])
+        sigma = [
+            self._sensor.sigma_m(gap, (float(x), float(y)), travel(d))
+            for (x, y), d in zip(places.tolist(), to_gap.tolist(), strict=True)
+        ]
+        widths, prior, first_wide = _width_cells(gap, self._needed_m)
+        edges = self._needed_m + np.multiply.outer(sigma, _READINGS_AT)
+        below = _normal_cdf((edges[:, :, None] - widths) / np.array(sigma)[:, None, None])
+        ends = np.zeros((len(places), 1, len(widths)))
+        likelihood = np.diff(np.concatenate([ends, below, ends + 1.0], axis=1), axis=1)
+        return GateTables(places, prior, first_wide, likelihood, move_s, pass_s, fail_s, detour_s)
+
+    def _one_look_s(self, tables: GateTables, place: int) -> float:
+        joint = tables.prior * tables.likelihood[place]
+        narrow, wide = joint[:, : tables.first_wide].sum(axis=1), joint[:, tables.first_wide :].sum(axis=1)
+        mass = narrow + wide
+        cost = mass * tables.detour_s[place]
+        through = wide * tables.pass_s[place] + narrow * tables.fail_s[place]
+        cost = np.where(wide >= self._confirmed * mass, np.minimum(cost, through), cost)
+        return float(tables.move_s[0, place] + self._look_s + cost.sum())
+
+
+def _between(robot: FloatArray, gap: FloatArray, detour: FloatArray) -> FloatArray:
+    shares = [(i, j) for i in range(_STEPS + 1) for j in range(_STEPS + 1 - i) if (i, j) not in ((0, 0), (_STEPS, 0))]
+    to_gap, to_detour = np.array(shares, dtype=np.float64).T / _STEPS
+    return np.asarray(robot + np.multiply.outer(to_gap, gap - robot) + np.multiply.outer(to_detour, detour - robot))
+
+
+def _length(points: FloatArray) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def _width_cells(gap: Gap, needed_m: float) -> tuple[FloatArray, FloatArray, int]:
+    """Middles and probabilities of the width's cells, split at the width needed, and the first beyond that."""
+    edges = np.linspace(gap.width_m - _SPREAD * gap.sigma_m, gap.width_m + _SPREAD * gap.sigma_m, _WIDTHS + 1)
+    edges = np.sort(np.append(edges, np.clip(needed_m, edges[0], edges[-1])))
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    mass = np.diff(_normal_cdf((edges - gap.width_m) / gap.sigma_m))
+    return middles, mass / mass.sum(), int(np.searchsorted(middles, needed_m))
+
+
+def _normal_cdf(z: FloatArray) -> FloatArray:
+    below: FloatArray = np.array([0.5 * math.erfc(-value / _ROOT_2) for value in z.ravel().tolist()])
+    return below.reshape(z.shape)

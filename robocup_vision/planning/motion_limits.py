@@ -1,0 +1,54 @@
+"""How fast a robot can go, start and stop: what every plan is timed with (the motion model of avoidance)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from field_models.errors import ArgumentError
+
+
+@dataclass(frozen=True, slots=True)
+class MotionLimits:
+    """The robot's motion model: eq. 10 of Sekimori et al. (2001), as steering has it.
+
+    Parameters
+    ----------
+    speed_mps : float
+        Largest speed.
+    acceleration_mps2 : float
+        Largest change of the velocity.
+    dead_time_s : float
+        From a decision until the robot obeys.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    speed_mps: float
+    acceleration_mps2: float
+    dead_time_s: float = 0.03
+
+    def __post_init__(self) -> None:
+        for name, least in (("speed_mps", 1e-6), ("acceleration_mps2", 1e-6), ("dead_time_s", 0.0)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= least):
+                raise ArgumentError(f"{name} must be at least {least:g}, got {value!r}")
+
+    def travel_s(self, distance_m: float) -> float:
+        """Seconds from rest to rest over this distance; 0 for none.
+
+        Never more than by way of a stop between (it is concave in the distance): the bounds of the gate problem
+        rest on that.
+        """
+        if distance_m <= 0.0:
+            return 0.0
+        if distance_m < self.speed_mps**2 / self.acceleration_mps2:
+            return self.dead_time_s + 2.0 * math.sqrt(distance_m / self.acceleration_mps2)
+        return self.dead_time_s + distance_m / self.speed_mps + self.speed_mps / self.acceleration_mps2
+
+    def stop_m(self, speed_mps: float) -> float:
+        """Metres from the decision to stop, at this speed, to rest."""
+        return speed_mps * self.dead_time_s + 0.5 * speed_mps**2 / self.acceleration_mps2

@@ -1,0 +1,202 @@
+"""How fast along a path among obstacles that are known: as fast as the next viewpoint is still safe.
+
+Miura (2004), section 6.2: a look takes a fixed time, so the speed decides how far apart viewpoints lie, and by that how
+much error has come together at each. Fast is safe in the open, and slow between two opponents.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.kernels import path_following as kernel
+from robocup_vision.planning.gap import Disc
+from robocup_vision.planning.path_follower import PathFollower, checked_path
+
+# each speed tried is this share of the one before, down to where it no longer pays
+_SLOWER, _SPEEDS = 0.85, 20
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedPlan:
+    """How fast to go on.
+
+    Parameters
+    ----------
+    speed_mps : float
+        Largest safe speed; 0: there is none.
+    safe : bool
+        Whether there is one. If not: stop, and look again or go round.
+    clearance_m : float
+        What is left at that speed in the worst case that counts; at the slowest one tried if none is safe.
+    reason : str
+        In words.
+    """
+
+    speed_mps: float
+    safe: bool
+    clearance_m: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseNoise:
+    """How the pose's error grows between looks, and what a look leaves of it.
+
+    Parameters
+    ----------
+    along, aside : float
+        Standard deviation of odometry as a share of the way, along and across it.
+    look_covariance : (3, 3) float64
+        Of a pose (x_m, y_m, theta_rad) right after a look, with what all looks have in common (calibration, map).
+    """
+
+    along: float
+    aside: float
+    look_covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("along", "aside"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ArgumentError(f"{name} must not be negative, got {value!r}")
+        covariance = read_only(self.look_covariance)
+        if covariance.shape != (3, 3):
+            raise ArgumentError(f"look_covariance must be (3, 3), got {covariance.shape}")
+        object.__setattr__(self, "look_covariance", covariance)
+
+
+class SpeedPlanner:
+    """Plans speeds along paths among discs; one serves all paths.
+
+    Parameters
+    ----------
+    follower : PathFollower
+        The controller that drives the robot.
+    robot_radius_m : float
+        Of the robot, and what clearance it wants besides.
+    noise : PoseNoise
+        How its pose's error grows.
+    look_period_s : float
+        Time between two looks.
+    sigmas : float
+        How many standard deviations count as possible.
+    period_s : float
+        Between two commands.
+    """
+
+    def __init__(
+        self,
+        follower: PathFollower,
+        robot_radius_m: float,
+        noise: PoseNoise,
+        look_period_s: float,
+        *,
+        sigmas: float = 3.0,
+        period_s: float = 1 / 30,
+    ) -> None:
+        for name, value in (
+            ("robot_radius_m", robot_radius_m),
+            ("look_period_s", look_period_s),
+            ("sigmas", sigmas),
+            ("period_s", period_s),
+        ):
+            if not (math.isfinite(value) and value > 0.0):
+                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        self.follower, self.noise = follower, noise
+        self.robot_radius_m, self.look_period_s = float(robot_radius_m), float(look_period_s)
+        self.period_s = float(period_s)
+        self._sigmas = float(sigmas)
+        top = follower.limits.speed_mps
+        self._speeds = [top * _SLOWER**k for k in range(_SPEEDS)]
+
+    def plan(
+        self,
+        path_m: FloatArray,
+        pose: Pose2,
+        covariance: FloatArray,
+        velocity_mps: Sequence[float],
+        discs: Sequence[Disc],
+        pending_mps: Sequence[float] | None = None,
+        until_look_s: float | None = None,
+    ) -> SpeedPlan:
+        """Return the largest safe speed from here; to be asked at each look, or at each command.
+
+        Parameters
+        ----------
+        path_m : (P, 2) float64
+            The path, field frame.
+        pose, covariance : Pose2, (3, 3) float64
+            Where the robot thinks it is, and how well it knows.
+        velocity_mps : (2,)
+            Its velocity, field frame.
+        discs : sequence of Disc
+            Opponents, field frame.
+        pending_mps : (2,), optional
+            The command obeyed until the next one is, field frame; the velocity unless given.
+        until_look_s : float, optional
+            Until the next look; a whole period unless given.
+        """
+        path = checked_path(path_m)
+        doubt = np.array(covariance, dtype=np.float64)
+        if doubt.shape != (3, 3):
+            raise ArgumentError(f"covariance must be (3, 3), got {doubt.shape}")
+        velocity = (float(velocity_mps[0]), float(velocity_mps[1]))
+        pending = velocity if pending_mps is None else (float(pending_mps[0]), float(pending_mps[1]))
+        table = np.array(
+            [
+                (
+                    d.x_m,
+                    d.y_m,
+                    d.radius_m + self.robot_radius_m,
+                    d.covariance[0, 0],
+                    d.covariance[0, 1],
+                    d.covariance[1, 1],
+                )
+                for d in discs
+            ],
+            dtype=np.float64,
+        ).reshape(-1, 6)
+        until_look = self.look_period_s if until_look_s is None else float(until_look_s)
+        limits = self.follower.limits
+        clearance, nearest = -math.inf, -1
+        for speed in self._speeds:
+            clearance, which = kernel.least_clearance(
+                path, (pose.x_m, pose.y_m), velocity, pending, doubt, speed, self.follower.ahead(speed),
+                limits.acceleration_mps2, limits.dead_time_s, self.period_s, until_look,
+                (self.noise.along, self.noise.aside), table, self._sigmas,
+            )  # fmt: skip
+            if clearance >= 0.0:
+                if speed == self._speeds[0]:
+                    return SpeedPlan(speed, True, clearance, f"full speed: {_room(clearance, discs, which)}")
+                slow = f"slow, {speed:.2f} m/s: {_around(discs, nearest)}, sigma {_sigma(doubt):.2f} m"
+                return SpeedPlan(speed, True, clearance, slow)
+            nearest = which
+        sigma = _sigma(doubt)
+        return SpeedPlan(0.0, False, clearance, f"no safe speed: {_around(discs, nearest)}, sigma {sigma:.2f} m")
+
+
+def _sigma(covariance: FloatArray) -> float:
+    return float(math.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+
+
+def _around(discs: Sequence[Disc], which: int) -> str:
+    """Name what is narrow there: the gap that the nearest disc makes with its nearest neighbour, or the disc."""
+    first = discs[which]
+    gaps = [
+        math.hypot(d.x_m - first.x_m, d.y_m - first.y_m) - d.radius_m - first.radius_m
+        for k, d in enumerate(discs)
+        if k != which
+    ]
+    if gaps and min(gaps) < 1.0:
+        return f"gap {min(gaps):.2f} m"
+    return f"opponent at ({first.x_m:.2f}, {first.y_m:.2f})"
+
+
+def _room(clearance: float, discs: Sequence[Disc], which: int) -> str:
+    return "nothing near" if which < 0 or not discs else f"{clearance:.2f} m to spare"
