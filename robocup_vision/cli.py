@@ -67,6 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     from sim2d.match_command import add_match_parser, add_tournament_parser, run_match_command, run_tournament
     from sim2d.rendering.command import add_render_parser, run_render
     from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
+    from sim2d.rendering.goal_evidence_command import add_goal_evidence_parser, run_goal_evidence
     from sim2d.rendering.hall_command import add_render_hall_parser, run_render_hall
     from sim2d.sensor_command import add_sensors_parser, run_sensors
 
@@ -80,6 +81,8 @@ def _parser() -> argparse.ArgumentParser:
     render.set_defaults(run=run_render)
     render_goal: argparse.ArgumentParser = add_render_goal_parser(commands)
     render_goal.set_defaults(run=run_render_goal)
+    goal_evidence: argparse.ArgumentParser = add_goal_evidence_parser(commands)
+    goal_evidence.set_defaults(run=run_goal_evidence)
     match: argparse.ArgumentParser = add_match_parser(commands)
     match.set_defaults(run=run_match_command)
     tournament: argparse.ArgumentParser = add_tournament_parser(commands)

@@ -1,4 +1,4 @@
-"""Which way and how fast, from what is believed of opponents, floor and pose."""
+"""Where to look, which gap to take, how fast to go: from what is believed of opponents, floor and pose."""
 
 from robocup_vision.planning.gap import Disc, Gap, WidthSensor, gap_between
 from robocup_vision.planning.gaps import GatePlan, GatePlanner

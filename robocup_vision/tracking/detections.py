@@ -167,7 +167,8 @@ class ReturnDetector:
         self, obstacles: Sequence[Obstacle], robot: Pose2, robot_covariance: FloatArray | None = None
     ) -> tuple[Detection, ...]:
         """Return the detections among `View.obstacles`; other parameters as in `in_profile`."""
-        near = [o for o in obstacles if o.range_m < self.longest_m]
+        # less than half of one is as likely the flank of what stands before it, which a direction sees in part
+        near = [o for o in obstacles if o.range_m < self.longest_m and o.width_m >= self.radius_m]
         if not near:
             return ()
         inside = self._inside(np.array([[o.x_m, o.y_m] for o in near]), robot, robot_covariance)

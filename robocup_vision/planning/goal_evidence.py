@@ -1,0 +1,113 @@
+"""How often a goal that is in view is found and told from the other: P(e | I, w) of Miura and Shirai 2004, section 4.2.
+
+Learnt by running the goal localiser on rendered pictures (`robocup-vision learn-goal-evidence`), kept in a small file.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import FileError
+from field_models.toml_file import StrictStruct, load_toml
+from robocup_vision.geometry import FloatArray, read_only
+
+# what a look can tell: which goal it shows, or nothing
+POSITIVE, NEGATIVE, NOTHING = range(3)
+CORNERS = 4
+
+# one more look of each outcome than was counted, shared out: nothing is impossible because it has not happened yet
+_UNSEEN = np.array([0.5, 0.5, 1.0])
+
+
+class _Seen(StrictStruct):
+    corners: int
+    counts: list[tuple[int, int, int]]
+
+
+class _EvidenceFile(StrictStruct):
+    format: int
+    command: str
+    width_px: list[float]
+    again_found: int
+    again_missed: int
+    seen: list[_Seen] = msgspec.field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoalEvidence:
+    """What looks at goals tell.
+
+    Parameters
+    ----------
+    width_px : tuple of float
+        Ascending bounds between the classes of a goal's apparent width, pixels between its posts.
+    found : (CORNERS + 1, K, 3) float64
+        By the number of its corners in view (feet and tops of the posts) and by width: chance that it is taken for
+        what it is, for the other goal, or not found. Each row adds up to 1.
+    again : float
+        A goal that was missed is found the next time so many times as often as one that is looked at first.
+    """
+
+    width_px: tuple[float, ...]
+    found: FloatArray
+    again: float
+
+    def chances(self, corners: npt.ArrayLike, width_px: npt.ArrayLike) -> FloatArray:
+        """Return (..., 3): right goal, wrong goal, nothing, for numbers of corners (...) and widths (...), pixels."""
+        classes = np.searchsorted(self.width_px, width_px, side="right")
+        return np.asarray(self.found[np.asarray(corners, dtype=np.intp), classes])
+
+    @classmethod
+    def from_counts(
+        cls, width_px: tuple[float, ...], counts: FloatArray, again_found: int, again_missed: int
+    ) -> GoalEvidence:
+        """Turn counts (CORNERS + 1, K, 3) of first looks, and second looks after a miss, into chances."""
+        smooth = np.asarray(counts, dtype=np.float64) + _UNSEEN
+        found = smooth / smooth.sum(axis=-1, keepdims=True)
+        whole = np.asarray(counts, dtype=np.float64)[CORNERS].sum(axis=0)
+        first = (whole[0] + 1) / (whole.sum() + 2)
+        again = min((again_found + 1) / (again_found + again_missed + 2) / first, 1.0)
+        return cls(width_px, read_only(found), float(again))
+
+
+def load_goal_evidence(path: str | Path | None = None) -> GoalEvidence:
+    """Read what was learnt.
+
+    Parameters
+    ----------
+    path : str or Path, optional
+        A file of `robocup-vision learn-goal-evidence`; without it the one that comes with the package.
+
+    Raises
+    ------
+    FileError
+        If the file is missing or wrong.
+    """
+    where = Path(str(files("robocup_vision.planning") / "goal_evidence.toml")) if path is None else Path(path)
+    described = load_toml(where, _EvidenceFile)
+    if described.format != 1:
+        raise FileError(where, "is not a format this version reads", key="format", value=described.format)
+    bounds = described.width_px
+    if not bounds or any(high <= low for low, high in itertools.pairwise(bounds)) or bounds[0] <= 0:
+        raise FileError(where, "must be positive and ascending", key="width_px", value=bounds)
+    if min(described.again_found, described.again_missed) < 0:
+        raise FileError(where, "must not be negative", key="again_found", value=described.again_found)
+    counts = np.zeros((CORNERS + 1, len(bounds) + 1, 3))
+    if sorted(row.corners for row in described.seen) != list(range(CORNERS + 1)):
+        got = [row.corners for row in described.seen]
+        raise FileError(where, f"must be 0 to {CORNERS}, each once", key="seen.corners", value=got)
+    for row in described.seen:
+        if len(row.counts) != len(bounds) + 1:
+            problem = f"must have {len(bounds) + 1} rows, one more than width_px"
+            raise FileError(where, problem, key=f"seen[{row.corners}].counts", value=row.counts)
+        if min(map(min, row.counts)) < 0:
+            raise FileError(where, "must not be negative", key=f"seen[{row.corners}].counts", value=row.counts)
+        counts[row.corners] = row.counts
+    return GoalEvidence.from_counts(tuple(bounds), counts, described.again_found, described.again_missed)

@@ -1,0 +1,251 @@
+"""Which part of a coarsely seen surroundings to look at again (Miura and Shirai 2004, section 4.1).
+
+Only what lies on the way matters: the shortest path is planned as if all that is undecided were free, and the first
+undecided region on it is looked at, until no doubt is left on it that a look could end.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray, read_only
+
+BoolGrid = npt.NDArray[np.bool_]
+Answer = Literal["look", "go", "blocked"]
+
+# a cell so much dearer that of two equally long paths the better known one is taken
+_UNSURE_COST = 1e-3
+# a new path must be shorter than the old one by this share to be taken instead
+_SWITCH_SHARE = 0.05
+# looks that leave a place undecided, until it is left for when the robot is elsewhere
+_MOST_LOOKS = 2
+_ELSEWHERE_M = 0.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SelectedLook:
+    """What to look at again, and the way it is for.
+
+    Parameters
+    ----------
+    answer : {"look", "go", "blocked"}
+        Look at `at_m`; go, for no look from here would end what doubt there may be on the path; or there is no path.
+    at_m : (float, float) or None
+        Nearest place of the first undecided region on the path; None unless the answer is "look".
+    path_m : (K, 2) float64
+        The optimistic shortest path, cell by cell from the robot on; empty where there is none.
+    length_m : float
+        Of the path; infinite where there is none.
+    sure_m : float
+        How far along the path the robot touches nothing undecided.
+    reason : str
+        Why, in words.
+    """
+
+    answer: Answer
+    at_m: tuple[float, float] | None
+    path_m: FloatArray
+    length_m: float
+    sure_m: float
+    reason: str
+
+
+class SelectiveLook:
+    """Chooses looks for one robot and one destination at a time.
+
+    Parameters
+    ----------
+    cell_m : float
+        Side of the map's cells.
+    robot_radius_m : float
+        How far from what is blocked the robot's middle must stay.
+    half_view_rad : float
+        How far to either side of what it is turned to a look shows: half the view of a head that pans, or of a crop at
+        full resolution.
+    """
+
+    def __init__(self, cell_m: float, robot_radius_m: float, half_view_rad: float) -> None:
+        for name, value in (
+            ("cell_m", cell_m),
+            ("robot_radius_m", robot_radius_m),
+            ("half_view_rad", half_view_rad),
+        ):
+            if not 0 < value < math.inf:
+                raise ArgumentError(f"{name} must be positive, got {value}")
+        self._cell_m, self._radius_m, self._half_view_rad = cell_m, robot_radius_m, half_view_rad
+        # what was looked at, and from where
+        self._looks: list[tuple[tuple[float, float], tuple[float, float]]] = []
+        self._path_m: FloatArray | None = None
+        self._goal_m: tuple[float, float] | None = None
+
+    def forget(self) -> None:
+        """Forget the looks taken and the path held to."""
+        self._looks.clear()
+        self._path_m = None
+
+    def looked(self, at_m: tuple[float, float], from_m: tuple[float, float]) -> None:
+        """Say what has been looked at, and from where: what two looks leave undecided is not looked at a third time.
+
+        It has to be seen from another place. Until then nobody knows that it is free, so speed must be kept in check.
+        """
+        here = [look for look in self._looks if math.dist(look[1], from_m) < _ELSEWHERE_M]
+        self._looks = [*here, (at_m, from_m)]
+
+    def choose(
+        self,
+        free: BoolGrid,
+        no_go: BoolGrid,
+        corner_m: tuple[float, float],
+        robot_m: tuple[float, float],
+        goal_m: tuple[float, float],
+    ) -> SelectedLook:
+        """Choose where to look again.
+
+        Parameters
+        ----------
+        free, no_go : (N, M) bool
+            Cells known to be free, and known to be blocked; all others are undecided. First index along x.
+        corner_m : (float, float)
+            Lowest corner of cell (0, 0), in the frame of robot and goal.
+        robot_m, goal_m : (float, float)
+            Where the robot's middle is, and where it shall be; both on the map.
+
+        Raises
+        ------
+        ArgumentError
+            The grids differ in size, overlap, or robot or goal is not on them.
+        """
+        if free.ndim != 2 or free.shape != no_go.shape:
+            raise ArgumentError(f"free and no_go must be grids of one size, got {free.shape} and {no_go.shape}")
+        if (free & no_go).any():
+            raise ArgumentError("a cell cannot be both free and blocked")
+        start, end = (self._cell(place, corner_m, free.shape) for place in (robot_m, goal_m))
+        if goal_m != self._goal_m:
+            self._goal_m, self._path_m = goal_m, None
+        corner = np.array(corner_m)
+        undecided = ~free & ~no_go
+        room = self._away_m(no_go)
+        near_unsure = self._away_m(undecided) <= self._radius_m
+        # where the robot stands it fits, whatever the map says; from there it may move away from what is too near
+        beside = (self._from_m(start, free.shape) <= self._radius_m) & (room >= room[start])
+        passable = (room > self._radius_m) | beside
+        cells = self._shortest(passable, near_unsure, start, end)
+        if cells is None:
+            self._path_m = None
+            reason = "blocked: no way even if all that is undecided were free"
+            return SelectedLook("blocked", None, read_only(np.empty((0, 2))), math.inf, 0.0, reason)
+        cells = self._held_to(cells, passable, corner, start)
+        path = corner + (cells + 0.5) * self._cell_m
+        self._path_m = path
+        length = _length_m(path)
+        doubt = np.flatnonzero(near_unsure[cells[:, 0], cells[:, 1]])
+        sure = _length_m(path[: doubt[0] + 1]) if len(doubt) else length
+        at = self._first_unsure(cells, undecided & ~self._given_up(robot_m, corner, free.shape), no_go, start)
+        if at is None:
+            rest = f", of which {length - sure:.2f} m must be seen from nearer" if len(doubt) else ", all of it free"
+            return SelectedLook("go", None, read_only(path), length, sure, f"go: {length:.2f} m{rest}")
+        x, y = (corner + (np.array(at) + 0.5) * self._cell_m).tolist()
+        away = math.dist(robot_m, (x, y))
+        reason = f"look at ({x:.2f}, {y:.2f}), {away:.2f} m off: first doubt on a way of {length:.2f} m"
+        return SelectedLook("look", (x, y), read_only(path), length, sure, reason)
+
+    def _cell(
+        self, place_m: tuple[float, float], corner_m: tuple[float, float], shape: tuple[int, ...]
+    ) -> tuple[int, int]:
+        i, j = (math.floor((p - c) / self._cell_m) for p, c in zip(place_m, corner_m, strict=True))
+        if not (0 <= i < shape[0] and 0 <= j < shape[1]):
+            raise ArgumentError(f"robot and goal must be on the map, got {place_m}")
+        return i, j
+
+    def _given_up(self, robot_m: tuple[float, float], corner: FloatArray, shape: tuple[int, ...]) -> BoolGrid:
+        """Cells that have been looked at from here as often as is worth it."""
+        counts = np.zeros(shape, dtype=np.int64)
+        i, j = np.ogrid[: shape[0], : shape[1]]
+        x, y = corner[0] + (i + 0.5) * self._cell_m, corner[1] + (j + 0.5) * self._cell_m
+        for at_m, from_m in self._looks:
+            if math.dist(from_m, robot_m) < _ELSEWHERE_M:
+                forward, left = at_m[0] - from_m[0], at_m[1] - from_m[1]
+                dx, dy = x - from_m[0], y - from_m[1]
+                off = np.arctan2(forward * dy - left * dx, forward * dx + left * dy)
+                counts += np.abs(off) < self._half_view_rad
+        return np.asarray(counts >= _MOST_LOOKS)
+
+    def _away_m(self, cells: BoolGrid) -> FloatArray:
+        """Distance of each cell's middle from the nearest of some cells' middles; infinite without any."""
+        if not cells.any():
+            return np.full(cells.shape, np.inf)
+        away = cv2.distanceTransform((~cells).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return np.asarray(away, dtype=np.float64) * self._cell_m
+
+    def _from_m(self, start: tuple[int, int], shape: tuple[int, ...]) -> FloatArray:
+        i, j = np.ogrid[: shape[0], : shape[1]]
+        return np.asarray(np.hypot(i - start[0], j - start[1]) * self._cell_m)
+
+    def _shortest(
+        self, passable: BoolGrid, near_unsure: BoolGrid, start: tuple[int, int], end: tuple[int, int]
+    ) -> npt.NDArray[np.int64] | None:
+        if not passable[end]:
+            return None
+        from skimage.graph import MCP_Geometric
+
+        costs = np.where(passable, np.where(near_unsure, 1 + _UNSURE_COST, 1.0), -1.0)
+        search = MCP_Geometric(costs, fully_connected=True)
+        search.find_costs([start], [end])
+        try:
+            return np.array(search.traceback(end), dtype=np.int64).reshape(-1, 2)
+        except ValueError:  # not reached
+            return None
+
+    def _held_to(
+        self, cells: npt.NDArray[np.int64], passable: BoolGrid, corner: FloatArray, start: tuple[int, int]
+    ) -> npt.NDArray[np.int64]:
+        """Keep to the path of before, from where the robot is on, while it can be gone and is hardly longer."""
+        if self._path_m is None:
+            return cells
+        old = np.floor((self._path_m - corner) / self._cell_m).astype(np.int64)
+        off = np.abs(old - start).max(axis=1)
+        rest = old[int(np.argmin(off)) :]
+        inside = ((rest >= 0) & (rest < passable.shape)).all(axis=1)
+        if off.min() > 1 or not inside.all() or not passable[rest[:, 0], rest[:, 1]].all():
+            return cells
+        if (rest[0] != start).any():
+            rest = np.vstack([start, rest])
+        return rest if _length_m(rest) <= (1 + _SWITCH_SHARE) * _length_m(cells) else cells
+
+    def _first_unsure(
+        self, cells: npt.NDArray[np.int64], unsure: BoolGrid, no_go: BoolGrid, start: tuple[int, int]
+    ) -> tuple[int, int] | None:
+        """Return the undecided cell that a robot on the path comes upon first, of those it can see from here."""
+        reach = math.ceil(self._radius_m / self._cell_m)
+        seen: set[tuple[int, int]] = set()
+        for i, j in cells.tolist():
+            rows, columns = slice(max(0, i - reach), i + reach + 1), slice(max(0, j - reach), j + reach + 1)
+            touched = np.argwhere(unsure[rows, columns]) + np.array([rows.start, columns.start])
+            off = np.hypot(*(touched - (i, j)).T) * self._cell_m
+            for k in np.argsort(off, kind="stable").tolist():
+                cell = (int(touched[k, 0]), int(touched[k, 1]))
+                if off[k] > self._radius_m or cell in seen:
+                    continue
+                if is_in_sight(no_go, start, cell):
+                    return cell
+                seen.add(cell)
+        return None
+
+
+def is_in_sight(blocked: BoolGrid, start: tuple[int, int], cell: tuple[int, int]) -> bool:
+    """Whether no blocked cell lies on the straight line between two cells."""
+    count = 2 * max(abs(cell[0] - start[0]), abs(cell[1] - start[1]), 1)
+    along = np.linspace(0.0, 1.0, count + 1)[1:-1, None]
+    between = np.rint(np.array(start) * (1 - along) + np.array(cell) * along).astype(np.int64)
+    return not bool(blocked[between[:, 0], between[:, 1]].any())
+
+
+def _length_m(path: npt.NDArray[np.float64] | npt.NDArray[np.int64]) -> float:
+    return float(np.hypot(*np.diff(path, axis=0).T).sum())
