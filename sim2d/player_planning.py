@@ -1,0 +1,358 @@
+"""Which way, how fast, and why: what the planners make of one player's belief while it drives to its target.
+
+Everything is in the field frame. The planners of `robocup_vision.planning` know gaps, paths and floor; here they are
+asked about the opponents that are followed, the row they stand in across the way, and the floor that is remembered.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import FloatArray
+from robocup_vision.mapping.occupancy import UNDECIDED
+from robocup_vision.memory import MapPicture
+from robocup_vision.planning import (
+    Disc,
+    Gap,
+    GatePlanner,
+    MotionLimits,
+    PathFollower,
+    PoseNoise,
+    SpeedPlan,
+    SpeedPlanner,
+    WidthSensor,
+    gap_between,
+)
+from robocup_vision.planning.passage import PassageTimes, choose_gap
+from robocup_vision.planning.undecided import FREE, FloorToDecide, UndecidedSpeed, safe_speed_mps
+from robocup_vision.tracking import Track
+from sim2d.robot_link import Reason, RobotLimits
+
+Point = tuple[float, float]
+
+# planned anew so often, or when the target has moved by so much
+_REPLAN_S, _SAME_M = 0.1, 0.06
+# clearance wanted in a gap, to either side
+_MARGIN_M = 0.02
+# others are placed where they will be when the robot comes, at most so far ahead
+_AHEAD_S = 0.6
+# who stands so near to the way, besides being in it, is asked about; whose places differ by less than so many radii
+# along the way stand in one row across it
+_BESIDE_M, _ROW_RADII = 0.12, 4.0
+# a gap is left for another one only if that saves so much
+_BETTER_S = 0.25
+# a gap less probably wide enough than the first is narrow for certain, more than the second wide
+_NARROW, _WIDE = 0.02, 0.95
+# where no speed is safe, steering feels its way; no plan makes a robot slower
+_CREEP_MPS = 0.2
+# of a pose right after a look, and of opponents as usually followed
+_POSE_STD_M, _POSE_STD_RAD, _OTHERS_STD_M = 0.01, 0.01, 0.015
+_ODOMETRY_SHARE = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """How to get to a target.
+
+    Parameters
+    ----------
+    waypoint : (float, float)
+        Where to drive first.
+    speed_mps : float
+        How fast at most.
+    gap : ((float, float), (float, float)) or None
+        Ends of the gap that is taken, field frame.
+    reasons : tuple of Reason
+        Why.
+    """
+
+    waypoint: Point
+    speed_mps: float
+    gap: tuple[Point, Point] | None
+    reasons: tuple[Reason, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surroundings:
+    """What one player believes of itself and of what is around it, field frame.
+
+    Parameters
+    ----------
+    t_s : float
+        Now.
+    robot : PoseEstimate
+        Itself.
+    velocity_mps, pending_mps : (float, float)
+        Its velocity, and the command that it obeys until the next one.
+    tracks : tuple of Track
+        Who moves, as of `age_s` ago.
+    age_s : float
+        Since the last look.
+    floor : MapPicture or None
+        Which floor is free.
+    """
+
+    t_s: float
+    robot: PoseEstimate
+    velocity_mps: Point
+    pending_mps: Point
+    tracks: tuple[Track, ...]
+    age_s: float
+    floor: MapPicture | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """Which way, and why."""
+
+    points: tuple[Point, ...]
+    ends: tuple[Point, Point] | None
+    reason: Reason
+    # stops for a look
+    waits: bool = False
+
+
+class TravelPlanner:
+    """Plans the ways of one player.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    limits : RobotLimits
+        Of all robots on it.
+    looks : int
+        How many looks decide a cell of the floor.
+    """
+
+    def __init__(self, field: Field, limits: RobotLimits, looks: int) -> None:
+        self._field, self._limits, self._looks = field, limits, looks
+        self._motion = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
+        self._speeds = _speed_planner(limits)
+        self._gates = GatePlanner(self._motion, WidthSensor(), 2 * (limits.radius_m + _MARGIN_M))
+        self._undecided = UndecidedSpeed(self._motion, limits.radius_m, _REPLAN_S)
+        self._last: tuple[float, Point, Travel] | None = None
+        # whose gap was taken, by their numbers
+        self._taken: tuple[int, int] | None = None
+
+    def plan(self, around: Surroundings, target: Point) -> Travel:
+        """Plan a way to a target through what is around; ten times a second, else the last plan stands."""
+        if self._last is not None:
+            planned_s, there, travel = self._last
+            if 0 <= around.t_s - planned_s < _REPLAN_S and math.dist(there, target) < _SAME_M:
+                return travel if travel.gap is not None else replace(travel, waypoint=target)
+        travel = self._plan_anew(around, target)
+        self._last = (around.t_s, target, travel)
+        return travel
+
+    def approach(self, around: Surroundings, target: Point) -> Travel:
+        """Plan the last piece to a ball, straight: not faster than lets the robot stop before whom it might touch."""
+        robot = around.robot.pose
+        way = _unit((robot.x_m, robot.y_m), target)
+        self._last = self._taken = None
+        room = math.inf
+        for disc in self._others(around, 0.0):
+            along, aside = _in_way(disc, (robot.x_m, robot.y_m), way)
+            touch = disc.radius_m + self._limits.radius_m
+            if along > 0 and abs(aside) < touch:
+                room = min(room, along - math.sqrt(touch**2 - aside**2) - _std(disc))
+        if room == math.inf:
+            return Travel(target, self._limits.speed_mps, None, (Reason("speed", "full speed", "nobody at the ball"),))
+        speed = safe_speed_mps(room, 1, _REPLAN_S / 2, self._motion)
+        if speed >= self._limits.speed_mps:
+            return Travel(target, speed, None, (Reason("speed", "full speed", f"opponent in {room:.2f} m"),))
+        speed = max(speed, _CREEP_MPS / 2)
+        text = f"{speed:.2f} m/s: opponent in {max(room, 0.0):.2f} m at the ball"
+        return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
+
+    def _plan_anew(self, around: Surroundings, target: Point) -> Travel:
+        robot = around.robot.pose
+        here = (robot.x_m, robot.y_m)
+        if math.dist(here, target) < self._limits.radius_m:
+            self._taken = None
+            full = Reason("speed", "full speed", "there")
+            return Travel(target, self._limits.speed_mps, None, (full,))
+        others = self._others(around, _AHEAD_S)
+        way = self._way(here, target, others, [track.number for track in around.tracks])
+        path = np.array([here, *way.points])
+        speed, why = self._speed(path, around, others)
+        if way.waits:
+            speed, why = _CREEP_MPS, Reason("speed", "slow: to look", f"{_CREEP_MPS:.2f} m/s: {way.reason.text}")
+        return Travel(way.points[0], speed, way.ends, (way.reason, why))
+
+    def _others(self, around: Surroundings, ahead_s: float) -> list[Disc]:
+        """Who is around, where they will be when the robot gets there."""
+        robot, discs = around.robot.pose, []
+        for track in around.tracks:
+            away = math.hypot(track.x_m - robot.x_m, track.y_m - robot.y_m)
+            t = around.age_s + min(ahead_s, away / self._limits.speed_mps)
+            covariance = track.covariance[:2, :2] + t**2 * track.covariance[2:, 2:]
+            place = (track.x_m + t * track.vx_mps, track.y_m + t * track.vy_mps)
+            discs.append(Disc(*place, self._limits.radius_m, covariance))
+        return discs
+
+    def _way(self, here: Point, target: Point, others: Sequence[Disc], numbers: Sequence[int]) -> _Way:
+        """Choose between the gaps of the first row that stands across the straight way."""
+        along = _unit(here, target)
+        length = math.dist(here, target)
+        touch = 2 * self._limits.radius_m + _MARGIN_M
+        places = [_in_way(disc, here, along) for disc in others]
+        near = [x for x, y in places if 0 < x < length and abs(y) < touch + _BESIDE_M]
+        if not near:
+            self._taken = None
+            return _Way((target,), None, Reason("gap", "straight", "nobody stands in the way"))
+        first = min(near)
+        depth = _ROW_RADII * self._limits.radius_m
+        row = [k for k, (x, _) in enumerate(places) if first - 1e-9 <= x < first + depth]
+        row.sort(key=lambda k: places[k][1])
+        right, left = self._borders(here, along, first)
+        members = [(-1, right), *((numbers[k], others[k]) for k in row), (-2, left)]
+        pairs = list(zip(members, members[1:], strict=False))
+        gaps = [gap_between(a, b) for (_, a), (_, b) in pairs]
+        keys = [(a, b) for (a, _), (b, _) in pairs]
+        # the straight way leads through the gap before which the row has come to its left side
+        straight = sum(places[k][1] < 0 for k in row)
+        return self._gate(here, target, gaps, keys, straight) or self._choose(here, target, gaps, keys, straight)
+
+    def _gate(
+        self, here: Point, target: Point, gaps: list[Gap], keys: list[tuple[int, int]], straight: int
+    ) -> _Way | None:
+        """Ask the gate planner where the straight way leads between two whose gap may be too narrow."""
+        gap = gaps[straight]
+        is_between = min(keys[straight]) >= 0
+        if not is_between or not _NARROW < gap.wide_enough(2 * (self._limits.radius_m + _MARGIN_M)) < _WIDE:
+            return None
+        rest = [k for k in range(len(gaps)) if k != straight]
+        detour = rest[choose_gap(self._times, here, target, [gaps[k] for k in rest]).index]
+        plan = self._gates.plan(here, gap, target, [gaps[detour].center_m])
+        if plan.action == "look" and plan.viewpoint_m is not None:
+            self._taken = keys[straight]
+            waits = math.dist(plan.viewpoint_m, here) < _MARGIN_M
+            there = gap.center_m if waits else plan.viewpoint_m
+            return _Way((there, gap.center_m, target), _ends(gap), Reason("gap", "look first", plan.reason), waits)
+        taken, choice = (straight, "through") if plan.action == "pass" else (detour, "detour")
+        self._taken = keys[taken]
+        return _Way(_through(here, target, gaps[taken]), _ends(gaps[taken]), Reason("gap", choice, plan.reason))
+
+    def _choose(
+        self, here: Point, target: Point, gaps: list[Gap], keys: list[tuple[int, int]], straight: int
+    ) -> _Way:
+        """Take the gap with the least expected time, and stay with it."""
+        chosen = choose_gap(self._times, here, target, gaps)
+        index, text = chosen.index, chosen.reason
+        if self._taken in keys:
+            kept = keys.index(self._taken)
+            if kept != index and chosen.expected_s[kept] < chosen.expected_s[index] + _BETTER_S:
+                gap = gaps[kept]
+                index = kept
+                text = f"gap {gap.width_m:.2f} m, sigma {gap.sigma_m:.2f} m: as before, no other saves {_BETTER_S} s"
+        self._taken = keys[index]
+        choice = "through" if index == straight else "detour"
+        return _Way(_through(here, target, gaps[index]), _ends(gaps[index]), Reason("gap", choice, text))
+
+    @property
+    def _times(self) -> PassageTimes:
+        return _passage_times(self._limits)
+
+    def _speed(self, path: FloatArray, around: Surroundings, others: Sequence[Disc]) -> tuple[float, Reason]:
+        """Return the largest speed that is safe among whom one knows, and over floor that is not decided yet."""
+        ahead = _unit(tuple(path[0].tolist()), tuple(path[1].tolist()))
+        # who is left behind is no danger
+        before = [d for d in others if _in_way(d, tuple(path[0].tolist()), ahead)[0] > 0]
+        known = self._speeds.plan(
+            path, around.robot.pose, around.robot.covariance, around.velocity_mps, before, around.pending_mps
+        )
+        speed, why = _said(known, "opponents")
+        floor = self._floor(around)
+        if floor is not None:
+            unknown = self._undecided.plan(path, floor)
+            if unknown.speed_mps < speed:
+                speed, why = _said(unknown, "undecided floor")
+        return speed, why
+
+    def _floor(self, around: Surroundings) -> FloorToDecide | None:
+        """What is not decided; what is blocked, steering sees as well."""
+        if around.floor is None:
+            return None
+        looks = np.where(around.floor.state.T == UNDECIDED, self._looks, FREE)
+        robot = around.robot.pose
+        # who is followed is no undecided floor, though the map leaves it out
+        side = (np.arange(looks.shape[0]) + 0.5) * around.floor.cell_m
+        x, y = around.floor.corner_m[0] + side, around.floor.corner_m[1] + side[:, None]
+        reach = 2 * self._limits.radius_m
+        for disc in [*((t.x_m, t.y_m) for t in around.tracks), (robot.x_m, robot.y_m)]:
+            looks[np.hypot(x - disc[0], y - disc[1]) < reach] = FREE
+        # beyond the walls nobody drives
+        if self._field.is_bounded:
+            looks[(np.abs(x) > self._field.length_m / 2) | (np.abs(y) > self._field.width_m / 2)] = FREE
+        return FloorToDecide(looks, around.floor.corner_m, around.floor.cell_m)
+
+    def _borders(self, here: Point, along: Point, at_m: float) -> tuple[Disc, Disc]:
+        """Where the row ends at the field's border, right and left of the way."""
+        room = 0.0 if self._field.is_bounded else 4 * self._limits.radius_m
+        half = self._field.length_m / 2 + room, self._field.width_m / 2 + room
+        start = here[0] + at_m * along[0], here[1] + at_m * along[1]
+        ends = []
+        for across in ((along[1], -along[0]), (-along[1], along[0])):
+            ways = [
+                max((math.copysign(h, a) - s) / a, 1e-3)
+                for h, a, s in zip(half, across, start, strict=True)
+                if abs(a) > 1e-9
+            ]
+            way = min(ways)
+            ends.append(Disc(start[0] + way * across[0], start[1] + way * across[1], 0.0, np.zeros((2, 2))))
+        return ends[0], ends[1]
+
+
+def _speed_planner(limits: RobotLimits) -> SpeedPlanner:
+    motion = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
+    look = np.diag([_POSE_STD_M**2, _POSE_STD_M**2, _POSE_STD_RAD**2])
+    noise = PoseNoise(_ODOMETRY_SHARE, _ODOMETRY_SHARE, look)
+    return SpeedPlanner(PathFollower(motion), limits.radius_m, noise, _REPLAN_S)
+
+
+@functools.lru_cache(maxsize=4)
+def _passage_times(limits: RobotLimits) -> PassageTimes:
+    """Return the same table for all robots that are alike: it takes a second to make."""
+    return PassageTimes(_speed_planner(limits), limits.radius_m, _OTHERS_STD_M)
+
+
+def _said(plan: SpeedPlan, what: str) -> tuple[float, Reason]:
+    if not plan.safe or plan.speed_mps < _CREEP_MPS:
+        return _CREEP_MPS, Reason("speed", f"creep: {what}", plan.reason)
+    if plan.reason.startswith("full speed"):
+        return plan.speed_mps, Reason("speed", "full speed", plan.reason)
+    return plan.speed_mps, Reason("speed", f"slow: {what}", plan.reason)
+
+
+def _through(here: Point, target: Point, gap: Gap) -> tuple[Point, ...]:
+    return (gap.center_m, target) if math.dist(here, gap.center_m) > _SAME_M else (target,)
+
+
+def _ends(gap: Gap) -> tuple[Point, Point]:
+    across_x, across_y = -math.sin(gap.across_rad), math.cos(gap.across_rad)
+    half = 0.5 * max(gap.width_m, 0.0)
+    x, y = gap.center_m
+    return (x - half * across_x, y - half * across_y), (x + half * across_x, y + half * across_y)
+
+
+def _unit(start: Point, end: Point) -> Point:
+    away = math.dist(start, end)
+    return ((end[0] - start[0]) / away, (end[1] - start[1]) / away) if away > 0 else (1.0, 0.0)
+
+
+def _in_way(disc: Disc, start: Point, along: Point) -> Point:
+    """Where a disc's middle lies along and to the left of a way."""
+    dx, dy = disc.x_m - start[0], disc.y_m - start[1]
+    return along[0] * dx + along[1] * dy, along[0] * dy - along[1] * dx
+
+
+def _std(disc: Disc) -> float:
+    return math.sqrt(max(float(np.linalg.eigvalsh(disc.covariance)[-1]), 0.0))
