@@ -17,9 +17,9 @@ from sim2d.match_figures import MatchFigures
 from sim2d.match_files import match_json, write_json
 from sim2d.match_story import MatchStory
 from sim2d.match_video import MatchVideo
+from sim2d.planning_story import PlanningStory
 from sim2d.player import BuiltInPlayer
 from sim2d.players import player_name
-from sim2d.planning_story import PlanningStory
 from sim2d.robot_link import PlayerFactory
 from sim2d.world import CONTROL_PERIOD_S
 

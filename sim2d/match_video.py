@@ -148,7 +148,10 @@ class MatchPictures:
         """Write under the field why each robot that plans does what it does."""
         lines = []
         for truth, robot in zip(moment.state.robots, moment.robots, strict=True):
-            texts = [reason.text if reason.topic == "gap" else f"{reason.topic}: {reason.text}" for reason in robot.belief.reasons]
+            texts = [
+                reason.text if reason.topic == "gap" else f"{reason.topic}: {reason.text}"
+                for reason in robot.belief.reasons
+            ]
             lines += [(SIDE_COLORS[truth.side], f"{truth.number}  " + "   ".join(texts))] if texts else []
         for up, (color, text) in enumerate(reversed(lines)):
             _write(canvas, text, (14, self.size_px[1] - 8 - 14 * up), color, 0.36)
@@ -165,8 +168,8 @@ def _draw_map(panel: UInt8Array, free_map: MapPicture) -> None:
     """Draw the floor as remembered into the panel's upper right corner: x of the field to the right, y up."""
     picture = _MAP_COLORS[free_map.state.T[::-1]]
     side = panel.shape[0] // 3
-    picture = cv2.resize(picture, (side, side), interpolation=cv2.INTER_NEAREST)
-    panel[_LINE_HEIGHT : _LINE_HEIGHT + side, -side:] = picture
+    scaled = cv2.resize(picture, (side, side), interpolation=cv2.INTER_NEAREST)
+    panel[_LINE_HEIGHT : _LINE_HEIGHT + side, -side:] = scaled
 
 
 def _write(canvas: UInt8Array, text: str, place: tuple[int, int], color: Bgr, size: float = 0.42) -> None:

@@ -248,7 +248,8 @@ class BuiltInPlayer:
             None if known is None else known.free_map,
         )
         target = self._point_in_team(plan.target)
-        return self._planner.approach(around, target) if plan.close else self._planner.plan(around, target)
+        choose = self._planner.approach if plan.close or plan.holding else self._planner.plan
+        return choose(around, target)
 
     def _moving(self, robot: Pose2, t_s: float) -> tuple[MovingObstacle, ...]:
         """Who moves on the field, where it is by now, in the robot frame."""
@@ -282,7 +283,7 @@ class BuiltInPlayer:
         return planner.choose(self._filter.belief, t_s, self._pan_rad, blockers, _DRIFT)
 
     def _turn_head(self, t_s: float) -> float:
-        """Watch the ball, and in between look left and right for goals, or to where most is to be learnt of the pose."""
+        """Watch the ball, and in between look for goals: left and right, or where most is to be learnt of the pose."""
         belief, ball = self._filter.belief, self._ball.place(t_s)
         phase_s = t_s % (_WATCH_S + _SWEEP_S)
         gaze = None

@@ -26,7 +26,7 @@ _HOLDING_RPS, _HOLDING_MPS = 2.2, 0.6
 # speed of pushing where no direction is safe, close to the ball
 _PUSH_MPS = 0.25
 # one that stands so near, within so much of the way ahead, would be pushed
-_NEAR_M, _PUSHED_RAD = 0.06, 1.3
+_NEAR_M, _PUSHED_RAD = 0.02, 1.3
 # what a robot goes round moves on: a longer detour than this leads nowhere
 _DETOUR_S = 1.5
 # wanting to be elsewhere by more than a place's tolerance, but having moved less than this for so long, is being stuck

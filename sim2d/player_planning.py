@@ -7,6 +7,7 @@ asked about the opponents that are followed, the row they stand in across the wa
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,13 +40,17 @@ Point = tuple[float, float]
 
 # planned anew so often, or when the target has moved by so much
 _REPLAN_S, _SAME_M = 0.1, 0.06
+_PERIOD_S = 1 / 30
 # clearance wanted in a gap, to either side
 _MARGIN_M = 0.02
 # others are placed where they will be when the robot comes, at most so far ahead
 _AHEAD_S = 0.6
+# so short a way, in robot radii, is left to steering: a keeper must be quick
+_SHORT_RADII = 3.5
 # who stands so near to the way, besides being in it, is asked about; whose places differ by less than so many radii
 # along the way stand in one row across it
 _BESIDE_M, _ROW_RADII = 0.12, 4.0
+_AT_TARGET_M = 0.35
 # a gap is left for another one only if that saves so much
 _BETTER_S = 0.25
 # a gap less probably wide enough than the first is narrow for certain, more than the second wide
@@ -165,7 +170,7 @@ class TravelPlanner:
                 room = min(room, along - math.sqrt(touch**2 - aside**2) - _std(disc))
         if room == math.inf:
             return Travel(target, self._limits.speed_mps, None, (Reason("speed", "full speed", "nobody at the ball"),))
-        speed = safe_speed_mps(room, 1, _REPLAN_S / 2, self._motion)
+        speed = safe_speed_mps(room, 1, _PERIOD_S, self._motion)
         if speed >= self._limits.speed_mps:
             return Travel(target, speed, None, (Reason("speed", "full speed", f"opponent in {room:.2f} m"),))
         speed = max(speed, _CREEP_MPS / 2)
@@ -175,9 +180,9 @@ class TravelPlanner:
     def _plan_anew(self, around: Surroundings, target: Point) -> Travel:
         robot = around.robot.pose
         here = (robot.x_m, robot.y_m)
-        if math.dist(here, target) < self._limits.radius_m:
+        if math.dist(here, target) < _SHORT_RADII * self._limits.radius_m:
             self._taken = None
-            full = Reason("speed", "full speed", "there")
+            full = Reason("speed", "full speed", "the way is short")
             return Travel(target, self._limits.speed_mps, None, (full,))
         others = self._others(around, _AHEAD_S)
         way = self._way(here, target, others, [track.number for track in around.tracks])
@@ -214,7 +219,7 @@ class TravelPlanner:
         row.sort(key=lambda k: places[k][1])
         right, left = self._borders(here, along, first)
         members = [(-1, right), *((numbers[k], others[k]) for k in row), (-2, left)]
-        pairs = list(zip(members, members[1:], strict=False))
+        pairs = list(itertools.pairwise(members))
         gaps = [gap_between(a, b) for (_, a), (_, b) in pairs]
         keys = [(a, b) for (a, _), (b, _) in pairs]
         # the straight way leads through the gap before which the row has come to its left side
@@ -241,9 +246,7 @@ class TravelPlanner:
         self._taken = keys[taken]
         return _Way(_through(here, target, gaps[taken]), _ends(gaps[taken]), Reason("gap", choice, plan.reason))
 
-    def _choose(
-        self, here: Point, target: Point, gaps: list[Gap], keys: list[tuple[int, int]], straight: int
-    ) -> _Way:
+    def _choose(self, here: Point, target: Point, gaps: list[Gap], keys: list[tuple[int, int]], straight: int) -> _Way:
         """Take the gap with the least expected time, and stay with it."""
         chosen = choose_gap(self._times, here, target, gaps)
         index, text = chosen.index, chosen.reason
@@ -264,8 +267,13 @@ class TravelPlanner:
     def _speed(self, path: FloatArray, around: Surroundings, others: Sequence[Disc]) -> tuple[float, Reason]:
         """Return the largest speed that is safe among whom one knows, and over floor that is not decided yet."""
         ahead = _unit(tuple(path[0].tolist()), tuple(path[1].tolist()))
-        # who is left behind is no danger
-        before = [d for d in others if _in_way(d, tuple(path[0].tolist()), ahead)[0] > 0]
+        target = tuple(path[-1].tolist())
+        # who is left behind is no danger, and who stands at the target is so only once the robot comes near
+        before = [
+            d
+            for d in others
+            if _in_way(d, tuple(path[0].tolist()), ahead)[0] > 0 and math.dist((d.x_m, d.y_m), target) > _AT_TARGET_M
+        ]
         known = self._speeds.plan(
             path, around.robot.pose, around.robot.covariance, around.velocity_mps, before, around.pending_mps
         )
@@ -278,7 +286,7 @@ class TravelPlanner:
         return speed, why
 
     def _floor(self, around: Surroundings) -> FloorToDecide | None:
-        """What is not decided; what is blocked, steering sees as well."""
+        """Return what is not decided; what is blocked, steering sees as well."""
         if around.floor is None:
             return None
         looks = np.where(around.floor.state.T == UNDECIDED, self._looks, FREE)

@@ -48,7 +48,7 @@ def player_factory(name: str) -> PlayerFactory:
 
 
 def player_name(factory: PlayerFactory) -> str:
-    """Return the name of what makes players: of a built-in one that above, of others that of their class or function."""
+    """Return the name of what makes players: that above, or else the name of their class or function."""
     for name, known in PLAYERS.items():
         if known == factory:
             return name

@@ -147,7 +147,9 @@ class TopView:
         if belief.gaze_rad is not None:
             head = Pose2(pose.x_m, pose.y_m, pose.theta_rad + belief.gaze_rad)
             for start in np.arange(1.5, _GAZE_RADII, 1.0).tolist():
-                self._path(canvas, head.transform(self._radius_m * np.array([[start, 0.0], [start + 0.5, 0.0]])), _PLAN, 1)
+                self._path(
+                    canvas, head.transform(self._radius_m * np.array([[start, 0.0], [start + 0.5, 0.0]])), _PLAN, 1
+                )
 
     def _draw_heading(self, canvas: UInt8Array, pose: Pose2, low: float, high: float, color: Bgr, thick: int) -> None:
         ends = pose.transform(self._radius_m * np.array([[low, 0.0], [high, 0.0]]))

@@ -50,6 +50,8 @@ def test_a_match_says_who_played():
 
 def test_the_command_takes_names(tmp_path, capsys):
     assert cli.main(["match", "--ours", "nobody", "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == "robocup-vision match: there is no player 'nobody', only plain, memory, planning\n"
+    assert (
+        capsys.readouterr().err == "robocup-vision match: there is no player 'nobody', only plain, memory, planning\n"
+    )
     assert cli.main(["tournament", "--theirs", "nobody", "--out", str(tmp_path)]) == 2
     assert "there is no player 'nobody'" in capsys.readouterr().err
