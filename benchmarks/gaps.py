@@ -5,6 +5,10 @@ true width is drawn from that belief. The plan by branch and bound against all p
 against three simple ones: the detour at once; one look from the start; one look from before the gap; after the look the
 gap if it is confirmed, else the detour. Expected times are the model's; driven times come from drawn widths and
 readings, planned again after each look. `--out DIR` draws where the next viewpoint lies as the believed width grows.
+
+Expected passage times (section 6.2): of two or three gaps the one with the least expected time, by the speeds that are
+safe at each width; against the one that would be quickest if each were as wide as it is on the average. Seconds are
+those of the drawn widths; a gap that turns out blocked is left for the best of the others.
 """
 
 from __future__ import annotations
@@ -22,7 +26,18 @@ import numpy as np
 from harness import Table, finish, parse_arguments, percent, verdict
 
 from robocup_vision.geometry import FloatArray
-from robocup_vision.planning import Gap, GatePlan, GatePlanner, MotionLimits, WidthSensor
+from robocup_vision.planning import (
+    Gap,
+    GatePlan,
+    GatePlanner,
+    MotionLimits,
+    PassageTimes,
+    PathFollower,
+    PoseNoise,
+    SpeedPlanner,
+    WidthSensor,
+    choose_gap,
+)
 from robocup_vision.planning.gap import Point
 from robocup_vision.planning.gaps import GateTables
 
@@ -63,6 +78,11 @@ class Case:
         return self.planner.tables(robot_m, gap, self.goal_m, self.detour_m)
 
 
+def draw_sensor(rng: np.random.Generator) -> WidthSensor:
+    """Draw a camera: a third of a pixel to a pixel, 0.2 to 0.6 m high; opponents that drift by up to 30 mm/s."""
+    return WidthSensor(rng.uniform(0.003, 0.01), rng.uniform(0.2, 0.6), 0.01, rng.uniform(0.0, 0.03))
+
+
 def draw_case(rng: np.random.Generator) -> Case:
     """Draw a case whose outcome is open: width needed within 2 standard deviations of the one believed.
 
@@ -74,7 +94,7 @@ def draw_case(rng: np.random.Generator) -> Case:
     beyond = rng.uniform(0.5, 2.0)
     needed = ROBOT_M * rng.uniform(1.1, 1.4)
     limits = MotionLimits(speed, acceleration)
-    sensor = WidthSensor(rng.uniform(0.003, 0.01), rng.uniform(0.2, 0.6), 0.01, rng.uniform(0.0, 0.03))
+    sensor = draw_sensor(rng)
     gap = Gap((ahead, aside), rng.uniform(-1.0, 1.0), needed, 1.0)
     one_look = sensor.sigma_m(gap, (0.0, 0.0), limits.travel_s(math.hypot(ahead, aside)))
     sigma = one_look / math.sqrt(rng.integers(1, 5))
@@ -303,6 +323,90 @@ def matplotlib_circle(center: Point, radius: float) -> Any:
     return Circle(center, radius, color="tab:red", alpha=0.6)
 
 
+@dataclass(frozen=True)
+class Fork:
+    """Two or three gaps on the way to a goal."""
+
+    gaps: tuple[Gap, ...]
+    goal_m: Point
+
+
+def draw_fork_of_gaps(narrowest_m: float, aside_m: float, rng: np.random.Generator) -> Fork:
+    """Draw gaps 1.5 to 2.5 m ahead, so far aside at the most, from just too narrow to wide.
+
+    Each is known as well as 1 to 4 looks from the start tell, by a camera drawn as for the gate problem.
+    """
+    gaps, sensor = [], draw_sensor(rng)
+    for _ in range(int(rng.integers(2, 4))):
+        place = (rng.uniform(1.5, 2.5), rng.uniform(-aside_m, aside_m))
+        gap = Gap(place, 0.0, narrowest_m + rng.uniform(-0.05, 0.3), 1.0)
+        sigma = sensor.sigma_m(gap, (0.0, 0.0)) / math.sqrt(rng.integers(1, 5))
+        gaps.append(dataclasses.replace(gap, sigma_m=sigma))
+    return Fork(tuple(gaps), (4.0, 0.0))
+
+
+def pick(rule: str, times: PassageTimes, place_m: Point, fork: Fork, left: list[int]) -> int:
+    """Which of the gaps that are left a rule takes: by expected time, by the time of the mean width, by the way."""
+    gaps = [fork.gaps[k] for k in left]
+    if rule == "expected time":
+        return left[choose_gap(times, place_m, fork.goal_m, gaps).index]
+    travel = times.planner.follower.limits.travel_s
+    ways = [travel(math.dist(place_m, gap.center_m) + math.dist(gap.center_m, fork.goal_m)) for gap in gaps]
+    if rule == "mean width":
+        ways = [way + min(times.extra_s(gap.width_m), 1e3) for way, gap in zip(ways, gaps, strict=True)]
+    return left[int(np.argmin(ways))]
+
+
+def passed_s(rule: str, times: PassageTimes, fork: Fork, true_m: FloatArray) -> float:
+    """Return seconds to the goal by the true widths; where all gaps are blocked, 30 s more."""
+    travel = times.planner.follower.limits.travel_s
+    place, seconds, left = (0.0, 0.0), 0.0, list(range(len(fork.gaps)))
+    while left:
+        k = pick(rule, times, place, fork, left)
+        center = fork.gaps[k].center_m
+        extra = times.extra_s(float(true_m[k]))
+        if math.isfinite(extra):
+            return seconds + travel(math.dist(place, center) + math.dist(center, fork.goal_m)) + extra
+        seconds += travel(math.dist(place, center))
+        place = center
+        left.remove(k)
+    return seconds + 30.0
+
+
+def measure_passage(count: int, aside_m: float, seed: int) -> bool:
+    """Print the table of expected passage times; whether its row is ok."""
+    rng = np.random.default_rng([seed, 6])
+    noise = PoseNoise(0.06, 0.12, np.diag([0.027, 0.027, 0.021]) ** 2)
+    times = PassageTimes(
+        SpeedPlanner(PathFollower(MotionLimits(1.5, 3.0)), ROBOT_M / 2, noise, 0.8), ROBOT_M / 2, 0.012
+    )
+    forks = [draw_fork_of_gaps(times.narrowest_m, aside_m, rng) for _ in range(count)]
+    title = f"two or three gaps up to {aside_m:g} m aside; no safe speed below {1000 * times.narrowest_m:.0f} mm"
+    table = Table(
+        ("choice by    ", "forks", "differs %", "its s", "expected time's s", "saved %", "+-", "verdict"), title
+    )
+    ok = False
+    for rule in ("mean width", "shortest way"):
+        pairs = []
+        for fork in forks:
+            every = list(range(len(fork.gaps)))
+            if len({pick(name, times, (0.0, 0.0), fork, every) for name in (rule, "expected time")}) == 1:
+                continue
+            # the same true widths for both, many of them: a single one says little
+            widths, sigmas = np.array([(gap.width_m, gap.sigma_m) for gap in fork.gaps]).T
+            drawn = widths + sigmas * rng.standard_normal((100, len(widths)))
+            pairs.append([np.mean([passed_s(n, times, fork, true) for true in drawn]) for n in (rule, "expected time")])
+        their_s, mine_s = np.mean(pairs, axis=0).tolist()
+        saved, judged = 1 - mine_s / their_s, rule == "mean width"
+        doubt = float(np.std(np.array(pairs) @ [1.0, -1.0]) / math.sqrt(len(pairs)) / their_s)
+        ok |= judged and saved >= 0.04
+        table.row(
+            rule, str(count), percent(len(pairs) / count), their_s, mine_s, percent(saved), percent(doubt),
+            verdict(saved >= 0.04) if judged else None,
+        )  # fmt: skip
+    return ok
+
+
 def main() -> None:
     """Measure and print."""
     own = argparse.ArgumentParser(add_help=False)
@@ -312,6 +416,9 @@ def main() -> None:
     count, brute, drives = (60, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
     all_ok = measure_gates(count, brute, drives, arguments.seed)
     all_ok &= measure_fork(paths.out)
+    # opponents across a field; and close together, where turning back costs next to nothing
+    all_ok &= measure_passage(5 * count, 2.5, arguments.seed)
+    all_ok &= measure_passage(2 * count, 1.0, arguments.seed)
     finish(arguments.check, all_ok)
 
 

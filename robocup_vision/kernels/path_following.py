@@ -138,6 +138,15 @@ def least_clearance(
     least, which = np.inf, -1
     if count == 0:
         return least, which
+    # who is nearer than allowed already may go on if it gets no nearer: what is missing now is given
+    given = np.empty(count)
+    for m in range(count):
+        dx, dy = discs[m, 0] - place[0], discs[m, 1] - place[1]
+        away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+        ux, uy = dx / away, dy / away
+        variance = ux * ux * (covariance[0, 0] + discs[m, 3]) + uy * uy * (covariance[1, 1] + discs[m, 5])
+        variance += 2.0 * ux * uy * (covariance[0, 1] + discs[m, 4])
+        given[m] = max(discs[m, 2] + sigmas * math.sqrt(variance) - away, 0.0)
     here, moving, obeyed = place, velocity, pending
     steps = max(1, int(round(look_period / period)))
     xx, xy, yy = covariance[0, 0], covariance[0, 1], covariance[1, 1]
@@ -151,7 +160,7 @@ def least_clearance(
             away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
             ux, uy = dx / away, dy / away
             variance = ux * ux * (xx + discs[m, 3]) + 2.0 * ux * uy * (xy + discs[m, 4]) + uy * uy * (yy + discs[m, 5])
-            clear = away - discs[m, 2] - sigmas * math.sqrt(variance)
+            clear = away - discs[m, 2] - sigmas * math.sqrt(variance) + given[m]
             if clear < least:
                 least, which = clear, m
     middle, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
@@ -178,7 +187,7 @@ def least_clearance(
             worst_obeyed = target
             t += period
             for m in range(count):
-                clear = math.hypot(discs[m, 0] - worst[0], discs[m, 1] - worst[1]) - more[m]
+                clear = math.hypot(discs[m, 0] - worst[0], discs[m, 1] - worst[1]) - more[m] + given[m]
                 if clear < least:
                     least, which = clear, m
             if back and worst_moving[0] == 0.0 and worst_moving[1] == 0.0:

@@ -3,19 +3,28 @@
 from robocup_vision.planning.gap import Disc, Gap, WidthSensor, gap_between
 from robocup_vision.planning.gaps import GatePlan, GatePlanner
 from robocup_vision.planning.motion_limits import MotionLimits
+from robocup_vision.planning.passage import GapChoice, PassageTimes, choose_gap
 from robocup_vision.planning.path_follower import PathFollower
 from robocup_vision.planning.speed import PoseNoise, SpeedPlan, SpeedPlanner
+from robocup_vision.planning.undecided import FloorToDecide, UndecidedSpeed, looks_to_decide, safe_speed_mps
 
 __all__ = [
     "Disc",
+    "FloorToDecide",
     "Gap",
+    "GapChoice",
     "GatePlan",
     "GatePlanner",
     "MotionLimits",
+    "PassageTimes",
     "PathFollower",
     "PoseNoise",
     "SpeedPlan",
     "SpeedPlanner",
+    "UndecidedSpeed",
     "WidthSensor",
+    "choose_gap",
     "gap_between",
+    "looks_to_decide",
+    "safe_speed_mps",
 ]

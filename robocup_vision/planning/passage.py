@@ -22,6 +22,13 @@ from robocup_vision.planning.speed import SpeedPlanner
 _NARROWEST, _WIDEST, _WIDTHS, _WAY_M = 1.0, 6.0, 41, 1.5
 # given up after so long; commands between two plans; widths that stand for the distribution
 _LATEST_S, _EVERY, _CELLS, _SPREAD = 30.0, 3, 61, 3.5
+# gaps that are reckoned with once others have turned out blocked
+_DEEP = 3
+# the normal distribution in cells of equal width: their middles and shares
+_EDGES = np.linspace(-_SPREAD, _SPREAD, _CELLS + 1)
+_MIDDLES = 0.5 * (_EDGES[1:] + _EDGES[:-1])
+_SHARES = np.diff([0.5 * math.erfc(-z / math.sqrt(2.0)) for z in _EDGES.tolist()])
+_SHARES /= _SHARES.sum()
 
 
 class PassageTimes:
@@ -74,13 +81,12 @@ class PassageTimes:
         blocked_s : float
             What it takes in all if the gap turns out to have no safe speed: there, back, and another way.
         """
-        edges = np.linspace(-_SPREAD, _SPREAD, _CELLS + 1)
-        shares = np.diff([0.5 * math.erfc(-z / math.sqrt(2.0)) for z in edges.tolist()])
-        widths = gap.width_m + gap.sigma_m * 0.5 * (edges[1:] + edges[:-1])
+        widths = gap.width_m + gap.sigma_m * _MIDDLES
         open_s = self.planner.follower.limits.travel_s(way_m)
-        times = np.array([open_s + self.extra_s(width) for width in widths.tolist()])
-        times[np.isinf(times)] = blocked_s
-        return float(shares @ times / shares.sum())
+        passable = np.isfinite(self._extra_s)
+        times = np.interp(widths, self._widths_m[passable], open_s + self._extra_s[passable])
+        times = np.where(widths < self.narrowest_m, blocked_s, times)
+        return float(_SHARES @ times)
 
     def _drive_s(self, width_m: float | None) -> float:
         """Seconds of a drive in which nothing goes wrong, but everything might; inf if it is not finished."""
@@ -157,16 +163,7 @@ def choose_gap(times: PassageTimes, robot_m: Point, goal_m: Point, gaps: Sequenc
     """
     if not gaps:
         raise ArgumentError("there must be at least one gap")
-    travel = times.planner.follower.limits.travel_s
-    expected = []
-    for k, gap in enumerate(gaps):
-        there = travel(math.dist(robot_m, gap.center_m))
-        others = [
-            times.expected_s(other, _by(gap.center_m, other, goal_m), _LATEST_S)
-            for j, other in enumerate(gaps)
-            if j != k
-        ]
-        expected.append(times.expected_s(gap, _by(robot_m, gap, goal_m), there + min(others, default=_LATEST_S)))
+    expected = [_by_gap_s(times, robot_m, goal_m, tuple(gaps), k) for k in range(len(gaps))]
     best = int(np.argmin(expected))
     chosen = gaps[best]
     passable = chosen.wide_enough(times.narrowest_m)
@@ -177,6 +174,18 @@ def choose_gap(times: PassageTimes, robot_m: Point, goal_m: Point, gaps: Sequenc
     if len(gaps) > 1:
         reason += f", next best {sorted(expected)[1]:.1f} s"
     return GapChoice(best, tuple(expected), reason)
+
+
+def _by_gap_s(times: PassageTimes, start_m: Point, goal_m: Point, gaps: tuple[Gap, ...], k: int) -> float:
+    """Return the expected time by gap k first; if that is blocked, by the best order of the others."""
+    gap = gaps[k]
+    others = tuple(sorted(gaps[:k] + gaps[k + 1 :], key=lambda other: _by(gap.center_m, other, goal_m)))
+    after = _LATEST_S
+    # beyond a few gaps the rest no longer matters: each is only reached if all before are blocked
+    if others:
+        after = min(_by_gap_s(times, gap.center_m, goal_m, others[:_DEEP], j) for j in range(len(others[:_DEEP])))
+    there = times.planner.follower.limits.travel_s(math.dist(start_m, gap.center_m))
+    return times.expected_s(gap, _by(start_m, gap, goal_m), there + after)
 
 
 def _by(start_m: Point, gap: Gap, goal_m: Point) -> float:

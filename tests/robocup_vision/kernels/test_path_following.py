@@ -97,16 +97,24 @@ def plain_clearance(
     """Both parts, straight from their definition, three deviations."""
     here, moving, obeyed = place, velocity, pending
     least, at = math.inf, np.zeros((2, 2))
+    given = []
+    for x, y, radius, a, b, c in discs:
+        way = np.subtract((x, y), place)
+        unit = way / np.hypot(*way)
+        both = np.add(covariance[:2, :2], [[a, b], [b, c]])
+        given.append(max(radius + 3 * math.sqrt(unit @ both @ unit) - np.hypot(*way), 0.0))
     for _ in range(max(1, round(looks / period))):
         target = kernels.follow(path, here, speed, ahead, acceleration)
         here, moving = kernels.drive(here, moving, obeyed, target, acceleration, dead, period)
         obeyed = target
         xx, xy, yy = kernels.spread(covariance, slip, tuple(np.subtract(here, place)))
         at = np.array([[xx, xy], [xy, yy]])
-        for x, y, radius, a, b, c in discs:
+        for (x, y, radius, a, b, c), more in zip(discs, given, strict=True):
             way = np.subtract((x, y), here)
             unit = way / np.hypot(*way)
-            least = min(least, np.hypot(*way) - radius - 3 * math.sqrt(unit @ np.add(at, [[a, b], [b, c]]) @ unit))
+            least = min(
+                least, more + np.hypot(*way) - radius - 3 * math.sqrt(unit @ np.add(at, [[a, b], [b, c]]) @ unit)
+            )
     values, vectors = np.linalg.eigh(at)
     for sign, at_once in itertools.product((-1, 1), (False, True)):
         worst, worst_moving, worst_obeyed = here + sign * 3 * math.sqrt(values[1]) * vectors[:, 1], moving, obeyed
@@ -116,10 +124,10 @@ def plain_clearance(
             target = (0.0, 0.0) if back else kernels.follow(path, worst, speed, ahead, acceleration)
             worst, worst_moving = kernels.drive(worst, worst_moving, worst_obeyed, target, acceleration, dead, period)
             worst_obeyed, t = target, t + period
-            for x, y, radius, a, b, c in discs:
+            for (x, y, radius, a, b, c), more in zip(discs, given, strict=True):
                 doubt = np.linalg.eigvalsh([[a, b], [b, c]])[1]
                 grown = radius + 3 * (math.sqrt(values[1] + doubt) - math.sqrt(values[1]))
-                least = min(least, math.dist((x, y), worst) - grown)
+                least = min(least, more + math.dist((x, y), worst) - grown)
     return least
 
 

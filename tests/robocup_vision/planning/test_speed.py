@@ -59,6 +59,15 @@ def test_below_two_widths_there_is_no_safe_speed():
     assert none.reason == "no safe speed: gap 0.33 m, sigma 0.03 m"
 
 
+def test_who_is_too_near_already_may_leave_but_not_come_nearer():
+    near = [Disc(0.19, 0.0, 0.09, 0.012**2 * np.eye(2))]
+    assert not plan(0.0, near).safe
+    behind = [Disc(-0.19, 0.0, 0.09, 0.012**2 * np.eye(2))]
+    away = plan(0.0, behind, 1e-4 * LOOK)
+    assert away.safe
+    assert away.speed_mps > 0.0
+
+
 def test_a_single_opponent_is_named_by_its_place():
     alone = plan(1.4, [Disc(2.0, 0.1, 0.09, 0.012**2 * np.eye(2))], velocity=(0.3, 0.0))
     assert "opponent at (2.00, 0.10)" in alone.reason

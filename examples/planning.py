@@ -1,0 +1,55 @@
+"""Which gap, whence to look, how fast: the planners on a made-up scene, with their reasons in words."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from robocup_vision.geometry import Pose2
+from robocup_vision.planning import (
+    Disc,
+    FloorToDecide,
+    GatePlanner,
+    MotionLimits,
+    PassageTimes,
+    PathFollower,
+    PoseNoise,
+    SpeedPlanner,
+    UndecidedSpeed,
+    WidthSensor,
+    choose_gap,
+    gap_between,
+)
+
+ROBOT_M, LOOK_S = 0.09, 0.6
+limits = MotionLimits(speed_mps=1.0, acceleration_mps2=1.2, dead_time_s=0.03)
+
+# three opponents as a tracker has them, the robot on its way to a goal behind them
+opponents = [Disc(2.0, y, 0.09, np.diag([0.04, 0.015]) ** 2) for y in (-0.5, 0.0, 0.62)]
+gaps = [gap_between(a, b) for a, b in pairwise(opponents)]
+robot, goal = Pose2(0.0, 0.0, 0.0), (4.0, 0.0)
+covariance = np.diag([0.02, 0.02, 0.02]) ** 2
+
+# of several gaps the one with the least expected time, by the speeds that are safe at each width
+follower = PathFollower(limits)
+speeds = SpeedPlanner(follower, ROBOT_M, PoseNoise(0.05, 0.1, covariance), LOOK_S)
+times = PassageTimes(speeds, opponent_radius_m=0.09, opponent_sigma_m=0.015)
+choice = choose_gap(times, (robot.x_m, robot.y_m), goal, gaps)
+print("gap", choice.index, "-", choice.reason)
+
+# a single gap against a sure way round: through, round, or look first, and whence
+gate = GatePlanner(limits, WidthSensor(angle_rad=0.005, height_m=0.3), needed_m=times.narrowest_m)
+for gap in gaps:
+    print(gate.plan((robot.x_m, robot.y_m), gap, goal, [(2.0, -1.2)]).reason)
+
+# on the way through the chosen one: as fast as the next viewpoint is safe
+x, y = gaps[choice.index].center_m
+path = np.array([(0.0, 0.0), (x - 0.4, y), (x + 0.4, y), goal])
+for here in (robot, Pose2(1.4, y, 0.0)):
+    plan = speeds.plan(path, here, covariance, (0.5, 0.0), opponents)
+    print(f"at x = {here.x_m:g} m: {plan.reason}; command", follower.command(path, here, plan.speed_mps).round(2))
+
+# and as fast as floor that is hidden by now will have been looked at in time
+looks = np.full((60, 100), -1, dtype=np.int16)  # all free, but for a strip behind the opponents
+looks[30:36, 52:60] = 4
+floor = FloorToDecide(looks, corner_m=(-0.5, -1.5), cell_m=0.05)
+print(UndecidedSpeed(limits, ROBOT_M, LOOK_S).plan(np.array([(1.2, 0.2), goal]), floor).reason)

@@ -1,0 +1,177 @@
+"""How fast towards floor that is not decided yet: so slowly that it will have been looked at often enough on arrival.
+
+Miura (2004), section 6.3. A region that needs n more looks, each T apart, is reached after them, and with room to stop
+before it should something stand there: v (n T + t_dead) + v^2 / (2 a) <= d - r, where d is the way to it along the
+path and r the robot's radius.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import FloatArray
+from robocup_vision.planning.gap import Point
+from robocup_vision.planning.motion_limits import MotionLimits
+from robocup_vision.planning.path_follower import checked_path
+from robocup_vision.planning.speed import SpeedPlan
+
+Int16Array = npt.NDArray[np.int16]
+
+# in `FloorToDecide.looks`
+FREE, BLOCKED = -1, 0
+# shares of a cell by which the path is walked
+_STEP_SHARE = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorToDecide:
+    """The floor in square cells, and how many more looks each needs.
+
+    Parameters
+    ----------
+    looks : (R, C) int16
+        Row along y, column along x: -1 free, 0 blocked for certain, n > 0 undecided for n more looks.
+    corner_m : (float, float)
+        Outer corner of cell [0, 0], in the frame that is planned in.
+    cell_m : float
+        A cell's width. What lies outside is undecided, like the cells that need most.
+    """
+
+    looks: Int16Array
+    corner_m: Point
+    cell_m: float
+
+    def __post_init__(self) -> None:
+        looks = np.array(self.looks, dtype=np.int16)
+        if looks.ndim != 2 or not looks.size:
+            raise ArgumentError(f"looks must be (R, C), got {looks.shape}")
+        if not (math.isfinite(self.cell_m) and self.cell_m > 0.0):
+            raise ArgumentError(f"cell_m must be positive, got {self.cell_m!r}")
+        looks.flags.writeable = False
+        object.__setattr__(self, "looks", looks)
+
+
+def looks_to_decide(log_odds: FloatArray, gain: FloatArray, decided: float) -> Int16Array:
+    """Return for each cell how many looks it still needs; -1: it is free, 0: it is blocked.
+
+    Parameters
+    ----------
+    log_odds : (R, C) float64
+        Of being occupied.
+    gain : (R, C) float64
+        By how much a look from here that finds a cell free lowers them: the sensor's model. The looks to come are from
+        nearer, and no worse.
+    decided : float
+        From +decided on a cell is blocked, from -decided on it is free.
+    """
+    looks = np.ceil((np.asarray(log_odds) + decided) / np.maximum(gain, 1e-6))
+    looks = np.clip(looks, 1, np.iinfo(np.int16).max)
+    looks[np.asarray(log_odds) <= -decided] = FREE
+    looks[np.asarray(log_odds) >= decided] = BLOCKED
+    return looks.astype(np.int16)
+
+
+def safe_speed_mps(room_m: float, looks: int, look_period_s: float, limits: MotionLimits) -> float:
+    """Return the largest v with v (n T + t_dead) + v^2 / (2 a) <= room, at most the robot's speed.
+
+    Parameters
+    ----------
+    room_m : float
+        d - r: how far the robot can go before it touches the region.
+    looks : int
+        n, how many looks are needed; 0: one has to stop before it anyway, and can tell so a look later.
+    look_period_s : float
+        T.
+    limits : MotionLimits
+        With t_dead and a.
+    """
+    # before what is blocked, too, the next decision comes a look later
+    late = max(looks, 1) * look_period_s + limits.dead_time_s
+    a = limits.acceleration_mps2
+    return min(limits.speed_mps, a * (math.sqrt(late**2 + 2.0 * max(room_m, 0.0) / a) - late))
+
+
+class UndecidedSpeed:
+    """Plans speeds along paths over floor that is partly undecided; one serves all paths.
+
+    Parameters
+    ----------
+    limits : MotionLimits
+        How the robot moves.
+    robot_radius_m : float
+        Of the robot, and what clearance it wants besides.
+    look_period_s : float
+        Time between two looks.
+    """
+
+    def __init__(self, limits: MotionLimits, robot_radius_m: float, look_period_s: float) -> None:
+        for name, value in (("robot_radius_m", robot_radius_m), ("look_period_s", look_period_s)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        self._limits = limits
+        self._radius_m, self._look_period_s = float(robot_radius_m), float(look_period_s)
+
+    def plan(self, path_m: FloatArray, floor: FloorToDecide) -> SpeedPlan:
+        """Return the largest speed for which everything on the way will be decided in time.
+
+        Parameters
+        ----------
+        path_m : (P, 2) float64
+            The path from where the robot is, in the floor's frame.
+        floor : FloorToDecide
+            What is known of it. What lies under the robot now is free: it is there.
+        """
+        path = checked_path(path_m)
+        places, arcs = _walk(path, _STEP_SHARE * floor.cell_m, self._needed_m(floor))
+        # a cell counts from its nearer side on, not from its middle
+        radius = self._radius_m + 0.5 * floor.cell_m
+        reach = math.ceil(radius / floor.cell_m)
+        around = np.arange(-reach, reach + 1)
+        corner = np.array(floor.corner_m)
+        # cells (S, K) whose middle the robot covers at each place, and how many looks they need
+        index = np.floor((places - corner) / floor.cell_m).astype(int)
+        columns = index[:, 0, None, None] + around
+        rows = index[:, 1, None, None] + around[:, None]
+        x = corner[0] + (columns + 0.5) * floor.cell_m
+        y = corner[1] + (rows + 0.5) * floor.cell_m
+        covered = np.hypot(x - places[:, 0, None, None], y - places[:, 1, None, None]) <= radius
+        covered &= np.hypot(x - places[0, 0], y - places[0, 1]) > self._radius_m
+        height, width = floor.looks.shape
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        looks = floor.looks[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)].astype(int)
+        looks = np.where(inside, looks, max(1, int(floor.looks.max())))
+        matters = covered & (looks != FREE)
+        if not matters.any():
+            return SpeedPlan(self._limits.speed_mps, True, math.inf, "full speed: the way is free")
+        # at each place only what needs most looks, and what is blocked, counts
+        least, why = self._limits.speed_mps, "full speed: what is undecided is far"
+        clearance = math.inf
+        for s in np.flatnonzero(matters.any(axis=(1, 2))).tolist():
+            most = int(looks[s][matters[s]].max())
+            # the step before: there it was not touched yet
+            room = float(arcs[max(s - 1, 0)])
+            clearance = min(clearance, room)
+            speed = safe_speed_mps(room, most, self._look_period_s, self._limits)
+            if speed < least:
+                least = speed
+                what = f"undecided floor in {room:.2f} m, {most} looks" if most else f"blocked in {room:.2f} m"
+                why = f"slow, {speed:.2f} m/s: {what}" if speed > 0.0 else f"stop: {what}"
+        return SpeedPlan(least, least > 0.0, clearance, why)
+
+    def _needed_m(self, floor: FloorToDecide) -> float:
+        """Way beyond which nothing can slow the robot down."""
+        speed, looks = self._limits.speed_mps, max(1, int(floor.looks.max()))
+        return speed * looks * self._look_period_s + self._limits.stop_m(speed) + 2.0 * floor.cell_m
+
+
+def _walk(path: FloatArray, step_m: float, most_m: float) -> tuple[FloatArray, FloatArray]:
+    """Places (S, 2) along the path, and their arc lengths (S,)."""
+    ends = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    arcs = np.arange(0.0, min(most_m, float(ends[-1])) + step_m, step_m)
+    arcs = np.minimum(arcs, ends[-1])
+    return np.stack([np.interp(arcs, ends, path[:, k]) for k in (0, 1)], axis=1), arcs
