@@ -141,7 +141,6 @@ class TravelPlanner:
         self._field, self._limits, self._looks = field, limits, looks
         self._motion = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
         self._speeds = _speed_planner(limits)
-        self._gates = GatePlanner(self._motion, WidthSensor(), 2 * (limits.radius_m + _MARGIN_M))
         self._undecided = UndecidedSpeed(self._motion, limits.radius_m, _REPLAN_S)
         self._last: tuple[float, Point, Travel] | None = None
         # whose gap was taken, by their numbers
@@ -232,11 +231,13 @@ class TravelPlanner:
         """Ask the gate planner where the straight way leads between two whose gap may be too narrow."""
         gap = gaps[straight]
         is_between = min(keys[straight]) >= 0
-        if not is_between or not _NARROW < gap.wide_enough(2 * (self._limits.radius_m + _MARGIN_M)) < _WIDE:
+        if not is_between or not _NARROW < gap.wide_enough(self._times.narrowest_m) < _WIDE:
             return None
         rest = [k for k in range(len(gaps)) if k != straight]
         detour = rest[choose_gap(self._times, here, target, [gaps[k] for k in rest]).index]
-        plan = self._gates.plan(here, gap, target, [gaps[detour].center_m])
+        # wide enough is what can be passed at a safe speed
+        gates = GatePlanner(self._motion, WidthSensor(), self._times.narrowest_m)
+        plan = gates.plan(here, gap, target, [gaps[detour].center_m])
         if plan.action == "look" and plan.viewpoint_m is not None:
             self._taken = keys[straight]
             waits = math.dist(plan.viewpoint_m, here) < _MARGIN_M
