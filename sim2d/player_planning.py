@@ -7,9 +7,8 @@ asked about the opponents that are followed, the row they stand in across the wa
 from __future__ import annotations
 
 import functools
-import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,11 +28,11 @@ from robocup_vision.planning import (
     SpeedPlan,
     SpeedPlanner,
     WidthSensor,
-    gap_between,
 )
 from robocup_vision.planning.passage import PassageTimes, choose_gap
 from robocup_vision.planning.undecided import FREE, FloorToDecide, UndecidedSpeed, safe_speed_mps
 from robocup_vision.tracking import Track
+from sim2d.player_row import Key, Row, in_way, row_across, unit
 from sim2d.robot_link import Reason, RobotLimits
 
 Point = tuple[float, float]
@@ -41,16 +40,16 @@ Point = tuple[float, float]
 # planned anew so often, or when the target has moved by so much
 _REPLAN_S, _SAME_M = 0.1, 0.06
 _PERIOD_S = 1 / 30
-# clearance wanted in a gap, to either side
-_MARGIN_M = 0.02
+# a viewpoint so near is here
+_HERE_M = 0.02
 # others are placed where they will be when the robot comes, at most so far ahead
 _AHEAD_S = 0.6
 # so short a way, in robot radii, is left to steering: a keeper must be quick
 _SHORT_RADII = 3.5
-# who stands so near to the way, besides being in it, is asked about; whose places differ by less than so many radii
-# along the way stand in one row across it
-_BESIDE_M, _ROW_RADII = 0.12, 4.0
+# who stands so near to the target counts only once the robot comes near
 _AT_TARGET_M = 0.35
+# middles nearer than so many radii are of one robot
+_APART_RADII = 1.6
 # a gap is left for another one only if that saves so much
 _BETTER_S = 0.25
 # a gap less probably wide enough than the first is narrow for certain, more than the second wide
@@ -144,7 +143,7 @@ class TravelPlanner:
         self._undecided = UndecidedSpeed(self._motion, limits.radius_m, _REPLAN_S)
         self._last: tuple[float, Point, Travel] | None = None
         # whose gap was taken, by their numbers
-        self._taken: tuple[int, int] | None = None
+        self._taken: Key | None = None
 
     def plan(self, around: Surroundings, target: Point) -> Travel:
         """Plan a way to a target through what is around; ten times a second, else the last plan stands."""
@@ -159,11 +158,11 @@ class TravelPlanner:
     def approach(self, around: Surroundings, target: Point) -> Travel:
         """Plan the last piece to a ball, straight: not faster than lets the robot stop before whom it might touch."""
         robot = around.robot.pose
-        way = _unit((robot.x_m, robot.y_m), target)
+        way = unit((robot.x_m, robot.y_m), target)
         self._last = self._taken = None
         room = math.inf
-        for disc in self._others(around, 0.0):
-            along, aside = _in_way(disc, (robot.x_m, robot.y_m), way)
+        for disc in self._others(around, 0.0).values():
+            along, aside = in_way(disc, (robot.x_m, robot.y_m), way)
             touch = disc.radius_m + self._limits.radius_m
             if along > 0 and abs(aside) < touch:
                 room = min(room, along - math.sqrt(touch**2 - aside**2) - _std(disc))
@@ -184,82 +183,72 @@ class TravelPlanner:
             full = Reason("speed", "full speed", "the way is short")
             return Travel(target, self._limits.speed_mps, None, (full,))
         others = self._others(around, _AHEAD_S)
-        way = self._way(here, target, others, [track.number for track in around.tracks])
+        way = self._way(here, target, others)
         path = np.array([here, *way.points])
-        speed, why = self._speed(path, around, others)
+        speed, why = self._speed(path, around, list(others.values()))
         if way.waits:
             speed, why = _CREEP_MPS, Reason("speed", "slow: to look", f"{_CREEP_MPS:.2f} m/s: {way.reason.text}")
         return Travel(way.points[0], speed, way.ends, (way.reason, why))
 
-    def _others(self, around: Surroundings, ahead_s: float) -> list[Disc]:
-        """Who is around, where they will be when the robot gets there."""
-        robot, discs = around.robot.pose, []
-        for track in around.tracks:
+    def _others(self, around: Surroundings, ahead_s: float) -> dict[int, Disc]:
+        """Who is around, by number, and where they will be when the robot gets there."""
+        robot, discs = around.robot.pose, {}
+        taken = [(robot.x_m, robot.y_m)]
+        for track in sorted(around.tracks, key=lambda track: -track.probability):
+            place = (track.x_m, track.y_m)
+            # two robots cannot be in one place: the less probable one is not there
+            if any(math.dist(place, other) < _APART_RADII * self._limits.radius_m for other in taken):
+                continue
+            taken.append(place)
             away = math.hypot(track.x_m - robot.x_m, track.y_m - robot.y_m)
             t = around.age_s + min(ahead_s, away / self._limits.speed_mps)
             covariance = track.covariance[:2, :2] + t**2 * track.covariance[2:, 2:]
             place = (track.x_m + t * track.vx_mps, track.y_m + t * track.vy_mps)
-            discs.append(Disc(*place, self._limits.radius_m, covariance))
+            discs[track.number] = Disc(*place, self._limits.radius_m, covariance)
         return discs
 
-    def _way(self, here: Point, target: Point, others: Sequence[Disc], numbers: Sequence[int]) -> _Way:
+    def _way(self, here: Point, target: Point, others: Mapping[int, Disc]) -> _Way:
         """Choose between the gaps of the first row that stands across the straight way."""
-        along = _unit(here, target)
-        length = math.dist(here, target)
-        touch = 2 * self._limits.radius_m + _MARGIN_M
-        places = [_in_way(disc, here, along) for disc in others]
-        near = [x for x, y in places if 0 < x < length and abs(y) < touch + _BESIDE_M]
-        if not near:
+        row = row_across(here, target, others, self._field, self._limits.radius_m)
+        if row is None:
             self._taken = None
             return _Way((target,), None, Reason("gap", "straight", "nobody stands in the way"))
-        first = min(near)
-        depth = _ROW_RADII * self._limits.radius_m
-        row = [k for k, (x, _) in enumerate(places) if first - 1e-9 <= x < first + depth]
-        row.sort(key=lambda k: places[k][1])
-        right, left = self._borders(here, along, first)
-        members = [(-1, right), *((numbers[k], others[k]) for k in row), (-2, left)]
-        pairs = list(itertools.pairwise(members))
-        gaps = [gap_between(a, b) for (_, a), (_, b) in pairs]
-        keys = [(a, b) for (a, _), (b, _) in pairs]
-        # the straight way leads through the gap before which the row has come to its left side
-        straight = sum(places[k][1] < 0 for k in row)
-        return self._gate(here, target, gaps, keys, straight) or self._choose(here, target, gaps, keys, straight)
+        return self._gate(here, target, row) or self._choose(here, target, row)
 
-    def _gate(
-        self, here: Point, target: Point, gaps: list[Gap], keys: list[tuple[int, int]], straight: int
-    ) -> _Way | None:
+    def _gate(self, here: Point, target: Point, row: Row) -> _Way | None:
         """Ask the gate planner where the straight way leads between two whose gap may be too narrow."""
-        gap = gaps[straight]
-        is_between = min(keys[straight]) >= 0
-        if not is_between or not _NARROW < gap.wide_enough(self._times.narrowest_m) < _WIDE:
+        straight = row.straight
+        gap, needed_m = row.gaps[straight], self._times.narrowest_m
+        if min(row.keys[straight]) < 0 or not _NARROW < gap.wide_enough(needed_m) < _WIDE:
             return None
-        rest = [k for k in range(len(gaps)) if k != straight]
-        detour = rest[choose_gap(self._times, here, target, [gaps[k] for k in rest]).index]
+        rest = [k for k in range(len(row.gaps)) if k != straight]
+        detour = rest[choose_gap(self._times, here, target, [row.gaps[k] for k in rest]).index]
         # wide enough is what can be passed at a safe speed
-        gates = GatePlanner(self._motion, WidthSensor(), self._times.narrowest_m)
-        plan = gates.plan(here, gap, target, [gaps[detour].center_m])
+        gates = GatePlanner(self._motion, WidthSensor(), needed_m)
+        plan = gates.plan(here, gap, target, [row.gaps[detour].center_m])
         if plan.action == "look" and plan.viewpoint_m is not None:
-            self._taken = keys[straight]
-            waits = math.dist(plan.viewpoint_m, here) < _MARGIN_M
+            self._taken = row.keys[straight]
+            waits = math.dist(plan.viewpoint_m, here) < _HERE_M
             there = gap.center_m if waits else plan.viewpoint_m
-            return _Way((there, gap.center_m, target), _ends(gap), Reason("gap", "look first", plan.reason), waits)
+            why = Reason("gap", "look first", plan.reason)
+            return _Way((there, gap.center_m, target), row.ends[straight], why, waits)
         taken, choice = (straight, "through") if plan.action == "pass" else (detour, "detour")
-        self._taken = keys[taken]
-        return _Way(_through(here, target, gaps[taken]), _ends(gaps[taken]), Reason("gap", choice, plan.reason))
+        self._taken = row.keys[taken]
+        return _Way(_through(here, target, row.gaps[taken]), row.ends[taken], Reason("gap", choice, plan.reason))
 
-    def _choose(self, here: Point, target: Point, gaps: list[Gap], keys: list[tuple[int, int]], straight: int) -> _Way:
+    def _choose(self, here: Point, target: Point, row: Row) -> _Way:
         """Take the gap with the least expected time, and stay with it."""
-        chosen = choose_gap(self._times, here, target, gaps)
+        chosen = choose_gap(self._times, here, target, row.gaps)
         index, text = chosen.index, chosen.reason
-        if self._taken in keys:
-            kept = keys.index(self._taken)
+        if self._taken in row.keys:
+            kept = row.keys.index(self._taken)
             if kept != index and chosen.expected_s[kept] < chosen.expected_s[index] + _BETTER_S:
-                gap = gaps[kept]
+                gap = row.gaps[kept]
                 index = kept
                 text = f"gap {gap.width_m:.2f} m, sigma {gap.sigma_m:.2f} m: as before, no other saves {_BETTER_S} s"
-        self._taken = keys[index]
-        choice = "through" if index == straight else "detour"
-        return _Way(_through(here, target, gaps[index]), _ends(gaps[index]), Reason("gap", choice, text))
+        self._taken = row.keys[index]
+        choice = "through" if index == row.straight else "detour"
+        return _Way(_through(here, target, row.gaps[index]), row.ends[index], Reason("gap", choice, text))
 
     @property
     def _times(self) -> PassageTimes:
@@ -267,13 +256,13 @@ class TravelPlanner:
 
     def _speed(self, path: FloatArray, around: Surroundings, others: Sequence[Disc]) -> tuple[float, Reason]:
         """Return the largest speed that is safe among whom one knows, and over floor that is not decided yet."""
-        ahead = _unit(tuple(path[0].tolist()), tuple(path[1].tolist()))
+        ahead = unit(tuple(path[0].tolist()), tuple(path[1].tolist()))
         target = tuple(path[-1].tolist())
-        # who is left behind is no danger, and who stands at the target is so only once the robot comes near
+        # who is left behind is no danger
         before = [
             d
             for d in others
-            if _in_way(d, tuple(path[0].tolist()), ahead)[0] > 0 and math.dist((d.x_m, d.y_m), target) > _AT_TARGET_M
+            if in_way(d, tuple(path[0].tolist()), ahead)[0] > 0 and math.dist((d.x_m, d.y_m), target) > _AT_TARGET_M
         ]
         known = self._speeds.plan(
             path, around.robot.pose, around.robot.covariance, around.velocity_mps, before, around.pending_mps
@@ -303,22 +292,6 @@ class TravelPlanner:
             looks[(np.abs(x) > self._field.length_m / 2) | (np.abs(y) > self._field.width_m / 2)] = FREE
         return FloorToDecide(looks, around.floor.corner_m, around.floor.cell_m)
 
-    def _borders(self, here: Point, along: Point, at_m: float) -> tuple[Disc, Disc]:
-        """Where the row ends at the field's border, right and left of the way."""
-        room = 0.0 if self._field.is_bounded else 4 * self._limits.radius_m
-        half = self._field.length_m / 2 + room, self._field.width_m / 2 + room
-        start = here[0] + at_m * along[0], here[1] + at_m * along[1]
-        ends = []
-        for across in ((along[1], -along[0]), (-along[1], along[0])):
-            ways = [
-                max((math.copysign(h, a) - s) / a, 1e-3)
-                for h, a, s in zip(half, across, start, strict=True)
-                if abs(a) > 1e-9
-            ]
-            way = min(ways)
-            ends.append(Disc(start[0] + way * across[0], start[1] + way * across[1], 0.0, np.zeros((2, 2))))
-        return ends[0], ends[1]
-
 
 def _speed_planner(limits: RobotLimits) -> SpeedPlanner:
     motion = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
@@ -343,24 +316,6 @@ def _said(plan: SpeedPlan, what: str) -> tuple[float, Reason]:
 
 def _through(here: Point, target: Point, gap: Gap) -> tuple[Point, ...]:
     return (gap.center_m, target) if math.dist(here, gap.center_m) > _SAME_M else (target,)
-
-
-def _ends(gap: Gap) -> tuple[Point, Point]:
-    across_x, across_y = -math.sin(gap.across_rad), math.cos(gap.across_rad)
-    half = 0.5 * max(gap.width_m, 0.0)
-    x, y = gap.center_m
-    return (x - half * across_x, y - half * across_y), (x + half * across_x, y + half * across_y)
-
-
-def _unit(start: Point, end: Point) -> Point:
-    away = math.dist(start, end)
-    return ((end[0] - start[0]) / away, (end[1] - start[1]) / away) if away > 0 else (1.0, 0.0)
-
-
-def _in_way(disc: Disc, start: Point, along: Point) -> Point:
-    """Where a disc's middle lies along and to the left of a way."""
-    dx, dy = disc.x_m - start[0], disc.y_m - start[1]
-    return along[0] * dx + along[1] * dy, along[0] * dy - along[1] * dx
 
 
 def _std(disc: Disc) -> float:

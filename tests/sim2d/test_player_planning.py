@@ -58,7 +58,7 @@ def test_who_stands_in_the_way_is_passed_on_the_wider_side():
 
 
 def test_a_wide_gap_between_two_is_taken_and_a_narrow_one_is_not():
-    wide = planner().plan(around(track(1, 0.0, 0.3), track(2, 0.0, -0.3)), TARGET)
+    wide = planner().plan(around(track(1, 0.0, 0.29), track(2, 0.0, -0.29)), TARGET)
     assert said(wide, "gap").choice == "through"
     assert wide.waypoint == pytest.approx((0.0, 0.0), abs=1e-9)
     narrow = planner().plan(around(track(1, 0.0, 0.15), track(2, 0.0, -0.15)), TARGET)
