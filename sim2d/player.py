@@ -91,7 +91,7 @@ class BuiltInPlayer:
         self._planner: TravelPlanner | None = None
         self._gaze_planner: PoseGaze | None = None
         if plans and self._memory.free_map is not None:
-            self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free)
+            self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free, setup.attacks)
             if self._head is not None:
                 self._gaze_planner = PoseGaze(setup.field, self._head, Neck(_SWEEP_RAD), detectors=GOAL_DETECTORS)
         self._travel: Travel | None = None
@@ -248,8 +248,9 @@ class BuiltInPlayer:
             None if known is None else known.free_map,
         )
         target = self._point_in_team(plan.target)
-        choose = self._planner.approach if plan.close or plan.holding else self._planner.plan
-        return choose(around, target)
+        if plan.close or plan.holding:
+            return self._planner.approach(around, target, None if plan.holding else self._ball.place(t_s))
+        return self._planner.plan(around, target)
 
     def _moving(self, robot: Pose2, t_s: float) -> tuple[MovingObstacle, ...]:
         """Who moves on the field, where it is by now, in the robot frame."""

@@ -106,18 +106,21 @@ class Motion:
         first = plan.target if travel is None else travel.waypoint
         there = pose.inverse().transform(first)
         bearing = math.atan2(there[1], there[0])
-        distance_m = float(np.hypot(*there)) + math.dist(first, plan.target)
+        ends_there = travel is not None and travel.ends_there
+        distance_m = float(np.hypot(*there)) + (0.0 if ends_there else math.dist(first, plan.target))
         speed_mps = None if travel is None else travel.speed_mps
         turn = wrap_angle(plan.heading_rad - pose.theta_rad) / _TURN_TIME_S
         fastest = min(self._limits.turn_rps, _HOLDING_RPS if plan.holding else math.inf)
         turn = max(-fastest, min(fastest, turn))
-        if distance_m < _TOLERANCE_M and not plan.close:
+        if distance_m < _TOLERANCE_M and (ends_there or not plan.close):
             self._anchor_s = t_s
         if t_s - self._anchor_s > _STUCK_S:
             self._escape(free_space, t_s)
         if t_s < self._escape_until_s:
             bearing, distance_m = self._escape_rad - pose.theta_rad, 1.0
-        steering = self._close if plan.close else self._travel
+        # who plans goes round the ball as it goes round all else
+        is_close = plan.close and not (travel is not None and plan.avoid_ball)
+        steering = self._close if is_close else self._travel
         if t_s - self._direct_s > _DETOUR_S:
             self._forget_detours(t_s)
         wheels = self._wheels

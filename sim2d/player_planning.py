@@ -48,6 +48,10 @@ _AHEAD_S = 0.6
 _SHORT_RADII = 3.5
 # who stands so near to the target counts only once the robot comes near
 _AT_TARGET_M = 0.35
+# who is slower than this stands
+_STANDS_MPS = 0.25
+# a ball so near to another one's rim is taken; it is left so much room
+_TAKEN_M, _ROOM_M = 0.04, 0.06
 # middles nearer than so many radii are of one robot
 _APART_RADII = 1.6
 # a gap is left for another one only if that saves so much
@@ -75,12 +79,15 @@ class Travel:
         Ends of the gap that is taken, field frame.
     reasons : tuple of Reason
         Why.
+    ends_there : bool
+        The drive ends at the waypoint for now, not at the target.
     """
 
     waypoint: Point
     speed_mps: float
     gap: tuple[Point, Point] | None
     reasons: tuple[Reason, ...]
+    ends_there: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,9 +141,12 @@ class TravelPlanner:
         Of all robots on it.
     looks : int
         How many looks decide a cell of the floor.
+    attacks : int
+        +1: the opponent's goal is at +x; -1: at -x.
     """
 
-    def __init__(self, field: Field, limits: RobotLimits, looks: int) -> None:
+    def __init__(self, field: Field, limits: RobotLimits, looks: int, attacks: int) -> None:
+        self._own_goal = (-attacks * field.length_m / 2, 0.0)
         self._field, self._limits, self._looks = field, limits, looks
         self._motion = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
         self._speeds = _speed_planner(limits)
@@ -155,14 +165,30 @@ class TravelPlanner:
         self._last = (around.t_s, target, travel)
         return travel
 
-    def approach(self, around: Surroundings, target: Point) -> Travel:
-        """Plan the last piece to a ball, straight: not faster than lets the robot stop before whom it might touch."""
-        robot = around.robot.pose
-        way = unit((robot.x_m, robot.y_m), target)
+    def approach(self, around: Surroundings, target: Point, ball: Point | None) -> Travel:
+        """Plan the last piece to a ball, straight: not faster than lets the robot stop before whom it might touch.
+
+        Where another one has the ball already (`ball`; None: the robot itself has it), it is left room to move.
+        """
+        here = (around.robot.pose.x_m, around.robot.pose.y_m)
+        way = unit(here, target)
         self._last = self._taken = None
+        others = list(self._others(around, 0.0).values())
+        holder = None if ball is None else self._holder(here, others, ball)
+        if holder is not None:
+            ring_m = holder.radius_m + self._limits.radius_m + _ROOM_M
+            away_m = math.dist(here, (holder.x_m, holder.y_m))
+            if away_m < ring_m + _ROOM_M:
+                # on the side of the own goal
+                out_x, out_y = unit((holder.x_m, holder.y_m), here)
+                home_x, home_y = unit((holder.x_m, holder.y_m), self._own_goal)
+                out = unit((0.0, 0.0), (out_x + home_x, out_y + home_y))
+                place = (holder.x_m + ring_m * out[0], holder.y_m + ring_m * out[1])
+                text = f"{away_m - ring_m + _ROOM_M:.2f} m from one that has the ball"
+                return Travel(place, self._limits.speed_mps, None, (Reason("speed", "leave room", text),), True)
         room = math.inf
-        for disc in self._others(around, 0.0).values():
-            along, aside = in_way(disc, (robot.x_m, robot.y_m), way)
+        for disc in others:
+            along, aside = in_way(disc, here, way)
             touch = disc.radius_m + self._limits.radius_m
             if along > 0 and abs(aside) < touch:
                 room = min(room, along - math.sqrt(touch**2 - aside**2) - _std(disc))
@@ -175,6 +201,15 @@ class TravelPlanner:
         text = f"{speed:.2f} m/s: opponent in {max(room, 0.0):.2f} m at the ball"
         return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
 
+    def _holder(self, here: Point, others: Sequence[Disc], ball: Point) -> Disc | None:
+        """Return who has the ball and is clearly nearer to it than the robot."""
+        nearest = min(others, key=lambda disc: math.dist((disc.x_m, disc.y_m), ball), default=None)
+        if nearest is None:
+            return None
+        away_m = math.dist((nearest.x_m, nearest.y_m), ball)
+        reach_m = nearest.radius_m + self._field.ball_radius_m + _TAKEN_M
+        return nearest if away_m < min(reach_m, math.dist(here, ball) - _TAKEN_M) else None
+
     def _plan_anew(self, around: Surroundings, target: Point) -> Travel:
         robot = around.robot.pose
         here = (robot.x_m, robot.y_m)
@@ -185,7 +220,9 @@ class TravelPlanner:
         others = self._others(around, _AHEAD_S)
         way = self._way(here, target, others)
         path = np.array([here, *way.points])
-        speed, why = self._speed(path, around, list(others.values()))
+        # the planner of speeds knows things that stand; steering reckons with those that move
+        moving = {t.number for t in around.tracks if math.hypot(t.vx_mps, t.vy_mps) > _STANDS_MPS}
+        speed, why = self._speed(path, around, [disc for number, disc in others.items() if number not in moving])
         if way.waits:
             speed, why = _CREEP_MPS, Reason("speed", "slow: to look", f"{_CREEP_MPS:.2f} m/s: {way.reason.text}")
         return Travel(way.points[0], speed, way.ends, (way.reason, why))

@@ -34,7 +34,7 @@ def around(*tracks, floor=None, t_s=1.0, velocity=(0.0, 0.0), robot=KNOWN):
 
 
 def planner(looks=3):
-    return TravelPlanner(FIELD, LIMITS, looks)
+    return TravelPlanner(FIELD, LIMITS, looks, 1)
 
 
 def said(travel, topic):
@@ -130,10 +130,10 @@ def test_floor_that_is_not_decided_slows_it_down():
 
 def test_to_the_ball_it_goes_no_faster_than_it_can_stop_before_others():
     p = planner()
-    free = p.approach(around(track(1, -0.6, 0.4)), (-0.3, 0.0))
+    free = p.approach(around(track(1, -0.6, 0.4)), (-0.3, 0.0), (-0.3, 0.0))
     assert (free.speed_mps, free.reasons[0].choice) == (LIMITS.speed_mps, "full speed")
-    assert p.approach(around(track(1, 0.9, 0.0)), (0.6, 0.0)).speed_mps == LIMITS.speed_mps
-    speeds = [p.approach(around(track(1, x, 0.0)), (-0.3, 0.0)).speed_mps for x in (-0.1, -0.2, -0.3, -0.4)]
+    assert p.approach(around(track(1, 0.9, 0.0)), (0.6, 0.0), None).speed_mps == LIMITS.speed_mps
+    speeds = [p.approach(around(track(1, x, 0.0)), (-0.3, 0.0), None).speed_mps for x in (-0.1, -0.2, -0.3, -0.4)]
     assert speeds == sorted(speeds, reverse=True)
     assert 0 < speeds[-1] < speeds[0] < LIMITS.speed_mps
 
@@ -149,6 +149,22 @@ def test_a_planning_team_plays_and_says_why():
         seen += [robot.belief for robot in ours if robot.belief.waypoint_in_field is not None]
     assert topics == {"gap", "speed"}
     assert all(0 < belief.speed_mps <= LIMITS.speed_mps for belief in seen)
+
+
+def test_one_that_has_the_ball_is_left_room_on_the_way_to_the_own_goal():
+    p = planner()
+    # it stands before the robot, its ball on its other side
+    travel = p.approach(around(track(1, -0.4, 0.0)), (-0.35, 0.0), (-0.28, 0.0))
+    assert travel.reasons[0].choice == "leave room"
+    assert travel.ends_there
+    assert travel.waypoint == pytest.approx((-0.4 - 2 * LIMITS.radius_m - 0.06, 0.0))
+    # from its left, it turns towards the goal at -x
+    aside = p.approach(around(track(1, -0.6, -0.2)), (-0.55, -0.3), (-0.6, -0.31))
+    assert aside.waypoint[0] < -0.65
+    assert aside.waypoint[1] > -0.2
+    # a ball between the two, or in the own mouth, is fought for
+    assert not p.approach(around(track(1, -0.36, 0.0)), (-0.48, 0.0), (-0.48, 0.0)).ends_there
+    assert not p.approach(around(track(1, -0.4, 0.0)), (-0.35, 0.0), None).ends_there
 
 
 @pytest.mark.slow
