@@ -91,7 +91,7 @@ class BuiltInPlayer:
         self._planner: TravelPlanner | None = None
         self._gaze_planner: PoseGaze | None = None
         if plans and self._memory.free_map is not None:
-            self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free, setup.attacks)
+            self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free)
             if self._head is not None:
                 self._gaze_planner = PoseGaze(setup.field, self._head, Neck(_SWEEP_RAD), detectors=GOAL_DETECTORS)
         self._travel: Travel | None = None

@@ -141,12 +141,9 @@ class TravelPlanner:
         Of all robots on it.
     looks : int
         How many looks decide a cell of the floor.
-    attacks : int
-        +1: the opponent's goal is at +x; -1: at -x.
     """
 
-    def __init__(self, field: Field, limits: RobotLimits, looks: int, attacks: int) -> None:
-        self._own_goal = (-attacks * field.length_m / 2, 0.0)
+    def __init__(self, field: Field, limits: RobotLimits, looks: int) -> None:
         self._field, self._limits, self._looks = field, limits, looks
         self._motion = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
         self._speeds = _speed_planner(limits)
@@ -168,7 +165,7 @@ class TravelPlanner:
     def approach(self, around: Surroundings, target: Point, ball: Point | None) -> Travel:
         """Plan the last piece to a ball, straight: not faster than lets the robot stop before whom it might touch.
 
-        Where another one has the ball already (`ball`; None: the robot itself has it), it is left room to move.
+        From behind one that has the ball it cannot be taken: that one is left room. `ball`: None if the robot has it.
         """
         here = (around.robot.pose.x_m, around.robot.pose.y_m)
         way = unit(here, target)
@@ -178,11 +175,8 @@ class TravelPlanner:
         if holder is not None:
             ring_m = holder.radius_m + self._limits.radius_m + _ROOM_M
             away_m = math.dist(here, (holder.x_m, holder.y_m))
-            if away_m < ring_m + _ROOM_M:
-                # on the side of the own goal
-                out_x, out_y = unit((holder.x_m, holder.y_m), here)
-                home_x, home_y = unit((holder.x_m, holder.y_m), self._own_goal)
-                out = unit((0.0, 0.0), (out_x + home_x, out_y + home_y))
+            if away_m < ring_m + _HERE_M:
+                out = unit((holder.x_m, holder.y_m), here)
                 place = (holder.x_m + ring_m * out[0], holder.y_m + ring_m * out[1])
                 text = f"{away_m - ring_m + _ROOM_M:.2f} m from one that has the ball"
                 return Travel(place, self._limits.speed_mps, None, (Reason("speed", "leave room", text),), True)
@@ -202,13 +196,15 @@ class TravelPlanner:
         return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
 
     def _holder(self, here: Point, others: Sequence[Disc], ball: Point) -> Disc | None:
-        """Return who has the ball and is clearly nearer to it than the robot."""
+        """Return who has the ball and stands between it and the robot."""
         nearest = min(others, key=lambda disc: math.dist((disc.x_m, disc.y_m), ball), default=None)
         if nearest is None:
             return None
         away_m = math.dist((nearest.x_m, nearest.y_m), ball)
         reach_m = nearest.radius_m + self._field.ball_radius_m + _TAKEN_M
-        return nearest if away_m < min(reach_m, math.dist(here, ball) - _TAKEN_M) else None
+        to_ball, to_robot = (unit((nearest.x_m, nearest.y_m), place) for place in (ball, here))
+        is_behind = to_ball[0] * to_robot[0] + to_ball[1] * to_robot[1] < 0.0
+        return nearest if away_m < reach_m and is_behind else None
 
     def _plan_anew(self, around: Surroundings, target: Point) -> Travel:
         robot = around.robot.pose
