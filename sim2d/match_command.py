@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sim2d.match_run import MatchPlan
 
 
 def add_match_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -45,6 +48,9 @@ def _add_what_is_played(parser: argparse.ArgumentParser, out: str) -> None:
     add("--players", type=int, default=2, metavar="N", help="players per side (default: 2)")
     add("--seconds", type=float, default=60.0, metavar="T", help="length of a match (default: 60)")
     add("--seed", type=int, default=0, metavar="S", help="the same seed plays the same match (default: 0)")
+    names = "plain, memory or planning (default: plain)"
+    add("--ours", default="plain", metavar="NAME", help=f"players of the side that attacks +x: {names}")
+    add("--theirs", default="plain", metavar="NAME", help=f"players of the other side: {names}")
     add("--out", default=out, metavar="DIR", help=f"folder for the files (default: {out})")
 
 
@@ -56,9 +62,9 @@ def run_match_command(args: argparse.Namespace) -> int:
     RobocupVisionError
         For anything the user can mend.
     """
-    from sim2d.match_run import MatchPlan, run_match
+    from sim2d.match_run import run_match
 
-    plan = MatchPlan(args.field, args.players, args.seconds, args.seed)
+    plan = _plan(args)
     summary = run_match(plan, args.out, realtime=args.realtime)
     figures = summary.figures
     print(f"{args.field}, {args.players} against {args.players}, {figures.seconds:g} s, seed {args.seed}")
@@ -99,10 +105,9 @@ def run_tournament(args: argparse.Namespace) -> int:
 
     from robocup_vision.progress import progress
     from sim2d.match_files import write_json
-    from sim2d.match_run import MatchPlan
     from sim2d.tournament import dask_workers, local_workers, plan_matches, play_matches, tournament_json
 
-    plan = MatchPlan(args.field, args.players, args.seconds, args.seed)
+    plan = _plan(args)
     plans = plan_matches(plan, args.matches)
     workers = local_workers(args.jobs) if args.dask is None else dask_workers(args.dask)
     # what is wrong with it is told here once, before any worker starts
@@ -118,6 +123,14 @@ def run_tournament(args: argparse.Namespace) -> int:
     print(f"frames within 5 cm / 3 deg: {100 * totals['within_5cm_3deg']:.1f} %")
     print(f"results: {path}")
     return 0
+
+
+def _plan(args: argparse.Namespace) -> MatchPlan:
+    from sim2d.match_run import MatchPlan
+    from sim2d.players import player_factory
+
+    ours, theirs = player_factory(args.ours), player_factory(args.theirs)
+    return MatchPlan(args.field, args.players, args.seconds, args.seed, ours, theirs)
 
 
 def _millimetres(length_m: float | None) -> str:

@@ -15,7 +15,9 @@ from sim2d.match_figures import MatchFigures
 _DIGITS = 6
 
 
-def match_json(field: str, players: int, seed: int, figures: MatchFigures) -> dict[str, Any]:
+def match_json(
+    field: str, players: int, seed: int, figures: MatchFigures, ours: str = "plain", theirs: str = "plain"
+) -> dict[str, Any]:
     """Return a match as JSON values.
 
     Parameters
@@ -28,10 +30,13 @@ def match_json(field: str, players: int, seed: int, figures: MatchFigures) -> di
         Of the match.
     figures : MatchFigures
         What it was worth.
+    ours, theirs : str
+        Names of the players of the side that attacks +x, and of the other.
     """
     values = dataclasses.asdict(figures)
     values["goals"] = [{"t_s": t_s, "side": side} for t_s, side in figures.goals]
-    plain: dict[str, Any] = _plain({"format": 1, "field": field, "players": players, "seed": seed, **values})
+    head = {"format": 1, "field": field, "players": players, "ours": ours, "theirs": theirs, "seed": seed}
+    plain: dict[str, Any] = _plain({**head, **values})
     return plain
 
 

@@ -17,6 +17,7 @@ from robocup_vision.evaluation.report import degrees, millimetres, missing_packa
 from robocup_vision.evaluation.scoring import NEAR_M
 from sim2d.match_figures import MatchFigures
 from sim2d.match_story import MatchStory
+from sim2d.planning_story import ChoiceShare, PlanningStory
 from sim2d.robot_figures import FaultFigures, RobotFigures
 
 __all__ = ["missing_packages", "render_report"]
@@ -24,6 +25,7 @@ __all__ = ["missing_packages", "render_report"]
 # dark for the side that attacks +x, bright for the other, one hue a robot
 _COLORS = {1: ("#b45309", "#d97706", "#f59e0b", "#92400e"), -1: ("#1d4ed8", "#3b82f6", "#60a5fa", "#1e3a8a")}
 _WAYS_CAPTION = "Ways of the robots (colours as in the table) and of the ball (grey)."
+_SPEEDS_CAPTION = "How fast planning let each robot go; a gap: it planned nothing then."
 _ERRORS_CAPTION = "How far each believed position was from the truth (dashed: 5 cm; a gap: no pose was believed)."
 
 
@@ -32,6 +34,7 @@ def render_report(
     seed: int,
     figures: MatchFigures,
     story: MatchStory,
+    planning: PlanningStory,
     video: Path | None,
     notes: Sequence[str],
 ) -> str:
@@ -47,12 +50,18 @@ def render_report(
         What it was worth.
     story : MatchStory
         Its course.
+    planning : PlanningStory
+        What its planning players decided.
     video : Path or None
         The film, in the page's own folder.
     notes : sequence of str
         What could not be done.
     """
     from jinja2 import Environment
+
+    plots = [(_ways(field, figures, story), _WAYS_CAPTION), (_errors(figures, story), _ERRORS_CAPTION)]
+    if planning.planners:
+        plots.append((_speeds(figures, planning), _SPEEDS_CAPTION))
 
     template = (files("sim2d") / "match_report.html").read_text(encoding="utf-8")
     page: str = (
@@ -70,7 +79,8 @@ def render_report(
             goals=[(f"{t_s:.1f} s", "+x" if side > 0 else "-x") for t_s, side in figures.goals],
             robots=[(_name(robot), _color(robot), _cells(robot)) for robot in figures.robots],
             faults=[_fault_cells(fault) for fault in figures.faults],
-            plots=[(_ways(field, figures, story), _WAYS_CAPTION), (_errors(figures, story), _ERRORS_CAPTION)],
+            planned=[_planned_cells(figures, share) for share in planning.shares],
+            plots=plots,
         )
     )
     return page
@@ -123,6 +133,25 @@ def _fault_cells(fault: FaultFigures) -> list[str]:
     recovery = "–" if fault.recovery_s is None else f"{fault.recovery_s:.2f} s"
     until = "the end" if fault.until_s == float("inf") else f"{fault.until_s:.2f} s"
     return [str(fault.robot), fault.kind, f"{fault.from_s:.2f} s", until, recovery]
+
+
+def _planned_cells(figures: MatchFigures, share: ChoiceShare) -> tuple[str, str, list[str]]:
+    robot = figures.robots[share.robot]
+    return (
+        _name(robot),
+        _color(robot),
+        [share.topic, share.choice, percent(share.share), str(share.times), share.example],
+    )
+
+
+def _speeds(figures: MatchFigures, planning: PlanningStory) -> str:
+    figure = new_figure(8.0, 2.4)
+    axes = figure.subplots()
+    for index in planning.planners:
+        axes.plot(planning.t_s, planning.speed_mps[index], color=_color(figures.robots[index]), linewidth=0.9)
+    axes.set_ylim(bottom=0.0)
+    tidy(axes, "time (s)", "speed allowed (m/s)")
+    return encode(figure)
 
 
 def _ways(field: Field, figures: MatchFigures, story: MatchStory) -> str:

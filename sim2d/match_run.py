@@ -17,7 +17,9 @@ from sim2d.match_figures import MatchFigures
 from sim2d.match_files import match_json, write_json
 from sim2d.match_story import MatchStory
 from sim2d.match_video import MatchVideo
+from sim2d.planning_story import PlanningStory
 from sim2d.player import BuiltInPlayer
+from sim2d.players import player_name
 from sim2d.robot_link import PlayerFactory
 from sim2d.world import CONTROL_PERIOD_S
 
@@ -109,13 +111,14 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> Ma
     arena = match.arena
     robots = arena.state.robots
     video = MatchVideo(out / "match.webm", arena.field, arena.camera, len(robots), arena.limits.radius_m)
-    story = MatchStory(len(robots))
+    story, planning = MatchStory(len(robots)), PlanningStory(len(robots))
     started_s = time.monotonic()
     behind_s = 0.0
     try:
         for done, moment in enumerate(progress(match.play(plan.seconds), periods(plan.seconds), "match"), start=1):
             video.add(moment)
             story.add(moment)
+            planning.add(moment)
             if realtime:
                 early_s = done * CONTROL_PERIOD_S - (time.monotonic() - started_s)
                 behind_s = max(behind_s, -early_s)
@@ -130,10 +133,11 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> Ma
     report = None if missing else out / "report.html"
     if missing:
         notes.append(f"no report.html: {' and '.join(missing)} not installed (pip install 'robocup-vision[report]')")
-    write_json(out / "match.json", match_json(arena.field.name, plan.players, plan.seed, figures))
+    ours, theirs = player_name(plan.ours), player_name(plan.theirs)
+    write_json(out / "match.json", match_json(arena.field.name, plan.players, plan.seed, figures, ours, theirs))
     video_path = None if video.problem else out / "match.webm"
     if report is not None:
-        text = match_report.render_report(arena.field, plan.seed, figures, story, video_path, notes)
+        text = match_report.render_report(arena.field, plan.seed, figures, story, planning, video_path, notes)
         try:
             report.write_text(text, encoding="utf-8")
         except OSError as error:

@@ -106,6 +106,7 @@ class MatchPictures:
         width, height = self.size_px
         canvas = np.full((height, width, 3), _PAPER, dtype=np.uint8)
         canvas[self._head_height :, :_TOP_WIDTH] = self._top.draw(moment.state, moment.robots)
+        self._write_reasons(canvas, moment)
         self._write_head(canvas, moment.state)
         for index, (truth, robot) in enumerate(zip(moment.state.robots, moment.robots, strict=True)):
             # one column a side where there are two
@@ -137,9 +138,23 @@ class MatchPictures:
             error_m, error_rad = pose.pose.error_to(truth.pose)
             error = f"{100 * error_m:.1f} cm, {math.degrees(error_rad):.1f} deg off"
         _write(panel, error, (6, self._panel_height - 8), _INK)
+        for line, reason in enumerate(reversed(robot.belief.reasons), start=1):
+            _write(panel, f"{reason.topic}: {reason.choice}", (6, self._panel_height - 8 - 14 * line), _INK, 0.36)
         cv2.circle(panel, (12, 11), 6, SIDE_COLORS[truth.side], -1, cv2.LINE_AA)
         says = f"stopped: {robot.stopped}" if robot.stopped else robot.belief.intent
         _write(panel, f"{truth.number}  {says}", (24, 16), _INK)
+
+    def _write_reasons(self, canvas: UInt8Array, moment: Moment) -> None:
+        """Write under the field why each robot that plans does what it does."""
+        lines = []
+        for truth, robot in zip(moment.state.robots, moment.robots, strict=True):
+            texts = [
+                reason.text if reason.topic == "gap" else f"{reason.topic}: {reason.text}"
+                for reason in robot.belief.reasons
+            ]
+            lines += [(SIDE_COLORS[truth.side], f"{truth.number}  " + "   ".join(texts))] if texts else []
+        for up, (color, text) in enumerate(reversed(lines)):
+            _write(canvas, text, (14, self.size_px[1] - 8 - 14 * up), color, 0.36)
 
     def _write_head(self, canvas: UInt8Array, state: WorldState) -> None:
         ours, theirs = state.score

@@ -1,7 +1,7 @@
 """The built-in player: from camera frames and odometry alone to commands for one robot.
 
 What it believes comes from `Vision` and `Memory`; what it wants from `player_tactics`, in its team's frame; how it
-gets there from `player_motion`.
+gets there from `player_motion`; by which way and how fast, if it plans, from `player_planning`.
 """
 
 from __future__ import annotations
@@ -19,13 +19,16 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.planning.gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
+from robocup_vision.planning.sight_lines import Blocker
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 from sim2d.line_up import kick_off_pose
 from sim2d.player_memory import BallMemory, Point, block_ball, is_in_sight
 from sim2d.player_motion import Motion
+from sim2d.player_planning import Surroundings, Travel, TravelPlanner
 from sim2d.player_tactics import Plan, Situation, Tactics
-from sim2d.robot_link import Belief, Command, PlayerSetup, Senses
+from sim2d.robot_link import Belief, Command, PlayerSetup, Reason, Senses
 
 UInt8Array = npt.NDArray[np.uint8]
 
@@ -38,6 +41,9 @@ _WATCH_S, _SWEEP_S, _SWEEP_RAD = 1.5, 1.5, 1.4
 # how fast a robot turns that does not know where it is
 _LOST_RPS = 1.0
 _NOWHERE = Pose2(0.0, 0.0, 0.0)
+# where to look is planned anew so often; how a pose's covariance grows in a second without frames
+_GAZE_S = 0.1
+_DRIFT = np.diag([0.03**2, 0.03**2, 0.05**2])
 
 
 class BuiltInPlayer:
@@ -49,9 +55,12 @@ class BuiltInPlayer:
         What it knows before the match.
     remembers : bool
         Follow who moves on the field and keep a map of the floor: steering then keeps clear of where others will be.
+    plans : bool
+        Choose ways between others, speeds and, for a head that turns, where to look by what is believed. It remembers
+        then, too.
     """
 
-    def __init__(self, setup: PlayerSetup, *, remembers: bool = False) -> None:
+    def __init__(self, setup: PlayerSetup, *, remembers: bool = False, plans: bool = False) -> None:
         self._setup = setup
         camera = setup.camera
         self._head: PinholeCamera | None = None
@@ -60,7 +69,7 @@ class BuiltInPlayer:
             self._head = camera
             camera = dataclasses.replace(camera, pan_rad=0.0, offset_m=(0.0, 0.0))
         self._vision = Vision(setup.field, camera)
-        self._memory = Memory.of_everything(setup.field) if remembers else Memory(setup.field)
+        self._memory = Memory.of_everything(setup.field) if remembers or plans else Memory(setup.field)
         self._filter = self._memory.poses
         # the rules say where it begins, up to what a frame has to say
         self._filter.expect(
@@ -79,15 +88,39 @@ class BuiltInPlayer:
         self._held_since_s: float | None = None
         self._pan_rad = 0.0
         self._intent = "wait"
+        self._planner: TravelPlanner | None = None
+        self._gaze_planner: PoseGaze | None = None
+        if plans and self._memory.free_map is not None:
+            self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free)
+            if self._head is not None:
+                self._gaze_planner = PoseGaze(setup.field, self._head, Neck(_SWEEP_RAD), detectors=GOAL_DETECTORS)
+        self._travel: Travel | None = None
+        self._gaze: Gaze | None = None
+        self._gaze_s = -math.inf
 
     @property
     def belief(self) -> Belief:
         """What it believes after the last `act`."""
         place = None if self._last_t_s is None else self._ball.place(self._last_t_s)
-        return Belief(self._filter.belief, place, self._intent, self._view)
+        travel, gaze = self._travel, self._gaze
+        reasons = () if travel is None else travel.reasons
+        if gaze is not None:
+            reasons += (Reason("gaze", "planned" if gaze.planned else "sweep", gaze.reason),)
+        return Belief(
+            self._filter.belief,
+            place,
+            self._intent,
+            self._view,
+            reasons,
+            None if travel is None else travel.waypoint,
+            None if travel is None else travel.gap,
+            None if travel is None else travel.speed_mps,
+            gaze.pan_rad if gaze is not None else None,
+        )
 
     def act(self, senses: Senses) -> Command:
         """Return what the robot shall do until the next senses come."""
+        self._travel = None
         self._feel(senses)
         self._look(senses)
         command = self._decide(senses)
@@ -123,6 +156,8 @@ class BuiltInPlayer:
         pose = view.pose
         if isinstance(pose, PoseEstimate) and self._head is not None:
             pose = pose.seen_from(mount.inverse())
+        if self._gaze_planner is not None:
+            self._gaze_planner.saw(bool(pose), mount.theta_rad)
         grid = None if view.polar is None else self._vision.grid
         self._view = dataclasses.replace(view, belief=self._memory.see(view, grid, robot=pose, mount=mount))
         if view.polar is None or not view.marks.any():
@@ -188,7 +223,34 @@ class BuiltInPlayer:
         return self._drive(plan, pose, free_space, senses.t_s)
 
     def _drive(self, plan: Plan, pose: Pose2, free_space: FreeSpace, t_s: float) -> Command:
-        return self._motion.drive(plan, self._in_team(pose), free_space, t_s, self._moving(pose, t_s))
+        moving = self._moving(pose, t_s)
+        self._travel = travel = self._plan_travel(plan, t_s)
+        if travel is not None:
+            travel = dataclasses.replace(travel, waypoint=self._point_in_team(travel.waypoint))
+        return self._motion.drive(plan, self._in_team(pose), free_space, t_s, moving, travel)
+
+    def _plan_travel(self, plan: Plan, t_s: float) -> Travel | None:
+        robot = self._filter.belief
+        if self._planner is None or not isinstance(robot, PoseEstimate):
+            return None
+        known = None if self._view is None else self._view.belief
+        c, s = math.cos(robot.pose.theta_rad), math.sin(robot.pose.theta_rad)
+        velocity, pending = (
+            (c * x - s * y, s * x + c * y) for x, y in (self._motion.now_mps, self._motion.pending_mps)
+        )
+        around = Surroundings(
+            t_s,
+            robot,
+            velocity,
+            pending,
+            () if known is None else known.tracks,
+            0.0 if known is None else t_s - known.t_s,
+            None if known is None else known.free_map,
+        )
+        target = self._point_in_team(plan.target)
+        if plan.close or plan.holding:
+            return self._planner.approach(around, target, None if plan.holding else self._ball.place(t_s))
+        return self._planner.plan(around, target)
 
     def _moving(self, robot: Pose2, t_s: float) -> tuple[MovingObstacle, ...]:
         """Who moves on the field, where it is by now, in the robot frame."""
@@ -214,14 +276,28 @@ class BuiltInPlayer:
             return _NOWHERE
         return Pose2(*self._head.offset_m, self._pan_rad)
 
+    def _plan_gaze(self, planner: PoseGaze, t_s: float) -> Gaze:
+        known = None if self._view is None else self._view.belief
+        tracks = () if known is None else known.tracks
+        radius_m, height_m = self._setup.limits.radius_m, self._setup.limits.height_m
+        blockers = [Blocker(t.x_m, t.y_m, radius_m, t.covariance[:2, :2], height_m) for t in tracks]
+        return planner.choose(self._filter.belief, t_s, self._pan_rad, blockers, _DRIFT)
+
     def _turn_head(self, t_s: float) -> float:
-        """Watch the ball, and in between look left and right for goals."""
+        """Watch the ball, and in between look for goals: left and right, or where most is to be learnt of the pose."""
         belief, ball = self._filter.belief, self._ball.place(t_s)
         phase_s = t_s % (_WATCH_S + _SWEEP_S)
+        gaze = None
         if belief and ball is not None and phase_s < _WATCH_S:
             at = belief.pose.inverse().transform(ball)
             wanted = math.atan2(at[1], at[0])
+        elif ball is not None and self._gaze_planner is not None:
+            if self._gaze is None or t_s - self._gaze_s >= _GAZE_S:
+                self._gaze, self._gaze_s = self._plan_gaze(self._gaze_planner, t_s), t_s
+            gaze = self._gaze
+            wanted = gaze.pan_rad
         else:
             wanted = _SWEEP_RAD * math.sin(math.tau * phase_s / _SWEEP_S)
+        self._gaze = gaze
         self._pan_rad = max(-_SWEEP_RAD, min(_SWEEP_RAD, wanted))
         return self._pan_rad

@@ -11,6 +11,7 @@ from robocup_vision.avoidance import Steering
 from robocup_vision.avoidance.moving_obstacles import MovingObstacle
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.free_space import FreeSpace
+from sim2d.player_planning import Travel
 from sim2d.player_tactics import Plan
 from sim2d.robot_link import Command, RobotLimits
 from sim2d.wheel_velocity import WheelVelocity
@@ -24,6 +25,8 @@ _TURN_TIME_S = 0.18
 _HOLDING_RPS, _HOLDING_MPS = 2.2, 0.6
 # speed of pushing where no direction is safe, close to the ball
 _PUSH_MPS = 0.25
+# one that stands so near, within so much of the way ahead, would be pushed
+_NEAR_M, _PUSHED_RAD = 0.02, 1.3
 # what a robot goes round moves on: a longer detour than this leads nowhere
 _DETOUR_S = 1.5
 # wanting to be elsewhere by more than a place's tolerance, but having moved less than this for so long, is being stuck
@@ -55,6 +58,16 @@ class Motion:
         self._drift = (0.0, 0.0)
         self._escape_until_s, self._escape_rad = -math.inf, 0.0
 
+    @property
+    def now_mps(self) -> tuple[float, float]:
+        """Velocity of the wheels, robot frame."""
+        return self._wheels.now_mps
+
+    @property
+    def pending_mps(self) -> tuple[float, float]:
+        """What was commanded last, robot frame."""
+        return self._wheels.pending_mps
+
     def feel(self, odometry: Pose2, t_s: float) -> None:
         """Take in the motion since the last call."""
         c, s = math.cos(odometry.theta_rad), math.sin(odometry.theta_rad)
@@ -71,6 +84,7 @@ class Motion:
         free_space: FreeSpace,
         t_s: float,
         moving: Sequence[MovingObstacle] = (),
+        travel: Travel | None = None,
     ) -> Command:
         """Return the next command.
 
@@ -86,27 +100,36 @@ class Motion:
             Now, seconds.
         moving : sequence of MovingObstacle
             Who moves around the robot: kept clear of, unless the plan is `close`.
+        travel : Travel, optional
+            By which way, and how fast, as planned. Then nobody known to move is pushed.
         """
-        there = pose.inverse().transform(plan.target)
-        distance_m, bearing = float(np.hypot(*there)), math.atan2(there[1], there[0])
+        first = plan.target if travel is None else travel.waypoint
+        there = pose.inverse().transform(first)
+        bearing = math.atan2(there[1], there[0])
+        ends_there = travel is not None and travel.ends_there
+        distance_m = float(np.hypot(*there)) + (0.0 if ends_there else math.dist(first, plan.target))
+        speed_mps = None if travel is None else travel.speed_mps
         turn = wrap_angle(plan.heading_rad - pose.theta_rad) / _TURN_TIME_S
         fastest = min(self._limits.turn_rps, _HOLDING_RPS if plan.holding else math.inf)
         turn = max(-fastest, min(fastest, turn))
-        if distance_m < _TOLERANCE_M and not plan.close:
+        if distance_m < _TOLERANCE_M and (ends_there or not plan.close):
             self._anchor_s = t_s
         if t_s - self._anchor_s > _STUCK_S:
             self._escape(free_space, t_s)
         if t_s < self._escape_until_s:
             bearing, distance_m = self._escape_rad - pose.theta_rad, 1.0
-        steering = self._close if plan.close else self._travel
+        # who plans goes round the ball as it goes round all else
+        is_close = plan.close and not (travel is not None and plan.avoid_ball)
+        steering = self._close if is_close else self._travel
         if t_s - self._direct_s > _DETOUR_S:
             self._forget_detours(t_s)
-        wheels, others = self._wheels, () if plan.close else moving
-        chosen = steering.steer(free_space, wheels.now_mps, bearing, distance_m, wheels.pending_mps, others)
+        wheels, others = self._wheels, () if plan.close and travel is None else moving
+        chosen = steering.steer(free_space, wheels.now_mps, bearing, distance_m, wheels.pending_mps, others, speed_mps)
         if chosen.reason == "towards goal":
             self._direct_s = t_s
         v_x, v_y = chosen.velocity_mps.tolist()
-        if not chosen.safe and (plan.close or plan.holding):
+        pushes = not chosen.safe and (plan.close or plan.holding)
+        if pushes and (travel is None or not self._stands_there(moving, bearing)):
             push = min(_PUSH_MPS, 4.0 * distance_m)
             v_x, v_y = push * math.cos(bearing), push * math.sin(bearing)
         if plan.holding:
@@ -118,6 +141,14 @@ class Motion:
         wanted = (c * v_x - s * v_y, s * v_x + c * v_y)
         self._wheels.command(wanted)
         return Command(*wanted, turn, plan.kick_mps, plan.dribble)
+
+    def _stands_there(self, moving: Sequence[MovingObstacle], bearing_rad: float) -> bool:
+        """Whether one that moves would be pushed by driving that way."""
+        near = 2 * self._limits.radius_m + _NEAR_M
+        return any(
+            math.hypot(o.x_m, o.y_m) < near and abs(wrap_angle(math.atan2(o.y_m, o.x_m) - bearing_rad)) < _PUSHED_RAD
+            for o in moving
+        )
 
     def _escape(self, free_space: FreeSpace, t_s: float) -> None:
         """Head for somewhere free for a while; the farther it is free the likelier."""

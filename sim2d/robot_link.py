@@ -139,6 +139,25 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
+class Reason:
+    """Why a player does something as it does.
+
+    Parameters
+    ----------
+    topic : {"gap", "speed", "gaze"}
+        What was decided.
+    choice : str
+        How, in a word or two; few different ones, so that they can be counted.
+    text : str
+        Why, with figures.
+    """
+
+    topic: Literal["gap", "speed", "gaze"]
+    choice: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Belief:
     """What a player says it believes: for reports and videos, the game never uses it.
 
@@ -152,12 +171,27 @@ class Belief:
         What it is about to do, in a word or two.
     view : View or None
         What the last frame showed.
+    reasons : tuple of Reason
+        What it has planned, at most one of each topic; empty if it does not plan.
+    waypoint_in_field : (float, float) or None
+        Where it drives to first on the way to its target, field frame.
+    gap_in_field : ((float, float), (float, float)) or None
+        Ends of the gap that it takes, field frame.
+    speed_mps : float or None
+        How fast it lets itself go.
+    gaze_rad : float or None
+        Where its plan has the head look, from straight ahead; None if it does not plan that now.
     """
 
     pose: PoseEstimate | NotLocated
     ball_in_field: tuple[float, float] | None
     intent: str
     view: View | None
+    reasons: tuple[Reason, ...] = ()
+    waypoint_in_field: tuple[float, float] | None = None
+    gap_in_field: tuple[tuple[float, float], tuple[float, float]] | None = None
+    speed_mps: float | None = None
+    gaze_rad: float | None = None
 
 
 class Player(Protocol):

@@ -13,6 +13,7 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.memory import Belief as MemoryBelief
 from sim2d.moment import RobotMoment
+from sim2d.robot_link import Belief
 from sim2d.world_state import BallState, RobotState, WorldState
 
 UInt8Array = npt.NDArray[np.uint8]
@@ -21,6 +22,8 @@ Bgr = tuple[int, int, int]
 # of the sides that attack +x and -x
 SIDE_COLORS: dict[int, Bgr] = {1: (60, 190, 240), -1: (220, 120, 60)}
 _ROOM, _INK, _BODY = (70, 72, 75), (245, 245, 245), (40, 38, 36)
+# what is planned, and how far a gaze is drawn, in robot radii
+_PLAN, _GAZE_RADII = (80, 255, 160), 8.0
 _SHIFT = 4
 _MARGIN_SHARE = 0.04
 # a belief's ellipse holds 95 % of a normal distribution in the plane
@@ -65,6 +68,7 @@ class TopView:
                 self._draw_belief(canvas, robot.belief.pose, color)
                 if robot.belief.view is not None and robot.belief.view.belief is not None:
                     self._draw_memory(canvas, robot.belief.view.belief, color)
+                self._draw_plan(canvas, robot.belief, robot.belief.pose.pose)
             else:
                 cv2.putText(
                     canvas, "?", self._whole(truth.pose.x_m, truth.pose.y_m), cv2.FONT_HERSHEY_SIMPLEX, 0.8, _INK, 2
@@ -133,6 +137,19 @@ class TopView:
                 here = self._fixed(rival.pose.x_m, rival.pose.y_m)
                 cv2.circle(canvas, here, 2 * radius, color, 1, cv2.LINE_AA, _SHIFT)
                 self._draw_heading(canvas, rival.pose, 0.0, 0.7, color, 1)
+
+    def _draw_plan(self, canvas: UInt8Array, belief: Belief, pose: Pose2) -> None:
+        """Draw the way to the next waypoint, the gap that is taken, and where the head looks."""
+        if belief.waypoint_in_field is not None:
+            self._path(canvas, np.array([(pose.x_m, pose.y_m), belief.waypoint_in_field]), _PLAN, 1)
+        if belief.gap_in_field is not None:
+            self._path(canvas, np.array(belief.gap_in_field), _PLAN, 2)
+        if belief.gaze_rad is not None:
+            head = Pose2(pose.x_m, pose.y_m, pose.theta_rad + belief.gaze_rad)
+            for start in np.arange(1.5, _GAZE_RADII, 1.0).tolist():
+                self._path(
+                    canvas, head.transform(self._radius_m * np.array([[start, 0.0], [start + 0.5, 0.0]])), _PLAN, 1
+                )
 
     def _draw_heading(self, canvas: UInt8Array, pose: Pose2, low: float, high: float, color: Bgr, thick: int) -> None:
         ends = pose.transform(self._radius_m * np.array([[low, 0.0], [high, 0.0]]))

@@ -21,6 +21,7 @@ import numpy as np
 from field_models.errors import ArgumentError, RobocupVisionError
 from sim2d.match_files import match_json
 from sim2d.match_run import MatchPlan
+from sim2d.players import player_name
 
 # so many times in a row may all workers be lost before any of them has finished a match
 _BARREN_ROUNDS = 3
@@ -108,7 +109,8 @@ def play_plan(plan: MatchPlan) -> dict[str, Any]:
     match = plan.begin()
     for _ in match.play(plan.seconds):
         pass
-    return match_json(match.arena.field.name, plan.players, plan.seed, match.figures)
+    ours, theirs = player_name(plan.ours), player_name(plan.theirs)
+    return match_json(match.arena.field.name, plan.players, plan.seed, match.figures, ours, theirs)
 
 
 def play_matches(plans: Sequence[MatchPlan], workers: Workers) -> Iterator[tuple[int, dict[str, Any]]]:
@@ -163,6 +165,8 @@ def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[
         "format": 1,
         "field": results[0]["field"],
         "players": plan.players,
+        "ours": player_name(plan.ours),
+        "theirs": player_name(plan.theirs),
         "seconds": results[0]["seconds"],
         "seed": plan.seed,
         "totals": {

@@ -201,6 +201,7 @@ class Steering:
         goal_distance_m: float | None = None,
         pending_mps: Sequence[float] | FloatArray | None = None,
         moving: Sequence[MovingObstacle] = (),
+        speed_mps: float | None = None,
     ) -> SteeringCommand:
         """Choose the next command (the paper's Steps 1 to 5).
 
@@ -224,6 +225,8 @@ class Steering:
             is safe if it can be carried out to its end, or given up at the next decision, and the robot then be
             stopped before any of them is met; what runs into a standing robot is not reckoned with. Without
             `use_velocity` they are obstacles like all others.
+        speed_mps : float, optional
+            Go no faster than this for once; the robot's own speed v_c unless given.
 
         Returns
         -------
@@ -250,6 +253,9 @@ class Steering:
             raise ArgumentError(f"goal_distance_m must not be negative, got {goal_distance_m!r}")
         if bearing.shape[0] != self._known_bearing.shape[0]:
             self._resize(bearing.shape[0])
+        if speed_mps is not None and not speed_mps > 0.0:
+            raise ArgumentError(f"speed_mps must be positive, got {speed_mps!r}")
+        limits = self._limits if speed_mps is None else (min(float(speed_mps), self._limits[0]), *self._limits[1:])
         if not self._use_velocity:
             moving = ()
         if moving:
@@ -261,7 +267,7 @@ class Steering:
             float(goal_bearing_rad),
             distance,
             self._detour_rad,
-            self._limits,
+            limits,
             self._use_velocity,
             self._kernel_directions,
             self._units,

@@ -96,6 +96,11 @@ class FreeSpaceMap:
         self._first = (-(cells // 2), -(cells // 2))
         self._state: UInt8Array | None = None
 
+    @property
+    def looks_to_free(self) -> int:
+        """Looks after which a cell that nothing was known of is free, if all find it so."""
+        return max(self._needed.values())
+
     def forget(self) -> None:
         """Forget all that was seen."""
         for name in self.sensors:

@@ -139,6 +139,17 @@ def test_speed_near_the_goal_allows_a_stop_there(distance):
     assert speed * (0.03 + 1 / 30) + speed**2 / 0.6 <= distance + 1e-12
 
 
+def test_for_once_it_goes_no_faster_than_asked():
+    steer = steering().steer
+    free = ranges(np.full(64, 5.0))
+    assert np.hypot(*steer(free, (0, 0), 0.3, speed_mps=0.25).velocity_mps) == pytest.approx(0.25)
+    full = steer(free, (0, 0), 0.3).velocity_mps
+    assert np.hypot(*full) == pytest.approx(0.4)
+    assert np.array_equal(steer(free, (0, 0), 0.3, speed_mps=99.0).velocity_mps, full)
+    with pytest.raises(ArgumentError, match="speed_mps must be positive, got 0"):
+        steer(free, (0, 0), 0.3, speed_mps=0.0)
+
+
 def test_side_is_kept_until_forgotten():
     left = facing(0.5)
     left.range_m[-8:] = 0.5

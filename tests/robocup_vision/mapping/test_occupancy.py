@@ -103,6 +103,7 @@ def test_so_many_crossings_as_needed_make_a_cell_free_and_no_fewer(occupied, sha
     model = SensorModel(occupied, occupied * share, reach_m=2.0)
     grid = single(model, free_below=free_below, clip=free_below / 1e4)
     needed = model.observations_needed(free_below)
+    assert grid.looks_to_free == needed
     cell = np.unravel_index(np.argmin(np.abs(away(grid) - 0.5)), (60, 60))
     for _ in range(needed - 1):
         grid.update("one", circle(0.9))
