@@ -133,10 +133,16 @@ def _filled(mask: ByteImage, shine: ByteImage) -> ByteImage:
     part, light = mask[v : v + height, u : u + width], shine[v : v + height, u : u + width]
     if cv2.countNonZero(light) == 0:
         return mask
-    longest = max(3, mask.shape[1] // 8)
-    for kernel in (np.ones((1, longest), np.uint8), np.ones((longest, 1), np.uint8)):
-        # what is enclosed lies within the paint's own box
-        part |= np.asarray(cv2.bitwise_and(cv2.morphologyEx(part, cv2.MORPH_CLOSE, kernel), light), np.uint8)
+    longest = max(3, mask.shape[1] // 8) | 1  # an even kernel would close a pixel too far on one side
+    reach = longest // 2
+    for kernel, rows, columns in (
+        (np.ones((1, longest), np.uint8), 0, reach),
+        (np.ones((longest, 1), np.uint8), reach, 0),
+    ):
+        # what is enclosed lies within the paint's own box, but the box itself encloses nothing: no paint goes on there
+        framed = cv2.copyMakeBorder(part, rows, rows, columns, columns, cv2.BORDER_CONSTANT, value=0)
+        closed = cv2.morphologyEx(framed, cv2.MORPH_CLOSE, kernel)[rows : rows + height, columns : columns + width]
+        part |= np.asarray(cv2.bitwise_and(closed, light), np.uint8)
     return mask
 
 

@@ -152,3 +152,18 @@ def test_posts_are_supposed_where_a_bar_ends():
     assert [p.axis_at(60) for p in posts] == pytest.approx([43.5, 115.5], abs=3.0)
     assert [p.foot for p in posts] == pytest.approx([89.5, 89.5], abs=2.0)
     assert posts_under(bar, np.zeros_like(mask)) is None
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_speck_beyond_a_bright_wall_encloses_nothing_with_the_bar(turned):
+    frame = np.full((160, 160, 3), 190, np.uint8)
+    bar = np.s_[80:86, 40:90]
+    frame[bar] = COLOR_NAMES["cyan"]
+    frame[74, 130] = COLOR_NAMES["cyan"]
+    if turned:
+        frame = np.ascontiguousarray(frame.transpose(1, 0, 2))
+    mask = hue_masks(frame, hue_families(FIELD))["cyan"]
+    mask = mask.T if turned else mask
+    assert mask[bar].all()
+    mask[bar] = 0
+    assert np.argwhere(mask).tolist() == [[74, 130]]
