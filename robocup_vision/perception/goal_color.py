@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 
 import cv2
 import numpy as np
@@ -24,6 +25,7 @@ _LEAST_VALUE = 25  # of 255, below which hue is noise
 _SHINE = 170  # what a lamp washes white is as bright in all channels
 # a hue peak's least share of a mask (one of three smoothed bins), and how deep the valley to the next must be
 _LEAST_PEAK, _DEEP = 0.02, 0.75
+_PARTED = 0.03  # sine of the angle between two paints' planes of shades from which on noise does not hide it
 _CAST = 1.3  # the strongest colour cast that the image's bright end is trusted with
 
 
@@ -118,6 +120,24 @@ def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dic
         masks[color] = np.asarray(mask, np.uint8)
         _fill(masks[color], balanced)
     return masks
+
+
+def parting(image: ByteImage, paint: ByteImage, other: ByteImage) -> npt.NDArray[np.float64] | None:
+    """Colour direction (3,) in which paint is bright, and neither grey nor something of another hue, however lit.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    paint, other : (H, W) uint8
+        Masks. None where one is empty, or the two are of one hue.
+    """
+    if not (paint.any() and other.any()):
+        return None
+    mine, theirs = (np.array(cv2.mean(image, mask)[:3]) for mask in (paint, other))
+    axis = np.cross(np.ones(3), theirs)
+    share = float(axis @ mine) / max(float(np.linalg.norm(axis) * np.linalg.norm(mine)), 1e-9)
+    return np.asarray(axis / np.linalg.norm(axis) * math.copysign(1.0, share)) if abs(share) > _PARTED else None
 
 
 def _balanced(image: ByteImage) -> tuple[ByteImage, ByteImage]:
