@@ -208,65 +208,100 @@ def fit_goal(
     lines, feet = np.empty((6, 3)), np.empty((2, offsets.shape[0], 2))
     moved_lines, moved_feet = np.empty((6, 3)), np.empty((2, offsets.shape[0], 2))
     base, moved = np.empty(count), np.empty(count)
-    jacobian = np.empty((count, 8))
+    by_line, jacobian = np.empty((8, 6, 3)), np.empty((count - edges, 8))
+    moments, pull = np.empty((6, 3, 3)), np.empty((6, 3))
+    free, freed = np.empty(8, np.int64), 0
+    for k in range(8):
+        if not math.isinf(weight[k]):
+            free[freed] = k
+            freed += 1
     step = np.array([1e-5, 1e-5, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-4])
     work, right = np.empty((8, 8)), np.empty(8)
     trial = np.empty(8)
     cost = np.inf
+    goal_residuals(
+        shape,
+        view,
+        p,
+        offsets,
+        edge,
+        uv,
+        foot_post,
+        foot_at,
+        foot_uv,
+        foot_direction,
+        mark_m,
+        mark_uv,
+        mark_direction,
+        base,
+    )
     for iteration in range(scales.shape[0]):
-        goal_residuals(
-            shape,
-            view,
-            p,
-            offsets,
-            edge,
-            uv,
-            foot_post,
-            foot_at,
-            foot_uv,
-            foot_direction,
-            mark_m,
-            mark_uv,
-            mark_direction,
-            base,
-        )
         goal_prediction(shape, view, p, offsets, lines, feet)
-        for k in range(8):
-            if math.isinf(weight[k]):
-                continue
+        for k in free[:freed]:
             trial[:] = p
             trial[k] += step[k]
+            if k == 7:  # paint that bleeds moves every edge and foot alike, and no line on the floor
+                by_line[k, :, :] = 0.0
+                by_line[k, :, 2] = -1.0
+                jacobian[: first_mark - edges, k] = -1.0
+                jacobian[first_mark - edges :, k] = 0.0
+                continue
             # the picture is a few lines and points: their derivatives serve all samples
             goal_prediction(shape, view, trial, offsets, moved_lines, moved_feet)
-            moved_lines -= lines
-            moved_lines /= step[k]
-            for n in range(edges):
-                e = edge[n]
-                jacobian[n, k] = moved_lines[e, 0] * uv[n, 0] + moved_lines[e, 1] * uv[n, 1] + moved_lines[e, 2]
-            bloom = 1.0 if k == 7 else 0.0
+            for e in range(6):
+                for i in range(3):
+                    by_line[k, e, i] = (moved_lines[e, i] - lines[e, i]) / step[k]
             for n in range(foot_post.shape[0]):
                 post, at = foot_post[n], foot_at[n]
                 by_u = (moved_feet[post, at, 0] - feet[post, at, 0]) / step[k]
                 by_v = (moved_feet[post, at, 1] - feet[post, at, 1]) / step[k]
-                jacobian[edges + n, k] = -by_u * foot_direction[n, 0] - by_v * foot_direction[n, 1] - bloom
+                jacobian[n, k] = -by_u * foot_direction[n, 0] - by_v * foot_direction[n, 1]
             if mark_m.shape[0]:
                 floor_residuals(view, trial, mark_m, mark_uv, mark_direction, moved[first_mark:])
                 for n in range(first_mark, count):
-                    jacobian[n, k] = (moved[n] - base[n]) / step[k]
+                    jacobian[n - edges, k] = (moved[n] - base[n]) / step[k]
         normal[:, :] = 0.0
         right[:] = 0.0
-        for n in range(count):
+        # a residual is linear in its line: of all samples on one edge only their second moments count
+        moments[:, :, :] = 0.0
+        pull[:, :] = 0.0
+        for n in range(edges):
             if math.isnan(base[n]):
                 return np.inf
             w = 1.0 / (sigma[n] ** 2 * (1.0 + (base[n] / scales[iteration]) ** 2))
-            for i in range(8):
-                if math.isinf(weight[i]):
-                    continue
-                wj = w * jacobian[n, i]
+            e, u, v = edge[n], uv[n, 0], uv[n, 1]
+            wu, wv = w * u, w * v
+            moments[e, 0, 0] += wu * u
+            moments[e, 0, 1] += wu * v
+            moments[e, 0, 2] += wu
+            moments[e, 1, 1] += wv * v
+            moments[e, 1, 2] += wv
+            moments[e, 2, 2] += w
+            pull[e, 0] += wu * base[n]
+            pull[e, 1] += wv * base[n]
+            pull[e, 2] += w * base[n]
+        for e in range(6):
+            moments[e, 1, 0], moments[e, 2, 0] = moments[e, 0, 1], moments[e, 0, 2]
+            moments[e, 2, 1] = moments[e, 1, 2]
+            for i in free[:freed]:
+                d = by_line[i, e]
+                right[i] -= d[0] * pull[e, 0] + d[1] * pull[e, 1] + d[2] * pull[e, 2]
+                m0 = d[0] * moments[e, 0, 0] + d[1] * moments[e, 1, 0] + d[2] * moments[e, 2, 0]
+                m1 = d[0] * moments[e, 0, 1] + d[1] * moments[e, 1, 1] + d[2] * moments[e, 2, 1]
+                m2 = d[0] * moments[e, 0, 2] + d[1] * moments[e, 1, 2] + d[2] * moments[e, 2, 2]
+                for j in free[:freed]:
+                    if j <= i:
+                        normal[i, j] += m0 * by_line[j, e, 0] + m1 * by_line[j, e, 1] + m2 * by_line[j, e, 2]
+        for n in range(edges, count):
+            if math.isnan(base[n]):
+                return np.inf
+            w = 1.0 / (sigma[n] ** 2 * (1.0 + (base[n] / scales[iteration]) ** 2))
+            for i in free[:freed]:
+                wj = w * jacobian[n - edges, i]
                 right[i] -= wj * base[n]
-                for j in range(i + 1):
-                    if not math.isinf(weight[j]):
-                        normal[i, j] += wj * jacobian[n, j]
+                for j in free[:freed]:
+                    if j <= i:
+                        normal[i, j] += wj * jacobian[n - edges, j]
         for i in range(8):
             if math.isinf(weight[i]):
                 normal[i, i] = 1.0
@@ -307,6 +342,7 @@ def fit_goal(
             cost = robust_cost(moved, sigma, scales[iteration], trial, prior, weight)
             if cost <= before:
                 p[:] = trial
+                base, moved = moved, base
                 break
             limit *= 0.4
             cost = before

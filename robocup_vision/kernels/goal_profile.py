@@ -14,7 +14,6 @@ import numpy.typing as npt
 from numba import njit
 
 FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
 Int64Array = npt.NDArray[np.int64]
 UInt8Array = npt.NDArray[np.uint8]
 
@@ -46,8 +45,18 @@ def normal_share(z: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
+def mix_pixel(image: UInt8Array, row: int, column: int, mix: FloatArray, value: FloatArray) -> None:
+    """Mix one pixel's channels (C,) into a value (2,)."""
+    for c in range(CHANNELS):
+        value[c] = 0.0
+        for k in range(image.shape[2]):
+            value[c] += mix[c, k] * image[row, column, k]
+
+
+@njit(cache=True, nogil=True)
 def gather_profiles(
-    channels: Float32Array,
+    image: UInt8Array,
+    mix: FloatArray,
     shine: UInt8Array,
     edges: FloatArray,
     spans: FloatArray,
@@ -65,8 +74,10 @@ def gather_profiles(
 
     Parameters
     ----------
-    channels : (H, W, 2) float32
-        Colour and brightness.
+    image : (H, W, C) uint8
+        What the channels are mixed from.
+    mix : (2, C) float64
+        Share of each of the image's channels in colour and in brightness.
     shine : (H, W) uint8
         Non-zero where the sensor is saturated: such paint, and two pixels beside it, is left out.
     edges : (6, 2) float64
@@ -96,7 +107,7 @@ def gather_profiles(
     int
         How many pixels there are.
     """
-    height, width = channels.shape[0], channels.shape[1]
+    height, width = image.shape[0], image.shape[1]
     middle[:] = np.nan
     n = 0
     for member in range(MEMBERS):
@@ -134,8 +145,7 @@ def gather_profiles(
                     continue
                 if n >= values.shape[0]:
                     return n
-                for c in range(CHANNELS):
-                    values[n, c] = channels[i, j, c] if upright else channels[j, i, c]
+                mix_pixel(image, i if upright else j, j if upright else i, mix, values[n])
                 places[n, 0], places[n, 1], places[n, 2] = (j - a) * cos_a, (b - j) * cos_b, 0.0
                 places[n, 3] = 2.0 * (i - 0.5 * (low + high)) / (high - low)
                 owner[n], lane[n] = segment, j % LANES
@@ -162,8 +172,7 @@ def gather_profiles(
                 s = min(1.0, max(-1.0, (j - a) / half - 1.0))
                 steep = (arcs[post, 1] + 2.0 * arcs[post, 2] * s) / half
                 row = arcs[post, 0] + (arcs[post, 1] + arcs[post, 2] * s) * s
-                for c in range(CHANNELS):
-                    values[n, c] = channels[i, j, c]
+                mix_pixel(image, i, j, mix, values[n])
                 places[n, 0], places[n, 1], places[n, 3] = j - a, b - j, 1.0
                 places[n, 2] = (row - i) / math.sqrt(1.0 + steep * steep)
                 owner[n], lane[n] = segment, i % LANES

@@ -111,6 +111,8 @@ def fit_profiles(
                     slopes[_ALL] = r
                     for i in range(_ALL):
                         wi = w * slopes[i]
+                        if wi == 0.0:
+                            continue  # most pixels are far from one of the two edges
                         for j in range(i, _ALL + 1):
                             sums[i, j] += wi * slopes[j]
                 index[0], index[1], index[2] = c, base, base + 1

@@ -55,6 +55,8 @@ def draw_lines(
     r20, r21, r22 = st, ct * sr, ct * cr
     fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
     z = -p[5]
+    curve = 0.5 / blur_px**2
+    apart = np.exp(-curve * np.arange(_REACH + 1.0) ** 2)
     side_u, side_v = np.empty(2 * _REACH + 1), np.empty(2 * _REACH + 1)
     before_u, before_v, before_depth = 0.0, 0.0, -1.0
     for k in range(points.shape[0]):
@@ -102,13 +104,18 @@ def draw_lines(
                 iu, iv = int(round(cu)), int(round(cv))
                 if iu < -_REACH or iu >= width + _REACH or iv < -_REACH or iv >= height + _REACH:
                     continue
-                for j in range(2 * _REACH + 1):
-                    side_u[j] = math.exp(-0.5 * ((iu + j - _REACH - cu) / blur_px) ** 2)
-                    side_v[j] = math.exp(-0.5 * ((iv + j - _REACH - cv) / blur_px) ** 2)
-                for j in range(2 * _REACH + 1):
+                # a normal curve at neighbouring pixels: one of three factors is the same everywhere, one a power
+                peak_u, ratio_u = math.exp(-curve * (iu - cu) ** 2), math.exp(-2.0 * curve * (iu - cu))
+                peak_v, ratio_v = math.exp(-curve * (iv - cv) ** 2), math.exp(-2.0 * curve * (iv - cv))
+                side_u[_REACH], side_v[_REACH] = peak_u, share * peak_v
+                up_u, up_v, down_u, down_v = peak_u, share * peak_v, peak_u, share * peak_v
+                for j in range(1, _REACH + 1):
+                    up_u, up_v = up_u * ratio_u, up_v * ratio_v
+                    down_u, down_v = down_u / ratio_u, down_v / ratio_v
+                    side_u[_REACH + j], side_v[_REACH + j] = up_u * apart[j], up_v * apart[j]
+                    side_u[_REACH - j], side_v[_REACH - j] = down_u * apart[j], down_v * apart[j]
+                low, high = max(0, _REACH - iu), min(2 * _REACH + 1, width - iu + _REACH)
+                for j in range(max(0, _REACH - iv), min(2 * _REACH + 1, height - iv + _REACH)):
                     row = iv + j - _REACH
-                    if 0 <= row < height:
-                        for m in range(2 * _REACH + 1):
-                            column = iu + m - _REACH
-                            if 0 <= column < width:
-                                drawing[row, column] += share * side_v[j] * side_u[m]
+                    for m in range(low, high):
+                        drawing[row, iu + m - _REACH] += side_v[j] * side_u[m]

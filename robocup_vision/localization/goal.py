@@ -64,6 +64,7 @@ _POST_REACH_PX = 3.0
 # so many places along lines in view, and lines that are not there speak against a white goal
 _TELLING_RIDGES = 60
 _LEAST_ALONE_SCORE = 0.6
+_POSE = np.ix_((X, Y, HEADING), (X, Y, HEADING))
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,7 +326,7 @@ def _estimate(sight: GoalSight) -> PoseEstimate:
         edges = sight.fit.residual_px[: len(sight.fit.samples.edge)]
         residual = edges[np.abs(edges) < INLIER_PX]
         share = len(residual) / max(len(edges), 1)
-    covariance = sight.covariance[np.ix_((X, Y, HEADING), (X, Y, HEADING))]
+    covariance = sight.covariance[_POSE]
     pose = pose_of(sight.unknowns)
     estimate = PoseEstimate(
         pose,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,11 +41,15 @@ class Look:
         Samples whose paint is brighter than this and half washed white are dropped.
     grey : float
         How much of the difference in brightness counts, see `kernels.goal_edges.measure_edges`.
+    apart : (3,) float64 or None
+        The same as `towards` where that finds no edge: paint in the shade has less of its colour than a wall of a
+        neighbouring hue in the light.
     """
 
     towards: FloatArray
     glare: float
     grey: float
+    apart: FloatArray | None = None
 
 
 def _none() -> FloatArray:
@@ -190,6 +195,22 @@ def measure(
         sigma,
     )
     found = np.isfinite(offset)
+    if look.apart is not None:
+        again = np.flatnonzero(~found[:n] & (contrast[:n] >= 0.0))
+        results = np.empty((3, len(again)))
+        measure_edges(
+            image,
+            start[again],
+            normal[again],
+            np.full(len(again), reach_px),
+            inside_px[again],
+            np.tile(look.apart, (len(again), 1)),
+            math.inf,
+            keep[again],
+            *results,
+        )
+        offset[again], contrast[again], sigma[again] = results
+        found = np.isfinite(offset)
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
     where = np.ascontiguousarray(to_ideal(camera, start[found] + normal[found] * offset[found, None]))
     edge_found, foot_found = found[:n], np.flatnonzero(found[n:])

@@ -7,7 +7,8 @@ Gauss-Newton to sub-pixel edges of posts, bar and feet (see kernels.goal_fit.fit
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -59,6 +60,10 @@ class GoalModel:
         The goal at +x, and the camera without distortion.
     prior, weight : (8,) float64
         Expected unknowns, and their inverse variances.
+    shape_array, view_array : (4,) float64
+        Goal and camera as the kernels take them.
+    tightness : (8,) float64
+        Inverse standard deviations of the priors, 0 where there is none or the unknown is held.
     """
 
     shape: GoalShape
@@ -66,16 +71,15 @@ class GoalModel:
     prior: FloatArray
     weight: FloatArray
 
-    @property
-    def shape_array(self) -> FloatArray:
-        """(4,) float64 as the kernels take it."""
-        s = self.shape
-        return np.array([s.line_x_m, s.width_m, s.height_m, s.radius_m])
+    shape_array: FloatArray = field(init=False)
+    view_array: FloatArray = field(init=False)
+    tightness: FloatArray = field(init=False)
 
-    @property
-    def view_array(self) -> FloatArray:
-        """(4,) float64 as the kernels take it."""
-        return np.array([*self.view.focal_px, *self.view.center_px])
+    def __post_init__(self) -> None:
+        s = self.shape
+        object.__setattr__(self, "shape_array", np.array([s.line_x_m, s.width_m, s.height_m, s.radius_m]))
+        object.__setattr__(self, "view_array", np.array([*self.view.focal_px, *self.view.center_px]))
+        object.__setattr__(self, "tightness", np.sqrt(np.where(np.isinf(self.weight), 0.0, self.weight)))
 
 
 def goal_model(shape: GoalShape, camera: PinholeCamera, bloom_std_px: float) -> GoalModel:
@@ -121,7 +125,7 @@ class GoalFit:
     residual_px: FloatArray
     share: FloatArray
 
-    @property
+    @cached_property
     def score(self) -> float:
         """How well the goal agrees with the fit, 0 to 1, at an absolute scale.
 
@@ -190,7 +194,7 @@ def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | N
 
 
 def _strains(model: GoalModel, unknowns: FloatArray) -> FloatArray:
-    return np.asarray(np.abs(unknowns - model.prior) * np.sqrt(np.where(np.isinf(model.weight), 0.0, model.weight)))
+    return np.asarray(np.abs(unknowns - model.prior) * model.tightness)
 
 
 def strain_of(model: GoalModel, unknowns: FloatArray) -> float:

@@ -89,7 +89,6 @@ def measure_profiles(
     if u1 - u0 < 8 or v1 - v0 < 8:
         return None
     part = image[v0:v1, u0:u1]
-    channels = cv2.transform(part.astype(np.float32), np.array([look.towards, _BRIGHTNESS], np.float32))
     shine = np.asarray(cv2.inRange(part, (0, 0, 0), (_SATURATED - 1,) * 3) == 0, np.uint8)
     points -= (u0, v0)
     edges, spans, arcs = _predicted(points)
@@ -98,7 +97,8 @@ def measure_profiles(
     values, places = np.empty((room, CHANNELS)), np.empty((room, 4))
     owner, lane, middle = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(segments)
     count = gather_profiles(
-        np.asarray(channels, np.float32),
+        part,
+        np.array([look.towards, _BRIGHTNESS]),
         shine,
         edges,
         spans,

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import Pose2
+from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.kernels.goal_strips import BRIGHTEST, mean_along
 from robocup_vision.localization.goal_edges import Look, from_ideal
 from robocup_vision.localization.goal_fit import (
@@ -41,6 +41,7 @@ from robocup_vision.perception.goal_color import (
     hue_modes,
     is_chromatic,
     paint_channels,
+    parting,
 )
 from robocup_vision.perception.goal_region import (
     Strip,
@@ -263,9 +264,11 @@ class GoalSearch:
             yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue)], factor)
             yield self._under_bars(color, mask, carpet, hue, factor)
             for part in (*hue_modes(small, mask), *halves(self.families[color])):
-                only = hue_masks(small, {color: part})[color]
+                # the outermost parts end where the hue's own family does: carpet and clutter lie beyond
+                only = np.asarray(cv2.bitwise_and(hue_masks(small, {color: part})[color], mask), np.uint8)
                 of_part = strips(mask_runs(only, 2), 2, carpet, certain=True)
-                yield self._pooled(color, only, carpet, of_part, factor)
+                apart = parting(small, only, np.asarray(cv2.subtract(mask, only), np.uint8))
+                yield self._pooled(color, only, carpet, of_part, factor, apart)
                 seen += of_part
             yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue), *_weakened(by_light)], factor)
 
@@ -294,12 +297,20 @@ class GoalSearch:
     def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int) -> Proposal:
         return self._pooled(color, mask, carpet, strips(mask_runs(mask, 2), 2, carpet, certain=True), factor)
 
-    def _pooled(self, color: str, mask: ByteImage, carpet: ByteImage, found: list[Strip], factor: int) -> Proposal:
+    def _pooled(
+        self,
+        color: str,
+        mask: ByteImage,
+        carpet: ByteImage,
+        found: list[Strip],
+        factor: int,
+        apart: FloatArray | None = None,
+    ) -> Proposal:
         found = [enlarged(s, factor) for s in found]
         sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
         paint = np.array(COLOR_NAMES[color], dtype=np.float64)
         away = paint - paint.mean()
-        look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0)
+        look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0, apart)
         return Proposal(sides, found, self._pairs(found, 6), mask, carpet, factor, self.colored_model, look)
 
     def _pairs(self, found: list[Strip], most: int, pooled: bool = False) -> list[tuple[Strip, Strip]]:

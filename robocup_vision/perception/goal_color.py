@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 
 import cv2
 import numpy as np
@@ -15,14 +16,16 @@ import numpy.typing as npt
 
 from field_models import COLOR_NAMES
 from field_models.field import Field
+from robocup_vision.kernels.goal_shine import fill_shine
 
 ByteImage = npt.NDArray[np.uint8]
 
 _LEAST_SATURATION = 0.30  # a third of full paint: glare that leaves less is white for all we can tell
 _LEAST_VALUE = 25  # of 255, below which hue is noise
-_SHINE = 170.0
+_SHINE = 170  # what a lamp washes white is as bright in all channels
 # a hue peak's least share of a mask (one of three smoothed bins), and how deep the valley to the next must be
 _LEAST_PEAK, _DEEP = 0.02, 0.75
+_PARTED = 0.03  # sine of the angle between two paints' planes of shades from which on noise does not hide it
 _CAST = 1.3  # the strongest colour cast that the image's bright end is trusted with
 
 
@@ -105,8 +108,6 @@ def hue_modes(image: ByteImage, mask: ByteImage) -> list[tuple[float, float]]:
 def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dict[str, ByteImage]:
     """Masks (H, W) uint8, 255 on paint, one for each hue family."""
     balanced, hsv = _balanced(image)
-    # what a lamp washes white: bright in all channels
-    shine = cv2.inRange(balanced, np.full(3, _SHINE), np.full(3, 255.0))
     masks = {}
     for color, (low, high) in families.items():
         least = np.array([max(low, 0.0), 255 * _LEAST_SATURATION, _LEAST_VALUE])
@@ -116,8 +117,27 @@ def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dic
             if wrapped_low <= wrapped_high and (wrapped_low > 90.0 if low < 0 else high > 179.0):
                 least[0], most[0] = wrapped_low, wrapped_high
                 mask = cv2.bitwise_or(mask, cv2.inRange(hsv, least, most))
-        masks[color] = _filled(np.asarray(mask, np.uint8), np.asarray(shine, np.uint8))
+        masks[color] = np.asarray(mask, np.uint8)
+        _fill(masks[color], balanced)
     return masks
+
+
+def parting(image: ByteImage, paint: ByteImage, other: ByteImage) -> npt.NDArray[np.float64] | None:
+    """Colour direction (3,) in which paint is bright, and neither grey nor something of another hue, however lit.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    paint, other : (H, W) uint8
+        Masks. None where one is empty, or the two are of one hue.
+    """
+    if not (paint.any() and other.any()):
+        return None
+    mine, theirs = (np.array(cv2.mean(image, mask)[:3]) for mask in (paint, other))
+    axis = np.cross(np.ones(3), theirs)
+    share = float(axis @ mine) / max(float(np.linalg.norm(axis) * np.linalg.norm(mine)), 1e-9)
+    return np.asarray(axis / np.linalg.norm(axis) * math.copysign(1.0, share)) if abs(share) > _PARTED else None
 
 
 def _balanced(image: ByteImage) -> tuple[ByteImage, ByteImage]:
@@ -127,17 +147,12 @@ def _balanced(image: ByteImage) -> tuple[ByteImage, ByteImage]:
     return balanced, np.asarray(cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV), np.uint8)
 
 
-def _filled(mask: ByteImage, shine: ByteImage) -> ByteImage:
-    """Paint plus the shine that paint encloses, along rows (posts), then along columns (the bar)."""
+def _fill(mask: ByteImage, balanced: ByteImage) -> None:
+    """Add the shine that paint encloses, along rows (posts), then along columns (the bar)."""
     u, v, width, height = cv2.boundingRect(mask)
-    part, light = mask[v : v + height, u : u + width], shine[v : v + height, u : u + width]
-    if cv2.countNonZero(light) == 0:
-        return mask
-    longest = max(3, mask.shape[1] // 8)
-    for kernel in (np.ones((1, longest), np.uint8), np.ones((longest, 1), np.uint8)):
-        # what is enclosed lies within the paint's own box
-        part |= np.asarray(cv2.bitwise_and(cv2.morphologyEx(part, cv2.MORPH_CLOSE, kernel), light), np.uint8)
-    return mask
+    box = np.s_[v : v + height, u : u + width]
+    for upright in (False, True):
+        fill_shine(mask[box], balanced[box], _SHINE, mask.shape[1] // 8, upright)
 
 
 def _gain_table(gains: npt.NDArray[np.float64]) -> ByteImage:

@@ -115,7 +115,7 @@ def fitted(image, lit, left=20.0, width=7.2, slope=0.02):
     arcs = np.array([[60.0, 0, 0], [61.0, 0, 0]])
     values, places = np.empty((9000, 2)), np.empty((9000, 4))
     owner, lane, middle = np.empty(9000, np.int64), np.empty(9000, np.int64), np.empty(SEGMENTS)
-    n = gather_profiles(image, lit, edges, spans, arcs, PIECES, 3.0, 5, values, places, owner, lane, middle)
+    n = gather_profiles(image, np.eye(2), lit, edges, spans, arcs, PIECES, 3.0, 5, values, places, owner, lane, middle)
     expected, weight = expected_profile()
     shared, own, variance = expected.copy(), np.zeros((SEGMENTS, OWN)), np.empty((SEGMENTS, 2))
     assert fit_profiles(

@@ -14,6 +14,7 @@ from robocup_vision.perception.goal_color import (
     hue_of,
     is_chromatic,
     paint_channels,
+    parting,
     white_gains,
 )
 from robocup_vision.perception.goal_region import (
@@ -152,3 +153,40 @@ def test_posts_are_supposed_where_a_bar_ends():
     assert [p.axis_at(60) for p in posts] == pytest.approx([43.5, 115.5], abs=3.0)
     assert [p.foot for p in posts] == pytest.approx([89.5, 89.5], abs=2.0)
     assert posts_under(bar, np.zeros_like(mask)) is None
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_speck_beyond_a_bright_wall_encloses_nothing_with_the_bar(turned):
+    frame = np.full((160, 160, 3), 190, np.uint8)
+    bar = np.s_[80:86, 40:90]
+    frame[bar] = COLOR_NAMES["cyan"]
+    frame[74, 130] = COLOR_NAMES["cyan"]
+    if turned:
+        frame = np.ascontiguousarray(frame.transpose(1, 0, 2))
+    mask = hue_masks(frame, hue_families(FIELD))["cyan"]
+    mask = mask.T if turned else mask
+    assert mask[bar].all()
+    mask[bar] = 0
+    assert np.argwhere(mask).tolist() == [[74, 130]]
+
+
+@given(st.floats(0.3, 1.0), st.floats(0.3, 1.0))
+def test_parting_shows_paint_and_neither_grey_nor_the_other_hue_however_lit(light, shade):
+    frame = np.zeros((10, 30, 3))
+    cyan, blue, grey = (np.array(c, float) for c in ((150, 130, 25), (170, 115, 20), (120, 120, 120)))
+    frame[:, :10], frame[:, 10:20], frame[:, 20:] = light * cyan, shade * blue, shade * grey
+    frame = np.rint(frame).astype(np.uint8)
+    paint, other = np.zeros((2, 10, 30), np.uint8)
+    paint[:, :10], other[:, 10:20] = 255, 255
+    along = frame @ parting(frame, paint, other)
+    assert along[0, 0] > 3.0
+    assert np.abs(along[:, 10:]).max() < 1.0
+
+
+def test_parting_needs_two_hues():
+    frame = np.full((10, 10, 3), (150, 130, 25), np.uint8)
+    paint, other = np.zeros((2, 10, 10), np.uint8)
+    paint[:5] = 255
+    assert parting(frame, paint, other) is None
+    other[5:] = 255
+    assert parting(frame, paint, other) is None
