@@ -316,6 +316,7 @@ class GoalSearch:
     def _pairs(self, found: list[Strip], most: int, pooled: bool = False) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
         wide = self.shape.width_m / (2 * self.shape.radius_m)
+        focal_px = self.camera.focal_px[0]
         pairs = []
         for a, b in itertools.permutations(found, 2):
             apart = b.axis_at(b.bottom) - a.axis_at(a.bottom)
@@ -323,7 +324,10 @@ class GoalSearch:
             # the posts' distance is at most as many post widths as in the goal, and fewer seen from the side
             if not 0.25 * wide * min(width_a, width_b) < apart < 1.5 * wide * max(width_a, width_b):
                 continue
-            if not 0.45 < width_a / width_b < 2.2 or abs(a.bottom - b.bottom) > apart:
+            # posts as near as their widths say are no farther from each other in depth than in the goal
+            depth_m = 2 * self.shape.radius_m * focal_px * abs(1 / width_a - 1 / width_b)
+            unlike = not 0.45 < width_a / width_b < 2.2 and depth_m > self.shape.width_m
+            if unlike or abs(a.bottom - b.bottom) > apart:
                 continue
             alike = min(width_a, width_b) / max(width_a, width_b) * min(a.height, b.height) / max(a.height, b.height)
             pairs.append((a.strength * b.strength * (alike if pooled else 1.0), a, b))
