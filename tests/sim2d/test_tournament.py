@@ -54,6 +54,11 @@ def results_of(plans, workers):
     return [results[index] for index in range(len(plans))]
 
 
+def but_for_names(results):
+    """Leave out who played: players that kill their process play like another one under a name of their own."""
+    return [{key: value for key, value in result.items() if key not in ("ours", "theirs")} for result in results]
+
+
 def test_seeds_count_on():
     plans = plan_matches(PLAN, 3)
     assert [plan.seed for plan in plans] == [5, 6, 7]
@@ -100,7 +105,7 @@ def test_totals_are_over_all_matches():
 def test_local_processes_lose_no_match_and_change_no_result(tmp_path):
     expected = [play_plan(one) for one in plan_matches(PLAN, 5)]
     killing = replace(PLAN, theirs=functools.partial(KillsItsProcess, marker=tmp_path / "killed"))
-    assert results_of(plan_matches(killing, 5), local_workers(2)) == expected
+    assert but_for_names(results_of(plan_matches(killing, 5), local_workers(2))) == but_for_names(expected)
     assert (tmp_path / "killed").exists()
 
 
@@ -113,7 +118,7 @@ def test_a_cluster_loses_no_match_and_changes_no_result(tmp_path):
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50, local_directory=tmp_path
     ) as cluster:
         workers = dask_workers(cluster.scheduler_address)
-        assert results_of(plan_matches(killing, 5), workers) == expected
+        assert but_for_names(results_of(plan_matches(killing, 5), workers)) == but_for_names(expected)
     assert (tmp_path / "killed").exists()
 
 
