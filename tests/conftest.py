@@ -12,6 +12,6 @@ from hypothesis import settings
 # with --import-mode=importlib pytest puts no test folder on the path
 sys.path.insert(0, str(Path(__file__).parent))
 
-settings.register_profile("repeat", derandomize=True)
-settings.register_profile("explore")
+settings.register_profile("repeat", derandomize=True, deadline=None)
+settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeat"))
