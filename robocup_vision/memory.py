@@ -93,8 +93,8 @@ class Memory:
         Follows what moves on the field. None: nobody is followed.
     free_map : FreeSpaceMap or None
         Remembers the free floor, by the sensor ``floor`` of its models. None: no map is kept.
-    object_radius_m : float
-        Of the robots that move on the field.
+    object_radius_m : float, optional
+        Of the robots that move on the field; default: as its league's are.
 
     Raises
     ------
@@ -115,17 +115,17 @@ class Memory:
         poses: PoseFilter | None = None,
         objects: MovingObjects | None = None,
         free_map: FreeSpaceMap | None = None,
-        object_radius_m: float = 0.09,
+        object_radius_m: float | None = None,
     ) -> None:
         if free_map is not None and _FLOOR not in free_map.sensors:
             raise ArgumentError(f"the map needs a sensor {_FLOOR!r}, it has {', '.join(free_map.sensors)}")
         self.poses = poses or PoseFilter()
         self.objects, self.free_map = objects, free_map
-        self._radius_m = object_radius_m
+        self._radius_m = field.robot_radius_m if object_radius_m is None else object_radius_m
         self._detector = None
         if objects is not None:
             floor = KnownFreeSpace.of_field(field)
-            self._detector = ReturnDetector(floor, object_radius_m, _RANGE_STD, _LONGEST_M)
+            self._detector = ReturnDetector(floor, self._radius_m, _RANGE_STD, _LONGEST_M)
         self._tracks: tuple[Track, ...] = ()
         self._last: tuple[float, Pose2] | None = None
 
