@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels.camera_axes import camera_axes
+
 FloatArray = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 UInt8Array = npt.NDArray[np.uint8]
@@ -214,12 +216,7 @@ def goal_points(shape: FloatArray, view: FloatArray, p: FloatArray, offsets: Flo
     bool
         Whether all of it is in front of the camera.
     """
-    cp, sp = math.cos(p[2]), math.sin(p[2])
-    ct, st = math.cos(p[3]), math.sin(p[3])
-    cr, sr = math.cos(p[4]), math.sin(p[4])
-    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
-    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
-    r20, r21, r22 = st, ct * sr, ct * cr
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
     line_x, half, top, radius = shape[0], 0.5 * shape[1], shape[2], shape[3]
     dx, dz = line_x - p[0], top - p[5]
     side = -1.0 if dx < 0 else 1.0

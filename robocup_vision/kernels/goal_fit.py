@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels.camera_axes import camera_axes
 from robocup_vision.kernels.cholesky import solve_symmetric
 
 FloatArray = npt.NDArray[np.float64]
@@ -33,12 +34,7 @@ def goal_prediction(
     lines, feet : float64
         Results.
     """
-    cp, sp = math.cos(p[2]), math.sin(p[2])
-    ct, st = math.cos(p[3]), math.sin(p[3])
-    cr, sr = math.cos(p[4]), math.sin(p[4])
-    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
-    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
-    r20, r21, r22 = st, ct * sr, ct * cr
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
     scale = math.exp(p[6])
     fu, fv = view[0] * scale, view[1] * scale
     dx = shape[0] - p[0]
@@ -127,12 +123,7 @@ def floor_residuals(
     view: FloatArray, p: FloatArray, mark_m: FloatArray, uv: FloatArray, direction: FloatArray, residual: FloatArray
 ) -> None:
     """Signed pixel residuals, along a direction each, of floor points (N, 2) in the field frame, metres."""
-    cp, sp = math.cos(p[2]), math.sin(p[2])
-    ct, st = math.cos(p[3]), math.sin(p[3])
-    cr, sr = math.cos(p[4]), math.sin(p[4])
-    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
-    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
-    r20, r21, r22 = st, ct * sr, ct * cr
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
     scale = math.exp(p[6])
     for n in range(mark_m.shape[0]):
         x, y, z = mark_m[n, 0] - p[0], mark_m[n, 1] - p[1], -p[5]

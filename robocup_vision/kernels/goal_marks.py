@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels.camera_axes import camera_axes
 from robocup_vision.kernels.goal_edges import sample
 from robocup_vision.kernels.goal_fit import floor_residuals
 
@@ -60,12 +61,7 @@ def line_marks(
     int
         How many places there are.
     """
-    cp, sp = math.cos(p[2]), math.sin(p[2])
-    ct, st = math.cos(p[3]), math.sin(p[3])
-    cr, sr = math.cos(p[4]), math.sin(p[4])
-    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
-    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
-    r20, r21, r22 = st, ct * sr, ct * cr
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
     fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
     n = 0
     last_u, last_v = -1e9, -1e9

@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.kernels.camera_axes import camera_axes
+
 FloatArray = npt.NDArray[np.float64]
 Float32Array = npt.NDArray[np.float32]
 
@@ -47,12 +49,7 @@ def draw_lines(
     """
     height, width = drawing.shape
     drawing[:, :] = 0.0
-    cp, sp = math.cos(p[2]), math.sin(p[2])
-    ct, st = math.cos(p[3]), math.sin(p[3])
-    cr, sr = math.cos(p[4]), math.sin(p[4])
-    r00, r01, r02 = cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr
-    r10, r11, r12 = sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr
-    r20, r21, r22 = st, ct * sr, ct * cr
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
     fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
     z = -p[5]
     curve = 0.5 / blur_px**2
