@@ -44,17 +44,16 @@ def run_sensors(args: argparse.Namespace) -> int:
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision.calibration.out_file import require_folder
+    from robocup_vision.command_options import require_count, require_seed
     from robocup_vision.mapping.sensor_model import write_sensors
     from robocup_vision.progress import progress
     from sim2d.range_sensor import RangeSensor
     from sim2d.rendering.cameras import camera_by_name
     from sim2d.sensor_learning import KINDS_LEARNT, learn_sensors
 
-    for name, value in (("--runs", args.runs), ("--frames", args.frames)):
-        if value < 1:
-            raise ArgumentError(f"{name} must be at least 1, got {value}")
-    if args.seed < 0:
-        raise ArgumentError(f"--seed must not be negative, got {args.seed}")
+    require_count("--runs", args.runs)
+    require_count("--frames", args.frames)
+    require_seed(args.seed)
     if not 0 < args.cell < 1:
         raise ArgumentError(f"--cell must be within 0 to 1 m, got {args.cell}")
     require_folder(args.out)

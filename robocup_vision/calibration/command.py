@@ -61,16 +61,16 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
         For anything the user can mend.
     """
     from field_models import load_field
-    from field_models.errors import ArgumentError, FileError
+    from field_models.errors import FileError
     from robocup_vision.calibration.image_files import ImageFiles
     from robocup_vision.calibration.not_calibrated import NotCalibrated
     from robocup_vision.calibration.omni import calibrate_omni
     from robocup_vision.calibration.out_file import require_folder
     from robocup_vision.camera import OmniCamera, load_camera, save_camera
+    from robocup_vision.command_options import require_count
     from robocup_vision.evaluation.image_file import read_mask
 
-    if args.frames < 1:
-        raise ArgumentError(f"--frames must be at least 1, got {args.frames}")
+    require_count("--frames", args.frames)
     field = load_field(args.field)
     start = None if args.start is None else load_camera(args.start)
     if start is not None and not isinstance(start, OmniCamera):

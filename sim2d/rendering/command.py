@@ -55,16 +55,14 @@ def run_render(args: argparse.Namespace) -> int:
         For anything the user can mend.
     """
     from field_models import load_field
-    from field_models.errors import ArgumentError
+    from robocup_vision.command_options import require_count, require_seed
     from robocup_vision.progress import progress
     from sim2d.rendering.cameras import camera_by_name
     from sim2d.rendering.dataset import write_dataset
     from sim2d.rendering.random_scenes import CONDITIONS, sample
 
-    if args.count < 1:
-        raise ArgumentError(f"--count must be at least 1, got {args.count}")
-    if args.seed < 0:
-        raise ArgumentError(f"--seed must not be negative, got {args.seed}")
+    require_count("--count", args.count)
+    require_seed(args.seed)
     changes: dict[str, Any] = {}
     for name in ("noise_sigma", "blur_px", "vignette", "light_gradient", "gain", "texture", "shadow", "highlights"):
         changes[name] = getattr(args, name)

@@ -49,14 +49,13 @@ def run_render_goal(args: argparse.Namespace) -> int:
     """
     from field_models import load_field
     from field_models.errors import ArgumentError
+    from robocup_vision.command_options import require_count, require_seed
     from robocup_vision.progress import progress
     from sim2d.rendering.dataset import write_dataset
     from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
-    if args.count < 1:
-        raise ArgumentError(f"--count must be at least 1, got {args.count}")
-    if args.seed < 0:
-        raise ArgumentError(f"--seed must not be negative, got {args.seed}")
+    require_count("--count", args.count)
+    require_seed(args.seed)
     if args.jpeg_quality is not None and not 1 <= args.jpeg_quality <= 100:
         raise ArgumentError(f"--jpeg must be within 1 to 100, got {args.jpeg_quality}")
     field, condition = load_field(args.field), GOAL_CONDITIONS[args.condition]

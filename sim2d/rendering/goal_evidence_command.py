@@ -36,14 +36,13 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
     from field_models import load_field
     from field_models.errors import ArgumentError, FileError
     from robocup_vision.camera import PinholeCamera
+    from robocup_vision.command_options import require_count, require_seed
     from robocup_vision.progress import progress
     from sim2d.arena import camera_for
     from sim2d.rendering.goal_evidence import WIDTHS_PX, count_evidence
 
-    if args.count < 1:
-        raise ArgumentError(f"--count must be at least 1, got {args.count}")
-    if args.seed < 0:
-        raise ArgumentError(f"--seed must not be negative, got {args.seed}")
+    require_count("--count", args.count)
+    require_seed(args.seed)
     field = load_field(args.field)
     camera = camera_for(field)
     if not isinstance(camera, PinholeCamera):

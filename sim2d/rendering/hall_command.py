@@ -38,15 +38,14 @@ def run_render_hall(args: argparse.Namespace) -> int:
         For anything the user can mend.
     """
     from field_models.errors import ArgumentError
+    from robocup_vision.command_options import require_count, require_seed
     from robocup_vision.progress import progress
     from sim2d.rendering.hall import HallLight, loop_path, make_hall
     from sim2d.rendering.hall_runs import HALL_CAMERA, HALL_RIG, take, write_run, write_second_run
 
-    for name, value in (("--count", args.count), ("--second", args.second)):
-        if value < 1:
-            raise ArgumentError(f"{name} must be at least 1, got {value}")
-    if args.seed < 0:
-        raise ArgumentError(f"--seed must not be negative, got {args.seed}")
+    require_count("--count", args.count)
+    require_count("--second", args.second)
+    require_seed(args.seed)
     if not args.turns > 0:
         raise ArgumentError(f"--turns must be positive, got {args.turns}")
     import numpy as np
