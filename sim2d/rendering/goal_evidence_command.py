@@ -35,6 +35,7 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
 
     from field_models import load_field
     from field_models.errors import ArgumentError, FileError
+    from robocup_vision.calibration.out_file import require_folder
     from robocup_vision.camera import PinholeCamera
     from robocup_vision.command_options import require_count, require_seed
     from robocup_vision.progress import progress
@@ -47,6 +48,7 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
     camera = camera_for(field)
     if not isinstance(camera, PinholeCamera):
         raise ArgumentError(f"the robots of field '{field.name}' carry no pinhole camera")
+    require_folder(args.out)
     counts = count_evidence(field, camera, args.seed, progress(range(args.count), args.count, "learn-goal-evidence"))
     command = ["robocup-vision", "learn-goal-evidence", "--field", args.field]
     command += ["--count", str(args.count), "--seed", str(args.seed), "OUT.toml"]

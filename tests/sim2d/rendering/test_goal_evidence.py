@@ -12,6 +12,7 @@ from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning.goal_evidence import load_goal_evidence
 from sim2d.arena import camera_for
+from sim2d.rendering import goal_evidence
 from sim2d.rendering.goal_evidence import NOTHING, RIGHT, WRONG, corners_in_view, count_evidence
 from sim2d.rendering.scene import Robot, Scene
 
@@ -67,9 +68,19 @@ def test_command_refuses(
     assert message in capsys.readouterr().err
 
 
+def test_command_refuses_a_missing_folder_before_it_counts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(goal_evidence, "count_evidence", lambda *_: pytest.fail("counted for nothing"))
+    out = tmp_path / "no" / "out.toml"
+    assert main(["learn-goal-evidence", "--count", "1", str(out)]) == 2
+    line = f"robocup-vision learn-goal-evidence: {out}: cannot be written: its folder does not exist\n"
+    assert capsys.readouterr().err == line
+
+
 def test_command_names_a_file_it_cannot_write(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["learn-goal-evidence", "--count", "1", str(tmp_path / "no" / "out.toml")]) == 2
-    assert "cannot be written" in capsys.readouterr().err
+    assert main(["learn-goal-evidence", "--count", "1", str(tmp_path)]) == 2
+    assert f"{tmp_path}: cannot be written (" in capsys.readouterr().err
 
 
 def test_goals_of_one_colour_teach_nothing() -> None:
