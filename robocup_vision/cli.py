@@ -77,22 +77,17 @@ def _parser() -> argparse.ArgumentParser:
     _add_evaluate_parser(commands)
     add_calibrate_parser(commands)
     add_check_parser(commands)
-    render: argparse.ArgumentParser = add_render_parser(commands)
-    render.set_defaults(run=run_render)
-    render_goal: argparse.ArgumentParser = add_render_goal_parser(commands)
-    render_goal.set_defaults(run=run_render_goal)
-    goal_evidence: argparse.ArgumentParser = add_goal_evidence_parser(commands)
-    goal_evidence.set_defaults(run=run_goal_evidence)
-    match: argparse.ArgumentParser = add_match_parser(commands)
-    match.set_defaults(run=run_match_command)
-    tournament: argparse.ArgumentParser = add_tournament_parser(commands)
-    tournament.set_defaults(run=run_tournament)
-    render_hall: argparse.ArgumentParser = add_render_hall_parser(commands)
-    render_hall.set_defaults(run=run_render_hall)
-    landmark_map: argparse.ArgumentParser = add_map_parser(commands)
-    landmark_map.set_defaults(run=run_map)
-    sensors: argparse.ArgumentParser = add_sensors_parser(commands)
-    sensors.set_defaults(run=run_sensors)
+    for add, run in (
+        (add_render_parser, run_render),
+        (add_render_goal_parser, run_render_goal),
+        (add_goal_evidence_parser, run_goal_evidence),
+        (add_match_parser, run_match_command),
+        (add_tournament_parser, run_tournament),
+        (add_render_hall_parser, run_render_hall),
+        (add_map_parser, run_map),
+        (add_sensors_parser, run_sensors),
+    ):
+        add(commands).set_defaults(run=run)
     fields = commands.add_parser("fields", help="list the built-in fields")
     fields.set_defaults(run=_run_fields)
     return parser
