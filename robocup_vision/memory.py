@@ -173,14 +173,8 @@ class Memory:
         if t_s is None:
             raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
         self.poses.update(view.pose if robot is None else robot, t_s)
-        then = self._pose_at(t_s)
-        if then is None:
-            self._tracks = ()
-        elif self._last is None or t_s > self._last[0]:
-            if self._last is not None and self._has_jumped(*self._last, then.pose):
-                self._forget_surroundings()
-            self._last = (t_s, then.pose)
-            self._look_around(view, grid, then, mount)
+        if self.objects is not None or self.free_map is not None:
+            self._see_surroundings(view, t_s, grid, mount)
         return self.belief(t_s)
 
     def belief(self, t_s: float) -> Belief:
@@ -196,12 +190,22 @@ class Memory:
         self.poses.forget()
         self._forget_surroundings()
 
+    def _see_surroundings(self, view: View, t_s: float, grid: FreeSpaceGrid | None, mount: Pose2) -> None:
+        then = self._pose_at(t_s)
+        if then is None:
+            self._tracks = ()
+        elif self._last is None or t_s > self._last[0]:
+            if self._last is not None and self._has_jumped(*self._last):
+                self._forget_surroundings()
+            self._last = (t_s, then.pose)
+            self._look_around(view, grid, then, mount)
+
     def _pose_at(self, t_s: float) -> PoseEstimate | None:
         """Where the robot was believed to be at a time."""
         pose, motion = self.poses.belief, self.poses.motion_since(t_s)
         return pose.seen_from(motion.inverse()) if pose and motion is not None else None
 
-    def _has_jumped(self, before_s: float, before: Pose2, pose: Pose2) -> bool:
+    def _has_jumped(self, before_s: float, before: Pose2) -> bool:
         motion = self.poses.motion_since(before_s)
         now = self.poses.belief
         if motion is None or not now:
