@@ -8,6 +8,7 @@ from pathlib import Path
 
 from field_models import load_field
 from field_models.errors import ArgumentError, FileError
+from robocup_vision.evaluation.result_files import prepare_folder
 from robocup_vision.progress import progress
 from sim2d import match_report
 from sim2d.arena import Camera
@@ -106,7 +107,8 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> Ma
     ArgumentError, FileError
         If the plan cannot be played, or the files cannot be written.
     """
-    out = _prepare(Path(out))
+    out = Path(out)
+    prepare_folder(out, OUTPUT_NAMES)
     match = plan.begin()
     arena = match.arena
     robots = arena.state.robots
@@ -143,14 +145,3 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> Ma
         except OSError as error:
             raise FileError(report, f"cannot be written ({error.strerror or error})") from None
     return MatchSummary(figures, out, video_path, report, tuple(notes))
-
-
-def _prepare(out: Path) -> Path:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        # a match that stops half-way must not leave an earlier one's files behind as its own
-        for name in OUTPUT_NAMES:
-            (out / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(out, f"cannot be written ({error.strerror or error})") from None
-    return out

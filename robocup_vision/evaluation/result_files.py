@@ -1,13 +1,17 @@
-"""The files other programs read: results.csv, summary.json and trajectory.tum, in the formats the datasets use."""
+"""The files other programs read: results.csv, summary.json and trajectory.tum, in the formats the datasets use.
+
+And the folder that the files of a run go to.
+"""
 
 from __future__ import annotations
 
 import csv
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from field_models.errors import FileError
 from robocup_vision.evaluation.dataset import FrameTime
 from robocup_vision.evaluation.scoring import Figures, Row
 
@@ -40,6 +44,30 @@ SUMMARY_KEYS = (
     "nees_mean",
     "median_ms",
 )
+
+
+def prepare_folder(folder: Path, names: Iterable[str]) -> None:
+    """Make a folder ready for the files of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if missing, with those it lies in.
+    names : iterable of str
+        Of the files that the run may write; those of an earlier run are deleted, all else stays.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        # a run that stops half-way must not leave an earlier run's files behind as its own
+        for name in names:
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None
 
 
 def write_results(path: Path, rows: Sequence[Row]) -> None:

@@ -24,7 +24,7 @@ from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.evaluation.image_file import ImageArray
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, spread_indices
-from robocup_vision.evaluation.result_files import write_results, write_summary, write_trajectory
+from robocup_vision.evaluation.result_files import prepare_folder, write_results, write_summary, write_trajectory
 from robocup_vision.evaluation.scoring import Figures, Row, figures, pose_error
 from robocup_vision.geometry import Pose2
 from robocup_vision.progress import progress
@@ -151,7 +151,8 @@ def evaluate(
     """
     if jobs < 1:
         raise ArgumentError(f"jobs must be at least 1, got {jobs}")
-    out = _prepare(Path(out))
+    out = Path(out)
+    prepare_folder(out, OUTPUT_NAMES)
     notes = list(dataset.notes)
     missing = report.missing_packages()
     if missing:
@@ -189,17 +190,6 @@ def evaluate(
     except OSError as error:
         raise FileError(error.filename or out, f"cannot be written ({error.strerror or error})") from None
     return summary
-
-
-def _prepare(out: Path) -> Path:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        # a run that stops half-way must not leave an earlier run's files behind as its own
-        for name in OUTPUT_NAMES:
-            (out / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(out, f"cannot be written ({error.strerror or error})") from None
-    return out
 
 
 @dataclass(frozen=True, slots=True)
