@@ -1,4 +1,4 @@
-"""Where a calibration's file goes: told before the work is done whether it can go there."""
+"""Where a command's file goes: looked at before the work that fills it, named when it cannot be written."""
 
 from __future__ import annotations
 
