@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from sim2d.moment import Moment
 
 _PERIODS_PER_SAMPLE = 3
-TOPICS = ("gap", "speed", "gaze")
+TOPICS = ("gap", "speed", "gaze", "shot")
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,13 +20,15 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning.gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
+from robocup_vision.planning.shot import ShotPlan
 from robocup_vision.planning.sight_lines import Blocker
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 from sim2d.line_up import kick_off_pose
 from sim2d.player_memory import BallMemory, Point, block_ball, is_in_sight
-from sim2d.player_motion import Motion
+from sim2d.player_motion import PERIOD_S, Motion
 from sim2d.player_planning import Surroundings, Travel, TravelPlanner
+from sim2d.player_shot import Shooter
 from sim2d.player_tactics import Plan, Situation, Tactics
 from sim2d.robot_link import Belief, Command, PlayerSetup, Reason, Senses
 
@@ -88,10 +90,13 @@ class BuiltInPlayer:
         self._held_since_s: float | None = None
         self._pan_rad = 0.0
         self._intent = "wait"
+        self._why: Reason | None = None
         self._planner: TravelPlanner | None = None
+        self._shooter: Shooter | None = None
         self._gaze_planner: PoseGaze | None = None
         if plans and self._memory.free_map is not None:
             self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free)
+            self._shooter = Shooter(setup.field, setup.limits, setup.attacks) if setup.field.goals else None
             if self._head is not None:
                 self._gaze_planner = PoseGaze(setup.field, self._head, Neck(_SWEEP_RAD), detectors=GOAL_DETECTORS)
         self._travel: Travel | None = None
@@ -104,6 +109,8 @@ class BuiltInPlayer:
         place = None if self._last_t_s is None else self._ball.place(self._last_t_s)
         travel, gaze = self._travel, self._gaze
         reasons = () if travel is None else travel.reasons
+        if self._why is not None:
+            reasons += (self._why,)
         if gaze is not None:
             reasons += (Reason("gaze", "planned" if gaze.planned else "sweep", gaze.reason),)
         return Belief(
@@ -120,7 +127,7 @@ class BuiltInPlayer:
 
     def act(self, senses: Senses) -> Command:
         """Return what the robot shall do until the next senses come."""
-        self._travel = None
+        self._travel = self._why = None
         self._feel(senses)
         self._look(senses)
         command = self._decide(senses)
@@ -214,9 +221,10 @@ class BuiltInPlayer:
                 senses.phase,
                 senses.kick_off,
                 senses.t_s,
+                self._plan_shot(senses),
             )
         )
-        self._intent = plan.intent
+        self._intent, self._why = plan.intent, plan.why
         if ball is not None and plan.avoid_ball:
             at = pose.inverse().transform(ball)
             free_space = block_ball(free_space, (float(at[0]), float(at[1])), self._setup.field.ball_radius_m)
@@ -229,16 +237,32 @@ class BuiltInPlayer:
             travel = dataclasses.replace(travel, waypoint=self._point_in_team(travel.waypoint))
         return self._motion.drive(plan, self._in_team(pose), free_space, t_s, moving, travel)
 
+    def _plan_shot(self, senses: Senses) -> ShotPlan | None:
+        around = self._around(senses.t_s)
+        if self._shooter is None or around is None or not senses.ball_in_mouth:
+            return None
+        shot = self._shooter.plan(around, senses.odometry.theta_rad / PERIOD_S)
+        return shot if self._setup.attacks > 0 else shot.half_turn()
+
     def _plan_travel(self, plan: Plan, t_s: float) -> Travel | None:
+        around = self._around(t_s)
+        if self._planner is None or around is None:
+            return None
+        target = self._point_in_team(plan.target)
+        if plan.close or plan.holding:
+            return self._planner.approach(around, target, None if plan.holding else self._ball.place(t_s))
+        return self._planner.plan(around, target)
+
+    def _around(self, t_s: float) -> Surroundings | None:
         robot = self._filter.belief
-        if self._planner is None or not isinstance(robot, PoseEstimate):
+        if not isinstance(robot, PoseEstimate):
             return None
         known = None if self._view is None else self._view.belief
         c, s = math.cos(robot.pose.theta_rad), math.sin(robot.pose.theta_rad)
         velocity, pending = (
             (c * x - s * y, s * x + c * y) for x, y in (self._motion.now_mps, self._motion.pending_mps)
         )
-        around = Surroundings(
+        return Surroundings(
             t_s,
             robot,
             velocity,
@@ -247,10 +271,6 @@ class BuiltInPlayer:
             0.0 if known is None else t_s - known.t_s,
             None if known is None else known.free_map,
         )
-        target = self._point_in_team(plan.target)
-        if plan.close or plan.holding:
-            return self._planner.approach(around, target, None if plan.holding else self._ball.place(t_s))
-        return self._planner.plan(around, target)
 
     def _moving(self, robot: Pose2, t_s: float) -> tuple[MovingObstacle, ...]:
         """Who moves on the field, where it is by now, in the robot frame."""

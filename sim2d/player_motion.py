@@ -22,7 +22,7 @@ PERIOD_S = 1 / 30
 _MARGIN_M = 0.01
 # the heading's error is turned away in about this time; with the ball in the mouth not faster than this
 _TURN_TIME_S = 0.18
-_HOLDING_RPS, _HOLDING_MPS = 2.2, 0.6
+HOLDING_RPS, HOLDING_MPS = 2.2, 0.6
 # speed of pushing where no direction is safe, close to the ball
 _PUSH_MPS = 0.25
 # one that stands so near, within so much of the way ahead, would be pushed
@@ -110,7 +110,7 @@ class Motion:
         distance_m = float(np.hypot(*there)) + (0.0 if ends_there else math.dist(first, plan.target))
         speed_mps = None if travel is None else travel.speed_mps
         turn = wrap_angle(plan.heading_rad - pose.theta_rad) / _TURN_TIME_S
-        fastest = min(self._limits.turn_rps, _HOLDING_RPS if plan.holding else math.inf)
+        fastest = min(self._limits.turn_rps, HOLDING_RPS if plan.holding else math.inf)
         turn = max(-fastest, min(fastest, turn))
         if distance_m < _TOLERANCE_M and (ends_there or not plan.close):
             self._anchor_s = t_s
@@ -133,7 +133,7 @@ class Motion:
             push = min(_PUSH_MPS, 4.0 * distance_m)
             v_x, v_y = push * math.cos(bearing), push * math.sin(bearing)
         if plan.holding:
-            share = min(1.0, _HOLDING_MPS / max(math.hypot(v_x, v_y), 1e-9))
+            share = min(1.0, HOLDING_MPS / max(math.hypot(v_x, v_y), 1e-9))
             v_x, v_y = share * v_x, share * v_y
         # by the time the command works, the robot will have turned on
         ahead = -turn * (self._limits.dead_time_s + PERIOD_S / 2)

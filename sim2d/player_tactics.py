@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from field_models.field import Field
 from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.planning.shot import ShotPlan
 from sim2d.line_up import kick_off_pose
-from sim2d.robot_link import Phase, RobotLimits
+from sim2d.robot_link import Phase, Reason, RobotLimits
 
 Point = tuple[float, float]
 
@@ -21,6 +22,8 @@ _SHOT_WIDTHS = 3.0
 _WIDEST_AIM_RAD = 0.35
 # seconds the ball is led by where it rolls
 _LEAD_S = 0.15
+# a shot worth less than this is none; a ball held for longer is kicked in any case
+_LEAST_CHANCE, _LONGEST_HELD_S = 0.05, 3.0
 # part of the way round the ball that is driven towards at a time
 _STEP_RAD = 1.2
 
@@ -48,6 +51,8 @@ class Situation:
         Own team kicks off.
     t_s : float
         Now.
+    shot : ShotPlan or None
+        What to do with the ball in the mouth, where that was planned.
     """
 
     pose: Pose2
@@ -59,6 +64,7 @@ class Situation:
     phase: Phase
     kick_off: bool
     t_s: float
+    shot: ShotPlan | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +89,8 @@ class Plan:
         Close to the ball: others may be touched, walls not.
     holding : bool
         With the ball in the mouth: turn gently.
+    why : Reason or None
+        Why so, where that was weighed.
     """
 
     intent: str
@@ -93,6 +101,7 @@ class Plan:
     avoid_ball: bool = False
     close: bool = False
     holding: bool = False
+    why: Reason | None = None
 
 
 class Tactics:
@@ -151,6 +160,10 @@ class Tactics:
         """Turn the ball held to the opponent's goal; kick it there, or where nobody stands."""
         pose = now.pose
         ball = self._mouth(pose)
+        if now.shot is not None and not self._is_keeper:
+            planned = self._planned_shot(now, now.shot)
+            if planned is not None:
+                return planned
         shot, is_open = self._shot(ball, now.obstacles)
         wanted = _heading((pose.x_m, pose.y_m), shot)
         off = abs(wrap_angle(wanted - pose.theta_rad))
@@ -164,14 +177,33 @@ class Tactics:
             return Plan(
                 "clear", self._inside(ball), pose.theta_rad, self._limits.kick_speed_mps, True, False, True, True
             )
-        room = self._room_ahead(pose)
-        if off > 0.6 and room < 1.5 * self._reach:
-            # turning would wedge the ball between robot and wall
-            back = pose.compose(Pose2(-0.3, 0.0, 0.0))
-            return Plan("draw back", self._inside((back.x_m, back.y_m)), pose.theta_rad, 0.0, True, False, True, True)
         step = min(0.4, max(away - 2 * self._goal_half, 0.15))
         target = (pose.x_m + step * math.cos(wanted), pose.y_m + step * math.sin(wanted))
-        return Plan("dribble", self._inside(target), wanted, 0.0, True, False, False, True)
+        return self._draw_back(pose, wanted) or Plan(
+            "dribble", self._inside(target), wanted, 0.0, True, False, False, True
+        )
+
+    def _planned_shot(self, now: Situation, shot: ShotPlan) -> Plan | None:
+        """Kick, turn or go nearer, as promises most; None where nothing promises much."""
+        if shot.chance < _LEAST_CHANCE or now.held_s > _LONGEST_HELD_S:
+            return None
+        pose = now.pose
+        why = Reason("shot", shot.action, shot.reason)
+        if shot.action == "kick":
+            here = self._inside(self._mouth(pose))
+            return Plan("shoot", here, pose.theta_rad, self._limits.kick_speed_mps, True, False, True, True, why)
+        target = _beyond(shot.place_m, shot.heading_rad, -self._reach)
+        return self._draw_back(pose, shot.heading_rad, why) or Plan(
+            "dribble", self._inside(target), shot.heading_rad, 0.0, True, False, False, True, why
+        )
+
+    def _draw_back(self, pose: Pose2, wanted_rad: float, why: Reason | None = None) -> Plan | None:
+        """Draw back where turning would wedge the ball between robot and wall."""
+        if abs(wrap_angle(wanted_rad - pose.theta_rad)) <= 0.6 or self._room_ahead(pose) >= 1.5 * self._reach:
+            return None
+        back = pose.compose(Pose2(-0.3, 0.0, 0.0))
+        target = self._inside((back.x_m, back.y_m))
+        return Plan("draw back", target, pose.theta_rad, 0.0, True, False, True, True, why)
 
     def _fetch(self, now: Situation) -> Plan:
         """Go behind the ball as seen from the opponent's goal, where that is near; else take it from where one is."""

@@ -144,7 +144,7 @@ class Reason:
 
     Parameters
     ----------
-    topic : {"gap", "speed", "gaze"}
+    topic : {"gap", "speed", "gaze", "shot"}
         What was decided.
     choice : str
         How, in a word or two; few different ones, so that they can be counted.
@@ -152,7 +152,7 @@ class Reason:
         Why, with figures.
     """
 
-    topic: Literal["gap", "speed", "gaze"]
+    topic: Literal["gap", "speed", "gaze", "shot"]
     choice: str
     text: str
 

@@ -8,6 +8,7 @@ from robocup_vision.planning.motion_limits import MotionLimits
 from robocup_vision.planning.passage import GapChoice, PassageTimes, choose_gap
 from robocup_vision.planning.path_follower import PathFollower
 from robocup_vision.planning.selective_look import SelectedLook, SelectiveLook
+from robocup_vision.planning.shot import Defender, ShotPlan, ShotPlanner
 from robocup_vision.planning.sight_lines import Blocker
 from robocup_vision.planning.speed import PoseNoise, SpeedPlan, SpeedPlanner
 from robocup_vision.planning.undecided import FloorToDecide, UndecidedSpeed, looks_to_decide, safe_speed_mps
@@ -15,6 +16,7 @@ from robocup_vision.planning.undecided import FloorToDecide, UndecidedSpeed, loo
 __all__ = [
     "GOAL_DETECTORS",
     "Blocker",
+    "Defender",
     "Disc",
     "FloorToDecide",
     "Gap",
@@ -32,6 +34,8 @@ __all__ = [
     "PoseNoise",
     "SelectedLook",
     "SelectiveLook",
+    "ShotPlan",
+    "ShotPlanner",
     "SpeedPlan",
     "SpeedPlanner",
     "UndecidedSpeed",

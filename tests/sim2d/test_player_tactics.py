@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2
+from robocup_vision.planning import ShotPlan
 from sim2d.player_tactics import Situation, Tactics
 from sim2d.robot_link import RobotLimits
 
@@ -52,6 +53,33 @@ def test_a_held_ball_is_shot_where_the_way_is_free_and_turned_otherwise():
     late = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True, held_s=3.5, obstacles=wall_of_robots)
     assert late.kick_mps > 0.0
     assert decide(pose=Pose2(-0.6, 0.6, 2.5), in_mouth=True, held_s=5.0).intent == "clear"
+
+
+def planned(action, place=(0.6, 0.0), heading_rad=0.0, chance=0.8):
+    return ShotPlan(action, place, heading_rad, chance, 0.3, "goal in 80%")
+
+
+def test_a_planned_shot_is_kicked_turned_for_or_gone_nearer_for():
+    pose = Pose2(0.5, 0.0, 0.2)
+    kick = decide(pose=pose, in_mouth=True, shot=planned("kick"))
+    assert (kick.intent, kick.kick_mps) == ("shoot", LIMITS.kick_speed_mps)
+    assert (kick.why.topic, kick.why.choice, kick.why.text) == ("shot", "kick", "goal in 80%")
+    nearer = decide(pose=pose, in_mouth=True, shot=planned("go nearer", (0.8, 0.2), 0.5))
+    assert (nearer.intent, nearer.heading_rad, nearer.kick_mps) == ("dribble", 0.5, 0.0)
+    # the ball, not the robot, shall be there
+    reach = LIMITS.radius_m + FIELD.ball_radius_m
+    assert math.dist(nearer.target, (0.8, 0.2)) == pytest.approx(reach)
+    before_wall = decide(pose=Pose2(0.2, 0.6, math.pi / 2), in_mouth=True, shot=planned("turn", (0.2, 0.7), 0.0))
+    assert before_wall.intent == "draw back"
+
+
+def test_a_shot_that_promises_nothing_a_ball_held_for_long_and_a_keeper_are_left_to_the_plain_rules():
+    pose = Pose2(0.6, 0.0, 0.0)
+    for changes in ({"shot": planned("kick", chance=0.01)}, {"shot": planned("turn"), "held_s": 3.5}):
+        plan = decide(pose=pose, in_mouth=True, **changes)
+        assert plan.why is None
+        assert plan.intent == "shoot"
+    assert decide(0, pose=pose, in_mouth=True, shot=planned("turn")).why is None
 
 
 def test_before_a_wall_the_ball_is_drawn_back():

@@ -1,0 +1,145 @@
+"""Shots at a goal: their chances against drawn kicks, laws over places and defenders, and what is chosen."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from field_models.errors import ArgumentError
+from robocup_vision.planning import Defender, Disc, MotionLimits, ShotPlanner
+
+LINE_M, HALF_M, BALL_M = 1.37, 0.3, 0.0215
+POSTS = ((LINE_M, HALF_M), (LINE_M, -HALF_M))
+RUNNERS = MotionLimits(1.0, 1.2, 0.15)
+# they stay where they are
+STATUES = MotionLimits(1.0, 1e-6, 0.0)
+KICK_RAD = 0.03
+
+
+def planner(defenders: MotionLimits = RUNNERS, kick_std_rad: float = KICK_RAD) -> ShotPlanner:
+    return ShotPlanner(POSTS, BALL_M, 1.43, kick_std_rad, defenders, 0.5, 2.0, 2.0)
+
+
+def at(x_m: float, y_m: float, std_m: float = 0.02, v_mps: tuple[float, float] = (0.0, 0.0)) -> Defender:
+    return Defender(Disc(x_m, y_m, 0.09, np.eye(2) * std_m**2), *v_mps)
+
+
+balls = st.tuples(st.floats(-1.0, 1.2), st.floats(-0.6, 0.6))
+headings = st.floats(-math.pi, math.pi)
+stds = st.floats(0.0, 0.1)
+defenders = st.lists(
+    st.builds(
+        at,
+        st.floats(-1.0, 1.4),
+        st.floats(-0.7, 0.7),
+        st.floats(1e-3, 0.1),
+        st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+    ),
+    max_size=4,
+)
+
+
+def chance(
+    shots: ShotPlanner,
+    ball: tuple[float, float],
+    heading_rad: float,
+    who: list[Defender],
+    std_m: float,
+    std_rad: float,
+) -> float:
+    return float(shots.chances(np.array(ball), np.array(heading_rad), who, std_m, std_rad))
+
+
+@given(balls, headings, defenders, stds, stds)
+def test_more_defenders_never_help_and_the_other_side_is_alike(ball, heading_rad, who, std_m, std_rad):
+    shots = planner()
+    there = chance(shots, ball, heading_rad, who, std_m, std_rad)
+    assert 0.0 <= there <= 1.0
+    assert there <= chance(shots, ball, heading_rad, who[1:], std_m, std_rad)
+    mirrored = [
+        Defender(Disc(d.disc.x_m, -d.disc.y_m, d.disc.radius_m, d.disc.covariance), d.vx_mps, -d.vy_mps) for d in who
+    ]
+    assert chance(shots, (ball[0], -ball[1]), -heading_rad, mirrored, std_m, std_rad) == pytest.approx(there, abs=1e-9)
+
+
+@given(balls, headings, defenders, stds, stds)
+def test_plan_is_never_worth_less_than_a_kick_now(ball, heading_rad, who, std_m, std_rad):
+    shots = planner()
+    plan = shots.plan(ball, heading_rad, who, std_m, std_rad)
+    assert plan.chance_now == pytest.approx(chance(shots, ball, heading_rad, who, std_m, std_rad))
+    assert plan.chance == pytest.approx(chance(shots, plan.place_m, plan.heading_rad, who, std_m, std_rad))
+    assert plan.chance >= plan.chance_now
+    assert (plan.action == "go nearer") == (plan.place_m != ball)
+    assert f"{plan.chance:.0%}" in plan.reason
+    if plan.action == "kick":
+        assert plan.heading_rad == heading_rad
+
+
+@pytest.mark.parametrize("ball", [(0.9, 0.0), (0.5, 0.3), (0.0, -0.4)])
+@pytest.mark.parametrize("off_rad", [-0.25, 0.0, 0.1])
+def test_chance_between_the_posts_is_that_of_drawn_kicks(ball, off_rad):
+    rng = np.random.default_rng(3)
+    heading_rad = math.atan2(-ball[1], LINE_M - ball[0]) + off_rad
+    drawn = heading_rad + 0.05 * rng.standard_normal(20000)
+    y = ball[1] + (LINE_M - ball[0]) * np.tan(drawn)
+    # the whole ball passes beside each post
+    clear_m = HALF_M - BALL_M / np.cos(drawn)
+    expected = float(np.mean((np.abs(y) < clear_m) & (np.abs(drawn) < 1.5)))
+    assert chance(planner(kick_std_rad=0.03), ball, heading_rad, [], 0.0, 0.04) == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize("y_m", [0.0, 0.12, 0.2])
+def test_chance_past_a_defender_is_that_of_drawn_places(y_m):
+    rng = np.random.default_rng(4)
+    places = np.array([1.0, y_m]) + 0.04 * rng.standard_normal((20000, 2))
+    expected = float(np.mean(np.abs(places[:, 1]) > 0.09 + BALL_M))
+    shots = planner(STATUES, kick_std_rad=1e-6)
+    assert chance(shots, (0.5, 0.0), 0.0, [at(1.0, y_m, 0.04)], 0.0, 0.0) == pytest.approx(expected, abs=0.02)
+
+
+def test_who_runs_for_the_ball_covers_more_of_a_goal_that_is_farther():
+    keeper = [at(1.25, 0.0)]
+    heading = [math.atan2(0.24, LINE_M - x) for x in (0.9, 0.1)]
+    near, far = (chance(planner(), (x, 0.0), h, keeper, 0.01, 0.01) for x, h in zip((0.9, 0.1), heading, strict=True))
+    assert near > 0.8 > 0.2 > far
+
+
+def test_one_that_moves_is_met_where_it_will_be():
+    shots = planner(STATUES)
+    comes, goes = (chance(shots, (0.0, 0.0), 0.0, [at(1.0, 0.35, 0.02, (0.0, v))], 0.0, 0.0) for v in (-0.5, 0.5))
+    assert comes < 0.05 < 0.95 < goes
+
+
+def test_faces_an_open_goal_kicks():
+    plan = planner().plan((0.8, 0.0), 0.0, [], 0.01, 0.01)
+    assert plan.action == "kick"
+    assert plan.chance > 0.99
+
+
+def test_turns_to_the_corner_that_the_keeper_leaves():
+    plan = planner().plan((0.9, 0.0), 0.0, [at(1.27, -0.12)], 0.01, 0.01)
+    assert plan.action == "turn"
+    assert plan.heading_rad > 0.1
+
+
+def test_goes_nearer_and_aside_of_one_that_stands_before_it():
+    plan = planner().plan((0.2, 0.0), 0.0, [at(0.45, 0.0), at(1.25, 0.0)], 0.01, 0.01)
+    assert plan.action == "go nearer"
+    way = math.atan2(plan.place_m[1], plan.place_m[0] - 0.2)
+    assert abs(way) > 0.3
+
+
+@pytest.mark.parametrize("name", ["ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s"])
+def test_refuses_what_is_not_positive(name):
+    with pytest.raises(ArgumentError, match=f"{name} must be positive, got 0.0"):
+        dataclasses.replace(planner(), **{name: 0.0})
+
+
+def test_refuses_a_goal_too_narrow_for_the_ball():
+    with pytest.raises(ArgumentError, match=r"a ball of 0.0215 m does not fit between the posts"):
+        ShotPlanner(((1.0, 0.02), (1.0, -0.02)), BALL_M, 1.4, 0.03, RUNNERS, 0.5, 2.0, 2.0)
