@@ -249,8 +249,10 @@ class BuiltInPlayer:
         if self._planner is None or around is None:
             return None
         target = self._point_in_team(plan.target)
-        if plan.close or plan.holding:
-            return self._planner.approach(around, target, None if plan.holding else self._ball.place(t_s))
+        if plan.holding:
+            return self._planner.carry(target)
+        if plan.close:
+            return self._planner.approach(around, target, self._ball.place(t_s))
         return self._planner.plan(around, target)
 
     def _around(self, t_s: float) -> Surroundings | None:

@@ -195,6 +195,11 @@ class TravelPlanner:
         text = f"{speed:.2f} m/s: opponent in {max(room, 0.0):.2f} m at the ball"
         return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
 
+    def carry(self, target: Point) -> Travel:
+        """Take the ball somewhere: as fast as it can be held, but pushing nobody."""
+        self._last = self._taken = None
+        return Travel(target, self._limits.speed_mps, None, (Reason("speed", "full speed", "with the ball"),))
+
     def _holder(self, here: Point, others: Sequence[Disc], ball: Point) -> Disc | None:
         """Return who has the ball and stands between it and the robot."""
         nearest = min(others, key=lambda disc: math.dist((disc.x_m, disc.y_m), ball), default=None)

@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from field_models.field import Field
+from robocup_vision.mapping.occupancy import FREE
+from robocup_vision.memory import MapPicture
 from robocup_vision.planning import Defender, Disc, MotionLimits, ShotPlan, ShotPlanner
 from sim2d.player_motion import HOLDING_MPS, HOLDING_RPS, PERIOD_S
 from sim2d.player_planning import Surroundings
@@ -15,7 +17,9 @@ from sim2d.robot_link import RobotLimits
 # how far a kicked ball leaves the heading, and what of a kick's speed is left when it rolls (a solid sphere)
 _KICK_STD_RAD, _ROLLING_SHARE = 0.03, 5 / 7
 # others run for a ball so long after the kick; a ball is held for so long on average
-_SEEN_S, _LOST_S = 0.15, 2.0
+_SEEN_S, _LOST_S = 0.15, 1.0
+# a keeper stands so many radii before its goal's line, within twice as many of it; how well that tells its place
+_KEEPER_RADII, _KEEPER_STD_M = 1.3, 0.1
 
 
 class Shooter:
@@ -35,6 +39,7 @@ class Shooter:
         self._limits = limits
         self._reach_m = limits.radius_m + field.ball_radius_m
         line, half = attacks * field.length_m / 2, attacks * field.goals[0].width_m / 2
+        self._line_m, self._half_m = line, abs(half)
         self._planner = ShotPlanner(
             ((line, half), (line, -half)),
             field.ball_radius_m,
@@ -60,13 +65,34 @@ class Shooter:
         return self._planner.plan(place, leaves, self._defenders(around), max(std_x, std_y), heading_std)
 
     def _defenders(self, around: Surroundings) -> list[Defender]:
-        """Whoever moves on the field: it is not known which of them are of the own side."""
-        t = around.age_s
-        return [
+        """Whoever moves on the field, of either side, and a keeper, unless the goal's mouth is seen empty."""
+        t, radius_m = around.age_s, self._limits.radius_m
+        known = [
             Defender(
-                Disc(one.x_m + t * one.vx_mps, one.y_m + t * one.vy_mps, self._limits.radius_m, one.covariance[:2, :2]),
+                Disc(one.x_m + t * one.vx_mps, one.y_m + t * one.vy_mps, radius_m, one.covariance[:2, :2]),
                 one.vx_mps,
                 one.vy_mps,
             )
             for one in around.tracks
         ]
+        is_kept = any(self._keeps(one.disc.x_m, one.disc.y_m) for one in known)
+        if is_kept or self._is_empty(around.floor):
+            return known
+        x = self._line_m - math.copysign(_KEEPER_RADII * radius_m, self._line_m)
+        return [*known, Defender(Disc(x, 0.0, radius_m, np.eye(2) * _KEEPER_STD_M**2))]
+
+    def _keeps(self, x_m: float, y_m: float) -> bool:
+        radius_m = self._limits.radius_m
+        return abs(x_m - self._line_m) < 2 * _KEEPER_RADII * radius_m and abs(y_m) < self._half_m + radius_m
+
+    def _is_empty(self, floor: MapPicture | None) -> bool:
+        """Whether all floor where a keeper would stand is known to be free."""
+        if floor is None:
+            return False
+        y = np.arange(-self._half_m, self._half_m, floor.cell_m)
+        x = self._line_m - math.copysign(_KEEPER_RADII * self._limits.radius_m, self._line_m)
+        i, j = (
+            np.floor((v - c) / floor.cell_m).astype(int) for v, c in ((x, floor.corner_m[0]), (y, floor.corner_m[1]))
+        )
+        inside = (i >= 0) & (i < floor.state.shape[0]) & (j >= 0) & (j < floor.state.shape[1])
+        return bool(inside.all()) and bool((floor.state[i, j] == FREE).all())
