@@ -149,7 +149,9 @@ def plain_clearance(
     return least
 
 
-NUMBERS = (0.4, 1.5, 0.03, 1 / 30, 0.5, (0.05, 0.1))
+NUMBERS = (0.4, 1.5, 0.03, 1 / 30, 0.5)
+SLIP = (0.05, 0.1)
+STRAIGHT = np.array([[0.0, 0.0], [3.0, 0.0]])
 
 
 @settings(deadline=None, max_examples=40)
@@ -157,57 +159,56 @@ NUMBERS = (0.4, 1.5, 0.03, 1 / 30, 0.5, (0.05, 0.1))
 def test_the_least_clearance_is_that_of_its_definition(seed):
     rng = np.random.default_rng(seed)
     root = rng.normal(0, 0.03, (3, 3))
-    covariance = root @ root.T
     place, velocity = tuple(rng.uniform(-0.1, 0.1, 2)), tuple(rng.uniform(-0.5, 0.5, 2))
     discs = np.array([(*rng.uniform((0, -0.9), (2.5, 0.9)), 0.18, 4e-4, 1e-4, 2e-4) for _ in range(2)])
-    speed = rng.uniform(0.2, 1.2)
-    found, which = kernels.least_clearance(PATH, place, velocity, velocity, covariance, speed, *NUMBERS, discs, 3.0)
-    plain = plain_clearance(PATH, place, velocity, velocity, covariance, speed, *NUMBERS, discs)
+    given_ones = PATH, place, velocity, velocity, root @ root.T, rng.uniform(0.2, 1.2), *NUMBERS, SLIP
+    found, which = kernels.least_clearance(*given_ones, discs, 3.0)
+    plain = plain_clearance(*given_ones, discs)
     if plain < 0.0:
         # the first part that is short settles it
         assert plain - 1e-9 <= found < 0.0
     else:
         assert found == pytest.approx(plain, abs=1e-9)
-        alone = discs[which : which + 1]
-        assert kernels.least_clearance(PATH, place, velocity, velocity, covariance, speed, *NUMBERS, alone, 3.0)[
-            0
-        ] == pytest.approx(found)
+        assert kernels.least_clearance(*given_ones, discs[which : which + 1], 3.0)[0] == pytest.approx(found)
+
+
+def between_posts(doubt, posts, x=0.0, speed=0.8, slip=SLIP):
+    """Clearance of a straight way between posts of 1 cm of doubt."""
+    discs = np.array([(*post, 0.18, 1e-4, 0.0, 1e-4) for post in posts])
+    moving = (speed, 0.0)
+    return kernels.least_clearance(STRAIGHT, (x, 0.0), moving, moving, doubt, speed, *NUMBERS, slip, discs, 3.0)[0]
 
 
 @settings(deadline=None, max_examples=40)
 @given(seeds)
 def test_more_doubt_of_place_or_heading_never_makes_room(seed):
     rng = np.random.default_rng(seed)
-    sides = np.array([(1.2, s * rng.uniform(0.3, 0.6), 0.18, 1e-4, 0.0, 1e-4) for s in (-1, 1)])
-    straight = np.array([[0.0, 0.0], [3.0, 0.0]])
+    posts = [(1.2, side * rng.uniform(0.3, 0.6)) for side in (-1, 1)]
     x, speed = rng.uniform(0.0, 0.9), rng.uniform(0.3, 1.2)
-    small = np.diag(rng.uniform(0.005, 0.03, 3) ** 2)
-    for grown in ([2, 1, 1], [1, 2, 1], [1, 1, 3]):
-        room, less = (
-            kernels.least_clearance(straight, (x, 0.0), (speed, 0.0), (speed, 0.0), doubt, speed, *NUMBERS, sides, 3.0)[
-                0
-            ]
-            for doubt in (small, np.diag(grown) @ small @ np.diag(grown))
-        )
-        assert less <= room + 1e-9 or room < 0.0
+    small = rng.uniform(0.005, 0.03, 3)
+    room = between_posts(np.diag(small**2), posts, x, speed)
+    for more in ([2, 1, 1], [1, 2, 1], [1, 1, 3]):
+        assert between_posts(np.diag((small * more) ** 2), posts, x, speed) <= room + 1e-9 or room < 0.0
 
 
 def test_doubt_along_the_way_does_not_hide_that_across():
     """The longer axis lies along the path; the posts of the gap are across, where only the return leads to."""
-    posts = np.array([(1.5, s * 0.24, 0.18, 1e-6, 0.0, 1e-6) for s in (-1, 1)])
-    straight = np.array([[0.0, 0.0], [3.0, 0.0]])
+    posts = [(1.5, -0.24), (1.5, 0.24)]
+    vague, sharp = (between_posts(np.diag([0.035, aside, 1e-3]) ** 2, posts, slip=(0.0, 0.0)) for aside in (0.03, 1e-3))
+    assert vague < sharp - 0.3
 
-    def room(aside):
-        doubt = np.diag([0.035, aside, 1e-6]) ** 2
-        return kernels.least_clearance(straight, (0.0, 0.0), (0.8, 0.0), (0.8, 0.0), doubt, 0.8, *NUMBERS, posts, 3.0)[
-            0
-        ]
 
-    assert room(0.03) < room(0.001) - 0.3
+def test_a_heading_that_goes_along_with_the_place_counts_twice():
+    """Off to one side and turned to that side is worse than off and turned back."""
+    posts = [(1.3, -0.5), (1.3, 0.5)]
+    off = np.array([[1e-4, 0.0, 0.0], [0.0, 9e-4, 0.0], [0.0, 0.0, 0.0064]])
+    along = off.copy()
+    along[1, 2] = along[2, 1] = 0.95 * 0.03 * 0.08
+    assert between_posts(along, posts) < between_posts(off, posts) - 0.01
 
 
 def test_without_discs_there_is_no_end_of_room():
     nothing = kernels.least_clearance(
-        PATH, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), np.eye(3), 1.0, *NUMBERS, np.empty((0, 6)), 3.0
+        PATH, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), np.eye(3), 1.0, *NUMBERS, SLIP, np.empty((0, 6)), 3.0
     )
     assert nothing == (math.inf, -1)
