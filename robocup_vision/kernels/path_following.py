@@ -98,6 +98,22 @@ def spread(covariance: FloatArray, odometry: Pair, moved: Pair) -> tuple[float, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _toward(disc: FloatArray, place: Pair, spread_m2: tuple[float, float, float]) -> tuple[float, float]:
+    """Return (distance, m, variance along it, m2) to a disc, from a place of this covariance (xx, xy, yy)."""
+    dx, dy = disc[0] - place[0], disc[1] - place[1]
+    away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    ux, uy = dx / away, dy / away
+    variance = ux * ux * (spread_m2[0] + disc[3]) + uy * uy * (spread_m2[2] + disc[5])
+    return away, variance + 2.0 * ux * uy * (spread_m2[1] + disc[4])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turned(vector: Pair, angle: float) -> Pair:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def least_clearance(
     path: FloatArray,
     place: Pair,
@@ -109,7 +125,7 @@ def least_clearance(
     acceleration: float,
     dead_time: float,
     period: float,
-    look_period: float,
+    until_look: float,
     odometry: Pair,
     discs: FloatArray,
     sigmas: float,
@@ -124,15 +140,19 @@ def least_clearance(
         Where the robot is thought to be, m; its velocity and the command it obeys till the next, m/s.
     covariance : (3, 3) float64
         Of its pose.
+    until_look : float
+        Until the next look, s.
     discs : (M, 6) float64
         x, y, radius and the robot's, and the covariance (xx, xy, yy) of the centre.
     sigmas : float
         How many standard deviations count.
 
-    Two parts. Until the next look the robot believes its odometry: the controller's way is rolled out from where it is
-    thought to be, and each disc must be `sigmas` deviations of the error by then away. At the look it may turn out to
-    be at the worst point of its error ellipse (Miura 2004, section 6.2): from either end of the longer axis
-    the controller's return to the path is rolled out, and the stop after it, and a stop at once.
+    Two parts; once it is negative, no more is looked at. Until the next look the robot believes its odometry: the
+    controller's way is rolled out from where it is thought to be, and then a stop at once, which is done if no speed is
+    safe from there; each disc must be `sigmas` deviations of the error by then away. At the look it may turn out to be
+    at the worst point of its error ellipse (Miura 2004, section 6.2), and turned as that point of the pose's ellipsoid
+    is: from the ends of both axes the controller's return to the path is rolled out, and the stop after it. What error
+    the look leaves is the next plan's concern: it can still stop.
     """
     count = discs.shape[0]
     least, which = np.inf, -1
@@ -140,56 +160,61 @@ def least_clearance(
         return least, which
     # who is nearer than allowed already may go on if it gets no nearer: what is missing now is given
     given = np.empty(count)
+    now = (covariance[0, 0], covariance[0, 1], covariance[1, 1])
     for m in range(count):
-        dx, dy = discs[m, 0] - place[0], discs[m, 1] - place[1]
-        away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
-        ux, uy = dx / away, dy / away
-        variance = ux * ux * (covariance[0, 0] + discs[m, 3]) + uy * uy * (covariance[1, 1] + discs[m, 5])
-        variance += 2.0 * ux * uy * (covariance[0, 1] + discs[m, 4])
+        away, variance = _toward(discs[m], place, now)
         given[m] = max(discs[m, 2] + sigmas * math.sqrt(variance) - away, 0.0)
     here, moving, obeyed = place, velocity, pending
-    steps = max(1, int(round(look_period / period)))
-    xx, xy, yy = covariance[0, 0], covariance[0, 1], covariance[1, 1]
-    for _ in range(steps):
-        target = follow(path, here, speed, ahead_m, acceleration)
+    steps = max(1, int(round(until_look / period)))
+    viewpoint, there, commanded = here, moving, obeyed
+    step = 0
+    while True:
+        target = follow(path, here, speed, ahead_m, acceleration) if step < steps else (0.0, 0.0)
         here, moving = drive(here, moving, obeyed, target, acceleration, dead_time, period)
         obeyed = target
-        xx, xy, yy = spread(covariance, odometry, (here[0] - place[0], here[1] - place[1]))
+        by_then = spread(covariance, odometry, (here[0] - place[0], here[1] - place[1]))
         for m in range(count):
-            dx, dy = discs[m, 0] - here[0], discs[m, 1] - here[1]
-            away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
-            ux, uy = dx / away, dy / away
-            variance = ux * ux * (xx + discs[m, 3]) + 2.0 * ux * uy * (xy + discs[m, 4]) + uy * uy * (yy + discs[m, 5])
+            away, variance = _toward(discs[m], here, by_then)
             clear = away - discs[m, 2] - sigmas * math.sqrt(variance) + given[m]
             if clear < least:
                 least, which = clear, m
+        step += 1
+        if step == steps:
+            viewpoint, there, commanded = here, moving, obeyed
+        if least < 0.0 or (step > steps and moving[0] == 0.0 and moving[1] == 0.0):
+            break
+    if least < 0.0:
+        return least, which
+    dx, dy = viewpoint[0] - place[0], viewpoint[1] - place[1]
+    xx, xy, yy = spread(covariance, odometry, (dx, dy))
+    # how the error of heading goes along with that of the place
+    turned_x, turned_y = covariance[0, 2] - dy * covariance[2, 2], covariance[1, 2] + dx * covariance[2, 2]
     middle, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    longer = middle + math.sqrt(half * half + xy * xy)
-    turned = 0.5 * math.atan2(2.0 * xy, xx - yy)
-    far = math.sqrt(longer)
-    # what the disc's doubt adds to the ellipse's: deviations add up by squares
-    more = np.empty(count)
-    for m in range(count):
-        of_disc = 0.5 * (discs[m, 3] + discs[m, 5])
-        of_disc += math.sqrt((0.5 * (discs[m, 3] - discs[m, 5])) ** 2 + discs[m, 4] ** 2)
-        more[m] = discs[m, 2] + sigmas * (math.sqrt(longer + of_disc) - far)
+    longer = math.sqrt(half * half + xy * xy)
+    axis = 0.5 * math.atan2(2.0 * xy, xx - yy)
     for case in range(4):
-        reach = sigmas * far if case % 2 == 0 else -sigmas * far
-        worst = (here[0] + reach * math.cos(turned), here[1] + reach * math.sin(turned))
-        worst_moving, worst_obeyed = moving, obeyed
-        # the last two stop at once: what is done if no speed is safe from there
-        t, back = 0.0, case >= 2
+        cosine, sine = math.cos(axis + 0.5 * math.pi * case), math.sin(axis + 0.5 * math.pi * case)
+        far = math.sqrt(max(middle + (longer if case % 2 == 0 else -longer), 1e-18))
+        worst = (viewpoint[0] + sigmas * far * cosine, viewpoint[1] + sigmas * far * sine)
+        turn = sigmas * (turned_x * cosine + turned_y * sine) / far
+        worst_moving, worst_obeyed = _turned(there, turn), _turned(commanded, turn)
+        step, back = 0, False
         while True:
             _, off, _ = nearest_on_path(path, worst)
-            back = back or off <= _BACK_M or t >= _LATEST_S
+            back = back or off <= _BACK_M or step * period >= _LATEST_S
             target = (0.0, 0.0) if back else follow(path, worst, speed, ahead_m, acceleration)
             worst, worst_moving = drive(worst, worst_moving, worst_obeyed, target, acceleration, dead_time, period)
             worst_obeyed = target
-            t += period
+            step += 1
             for m in range(count):
-                clear = math.hypot(discs[m, 0] - worst[0], discs[m, 1] - worst[1]) - more[m] + given[m]
+                away, variance = _toward(discs[m], worst, (0.0, 0.0, 0.0))
+                # deviations add up by squares, and the roll-out has the pose's
+                more = sigmas * (math.sqrt(far * far + variance) - far)
+                clear = away - discs[m, 2] - more + given[m]
                 if clear < least:
                     least, which = clear, m
-            if back and worst_moving[0] == 0.0 and worst_moving[1] == 0.0:
+            if least < 0.0 or (back and worst_moving[0] == 0.0 and worst_moving[1] == 0.0):
                 break
+        if least < 0.0:
+            break
     return least, which

@@ -33,7 +33,7 @@ class SpeedPlan:
     safe : bool
         Whether there is one. If not: stop, and look again or go round.
     clearance_m : float
-        What is left at that speed in the worst case that counts; at the slowest one tried if none is safe.
+        What is left at that speed in the worst case that counts; negative if none is safe.
     reason : str
         In words.
     """

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
@@ -57,6 +59,23 @@ def test_below_two_widths_there_is_no_safe_speed():
     assert none.speed_mps == 0.0
     assert none.clearance_m < 0.0
     assert none.reason == "no safe speed: gap 0.33 m, sigma 0.03 m"
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0.005, 0.04), st.floats(0.002, 0.03))
+def test_the_limit_is_what_three_deviations_of_pose_and_opponents_fill(pose_std, disc_std):
+    """The robot and three standard deviations to either side; a little more for the way to the next look."""
+    filled = 2 * 0.09 + 2 * 3 * math.hypot(pose_std, disc_std)
+    planner = SpeedPlanner(FOLLOWER, 0.09, PoseNoise(0.0, 0.0, np.diag([pose_std, pose_std, 1e-4]) ** 2), 0.8)
+
+    def safe(width):
+        discs = [Disc(2.0, s * (width / 2 + 0.09), 0.09, disc_std**2 * np.eye(2)) for s in (-1, 1)]
+        # near enough that the slowest speed brings it into the gap before the next look
+        at = Pose2(2.0 - 0.05, 0.0, 0.0)
+        return planner.plan(PATH, at, planner.noise.look_covariance, (0.0, 0.0), discs).safe
+
+    assert not safe(filled - 0.002)
+    assert safe(filled + 0.01)
 
 
 def test_who_is_too_near_already_may_leave_but_not_come_nearer():

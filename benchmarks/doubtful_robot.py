@@ -1,0 +1,125 @@
+"""A robot that knows its place by a look now and then, and by odometry that slips in between: for speed.py and gaps.py.
+
+It is told estimates only, and followed in truth.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.kernels.path_following import drive, spread
+from robocup_vision.planning import Disc, MotionLimits, PathFollower, PoseNoise, SpeedPlan, SpeedPlanner
+
+LIMITS = MotionLimits(1.5, 3.0)
+RADIUS_M = 0.09
+PERIOD_S, LOOK_PERIOD_S = 1 / 30, 0.8
+# of a look: what differs from look to look, and what all looks of a drive have in common (calibration, map)
+LOOK_STD, BIAS_STD = np.array([0.02, 0.02, 0.02]), np.array([0.018, 0.018, 0.005])
+DISC_STD_M = 0.012
+NOISE = PoseNoise(0.06, 0.12, np.diag(LOOK_STD**2 + BIAS_STD**2))
+# commands between two plans, and seconds without a safe speed after which the robot goes another way
+PLAN_EVERY, PATIENCE_S = 3, 4.0
+FOLLOWER = PathFollower(LIMITS)
+PLANNER = SpeedPlanner(FOLLOWER, RADIUS_M, NOISE, LOOK_PERIOD_S)
+_LOOK_EVERY = round(LOOK_PERIOD_S / PERIOD_S)
+_STANDS_MPS = 0.02
+
+
+class DoubtfulRobot:
+    """Starts at rest about the origin, and believes to be there.
+
+    Parameters
+    ----------
+    rng : Generator
+        Draws all errors.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._bias = BIAS_STD * rng.standard_normal(3)
+        truth = LOOK_STD * rng.standard_normal(3) - self._bias
+        self.place_m, self._turn = (float(truth[0]), float(truth[1])), float(truth[2])
+        self.velocity_mps, self._pending = (0.0, 0.0), (0.0, 0.0)
+        self._believed, self._covariance = np.zeros(3), np.diag(LOOK_STD**2)
+        self._since, self._at_look = np.zeros(2), self._covariance
+        self._slip = self._draw_slip()
+        # looks come when they come, not when the drive begins
+        self._first = self._step = int(rng.integers(_LOOK_EVERY))
+
+    @property
+    def seconds(self) -> float:
+        """Since the start."""
+        return (self._step - self._first) * PERIOD_S
+
+    @property
+    def pose(self) -> Pose2:
+        """As believed."""
+        return Pose2(*self._believed.tolist())
+
+    @property
+    def plans_now(self) -> bool:
+        """Whether this is a time for a plan."""
+        return self._step % PLAN_EVERY == 0
+
+    def look(self) -> bool:
+        """Look, if it is time to; return whether it was."""
+        if self._step % _LOOK_EVERY != 0:
+            return False
+        seen = np.array([*self.place_m, self._turn]) + self._bias + LOOK_STD * self._rng.standard_normal(3)
+        gain = self._covariance @ np.linalg.inv(self._covariance + np.diag(LOOK_STD**2))
+        self._believed = self._believed + gain @ (seen - self._believed)
+        self._covariance = (np.eye(3) - gain) @ self._covariance
+        self._since, self._at_look = np.zeros(2), self._covariance
+        self._slip = self._draw_slip()
+        return True
+
+    def plan(self, path_m: FloatArray, discs: tuple[Disc, ...]) -> SpeedPlan:
+        """Return the largest safe speed by what is believed."""
+        # velocities as the robot thinks them to be: turned by its error of heading
+        off = float(self._believed[2]) - self._turn
+        felt, asked = (Pose2(0, 0, off).transform(v).tolist() for v in (self.velocity_mps, self._pending))
+        left_s = (_LOOK_EVERY - self._step % _LOOK_EVERY) * PERIOD_S
+        return PLANNER.plan(
+            path_m, self.pose, self._covariance + np.diag(BIAS_STD**2), felt, discs, asked, left_s
+        )  # fmt: skip
+
+    def follow(self, path_m: FloatArray, speed_mps: float) -> None:
+        """Drive for one period."""
+        command = FOLLOWER.command(path_m, self.pose, speed_mps)
+        x, y = Pose2(0, 0, self._turn).transform(command).tolist()
+        before = self.place_m
+        self.place_m, self.velocity_mps = drive(
+            before, self.velocity_mps, self._pending, (x, y), LIMITS.acceleration_mps2, LIMITS.dead_time_s, PERIOD_S
+        )
+        self._pending = (x, y)
+        moved = np.array(self.place_m) - before
+        # odometry in the robot's frame, with slip along and across the way
+        wrong = Pose2(0, 0, float(self._believed[2]) - self._turn).transform(
+            (1 + self._slip[0]) * moved + self._slip[1] * np.array([-moved[1], moved[0]])
+        )
+        self._believed = self._believed + np.append(wrong, 0.0)
+        self._since += wrong
+        before_covariance, since = self._at_look, self._since
+        xx, xy, yy = spread(before_covariance, (NOISE.along, NOISE.aside), (float(since[0]), float(since[1])))
+        covariance = before_covariance.copy()
+        covariance[:2, :2] = [[xx, xy], [xy, yy]]
+        covariance[0, 2] = covariance[2, 0] = before_covariance[0, 2] - since[1] * before_covariance[2, 2]
+        covariance[1, 2] = covariance[2, 1] = before_covariance[1, 2] + since[0] * before_covariance[2, 2]
+        self._covariance = covariance
+        self._step += 1
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is at rest, in truth."""
+        return math.hypot(*self.velocity_mps) < _STANDS_MPS
+
+    def touches(self, discs_m: FloatArray) -> bool:
+        """Whether it touches one of the discs (M, 3: x, y, radius), in truth."""
+        away = np.hypot(discs_m[:, 0] - self.place_m[0], discs_m[:, 1] - self.place_m[1])
+        return bool((away < discs_m[:, 2] + RADIUS_M).any())
+
+    def _draw_slip(self) -> FloatArray:
+        return np.array([NOISE.along, NOISE.aside]) * self._rng.standard_normal(2)
