@@ -1,4 +1,4 @@
-"""Which gap, whence to look, how fast, where to turn the head: the planners on made-up scenes, with their reasons."""
+"""Which gap, whence to look, how fast, where to turn the head, where to shoot: planners on made-up scenes."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -10,6 +10,7 @@ from robocup_vision import Pose2, PoseEstimate, load_camera
 from robocup_vision.planning import (
     GOAL_DETECTORS,
     Blocker,
+    Defender,
     Disc,
     FloorToDecide,
     GatePlanner,
@@ -19,6 +20,7 @@ from robocup_vision.planning import (
     PathFollower,
     PoseGaze,
     PoseNoise,
+    ShotPlanner,
     SpeedPlanner,
     UndecidedSpeed,
     WidthSensor,
@@ -66,3 +68,12 @@ gaze = PoseGaze(load_field("four_legged_2007"), camera, Neck(1.4), detectors=GOA
 belief = PoseEstimate(Pose2(0.5, -0.8, 0.6), np.diag([0.1, 0.1, 0.05]) ** 2, 1.0, 0.0)
 opponent = Blocker(1.5, -0.5, 0.15, np.diag([0.05, 0.05]) ** 2, 0.28)
 print(gaze.choose(belief, t_s=0.0, blockers=[opponent]).reason)
+
+# with the ball: kick now, turn first, or go nearer, past a keeper that runs for the ball once it has seen it
+runners = MotionLimits(speed_mps=1.0, acceleration_mps2=1.2, dead_time_s=0.15)
+posts = ((4.5, 0.3), (4.5, -0.3))
+shots = ShotPlanner(posts, 0.0215, 1.4, 0.03, runners, dribble_mps=0.5, turn_rps=2.0, lost_s=1.0)
+keeper = Defender(Disc(4.35, 0.05, 0.09, np.diag([0.02, 0.02]) ** 2), vy_mps=0.2)
+for ball in ((3.2, 0.0), (4.0, -0.1)):
+    shot = shots.plan(ball, heading_rad=0.0, defenders=[keeper], place_std_m=0.01, heading_std_rad=0.02)
+    print(f"{shot.action}: {shot.reason}")
