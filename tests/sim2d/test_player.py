@@ -194,7 +194,9 @@ def test_a_head_that_pans_finds_its_place_by_the_goals():
     _, rows, _, team = play(3.0, field=field, camera=camera, limits=limits)
     known = np.isfinite(rows[:, 2])
     assert known.mean() > 0.5
-    assert np.median(rows[known, 2]) < 0.2
+    assert np.median(rows[known, 2]) < 0.05
+    # the head turns all the time, and farther between two frames than this
+    assert np.percentile(rows[known, 3], 90) < math.radians(2)
     assert all(player.belief.view is not None for player in team)
 
 
