@@ -26,7 +26,7 @@ from robocup_vision.localization.goal_fit import (
     without_element,
 )
 from robocup_vision.localization.goal_geometry import BAR_TOP, HEADING, TILT, X, Y
-from robocup_vision.localization.goal_search import Candidate, GoalSearch
+from robocup_vision.localization.goal_search import EDGE_ON_M, Candidate, GoalSearch
 from robocup_vision.localization.goal_starts import strip_samples
 from robocup_vision.perception.goal_region import Strip
 
@@ -63,7 +63,7 @@ def find_half_goal(search: GoalSearch, frame: ByteImage, prior: Pose2) -> Candid
             for strip, post in itertools.product(proposal.found[:_MOST_STRIPS], (0, 1)):
                 whole = _fit_one_post(search, frame, strip, post, held, look)
                 seen = None if whole is None else _by_what_stands(proposal.model, held, whole)
-                if seen is None:
+                if seen is None or seen.unknowns[X] > held.shape.line_x_m - EDGE_ON_M:
                     continue
                 strain = (seen.unknowns - held.prior)[[X, Y, HEADING]]
                 if np.any(np.abs(strain) > 3 * np.array([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD])):

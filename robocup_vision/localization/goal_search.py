@@ -65,6 +65,7 @@ _RIVAL = 0.7  # share of such a goal's score from which the other branch may be 
 _SWINGS = (-1.0, 0.0)  # obliqueness of further starts, in shares of the first fit's
 _LEAST_CANDIDATE_SCORE = 0.3
 _SAME_PLACE_M = 0.03
+EDGE_ON_M = 0.2  # from nearer to the goal's plane one post hides the other, and the bar falls together with both
 _STRAIN_WORTH = 0.02  # of a score: what a prior off by one standard deviation costs
 _LEAST_PAINTED, _MOSTLY_PAINTED = 0.4, 0.7
 _CARPET_PX = 4.0
@@ -304,7 +305,7 @@ class GoalSearch:
         model, look = proposal.model, proposal.look
         samples = strip_samples(self.camera, ((0, left), (1, right)))
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
-        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - 0.2]
+        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - EDGE_ON_M]
         # where two starts came to the same place, one goes on
         rough = [
             r for k, r in enumerate(rough) if all(math.dist(r[0][:2], o[0][:2]) > _SAME_PLACE_M for o in rough[:k])
