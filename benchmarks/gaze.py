@@ -3,7 +3,7 @@
 Pose (Miura and Shirai 2004, section 6.1; gaze_pose.py): a dog walks among five others and pans its head. Landmarks are
 measured as the detectors of the first table measure them, and followed by a Kalman filter of bearings and elevations;
 then the same with rendered frames, the goal localiser and PoseFilter themselves. RMS and |P|^(1/6) are medians over
-runs. A frame is lost where the position errs by over 0.5 m.
+runs; both must hold the targets. A frame is lost where the position errs by over 0.5 m.
 
 Half of the field (section 4.2; gaze_half.py): a pose or its half turn, each as likely; looks are rendered frames and
 what the goal localiser says of them without a prior, until 0.1 nat is left. Rules are compared on the questions that

@@ -19,7 +19,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, read_only
 from robocup_vision.localization.goal import GoalLocalizer
 from robocup_vision.localization.goal_geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
-from robocup_vision.localization.goal_search import PRIOR_STD_M, PRIOR_STD_RAD
+from robocup_vision.localization.goal_part import PRIOR_STD_M, PRIOR_STD_RAD
 from robocup_vision.localization.lines import LineLocalizer
 from robocup_vision.localization.lines_nearby import locate_nearby
 from robocup_vision.localization.lines_walls import localizer_by_walls, wall_points

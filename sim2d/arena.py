@@ -127,6 +127,7 @@ class Arena:
                 self.world.ball_in_mouth(robot.index),
                 state.phase,
                 state.kick_off_side == robot.side,
+                robot.pan_rad if isinstance(self.camera, PinholeCamera) else None,
             )
             sensed.append(self._faulty[robot.index].apply(senses))
         return tuple(sensed)

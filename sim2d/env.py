@@ -34,7 +34,6 @@ Action = dict[str, Any]
 
 _PICTURE_PX = (900, 560)
 _FURTHEST_M = 100.0
-_PAN_LIMIT_RAD = math.pi / 2
 
 
 class MatchEnv(ParallelEnv):  # type: ignore[misc]
@@ -61,6 +60,8 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
 
     - ``frame``: Box (H, W, 3) uint8, BGR; black if none came.
     - ``is_fresh``: Discrete(2), whether a frame came.
+    - ``frame_pan_rad``: Box (1,), pan of the head when the frame was exposed, rad, 0 if none came; only with a pinhole
+      camera.
 
     as percepts (``observation="percepts"``, mirror cameras only) with what `Vision` and `PoseFilter` tell from the
     frames and the odometry, never the truth:
@@ -244,6 +245,8 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             width, height = self._camera.size_px
             parts["frame"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
             parts["is_fresh"] = spaces.Discrete(2)
+            if isinstance(self._camera, PinholeCamera):
+                parts["frame_pan_rad"] = self._pan_space()
         return spaces.Dict(parts)
 
     def _make_action_space(self) -> spaces.Dict:
@@ -255,8 +258,11 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             "dribble": spaces.Discrete(2),
         }
         if isinstance(self._camera, PinholeCamera):
-            parts["pan_rad"] = _box([-_PAN_LIMIT_RAD], [_PAN_LIMIT_RAD])
+            parts["pan_rad"] = self._pan_space()
         return spaces.Dict(parts)
+
+    def _pan_space(self) -> spaces.Box:
+        return _box([-self._limits.pan_limit_rad], [self._limits.pan_limit_rad])
 
     def _observe(self, arena: Arena) -> dict[str, Observation]:
         return {
@@ -277,6 +283,8 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             frame = senses.frame
             values["frame"] = np.zeros(space["frame"].shape, np.uint8) if frame is None else frame.copy()
             values["is_fresh"] = int(frame is not None)
+            if "frame_pan_rad" in space.spaces:
+                values["frame_pan_rad"] = [senses.frame_pan_rad or 0.0]
         return {name: _fitted(space[name], value) for name, value in values.items()}
 
     def _info(self, agent: str, state: WorldState) -> dict[str, Any]:

@@ -135,12 +135,13 @@ class FaultySenses:
         self._faults = tuple(faults)
         self._rng = rng
         self._longest_delay_s = max((f.amount for f in self._faults if f.kind == "delayed"), default=0.0)
-        self._exposed: deque[tuple[float, UInt8Array]] = deque()
+        self._exposed: deque[Senses] = deque()
         self._last_good: UInt8Array | None = None
         self._handed_on_s = -math.inf
 
     def apply(self, senses: Senses) -> Senses:
         """Return what is left of the senses; call it once each control period, in order."""
+        pan_now_rad = senses.frame_pan_rad
         on = {fault.kind: fault.amount for fault in self._faults if fault.is_on(senses.t_s)}
         if "odometry" in on:
             gain, step = 1.0 + on["odometry"], senses.odometry
@@ -149,8 +150,14 @@ class FaultySenses:
         if "delayed" in on or self._longest_delay_s:
             senses = self._delayed(senses, on.get("delayed", 0.0))
         if "frozen" in on:
-            frame_t_s = None if self._last_good is None else senses.t_s
-            senses = replace(senses, frame=self._last_good, frame_t_s=frame_t_s)
+            # the picture is old, its time and the neck's joint are not
+            came = self._last_good is not None
+            senses = replace(
+                senses,
+                frame=self._last_good,
+                frame_t_s=senses.t_s if came else None,
+                frame_pan_rad=pan_now_rad if came else None,
+            )
         elif senses.frame is not None:
             self._last_good = senses.frame
         if "black" in on and senses.frame is not None:
@@ -158,19 +165,27 @@ class FaultySenses:
             black.flags.writeable = False
             senses = replace(senses, frame=black)
         if "dropped" in on and self._rng.random() < on["dropped"]:
-            senses = replace(senses, frame=None, frame_t_s=None)
+            senses = _without_frame(senses)
         return senses
 
     def _delayed(self, senses: Senses, delay_s: float) -> Senses:
-        if senses.frame is not None and senses.frame_t_s is not None:
-            self._exposed.append((senses.frame_t_s, senses.frame))
-        newest: tuple[float, UInt8Array] | None = None
-        while self._exposed and self._exposed[0][0] < senses.t_s - self._longest_delay_s - _TIME_SLACK_S:
+        if senses.frame is not None:
+            self._exposed.append(senses)
+        newest: Senses | None = None
+        while self._exposed and _exposed_s(self._exposed[0]) < senses.t_s - self._longest_delay_s - _TIME_SLACK_S:
             self._exposed.popleft()
-        for exposed_s, frame in self._exposed:
-            if self._handed_on_s < exposed_s <= senses.t_s - delay_s + _TIME_SLACK_S:
-                newest = exposed_s, frame
+        for then in self._exposed:
+            if self._handed_on_s < _exposed_s(then) <= senses.t_s - delay_s + _TIME_SLACK_S:
+                newest = then
         if newest is None:
-            return replace(senses, frame=None, frame_t_s=None)
-        self._handed_on_s = newest[0]
-        return replace(senses, frame=newest[1], frame_t_s=newest[0])
+            return _without_frame(senses)
+        self._handed_on_s = _exposed_s(newest)
+        return replace(senses, frame=newest.frame, frame_t_s=newest.frame_t_s, frame_pan_rad=newest.frame_pan_rad)
+
+
+def _without_frame(senses: Senses) -> Senses:
+    return replace(senses, frame=None, frame_t_s=None, frame_pan_rad=None)
+
+
+def _exposed_s(senses: Senses) -> float:
+    return senses.t_s if senses.frame_t_s is None else senses.frame_t_s

@@ -88,7 +88,9 @@ class BuiltInPlayer:
         self._last_frame: UInt8Array | None = None
         self._last_t_s: float | None = None
         self._held_since_s: float | None = None
+        # of the last frame
         self._pan_rad = 0.0
+        self._neck = Neck(min(_SWEEP_RAD, setup.limits.pan_limit_rad), setup.limits.pan_rps)
         self._intent = "wait"
         self._why: Reason | None = None
         self._planner: TravelPlanner | None = None
@@ -98,7 +100,7 @@ class BuiltInPlayer:
             self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free)
             self._shooter = Shooter(setup.field, setup.limits, setup.attacks) if setup.field.goals else None
             if self._head is not None:
-                self._gaze_planner = PoseGaze(setup.field, self._head, Neck(_SWEEP_RAD), detectors=GOAL_DETECTORS)
+                self._gaze_planner = PoseGaze(setup.field, self._head, self._neck, detectors=GOAL_DETECTORS)
         self._travel: Travel | None = None
         self._gaze: Gaze | None = None
         self._gaze_s = -math.inf
@@ -157,7 +159,7 @@ class BuiltInPlayer:
         if self._last_frame is not None and np.array_equal(frame, self._last_frame):
             return
         self._last_frame = frame.copy()
-        mount = self._mount()
+        mount = self._mount(senses.frame_pan_rad)
         prior = self._filter.prior(frame_t_s)
         view = self._vision.look(frame, frame_t_s, prior=None if prior is None else prior.compose(mount))
         pose = view.pose
@@ -293,9 +295,12 @@ class BuiltInPlayer:
     def _point_in_team(self, point: Point) -> Point:
         return point if self._setup.attacks > 0 else (-point[0], -point[1])
 
-    def _mount(self) -> Pose2:
+    def _mount(self, pan_rad: float | None) -> Pose2:
+        """Where on the robot the camera was when it took a frame; a neck that tells nothing is still as it was."""
         if self._head is None:
             return _NOWHERE
+        if pan_rad is not None:
+            self._pan_rad = pan_rad
         return Pose2(*self._head.offset_m, self._pan_rad)
 
     def _plan_gaze(self, planner: PoseGaze, t_s: float) -> Gaze:
@@ -319,7 +324,6 @@ class BuiltInPlayer:
             gaze = self._gaze
             wanted = gaze.pan_rad
         else:
-            wanted = _SWEEP_RAD * math.sin(math.tau * phase_s / _SWEEP_S)
+            wanted = self._neck.sweep(phase_s, _SWEEP_S)
         self._gaze = gaze
-        self._pan_rad = max(-_SWEEP_RAD, min(_SWEEP_RAD, wanted))
-        return self._pan_rad
+        return max(-self._neck.limit_rad, min(self._neck.limit_rad, wanted))

@@ -27,6 +27,7 @@ HOLDING_RPS, HOLDING_MPS = 2.2, 0.6
 _PUSH_MPS = 0.25
 # one that stands so near, within so much of the way ahead, would be pushed
 _NEAR_M, _PUSHED_RAD = 0.02, 1.3
+_AROUND_BALL_M = 0.1
 # what a robot goes round moves on: a longer detour than this leads nowhere
 _DETOUR_S = 1.5
 # wanting to be elsewhere by more than a place's tolerance, but having moved less than this for so long, is being stuck
@@ -129,7 +130,7 @@ class Motion:
             self._direct_s = t_s
         v_x, v_y = chosen.velocity_mps.tolist()
         pushes = not chosen.safe and (plan.close or plan.holding)
-        if pushes and (travel is None or not self._stands_there(moving, bearing)):
+        if pushes and (travel is None or not self._stands_there(moving, bearing, _AROUND_BALL_M if plan.holding else _NEAR_M)):
             push = min(_PUSH_MPS, 4.0 * distance_m)
             v_x, v_y = push * math.cos(bearing), push * math.sin(bearing)
         if plan.holding:
@@ -142,9 +143,9 @@ class Motion:
         self._wheels.command(wanted)
         return Command(*wanted, turn, plan.kick_mps, plan.dribble)
 
-    def _stands_there(self, moving: Sequence[MovingObstacle], bearing_rad: float) -> bool:
+    def _stands_there(self, moving: Sequence[MovingObstacle], bearing_rad: float, near_m: float) -> bool:
         """Whether one that moves would be pushed by driving that way."""
-        near = 2 * self._limits.radius_m + _NEAR_M
+        near = 2 * self._limits.radius_m + near_m
         return any(
             math.hypot(o.x_m, o.y_m) < near and abs(wrap_angle(math.atan2(o.y_m, o.x_m) - bearing_rad)) < _PUSHED_RAD
             for o in moving

@@ -16,8 +16,8 @@ from sim2d.robot_link import RobotLimits
 
 # how far a kicked ball leaves the heading, and what of a kick's speed is left when it rolls (a solid sphere)
 _KICK_STD_RAD, _ROLLING_SHARE = 0.03, 5 / 7
-# others run for a ball so long after the kick; a ball is held for so long on average
-_SEEN_S, _LOST_S = 0.15, 1.0
+# others run for a ball so long after the kick; a ball that they reach is held for so long
+_SEEN_S, _LOST_S = 0.15, 0.5
 # a keeper stands so many radii before its goal's line, within twice as many of it; how well that tells its place
 _KEEPER_RADII, _KEEPER_STD_M = 1.3, 0.1
 

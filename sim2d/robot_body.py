@@ -26,7 +26,6 @@ DRIBBLER_STIFFNESS_PS2, DRIBBLER_DAMPING_PS, DRIBBLER_GRIP_MPS2 = 900.0, 50.0, 6
 KICK_AGAIN_S = 0.5
 KICK_SPEED_STD, KICK_ANGLE_STD_RAD = 0.05, math.radians(1.5)
 PUSH_S = 0.2
-PAN_RPS, PAN_LIMIT_RAD = 8.0, math.radians(90.0)
 
 
 class RobotBody:
@@ -157,8 +156,9 @@ class RobotBody:
         self.body.velocity = self._set[:2]
         self.body.angular_velocity = self._set[2]
         if now.pan_rad is not None:
-            want_pan = max(-PAN_LIMIT_RAD, min(PAN_LIMIT_RAD, now.pan_rad))
-            self.pan_rad += max(-PAN_RPS * dt, min(PAN_RPS * dt, want_pan - self.pan_rad))
+            want_pan = max(-limits.pan_limit_rad, min(limits.pan_limit_rad, now.pan_rad))
+            most_pan = limits.pan_rps * dt
+            self.pan_rad += max(-most_pan, min(most_pan, want_pan - self.pan_rad))
 
     def feel(self) -> None:
         """After a physics step: contacts turn the wheels, and the wheels count."""

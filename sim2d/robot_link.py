@@ -5,6 +5,7 @@ Plain values only. Nothing here knows of the world, so a player that imports thi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
@@ -40,6 +41,9 @@ class RobotLimits:
         How long a command takes until the wheels obey it.
     kick_speed_mps : float
         Largest speed that the kicker gives the ball.
+    pan_rps, pan_limit_rad : float
+        How fast the head of a pinhole camera pans, radians a second, and how far to either side. Commands reach the
+        neck after the same dead time as the wheels.
     """
 
     radius_m: float = 0.09
@@ -50,6 +54,8 @@ class RobotLimits:
     turn_acceleration_rps2: float = 30.0
     dead_time_s: float = 0.03
     kick_speed_mps: float = 2.0
+    pan_rps: float = 8.0
+    pan_limit_rad: float = math.pi / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +109,9 @@ class Senses:
         What the referee's whistle last said.
     kick_off : bool
         Own team kicks off; meaningful in phase "kick_off".
+    frame_pan_rad : float or None
+        Pan of the head when the frame was exposed, as the neck's joint tells it, from straight ahead, positive to the
+        left; None without a frame, and where the camera does not pan.
     """
 
     t_s: float
@@ -112,6 +121,7 @@ class Senses:
     ball_in_mouth: bool
     phase: Phase
     kick_off: bool
+    frame_pan_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,14 +42,9 @@ from robocup_vision.localization.goal_lines import (
 )
 from robocup_vision.localization.goal_marks import SURE_M, GoalMarks
 from robocup_vision.localization.goal_paper import PaperMethod
+from robocup_vision.localization.goal_part import PRIOR_STD_M, PRIOR_STD_RAD, find_half_goal, under_prior
 from robocup_vision.localization.goal_profile import polish
-from robocup_vision.localization.goal_search import (
-    PRIOR_STD_M,
-    PRIOR_STD_RAD,
-    Candidate,
-    GoalSearch,
-    under_prior,
-)
+from robocup_vision.localization.goal_search import Candidate, GoalSearch
 from robocup_vision.localization.line_map import LineMap
 from robocup_vision.perception.goal_color import hue_masks
 
@@ -189,7 +184,7 @@ class GoalLocalizer:
         by_lines = self._by_lines(frame, prior) if self._lines is not None else None
         if by_lines is not None:
             return by_lines
-        part = self._search.partial(frame, prior)
+        part = find_half_goal(self._search, frame, prior)
         return (
             _goal_alone(part) if part is not None else NotLocated(f"{reason}; nor does enough of it bear out the prior")
         )

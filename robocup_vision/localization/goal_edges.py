@@ -27,6 +27,7 @@ FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
 _FOOT_TOWARDS = np.array([0.5, -1.0, 0.5])
 _SPACING_PX = 2.0
 _MOST_SAMPLES = 40
+_PAINT_DEPTH_PX = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +45,16 @@ class Look:
     apart : (3,) float64 or None
         The same as `towards` where that finds no edge: paint in the shade has less of its colour than a wall of a
         neighbouring hue in the light.
+    paint : (H, W) uint8 or None
+        Where the paint is, reduced in size as the image may be to find it: edges and feet count only where it is just
+        inside. None: anywhere.
     """
 
     towards: FloatArray
     glare: float
     grey: float
     apart: FloatArray | None = None
+    paint: npt.NDArray[np.uint8] | None = None
 
 
 def _none() -> FloatArray:
@@ -128,6 +133,12 @@ def edge_segments(shape: GoalShape, unknowns: FloatArray) -> FloatArray:
             ends[e] = [[shape.line_x_m, left - trim, shape.height_m], [shape.line_x_m, right + trim, shape.height_m]]
         ends[e] += r * normals[e]
     return ends
+
+
+def _is_painted(paint: npt.NDArray[np.uint8], uv: FloatArray) -> npt.NDArray[np.bool_]:
+    height, width = paint.shape
+    u, v = np.rint(uv).astype(np.intp).T
+    return np.asarray(paint[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] > 0)
 
 
 def measure(
@@ -211,6 +222,10 @@ def measure(
         )
         offset[again], contrast[again], sigma[again] = results
         found = np.isfinite(offset)
+    if look.paint is not None:
+        inner = start - normal * np.clip(inside_px[:count], 1.0, _PAINT_DEPTH_PX)[:, None]
+        inner[found] += normal[found] * offset[found, None]
+        found &= _is_painted(look.paint, inner * (look.paint.shape[1] / width))
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
     where = np.ascontiguousarray(to_ideal(camera, start[found] + normal[found] * offset[found, None]))
     edge_found, foot_found = found[:n], np.flatnonzero(found[n:])

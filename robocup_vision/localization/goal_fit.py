@@ -257,6 +257,22 @@ def without(samples: EdgeSamples, edge: int) -> EdgeSamples:
     )
 
 
+def without_element(samples: EdgeSamples, element: int) -> EdgeSamples:
+    """Drop the edges and the foot of the left post (0) or the right one (1), or the bar (2)."""
+    kept, feet = samples.edge // 2 != element, samples.foot_post != element
+    marks = np.ones(len(samples.mark_m), bool)
+    return replace(
+        samples,
+        edge=samples.edge[kept],
+        uv=np.ascontiguousarray(samples.uv[kept]),
+        foot_post=samples.foot_post[feet],
+        foot_at=samples.foot_at[feet],
+        foot_uv=np.ascontiguousarray(samples.foot_uv[feet]),
+        foot_direction=np.ascontiguousarray(samples.foot_direction[feet]),
+        sigma=samples.sigma[np.concatenate([kept, feet, marks])],
+    )
+
+
 def refine(
     image: npt.NDArray[np.uint8],
     camera: PinholeCamera,

@@ -14,13 +14,12 @@ import numpy.typing as npt
 
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal_strips import BRIGHTEST, mean_along
 from robocup_vision.localization.goal_edges import Look, from_ideal
 from robocup_vision.localization.goal_fit import (
     INLIER_PX,
     LEAST_EDGE_SHARE,
-    LEAST_ELEMENT_SHARE,
     GoalFit,
     GoalModel,
     agreement,
@@ -32,7 +31,7 @@ from robocup_vision.localization.goal_fit import (
     residuals,
     strain_of,
 )
-from robocup_vision.localization.goal_geometry import BAR_TOP, HEADING, TILT, X, Y, goal_shape, project
+from robocup_vision.localization.goal_geometry import BAR_TOP, X, goal_shape, project
 from robocup_vision.localization.goal_starts import bar_rows, starts, strip_samples, swung, with_bar
 from robocup_vision.perception.goal_color import (
     halves,
@@ -56,7 +55,6 @@ from robocup_vision.perception.goal_region import (
 
 ByteImage = npt.NDArray[np.uint8]
 
-PRIOR_STD_M, PRIOR_STD_RAD = 0.4, 0.15
 # how far paint bleeds: the white of a goal in the sun by a pixel, paint of a hue hardly
 _BLOOM_STD_PX = {"white": 0.7, "hue": 0.15}
 _START_SCALES = np.full(8, 100.0)
@@ -67,8 +65,9 @@ _RIVAL = 0.7  # share of such a goal's score from which the other branch may be 
 _SWINGS = (-1.0, 0.0)  # obliqueness of further starts, in shares of the first fit's
 _LEAST_CANDIDATE_SCORE = 0.3
 _SAME_PLACE_M = 0.03
+EDGE_ON_M = 0.2  # from nearer to the goal's plane one post hides the other, and the bar falls together with both
 _STRAIN_WORTH = 0.02  # of a score: what a prior off by one standard deviation costs
-_LEAST_PAINTED = 0.4
+_LEAST_PAINTED, _MOSTLY_PAINTED = 0.4, 0.7
 _CARPET_PX = 4.0
 _BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
 
@@ -186,48 +185,15 @@ class GoalSearch:
         # of posts and bar lamps may have washed one
         if np.sort(painted)[1] < _LEAST_PAINTED * 255:
             return "what looks like one has not the goal's colour"
+        bare = fit.share[:BAR_TOP].reshape(2, 2).min(axis=1) < LEAST_EDGE_SHARE
+        # its own hue behind a post may hide an edge of it: then it is all in that hue
+        if np.any(painted[[0, 2]][bare] < _MOSTLY_PAINTED * 255):
+            return "what looks like a post of one has one edge and not the goal's colour"
         feet = pixels[[0, 3]]
         mean_along(proposal.carpet, feet + np.array([0.0, 1.5]), feet + np.array([0.0, 1.5 + _CARPET_PX]), before)
         if before.max() < _LEAST_PAINTED * 255:
             return "what looks like one has no carpet before it"
         return None
-
-    def partial(self, frame: ByteImage, prior: Pose2) -> Candidate | None:
-        """One post and the bar, or two posts without it, fitted under a prior pose; None where less is in view.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            BGR.
-        prior : Pose2
-            Known to `PRIOR_STD_M` and `PRIOR_STD_RAD`.
-        """
-        best: Candidate | None = None
-        for proposal in self.proposals(frame):
-            for side in proposal.sides:
-                held = under_prior(proposal.model, prior if side > 0 else prior.half_turn())
-                for strip, post in itertools.product(proposal.found[:6], (0, 1)):
-                    seen = self._fit_one_post(frame, strip, post, held, proposal.look)
-                    if seen is None or sum(s >= LEAST_ELEMENT_SHARE for s in seen.element_shares) < 2:
-                        continue
-                    strain = (seen.unknowns - held.prior)[[X, Y, HEADING]]
-                    if np.any(np.abs(strain) > 3 * np.array([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD])):
-                        continue
-                    if best is None or seen.score > best.fit.score:
-                        best = Candidate(seen, (side,), held, proposal.look, None)
-        return best
-
-    def _fit_one_post(self, frame: ByteImage, strip: Strip, post: int, held: GoalModel, look: Look) -> GoalFit | None:
-        samples = strip_samples(self.camera, ((post, strip),))
-        start = held.prior.copy()
-        # the strip's foot tells the tilt, and where the post stands the heading
-        distance = math.hypot(self.shape.line_x_m - start[X], self.shape.post_y_m[post] - start[Y])
-        low = strip.foot if math.isfinite(strip.foot) else strip.bottom
-        start[TILT] = -math.atan(self.camera.height_m / distance) + math.atan(
-            (low - held.view.center_px[1]) / held.view.focal_px[1]
-        )
-        rough, cost, _ = fit(held, samples, start, _START_SCALES)
-        return refine(frame, self.camera, held, rough, look, 4.0) if math.isfinite(cost) else None
 
     def proposals(self, frame: ByteImage) -> Iterator[Proposal]:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""
@@ -339,7 +305,7 @@ class GoalSearch:
         model, look = proposal.model, proposal.look
         samples = strip_samples(self.camera, ((0, left), (1, right)))
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
-        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - 0.2]
+        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - EDGE_ON_M]
         # where two starts came to the same place, one goes on
         rough = [
             r for k, r in enumerate(rough) if all(math.dist(r[0][:2], o[0][:2]) > _SAME_PLACE_M for o in rough[:k])
@@ -380,12 +346,3 @@ class GoalSearch:
 def _weakened(found: list[Strip]) -> list[Strip]:
     """Give strips found by their edges the strength that rows of a mask would have."""
     return [replace(s, strength=s.strength / BRIGHTEST) for s in found]
-
-
-def under_prior(model: GoalModel, prior: Pose2) -> GoalModel:
-    """Add a prior on the pose to a model."""
-    expected, weight = model.prior.copy(), model.weight.copy()
-    expected[[X, Y, HEADING]] = prior.array
-    weight[X] = weight[Y] = PRIOR_STD_M**-2
-    weight[HEADING] = PRIOR_STD_RAD**-2
-    return replace(model, prior=expected, weight=weight)

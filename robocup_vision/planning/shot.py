@@ -96,7 +96,7 @@ class ShotPlanner:
     dribble_mps, turn_rps : float
         How fast the robot can go and turn with the ball.
     lost_s : float
-        How long a ball is held until somebody takes it, on average.
+        How long a ball is held, on average, where somebody can reach it.
 
     Raises
     ------
@@ -145,7 +145,8 @@ class ShotPlanner:
         now = float(self.chances(np.array(ball), np.array(heading_rad), defenders, place_std_m, heading_std_rad))
         turns = np.abs(np.remainder(headings - heading_rad + math.pi, math.tau) - math.pi)
         seconds = np.maximum(turns / self.turn_rps, ways[:, None] / self.dribble_mps)
-        kept = np.exp(-seconds / self.lost_s) * self._free(ball, places, defenders, place_std_m)[:, None]
+        reached = self._reached(places, seconds, defenders, place_std_m)
+        kept = np.exp(-seconds / self.lost_s * reached) * self._free(ball, places, defenders, place_std_m)[:, None]
         place, aim = np.unravel_index(int(np.argmax(chances * kept)), chances.shape)
         chance, worth = float(chances[place, aim]), float((chances * kept)[place, aim])
         if now >= worth:
@@ -184,8 +185,7 @@ class ShotPlanner:
             seconds = np.maximum(c * x + s * y, 0.0) / self.ball_mps
             x, y = x + seconds * one.vx_mps, y + seconds * one.vy_mps
             along, aside = c * x + s * y, c * y - s * x
-            runs = np.maximum(seconds - self.defenders.dead_time_s, 0.0)
-            reach = np.minimum(0.5 * self.defenders.acceleration_mps2 * runs**2, self.defenders.speed_mps * runs)
+            reach = self._reach_m(seconds)
             (xx, xy), (_, yy) = one.disc.covariance
             across = s**2 * xx - 2 * s * c * xy + c**2 * yy
             std = np.sqrt(across + place_std_m**2 + (spread * along) ** 2)
@@ -214,6 +214,24 @@ class ShotPlanner:
         margin = self.ball_radius_m / math.dist(*self.posts_m)
         share = np.linspace(margin, 1.0 - margin, _AIMS)[:, None]
         return np.asarray(left + share * (right - left))
+
+    def _reach_m(self, seconds: FloatArray) -> FloatArray:
+        """How far from where its velocity leads it a defender can be by then."""
+        runs = np.maximum(seconds - self.defenders.dead_time_s, 0.0)
+        return np.asarray(np.minimum(0.5 * self.defenders.acceleration_mps2 * runs**2, self.defenders.speed_mps * runs))
+
+    def _reached(
+        self, places: FloatArray, seconds: FloatArray, defenders: Sequence[Defender], place_std_m: float
+    ) -> FloatArray:
+        """Chance that somebody can be at each place (P, 2) with the ball by then (P, K)."""
+        away = np.ones(seconds.shape)
+        for one in defenders:
+            x = one.disc.x_m + seconds * one.vx_mps - places[:, None, 0]
+            y = one.disc.y_m + seconds * one.vy_mps - places[:, None, 1]
+            std = math.sqrt(float(np.linalg.eigvalsh(one.disc.covariance)[-1]) + place_std_m**2)
+            room = np.hypot(x, y) - self._reach_m(seconds) - one.disc.radius_m - self.ball_radius_m
+            away *= _below(room / std)
+        return np.asarray(1.0 - away)
 
     def _free(self, ball: Point, places: FloatArray, defenders: Sequence[Defender], place_std_m: float) -> FloatArray:
         """Chance that nobody stands in the straight way to each place."""

@@ -159,6 +159,14 @@ def test_a_head_has_a_pan():
     env.reset(seed=0)
     drive(env, 4, {"plus_0": {**ONWARD, "pan_rad": np.array([0.3])}})
     assert env._arena.state.robots[0].pan_rad == pytest.approx(0.3)
+    seen = drive(env, 1, {"plus_0": {**ONWARD, "pan_rad": np.array([-1.0])}})["plus_0"]
+    # on its way; what the joint tells is where the frame was taken
+    assert -1.0 < seen["frame_pan_rad"][0] < 0.3
+    assert seen["frame_pan_rad"] == pytest.approx(env._arena.state.robots[0].pan_rad)
+    slow = MatchEnv(load_field("four_legged_2007"), players=1, limits=RobotLimits(pan_limit_rad=0.5))
+    assert slow.action_space("plus_0")["pan_rad"].high == pytest.approx(0.5)
+    assert slow.observation_space("plus_0")["frame_pan_rad"].low == pytest.approx(-0.5)
+    assert "frame_pan_rad" not in image_env().reset(seed=0)[0]["plus_0"]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ STEP = Pose2(0.02, -0.01, 0.1)
 
 def senses(index):
     frame = np.full((2, 2, 3), index % 255 + 1, dtype=np.uint8)
-    return Senses(index * PERIOD_S, frame, index * PERIOD_S, STEP, False, "play", False)
+    return Senses(index * PERIOD_S, frame, index * PERIOD_S, STEP, False, "play", False, 0.01 * index)
 
 
 def spoil(*faults, count=60):
@@ -68,6 +68,17 @@ def test_a_camera_frozen_from_the_start_shows_nothing():
     sensed = spoil(SenseFault(0, "frozen", 0.0, 0.1), count=4)
     assert brightness(sensed) == [None, None, None, 4]
     assert sensed[0].frame_t_s is None
+
+
+def test_the_heads_pan_goes_with_the_frame():
+    late = spoil(SenseFault(0, "delayed", 0.5, 1.0, 0.1))
+    assert late[20].frame_pan_rad == pytest.approx(0.17)
+    assert late[16].frame_pan_rad is None
+    # of a frame that only seems new the joint is read anew
+    assert spoil(SenseFault(0, "frozen", 0.5, 1.0))[20].frame_pan_rad == pytest.approx(0.2)
+    both = spoil(SenseFault(0, "frozen", 0.5, 1.0), SenseFault(0, "delayed", 0.5, 1.0, 0.1))
+    assert both[20].frame_pan_rad == pytest.approx(0.2)
+    assert spoil(SenseFault(0, "dropped", amount=1.0))[3].frame_pan_rad is None
 
 
 def test_black_frames_are_black():

@@ -17,7 +17,7 @@ from robocup_vision.geometry import Pose2
 from sim2d.line_up import center_circle_radius_m, kick_off_pose
 from sim2d.rendering.scene import Box
 from sim2d.robot_link import Command, RobotLimits
-from sim2d.world import CONTROL_PERIOD_S, World
+from sim2d.world import CONTROL_PERIOD_S, STEP_S, World
 
 FIELD = load_field("ssl_2001")
 CARPET = load_field("msl_6x4")
@@ -275,13 +275,19 @@ def test_a_course_has_boxes_and_no_rules():
 
 
 def test_a_head_pans_at_its_own_speed_within_its_range():
-    world = lone_robot()
-    world.step({0: Command(pan_rad=5.0)})
-    first = world.state.robots[0].pan_rad
-    assert 0.1 < first < 0.5
-    for _ in range(10):
+    limits = replace(LIMITS, pan_rps=3.0, pan_limit_rad=0.7)
+    world = World.course(FIELD, (), [Pose2(0.0, 0.0, 0.0)], limits, np.random.default_rng(0))
+    pans = []
+    for _ in range(12):
         world.step({0: Command(pan_rad=5.0)})
-    assert world.state.robots[0].pan_rad == pytest.approx(math.pi / 2)
+        pans.append(world.state.robots[0].pan_rad)
+    # the neck hears of it after the dead time
+    assert pans[0] == pytest.approx(3.0 * (CONTROL_PERIOD_S - limits.dead_time_s), abs=3.0 * STEP_S)
+    assert np.diff(pans[:6]) == pytest.approx(3.0 * CONTROL_PERIOD_S)
+    assert pans[-1] == pytest.approx(0.7)
+    for _ in range(3):
+        world.step({0: Command()})
+    assert world.state.robots[0].pan_rad == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("players", [1, 2, 3, 5])
