@@ -25,9 +25,9 @@ _TURN_TIME_S = 0.18
 HOLDING_RPS, HOLDING_MPS = 2.2, 0.6
 # speed of pushing where no direction is safe, close to the ball
 _PUSH_MPS = 0.25
-# one that stands so near, within so much of the way ahead, would be pushed
-_NEAR_M, _PUSHED_RAD = 0.02, 1.3
-_AROUND_BALL_M = 0.1
+# one that stands so near, or so near to a robot that has the ball before it, within so much of the way ahead, would be
+# pushed
+_NEAR_M, _NEAR_HOLDING_M, _PUSHED_RAD = 0.02, 0.1, 1.3
 # what a robot goes round moves on: a longer detour than this leads nowhere
 _DETOUR_S = 1.5
 # wanting to be elsewhere by more than a place's tolerance, but having moved less than this for so long, is being stuck
@@ -130,7 +130,8 @@ class Motion:
             self._direct_s = t_s
         v_x, v_y = chosen.velocity_mps.tolist()
         pushes = not chosen.safe and (plan.close or plan.holding)
-        if pushes and (travel is None or not self._stands_there(moving, bearing, _AROUND_BALL_M if plan.holding else _NEAR_M)):
+        near_m = _NEAR_HOLDING_M if plan.holding else _NEAR_M
+        if pushes and (travel is None or not self._stands_there(moving, bearing, near_m)):
             push = min(_PUSH_MPS, 4.0 * distance_m)
             v_x, v_y = push * math.cos(bearing), push * math.sin(bearing)
         if plan.holding:

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from field_models import load_field
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.mapping.occupancy import FREE, UNDECIDED
+from robocup_vision.memory import MapPicture
 from robocup_vision.tracking import Track
 from sim2d.player_planning import Surroundings
 from sim2d.player_shot import Shooter
@@ -27,18 +29,31 @@ def track(number, x_m, y_m, vx_mps=0.0, vy_mps=0.0):
     return Track(number, x_m, y_m, vx_mps, vy_mps, covariance, 0.99, 10, 0)
 
 
-def around(pose, tracks=(), velocity_mps=(0.0, 0.0), age_s=0.0):
+def around(pose, tracks=(), velocity_mps=(0.0, 0.0), age_s=0.0, floor=None):
     robot = PoseEstimate(pose, np.diag([0.01, 0.01, 0.02]) ** 2, 0.9, 0.5)
-    return Surroundings(5.0, robot, velocity_mps, velocity_mps, tuple(tracks), age_s, None)
+    return Surroundings(5.0, robot, velocity_mps, velocity_mps, tuple(tracks), age_s, floor)
 
 
-def test_an_open_goal_is_kicked_at_and_a_keeper_shot_past():
+def mouth_seen(state):
+    cells = np.full((100, 100), state, dtype=np.uint8)
+    return MapPicture(cells, (-1.0, -2.5), 0.05)
+
+
+def test_a_goal_seen_empty_is_kicked_at_and_a_keeper_nobody_sees_reckoned_with():
     shooter = Shooter(FIELD, LIMITS, 1)
-    assert shooter.plan(around(Pose2(0.7, 0.0, 0.0)), 0.0).action == "kick"
-    keeper = track(1, 1.25, 0.0)
-    past = shooter.plan(around(Pose2(0.8, 0.0, 0.0), [keeper]), 0.0)
-    assert past.action != "kick"
-    assert abs(past.heading_rad) > 0.15
+    assert shooter.plan(around(Pose2(0.7, 0.0, 0.0), floor=mouth_seen(FREE)), 0.0).chance_now > 0.99
+    for floor in (None, mouth_seen(UNDECIDED)):
+        assert shooter.plan(around(Pose2(0.7, 0.0, 0.0), floor=floor), 0.0).chance_now < 0.3
+    # a map that does not reach so far says nothing either
+    near = MapPicture(np.full((20, 20), FREE, dtype=np.uint8), (0.0, -0.5), 0.05)
+    assert shooter.plan(around(Pose2(0.7, 0.0, 0.0), floor=near), 0.0).chance_now < 0.3
+
+
+def test_a_keeper_that_is_seen_is_shot_past():
+    keeper = track(1, 1.25, -0.06)
+    past = Shooter(FIELD, LIMITS, 1).plan(around(Pose2(0.8, 0.0, 0.0), [keeper]), 0.0)
+    assert past.chance_now < 0.5 < past.chance
+    assert past.place_m[1] + (FIELD.length_m / 2 - past.place_m[0]) * math.tan(past.heading_rad) > 0.0
 
 
 @given(st.floats(-0.4, 1.0), st.floats(-0.5, 0.5), st.floats(-1.0, 1.0), st.floats(-0.3, 0.3), st.floats(-1.0, 1.0))
@@ -56,17 +71,23 @@ def test_both_sides_shoot_alike(x_m, y_m, heading_rad, keeper_y_m, turn_rps):
 
 
 def test_a_kick_is_judged_where_it_will_go():
-    shooter = Shooter(FIELD, LIMITS, 1)
-    # turning left, the robot will face the goal's middle when the command works; driven aside, the ball flies askew
+    shooter, seen = Shooter(FIELD, LIMITS, 1), mouth_seen(FREE)
+    # turning left, the robot will face the goal's middle when the command works
     before, late_s = -0.1, LIMITS.dead_time_s + 1 / 60
-    turning = shooter.plan(around(Pose2(0.7, 0.0, before)), -before / late_s)
-    assert turning.heading_rad == pytest.approx(0.0, abs=1e-9)
-    aside = shooter.plan(around(Pose2(0.7, 0.0, 0.0), velocity_mps=(0.0, 0.2)), 0.0)
-    assert aside.heading_rad == pytest.approx(math.atan2(0.2, LIMITS.kick_speed_mps))
+    straight, turning = (
+        shooter.plan(around(Pose2(0.7, 0.0, heading), floor=seen), rate)
+        for heading, rate in ((0.0, 0.0), (before, -before / late_s))
+    )
+    assert turning.chance_now == pytest.approx(straight.chance_now, abs=1e-3)
+    # driven aside, the ball flies askew
+    at_post = math.atan2(FIELD.goals[0].width_m / 2, FIELD.length_m / 2 - 0.7)
+    aside_mps = 1.5 * LIMITS.kick_speed_mps * math.tan(at_post)
+    assert shooter.plan(around(Pose2(0.7, 0.0, 0.0), velocity_mps=(0.0, aside_mps), floor=seen), 0.0).chance_now < 0.1
 
 
 def test_one_seen_a_while_ago_stands_where_it_has_gone():
     shooter = Shooter(FIELD, LIMITS, 1)
     comes = track(1, 1.0, 0.3, 0.0, -1.0)
-    now, later = (shooter.plan(around(Pose2(0.7, 0.0, 0.0), [comes], age_s=age), 0.0) for age in (0.0, 0.3))
+    seen = mouth_seen(FREE)
+    now, later = (shooter.plan(around(Pose2(0.7, 0.0, 0.0), [comes], age_s=age, floor=seen), 0.0) for age in (0.0, 0.2))
     assert later.chance_now < now.chance_now

@@ -121,10 +121,17 @@ def test_faces_an_open_goal_kicks():
     assert plan.chance > 0.99
 
 
-def test_turns_to_the_corner_that_the_keeper_leaves():
+def test_does_not_kick_at_a_keeper_that_leaves_a_corner():
     plan = planner().plan((0.9, 0.0), 0.0, [at(1.27, -0.12)], 0.01, 0.01)
-    assert plan.action == "turn"
-    assert plan.heading_rad > 0.1
+    assert plan.action != "kick"
+    assert plan.place_m[1] + (LINE_M - plan.place_m[0]) * math.tan(plan.heading_rad) > 0.03
+
+
+def test_who_is_pressed_does_not_go_far():
+    ball, keeper = (0.7, 0.0), at(1.27, 0.0)
+    runners = [at(0.75, 0.3), at(0.75, -0.3), at(0.5, 0.0, v_mps=(0.8, 0.0))]
+    alone, pressed = (planner().plan(ball, 0.0, who, 0.01, 0.01) for who in ([keeper], [keeper, *runners]))
+    assert math.dist(pressed.place_m, ball) < 0.5 * math.dist(alone.place_m, ball)
 
 
 def test_goes_nearer_and_aside_of_one_that_stands_before_it():
