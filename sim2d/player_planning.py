@@ -165,7 +165,7 @@ class TravelPlanner:
     def approach(self, around: Surroundings, target: Point, ball: Point | None) -> Travel:
         """Plan the last piece to a ball, straight: not faster than lets the robot stop before whom it might touch.
 
-        From behind one that has the ball it cannot be taken: that one is left room. `ball`: None if the robot has it.
+        From behind one that has the ball it cannot be taken: that one is left room. `ball`: None if it is not known.
         """
         here = (around.robot.pose.x_m, around.robot.pose.y_m)
         way = unit(here, target)

@@ -138,6 +138,13 @@ def test_to_the_ball_it_goes_no_faster_than_it_can_stop_before_others():
     assert 0 < speeds[-1] < speeds[0] < LIMITS.speed_mps
 
 
+def test_a_ball_is_carried_straight_and_as_fast_as_it_can_be_held():
+    p = planner()
+    travel = p.carry(TARGET)
+    assert (travel.waypoint, travel.speed_mps, travel.gap) == (TARGET, LIMITS.speed_mps, None)
+    assert said(travel, "speed").text == "with the ball"
+
+
 def test_a_planning_team_plays_and_says_why():
     match = Match(FIELD, 2, 5, ours=player_factory("planning"))
     topics, seen = set(), []
