@@ -33,6 +33,11 @@ class Shooter:
         Of all robots on it.
     attacks : int
         +1: the goal at +x of the field frame; -1: that at -x.
+
+    Attributes
+    ----------
+    shots : ShotPlanner
+        Knows the goal, the ball and what robots can do.
     """
 
     def __init__(self, field: Field, limits: RobotLimits, attacks: int) -> None:
@@ -40,7 +45,7 @@ class Shooter:
         self._reach_m = limits.radius_m + field.ball_radius_m
         line, half = attacks * field.length_m / 2, attacks * field.goals[0].width_m / 2
         self._line_m, self._half_m = line, abs(half)
-        self._planner = ShotPlanner(
+        self.shots = ShotPlanner(
             ((line, half), (line, -half)),
             field.ball_radius_m,
             _ROLLING_SHARE * limits.kick_speed_mps,
@@ -62,7 +67,7 @@ class Shooter:
         leaves = math.atan2(v_y + kick * math.sin(heading), v_x + kick * math.cos(heading))
         std_x, std_y, heading_std = around.robot.std.tolist()
         place = float(ball[0]), float(ball[1])
-        return self._planner.plan(place, leaves, self._defenders(around), max(std_x, std_y), heading_std)
+        return self.shots.plan(place, leaves, self._defenders(around), max(std_x, std_y), heading_std)
 
     def _defenders(self, around: Surroundings) -> list[Defender]:
         """Whoever moves on the field, of either side, and a keeper, unless the goal's mouth is seen empty."""

@@ -148,13 +148,13 @@ def test_a_ball_is_carried_straight_and_as_fast_as_it_can_be_held():
 def test_a_planning_team_plays_and_says_why():
     match = Match(FIELD, 2, 5, ours=player_factory("planning"))
     topics, seen = set(), []
-    for moment in match.play(3.0):
+    for moment in match.play(6.0):
         ours, theirs = moment.robots[:2], moment.robots[2:]
         assert not any(robot.stopped for robot in moment.robots)
         assert all(not robot.belief.reasons for robot in theirs)
         topics |= {reason.topic for robot in ours for reason in robot.belief.reasons}
         seen += [robot.belief for robot in ours if robot.belief.waypoint_in_field is not None]
-    assert topics == {"gap", "speed"}
+    assert topics == {"gap", "speed", "shot"}
     assert all(0 < belief.speed_mps <= LIMITS.speed_mps for belief in seen)
 
 
