@@ -240,15 +240,19 @@ class BuiltInPlayer:
         return self._motion.drive(plan, self._in_team(pose), free_space, t_s, moving, travel)
 
     def _plan_shot(self, senses: Senses) -> ShotPlan | None:
+        if self._shooter is None or not senses.ball_in_mouth:
+            return None
         around = self._around(senses.t_s)
-        if self._shooter is None or around is None or not senses.ball_in_mouth:
+        if around is None:
             return None
         shot = self._shooter.plan(around, senses.odometry.theta_rad / PERIOD_S)
         return shot if self._setup.attacks > 0 else shot.half_turn()
 
     def _plan_travel(self, plan: Plan, t_s: float) -> Travel | None:
+        if self._planner is None:
+            return None
         around = self._around(t_s)
-        if self._planner is None or around is None:
+        if around is None:
             return None
         target = self._point_in_team(plan.target)
         if plan.holding:

@@ -145,7 +145,7 @@ class TravelPlanner:
 
     def __init__(self, field: Field, limits: RobotLimits, looks: int) -> None:
         self._field, self._limits, self._looks = field, limits, looks
-        self._motion = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
+        self._motion = _motion(limits)
         self._speeds = _speed_planner(limits)
         self._undecided = UndecidedSpeed(self._motion, limits.radius_m, _REPLAN_S)
         self._last: tuple[float, Point, Travel] | None = None
@@ -331,11 +331,14 @@ class TravelPlanner:
         return FloorToDecide(looks, around.floor.corner_m, around.floor.cell_m)
 
 
+def _motion(limits: RobotLimits) -> MotionLimits:
+    return MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
+
+
 def _speed_planner(limits: RobotLimits) -> SpeedPlanner:
-    motion = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
     look = np.diag([_POSE_STD_M**2, _POSE_STD_M**2, _POSE_STD_RAD**2])
     noise = PoseNoise(_ODOMETRY_SHARE, _ODOMETRY_SHARE, look)
-    return SpeedPlanner(PathFollower(motion), limits.radius_m, noise, _REPLAN_S)
+    return SpeedPlanner(PathFollower(_motion(limits)), limits.radius_m, noise, _REPLAN_S)
 
 
 @functools.lru_cache(maxsize=4)
@@ -357,4 +360,4 @@ def _through(here: Point, target: Point, gap: Gap) -> tuple[Point, ...]:
 
 
 def _std(disc: Disc) -> float:
-    return math.sqrt(max(float(np.linalg.eigvalsh(disc.covariance)[-1]), 0.0))
+    return math.sqrt(max(disc.variance_m2, 0.0))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from field_models.field import Field
+from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
 from robocup_vision.memory import MapPicture
 from robocup_vision.planning import Defender, Disc, MotionLimits, ShotPlan, ShotPlanner
@@ -45,6 +46,7 @@ class Shooter:
         self._reach_m = limits.radius_m + field.ball_radius_m
         line, half = attacks * field.length_m / 2, attacks * field.goals[0].width_m / 2
         self._line_m, self._half_m = line, abs(half)
+        self._keeper_x_m = line - attacks * _KEEPER_RADII * limits.radius_m
         self.shots = ShotPlanner(
             ((line, half), (line, -half)),
             field.ball_radius_m,
@@ -59,15 +61,14 @@ class Shooter:
     def plan(self, around: Surroundings, turn_rps: float) -> ShotPlan:
         """Plan what to do with the ball in the mouth; `turn_rps`: how fast the robot turns now."""
         robot = around.robot.pose
-        ball = robot.array[:2] + self._reach_m * np.array([math.cos(robot.theta_rad), math.sin(robot.theta_rad)])
+        mouth = robot.compose(Pose2(self._reach_m, 0.0, 0.0))
         # by the time the command works, the robot has turned on, and the ball has its velocity too
         heading = robot.theta_rad + turn_rps * (self._limits.dead_time_s + PERIOD_S / 2)
         v_x, v_y = around.velocity_mps
         kick = self._limits.kick_speed_mps
         leaves = math.atan2(v_y + kick * math.sin(heading), v_x + kick * math.cos(heading))
         std_x, std_y, heading_std = around.robot.std.tolist()
-        place = float(ball[0]), float(ball[1])
-        return self.shots.plan(place, leaves, self._defenders(around), max(std_x, std_y), heading_std)
+        return self.shots.plan((mouth.x_m, mouth.y_m), leaves, self._defenders(around), max(std_x, std_y), heading_std)
 
     def _defenders(self, around: Surroundings) -> list[Defender]:
         """Whoever moves on the field, of either side, and a keeper, unless the goal's mouth is seen empty."""
@@ -83,8 +84,7 @@ class Shooter:
         is_kept = any(self._keeps(one.disc.x_m, one.disc.y_m) for one in known)
         if is_kept or self._is_empty(around.floor):
             return known
-        x = self._line_m - math.copysign(_KEEPER_RADII * radius_m, self._line_m)
-        return [*known, Defender(Disc(x, 0.0, radius_m, np.eye(2) * _KEEPER_STD_M**2))]
+        return [*known, Defender(Disc(self._keeper_x_m, 0.0, radius_m, np.eye(2) * _KEEPER_STD_M**2))]
 
     def _keeps(self, x_m: float, y_m: float) -> bool:
         radius_m = self._limits.radius_m
@@ -95,9 +95,7 @@ class Shooter:
         if floor is None:
             return False
         y = np.arange(-self._half_m, self._half_m, floor.cell_m)
-        x = self._line_m - math.copysign(_KEEPER_RADII * self._limits.radius_m, self._line_m)
-        i, j = (
-            np.floor((v - c) / floor.cell_m).astype(int) for v, c in ((x, floor.corner_m[0]), (y, floor.corner_m[1]))
-        )
+        corner_x_m, corner_y_m = floor.corner_m
+        i, j = (np.floor(way / floor.cell_m).astype(int) for way in (self._keeper_x_m - corner_x_m, y - corner_y_m))
         inside = (i >= 0) & (i < floor.state.shape[0]) & (j >= 0) & (j < floor.state.shape[1])
         return bool(inside.all()) and bool((floor.state[i, j] == FREE).all())

@@ -161,7 +161,7 @@ class Tactics:
         pose = now.pose
         ball = self._mouth(pose)
         if now.shot is not None and not self._is_keeper:
-            planned = self._planned_shot(now, now.shot)
+            planned = self._planned_shot(now, ball, now.shot)
             if planned is not None:
                 return planned
         shot, is_open = self._shot(ball, now.obstacles)
@@ -170,7 +170,7 @@ class Tactics:
         away = math.dist(ball, shot)
         aimed = off < min(_WIDEST_AIM_RAD, max(0.06, 0.5 * self._goal_half / max(away, 1e-6)))
         in_range = away < _SHOT_WIDTHS * 2 * self._goal_half or self._is_keeper
-        if aimed and ((is_open and in_range) or now.held_s > 3.0):
+        if aimed and ((is_open and in_range) or now.held_s > _LONGEST_HELD_S):
             return Plan("shoot", self._inside(ball), wanted, self._limits.kick_speed_mps, True, False, True, True)
         if now.held_s > 4.5:
             # held in vain, in a corner or a scrum: any way out is good
@@ -183,14 +183,14 @@ class Tactics:
             "dribble", self._inside(target), wanted, 0.0, True, False, False, True
         )
 
-    def _planned_shot(self, now: Situation, shot: ShotPlan) -> Plan | None:
+    def _planned_shot(self, now: Situation, ball: Point, shot: ShotPlan) -> Plan | None:
         """Kick, turn or go nearer, as promises most; None where nothing promises much."""
         if shot.chance < _LEAST_CHANCE or now.held_s > _LONGEST_HELD_S:
             return None
         pose = now.pose
         why = Reason("shot", shot.action, shot.reason)
         if shot.action == "kick":
-            here = self._inside(self._mouth(pose))
+            here = self._inside(ball)
             return Plan("shoot", here, pose.theta_rad, self._limits.kick_speed_mps, True, False, True, True, why)
         target = _beyond(shot.place_m, shot.heading_rad, -self._reach)
         return self._draw_back(pose, shot.heading_rad, why) or Plan(

@@ -40,6 +40,11 @@ class Disc:
             raise ArgumentError(f"radius_m must not be negative, got {self.radius_m!r}")
         object.__setattr__(self, "covariance", covariance)
 
+    @property
+    def variance_m2(self) -> float:
+        """Of the centre, in the direction in which it is known worst."""
+        return float(np.linalg.eigvalsh(self.covariance)[-1])
+
 
 @dataclass(frozen=True, slots=True)
 class Gap:

@@ -228,7 +228,7 @@ class ShotPlanner:
         for one in defenders:
             x = one.disc.x_m + seconds * one.vx_mps - places[:, None, 0]
             y = one.disc.y_m + seconds * one.vy_mps - places[:, None, 1]
-            std = math.sqrt(float(np.linalg.eigvalsh(one.disc.covariance)[-1]) + place_std_m**2)
+            std = math.sqrt(one.disc.variance_m2 + place_std_m**2)
             room = np.hypot(x, y) - self._reach_m(seconds) - one.disc.radius_m - self.ball_radius_m
             away *= _below(room / std)
         return np.asarray(1.0 - away)
@@ -242,7 +242,7 @@ class ShotPlanner:
             off = np.array([one.disc.x_m - ball[0], one.disc.y_m - ball[1]])
             share = np.clip(way @ off / length2, 0.0, 1.0)
             away = np.hypot(*(off - share[:, None] * way).T)
-            std = math.sqrt(float(np.linalg.eigvalsh(one.disc.covariance)[-1]) + place_std_m**2)
+            std = math.sqrt(one.disc.variance_m2 + place_std_m**2)
             # it holds the ball in front of itself: where that touches, so does the robot
             free *= np.where(share > 0.0, _below((away - one.disc.radius_m - self.ball_radius_m) / std), 1.0)
         free[0] = 1.0
