@@ -25,6 +25,7 @@ from robocup_vision.planning import (
     UndecidedSpeed,
     WidthSensor,
     choose_gap,
+    cover_goal,
     gap_between,
 )
 
@@ -72,8 +73,13 @@ print(gaze.choose(belief, t_s=0.0, blockers=[opponent]).reason)
 # with the ball: kick now, turn first, or go nearer, past a keeper that runs for the ball once it has seen it
 runners = MotionLimits(speed_mps=1.0, acceleration_mps2=1.2, dead_time_s=0.15)
 posts = ((4.5, 0.3), (4.5, -0.3))
-shots = ShotPlanner(posts, 0.0215, 1.4, 0.03, runners, dribble_mps=0.5, turn_rps=2.0, lost_s=1.0)
+shots = ShotPlanner(posts, 0.0215, 1.4, 0.03, runners, dribble_mps=0.5, turn_rps=2.0, lost_s=1.0, slips_s=8.0)
 keeper = Defender(Disc(4.35, 0.05, 0.09, np.diag([0.02, 0.02]) ** 2), vy_mps=0.2)
 for ball in ((3.2, 0.0), (4.0, -0.1)):
     shot = shots.plan(ball, heading_rad=0.0, defenders=[keeper], place_std_m=0.01, heading_std_rad=0.02)
     print(f"{shot.action}: {shot.reason}")
+
+# and the keeper that it shoots at: where nothing of the goal is open to a ball that another one has
+cover = cover_goal((3.9, 0.2), posts, reach_m=0.09 + 0.0215, room_m=0.03)
+x, y = cover.place_m
+print(f"keep the goal at ({x:.2f}, {y:.2f}): it is {cover.open_rad:.2f} rad wide from the ball")

@@ -22,10 +22,11 @@ from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning.gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
 from robocup_vision.planning.shot import ShotPlan
 from robocup_vision.planning.sight_lines import Blocker
+from robocup_vision.tracking import Track
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 from sim2d.line_up import kick_off_pose
-from sim2d.player_memory import BallMemory, Point, block_ball, is_in_sight
+from sim2d.player_memory import FORGOTTEN_S, BallMemory, HiddenBall, Point, block_ball, is_in_sight
 from sim2d.player_motion import PERIOD_S, Motion
 from sim2d.player_planning import Surroundings, Travel, TravelPlanner
 from sim2d.player_shot import Shooter
@@ -38,6 +39,8 @@ UInt8Array = npt.NDArray[np.uint8]
 _SIGHT_S = 0.4
 # a ball that has not been seen for so long where nothing hides it is gone
 _MISSED_S = 0.5
+# a ball unseen for so long is hidden by who had it
+_HIDDEN_S = 0.15
 # a head looks at the ball, then sweeps for goals: seconds of each, and how far it sweeps
 _WATCH_S, _SWEEP_S, _SWEEP_RAD = 1.5, 1.5, 1.4
 # how fast a robot turns that does not know where it is
@@ -80,6 +83,7 @@ class BuiltInPlayer:
         self._tactics = Tactics(setup.field, setup.limits, setup.number, setup.players)
         self._motion = Motion(setup.limits, np.random.default_rng(setup.seed))
         self._ball = BallMemory()
+        self._hidden = HiddenBall(setup.limits.radius_m + setup.field.ball_radius_m)
         self._view: View | None = None
         self._view_t_s = -math.inf
         self._view_mount = _NOWHERE
@@ -98,7 +102,9 @@ class BuiltInPlayer:
         self._gaze_planner: PoseGaze | None = None
         if plans and self._memory.free_map is not None:
             self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free)
-            self._shooter = Shooter(setup.field, setup.limits, setup.attacks) if setup.field.goals else None
+            # a keeper does not shoot
+            if setup.field.goals and not self._tactics.is_keeper:
+                self._shooter = Shooter(setup.field, setup.limits, setup.attacks)
             if self._head is not None:
                 self._gaze_planner = PoseGaze(setup.field, self._head, self._neck, detectors=GOAL_DETECTORS)
         self._travel: Travel | None = None
@@ -183,6 +189,7 @@ class BuiltInPlayer:
                 belief.pose.compose(motion.inverse()).compose(mount).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
             )
             self._ball.see((ball.x_m, ball.y_m), frame_t_s)
+            self._hidden.see((ball.x_m, ball.y_m), *self._tracks(frame_t_s))
 
     def _decide(self, senses: Senses) -> Command:
         belief = self._filter.belief
@@ -212,11 +219,16 @@ class BuiltInPlayer:
             if is_in_sight(free_space, (float(there[0]), float(there[1]))):
                 self._ball.miss()
                 ball = None
+        velocity = self._ball.velocity_mps
+        if self._planner is not None and _HIDDEN_S < self._ball.age_s(senses.t_s) <= FORGOTTEN_S:
+            hidden = self._hidden.place((pose.x_m, pose.y_m), *self._tracks(senses.t_s))
+            if hidden is not None:
+                ball, velocity = hidden
         plan = self._tactics.decide(
             Situation(
                 self._in_team(pose),
                 None if ball is None else self._point_in_team(ball),
-                self._point_in_team(self._ball.velocity_mps),
+                self._point_in_team(velocity),
                 senses.ball_in_mouth,
                 0.0 if self._held_since_s is None else senses.t_s - self._held_since_s,
                 tuple(self._point_in_team((thing.x_m, thing.y_m)) for thing in things),
@@ -224,6 +236,7 @@ class BuiltInPlayer:
                 senses.kick_off,
                 senses.t_s,
                 self._plan_shot(senses),
+                self._others(senses.t_s),
             )
         )
         self._intent, self._why = plan.intent, plan.why
@@ -266,6 +279,7 @@ class BuiltInPlayer:
         if not isinstance(robot, PoseEstimate):
             return None
         known = None if self._view is None else self._view.belief
+        tracks, age_s = self._tracks(t_s)
         c, s = math.cos(robot.pose.theta_rad), math.sin(robot.pose.theta_rad)
         velocity, pending = (
             (c * x - s * y, s * x + c * y) for x, y in (self._motion.now_mps, self._motion.pending_mps)
@@ -275,18 +289,27 @@ class BuiltInPlayer:
             robot,
             velocity,
             pending,
-            () if known is None else known.tracks,
-            0.0 if known is None else t_s - known.t_s,
+            tracks,
+            age_s,
             None if known is None else known.free_map,
         )
 
+    def _tracks(self, t_s: float) -> tuple[tuple[Track, ...], float]:
+        """Who is followed, and as of how long ago."""
+        belief = None if self._view is None else self._view.belief
+        return ((), 0.0) if belief is None else (belief.tracks, t_s - belief.t_s)
+
+    def _others(self, t_s: float) -> tuple[Point, ...]:
+        """Who is followed, where it is by now, team frame; players that do not plan do not ask."""
+        if self._planner is None:
+            return ()
+        tracks, age_s = self._tracks(t_s)
+        return tuple(self._point_in_team(track.place_after(age_s)) for track in tracks)
+
     def _moving(self, robot: Pose2, t_s: float) -> tuple[MovingObstacle, ...]:
         """Who moves on the field, where it is by now, in the robot frame."""
-        belief = None if self._view is None else self._view.belief
-        if belief is None:
-            return ()
-        radius_m = self._setup.limits.radius_m
-        return tuple(track.as_obstacle(robot, radius_m, t_s - belief.t_s) for track in belief.tracks)
+        tracks, age_s = self._tracks(t_s)
+        return tuple(track.as_obstacle(robot, self._setup.limits.radius_m, age_s) for track in tracks)
 
     def _free_space_now(self, seen: FreeSpace, motion: Pose2) -> FreeSpace:
         if self._head is None:
@@ -308,8 +331,7 @@ class BuiltInPlayer:
         return Pose2(*self._head.offset_m, self._pan_rad)
 
     def _plan_gaze(self, planner: PoseGaze, t_s: float) -> Gaze:
-        known = None if self._view is None else self._view.belief
-        tracks = () if known is None else known.tracks
+        tracks, _ = self._tracks(t_s)
         radius_m, height_m = self._setup.limits.radius_m, self._setup.limits.height_m
         blockers = [Blocker(t.x_m, t.y_m, radius_m, t.covariance[:2, :2], height_m) for t in tracks]
         return planner.choose(self._filter.belief, t_s, self._pan_rad, blockers, _DRIFT)

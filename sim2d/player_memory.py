@@ -1,17 +1,21 @@
-"""What a player remembers between frames: where the ball was last seen, and the free floor of a frame that is late."""
+"""What a player remembers between frames: where the ball was last seen or who has it, and the floor of a late frame."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.tracking import Track
 
 Point = tuple[float, float]
 
+# a ball so near to another robot's middle, in reaches, is its
+TAKEN_REACHES = 2.0
 # a ball unseen for so long may be anywhere
-_FORGOTTEN_S = 4.0
+FORGOTTEN_S = 4.0
 # share of a new velocity in the remembered one, and the longest gap over which one is worked out
 _NEW_SHARE, _LONGEST_GAP_S = 0.4, 0.25
 # faster than any ball: a wrong sighting
@@ -45,7 +49,7 @@ class BallMemory:
 
     def place(self, t_s: float) -> Point | None:
         """Where it was last seen, field frame; None when that is too long ago."""
-        return self._place if self.age_s(t_s) <= _FORGOTTEN_S else None
+        return self._place if self.age_s(t_s) <= FORGOTTEN_S else None
 
     @property
     def velocity_mps(self) -> Point:
@@ -55,6 +59,36 @@ class BallMemory:
     def age_s(self, t_s: float) -> float:
         """Seconds since it was seen."""
         return t_s - self._seen_s
+
+
+class HiddenBall:
+    """The ball behind whoever had it when it was last seen, in the field frame.
+
+    Parameters
+    ----------
+    reach_m : float
+        From a robot's middle to a ball that it touches.
+    """
+
+    def __init__(self, reach_m: float) -> None:
+        self._reach_m = reach_m
+        self._carrier: int | None = None
+
+    def see(self, ball: Point, tracks: Sequence[Track], age_s: float) -> None:
+        """Take in where the ball is seen, and who is followed, as of `age_s` ago."""
+        away = {track.number: math.dist(track.place_after(age_s), ball) for track in tracks}
+        nearest = min(away, key=away.__getitem__, default=None)
+        is_taken = nearest is not None and away[nearest] < TAKEN_REACHES * self._reach_m
+        self._carrier = nearest if is_taken else None
+
+    def place(self, robot: Point, tracks: Sequence[Track], age_s: float) -> tuple[Point, Point] | None:
+        """Where the ball is, out of the robot's sight, and its velocity; None if nobody is known to have it."""
+        track = next((track for track in tracks if track.number == self._carrier), None)
+        if track is None:
+            return None
+        x, y = track.place_after(age_s)
+        share = self._reach_m / max(math.dist((x, y), robot), self._reach_m)
+        return (x + share * (x - robot[0]), y + share * (y - robot[1])), (track.vx_mps, track.vy_mps)
 
 
 def block_ball(free_space: FreeSpace, ball: Point, radius_m: float) -> FreeSpace:

@@ -241,8 +241,7 @@ class TravelPlanner:
             away = math.hypot(track.x_m - robot.x_m, track.y_m - robot.y_m)
             t = around.age_s + min(ahead_s, away / self._limits.speed_mps)
             covariance = track.covariance[:2, :2] + t**2 * track.covariance[2:, 2:]
-            place = (track.x_m + t * track.vx_mps, track.y_m + t * track.vy_mps)
-            discs[track.number] = Disc(*place, self._limits.radius_m, covariance)
+            discs[track.number] = Disc(*track.place_after(t), self._limits.radius_m, covariance)
         return discs
 
     def _way(self, here: Point, target: Point, others: Mapping[int, Disc]) -> _Way:

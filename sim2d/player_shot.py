@@ -17,8 +17,8 @@ from sim2d.robot_link import RobotLimits
 
 # how far a kicked ball leaves the heading, and what of a kick's speed is left when it rolls (a solid sphere)
 _KICK_STD_RAD, _ROLLING_SHARE = 0.03, 5 / 7
-# others run for a ball so long after the kick; a ball that they reach is held for so long
-_SEEN_S, _LOST_S = 0.15, 0.5
+# others run for a ball so long after the kick; a ball that they reach is held for so long, any other for so long
+_SEEN_S, _LOST_S, _SLIPS_S = 0.3, 0.5, 8.0
 # a keeper stands so many radii before its goal's line, within twice as many of it; how well that tells its place
 _KEEPER_RADII, _KEEPER_STD_M = 1.3, 0.1
 
@@ -56,6 +56,7 @@ class Shooter:
             HOLDING_MPS,
             HOLDING_RPS,
             _LOST_S,
+            _SLIPS_S,
         )
 
     def plan(self, around: Surroundings, turn_rps: float) -> ShotPlan:
@@ -74,11 +75,7 @@ class Shooter:
         """Whoever moves on the field, of either side, and a keeper, unless the goal's mouth is seen empty."""
         t, radius_m = around.age_s, self._limits.radius_m
         known = [
-            Defender(
-                Disc(one.x_m + t * one.vx_mps, one.y_m + t * one.vy_mps, radius_m, one.covariance[:2, :2]),
-                one.vx_mps,
-                one.vy_mps,
-            )
+            Defender(Disc(*one.place_after(t), radius_m, one.covariance[:2, :2]), one.vx_mps, one.vy_mps)
             for one in around.tracks
         ]
         is_kept = any(self._keeps(one.disc.x_m, one.disc.y_m) for one in known)

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from field_models.field import Field
 from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.planning.cover import cover_goal
 from robocup_vision.planning.shot import ShotPlan
 from sim2d.line_up import kick_off_pose
+from sim2d.player_memory import TAKEN_REACHES
 from sim2d.robot_link import Phase, Reason, RobotLimits
 
 Point = tuple[float, float]
@@ -20,6 +22,9 @@ _SHOTS, _LINE_RADII = 7, 3.5
 # a kick is sure within so many goal widths, and allowed within this angle where the goal is near
 _SHOT_WIDTHS = 3.0
 _WIDEST_AIM_RAD = 0.35
+# a keeper blocks a ball within so much of its goal, and leaves it so much room; it clears a ball that it holds where
+# another one is so near, in radii
+_BLOCK_M, _BLOCK_ROOM_M, _PRESSED_RADII = 0.8, 0.03, 3.0
 # seconds the ball is led by where it rolls
 _LEAD_S = 0.15
 # a shot worth less than this is none; a ball held for longer is kicked in any case
@@ -53,6 +58,8 @@ class Situation:
         Now.
     shot : ShotPlan or None
         What to do with the ball in the mouth, where that was planned.
+    others : tuple of (float, float)
+        Who is followed on the field; nobody by players that do not plan.
     """
 
     pose: Pose2
@@ -65,6 +72,7 @@ class Situation:
     kick_off: bool
     t_s: float
     shot: ShotPlan | None = None
+    others: tuple[Point, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +126,11 @@ class Tactics:
         What the robot can do.
     number, players : int
         As in `PlayerSetup`.
+
+    Attributes
+    ----------
+    is_keeper : bool
+        It keeps the goal.
     """
 
     def __init__(self, field: Field, limits: RobotLimits, number: int, players: int) -> None:
@@ -126,7 +139,7 @@ class Tactics:
         self._ball_radius = field.ball_radius_m
         self._goal_half = field.goals[0].width_m / 2 if field.goals else field.width_m / 6
         self._reach = limits.radius_m + field.ball_radius_m
-        self._is_keeper = number == 0 and players > 1
+        self.is_keeper = number == 0 and players > 1
         self._number, self._players = number, players
         # nothing holds robots back where there are no walls
         self._inset = limits.radius_m + 0.015 if field.is_bounded else 0.0
@@ -137,7 +150,7 @@ class Tactics:
             return self._kick_off(now)
         if now.in_mouth:
             return self._play_ball(now)
-        if self._is_keeper:
+        if self.is_keeper:
             return self._keep(now)
         if now.ball is None:
             return self._search(now)
@@ -160,28 +173,38 @@ class Tactics:
         """Turn the ball held to the opponent's goal; kick it there, or where nobody stands."""
         pose = now.pose
         ball = self._mouth(pose)
-        if now.shot is not None and not self._is_keeper:
+        if now.shot is not None:
             planned = self._planned_shot(now, ball, now.shot)
             if planned is not None:
                 return planned
+        if self.is_keeper and self._is_pressed(now):
+            return self._clear(now, ball)
         shot, is_open = self._shot(ball, now.obstacles)
         wanted = _heading((pose.x_m, pose.y_m), shot)
         off = abs(wrap_angle(wanted - pose.theta_rad))
         away = math.dist(ball, shot)
         aimed = off < min(_WIDEST_AIM_RAD, max(0.06, 0.5 * self._goal_half / max(away, 1e-6)))
-        in_range = away < _SHOT_WIDTHS * 2 * self._goal_half or self._is_keeper
+        in_range = away < _SHOT_WIDTHS * 2 * self._goal_half or self.is_keeper
         if aimed and ((is_open and in_range) or now.held_s > _LONGEST_HELD_S):
             return Plan("shoot", self._inside(ball), wanted, self._limits.kick_speed_mps, True, False, True, True)
         if now.held_s > 4.5:
             # held in vain, in a corner or a scrum: any way out is good
-            return Plan(
-                "clear", self._inside(ball), pose.theta_rad, self._limits.kick_speed_mps, True, False, True, True
-            )
+            return self._clear(now, ball)
         step = min(0.4, max(away - 2 * self._goal_half, 0.15))
         target = (pose.x_m + step * math.cos(wanted), pose.y_m + step * math.sin(wanted))
         return self._draw_back(pose, wanted) or Plan(
             "dribble", self._inside(target), wanted, 0.0, True, False, False, True
         )
+
+    def _is_pressed(self, now: Situation) -> bool:
+        """Whether another one is so near that the ball is soon lost, and a kick would not go to the own goal."""
+        here = (now.pose.x_m, now.pose.y_m)
+        near = _PRESSED_RADII * self._limits.radius_m
+        return math.cos(now.pose.theta_rad) > 0.3 and any(math.dist(other, here) < near for other in now.others)
+
+    def _clear(self, now: Situation, ball: Point) -> Plan:
+        kick_mps = self._limits.kick_speed_mps
+        return Plan("clear", self._inside(ball), now.pose.theta_rad, kick_mps, True, False, True, True)
 
     def _planned_shot(self, now: Situation, ball: Point, shot: ShotPlan) -> Plan | None:
         """Kick, turn or go nearer, as promises most; None where nothing promises much."""
@@ -209,8 +232,7 @@ class Tactics:
         """Go behind the ball as seen from the opponent's goal, where that is near; else take it from where one is."""
         assert now.ball is not None
         pose = now.pose
-        ball = (now.ball[0] + _LEAD_S * now.ball_velocity_mps[0], now.ball[1] + _LEAD_S * now.ball_velocity_mps[1])
-        ball = self._on_field(ball)
+        ball = self._on_field(_led(now))
         to_ball = _heading((pose.x_m, pose.y_m), ball)
         to_goal = _heading(ball, (self._half_length, 0.0))
         away = math.dist((pose.x_m, pose.y_m), ball)
@@ -227,12 +249,14 @@ class Tactics:
 
     def _keep(self, now: Situation) -> Plan:
         """Stand between the ball and the goal; fetch a ball that lies in front of it."""
-        post = self._goal_half - 0.5 * self._limits.radius_m
-        line = -self._half_length + 1.3 * self._limits.radius_m
+        line, post = self._keeper_line
         if now.ball is None:
             # look to both sides, so that nothing hides the ball for long
             target = (line, 0.3 * post * math.sin(now.t_s))
             return Plan("keep", target, 0.0)
+        ball = self._on_field(_led(now))
+        if self._is_another_s(now, now.ball) and math.dist(ball, (-self._half_length, 0.0)) < _BLOCK_M:
+            return self._block(now, ball)
         speed = math.hypot(*now.ball_velocity_mps)
         if self._belongs_to_keeper(now.ball) and speed < 0.6:
             return self._fetch(now)
@@ -246,6 +270,32 @@ class Tactics:
             y *= (line + self._half_length + 0.3) / max(x + self._half_length + 0.3, 0.3)
         target = (line, max(-post, min(post, y)))
         return Plan("keep", target, _heading((now.pose.x_m, now.pose.y_m), now.ball), dribble=True)
+
+    def _is_another_s(self, now: Situation, ball: Point) -> bool:
+        """Whether another one has the ball, or is nearer to it where it lies before the goal."""
+        away = math.dist((now.pose.x_m, now.pose.y_m), ball)
+        near = min(away, TAKEN_REACHES * self._reach)
+        return any(math.dist(other, ball) < near for other in now.others)
+
+    def _block(self, now: Situation, ball: Point) -> Plan:
+        """Stand between a ball that another one has and the goal, so near that nothing of the goal is open."""
+        end, half = -self._half_length, self._goal_half
+        cover = cover_goal(ball, ((end, half), (end, -half)), self._reach, _BLOCK_ROOM_M)
+        (x, y), (line, post) = cover.place_m, self._keeper_line
+        if x < line:
+            # there is no room so far back: where the way there is crossed
+            y += (line - x) / max(ball[0] - x, 1e-6) * (ball[1] - y) if ball[0] > line else ball[1] - y
+            x = line
+        heading = _heading((now.pose.x_m, now.pose.y_m), ball)
+        open_deg = math.degrees(cover.open_rad)
+        why = Reason("shot", "block", f"another one has the ball, {open_deg:.0f} deg of the goal before it")
+        return Plan("block", self._inside((x, max(-post, min(post, y)))), heading, dribble=True, why=why)
+
+    @property
+    def _keeper_line(self) -> tuple[float, float]:
+        """How far back a keeper stands, and how far to either side."""
+        radius = self._limits.radius_m
+        return -self._half_length + 1.3 * radius, self._goal_half - 0.5 * radius
 
     def _support(self, now: Situation, intent: str) -> Plan:
         x = 0.25 * self._half_length if now.ball is None else min(max(now.ball[0] - 0.3, -0.4 * self._half_length), 0.3)
@@ -316,6 +366,11 @@ class Tactics:
         """Return the nearest place a robot can stand in."""
         limit_x, limit_y = self._half_length - self._inset, self._half_width - self._inset
         return max(-limit_x, min(limit_x, place[0])), max(-limit_y, min(limit_y, place[1]))
+
+
+def _led(now: Situation) -> Point:
+    assert now.ball is not None
+    return now.ball[0] + _LEAD_S * now.ball_velocity_mps[0], now.ball[1] + _LEAD_S * now.ball_velocity_mps[1]
 
 
 def _heading(start: Point, end: Point) -> float:

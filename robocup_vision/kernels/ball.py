@@ -26,6 +26,7 @@ def find_ball(
     stack: Int32Array,
     center_u: float,
     center_v: float,
+    body_px: float,
     from_white: FloatArray,
     from_floor: FloatArray,
     least_level: float,
@@ -53,6 +54,8 @@ def find_ball(
         Scratch, N >= H W.
     center_u, center_v : float
         Image of the mirror's axis.
+    body_px : float
+        What is nearer to there shows the robot itself.
     from_white, from_floor : (3,) float64
         A pixel is of the ball's colour if both dot products with its B, G, R are positive.
     least_level : float
@@ -152,8 +155,9 @@ def find_ball(
         if radial > 1.6 * a + 1.0 or across > 1.6 * t + 1.0 or radial < 0.35 * a - 0.5 or across < 0.35 * t - 0.5:
             continue
         # floor before it and on both sides; behind it may be anything, but not more of its own colour. Where it lies at
-        # the picture's edge, what is shown of its surroundings must do, the nearest first
-        floor, like, asked = 0, 0, 0
+        # the picture's edge, what is shown of its surroundings must do, the nearest first; before one that the robot
+        # holds there is the robot
+        floor, like, asked, wanted = 0, 0, 0, 9
         for k in range(16):
             step = 8 + ((k + 1) // 2 if k % 2 else -(k // 2))
             angle = step * math.pi / 8
@@ -162,6 +166,9 @@ def find_ball(
             u = int(center_u + x + along * ex - aside * ey + 0.5)
             v = int(center_v + y + along * ey + aside * ex + 0.5)
             if u < 1 or v < 1 or u >= width - 1 or v >= height - 1:
+                continue
+            if (u - center_u) ** 2 + (v - center_v) ** 2 < (body_px + 2.0) ** 2:
+                wanted -= 1
                 continue
             asked += 1
             blue, green, red = 0, 0, 0
@@ -173,13 +180,15 @@ def find_ball(
             blue, green, red = blue // 9, green // 9, red // 9
             if f0 * blue + f1 * green + f2 * red > 0.0 and w0 * blue + w1 * green + w2 * red > 0.0:
                 like += blue + green + red >= least_level
-            elif asked <= 9 and floor_llr[packing[0, blue] + packing[1, green] + packing[2, red]] > 0:
+            elif asked <= wanted and floor_llr[packing[0, blue] + packing[1, green] + packing[2, red]] > 0:
                 floor += 1
-        score = floor / 9.0 - like / 8.0
+        if not wanted:
+            continue
+        score = floor / wanted - like / 8.0
         if score > best:
             best = score
             out[0] = center_u + x
             out[1] = center_v + y
             out[2] = 0.5 * (radial / a + across / t)
-            out[3] = floor / 9.0
+            out[3] = floor / wanted
     return best, stamp

@@ -92,6 +92,11 @@ class BallSearch(ABC):
         """Where, in the picture's plane, rays from the robot outwards start."""
 
     @property
+    def _body_px(self) -> float:
+        """How near to there the picture shows the robot itself."""
+        return 0.0
+
+    @property
     @abstractmethod
     def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
         """Half the ball's size along and across the ray, (R,) float64 each, by its centre's distance from there."""
@@ -133,6 +138,7 @@ class BallSearch(ABC):
             self._stamp + 1,
             self._stack,
             *self._axis_px,
+            self._body_px,
             from_white,
             from_floor,
             least_level,
@@ -214,6 +220,10 @@ class BallFinder(BallSearch):
     @property
     def _axis_px(self) -> tuple[float, float]:
         return self.camera.center_px
+
+    @property
+    def _body_px(self) -> float:
+        return self.camera.usable_radius_px[0]
 
     @cached_property
     def _sizes_px(self) -> tuple[FloatArray, FloatArray]:

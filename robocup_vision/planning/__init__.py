@@ -1,5 +1,6 @@
 """Where to look, which gap to take, how fast to go: from what is believed of opponents, floor and pose."""
 
+from robocup_vision.planning.cover import Cover, cover_goal
 from robocup_vision.planning.gap import Disc, Gap, WidthSensor, gap_between
 from robocup_vision.planning.gaps import GatePlan, GatePlanner
 from robocup_vision.planning.gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
@@ -16,6 +17,7 @@ from robocup_vision.planning.undecided import FloorToDecide, UndecidedSpeed, loo
 __all__ = [
     "GOAL_DETECTORS",
     "Blocker",
+    "Cover",
     "Defender",
     "Disc",
     "FloorToDecide",
@@ -41,6 +43,7 @@ __all__ = [
     "UndecidedSpeed",
     "WidthSensor",
     "choose_gap",
+    "cover_goal",
     "gap_between",
     "looks_to_decide",
     "safe_speed_mps",

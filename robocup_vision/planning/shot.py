@@ -97,6 +97,8 @@ class ShotPlanner:
         How fast the robot can go and turn with the ball.
     lost_s : float
         How long a ball is held, on average, where somebody can reach it.
+    slips_s : float
+        The same where nobody can: no chance is worth waiting for for ever.
 
     Raises
     ------
@@ -112,9 +114,10 @@ class ShotPlanner:
     dribble_mps: float
     turn_rps: float
     lost_s: float
+    slips_s: float
 
     def __post_init__(self) -> None:
-        for name in ("ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s"):
+        for name in ("ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s", "slips_s"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ArgumentError(f"{name} must be positive, got {value!r}")
@@ -141,12 +144,15 @@ class ShotPlanner:
         aims = self._aims()
         towards = aims[None] - places[:, None]
         headings = np.arctan2(towards[..., 1], towards[..., 0])
-        chances = self.chances(places[:, None], headings, defenders, place_std_m, heading_std_rad)
         now = float(self.chances(np.array(ball), np.array(heading_rad), defenders, place_std_m, heading_std_rad))
         turns = np.abs(np.remainder(headings - heading_rad + math.pi, math.tau) - math.pi)
         seconds = np.maximum(turns / self.turn_rps, ways[:, None] / self.dribble_mps)
+        chances = self.chances(places[:, None], headings, defenders, place_std_m, heading_std_rad, seconds)
         reached = self._reached(places, seconds, defenders, place_std_m)
-        kept = np.exp(-seconds / self.lost_s * reached) * self._free(ball, places, defenders, place_std_m)[:, None]
+        kept = (
+            np.exp(-seconds * (reached / self.lost_s + 1.0 / self.slips_s))
+            * self._free(ball, places, defenders, place_std_m)[:, None]
+        )
         place, aim = np.unravel_index(int(np.argmax(chances * kept)), chances.shape)
         chance, worth = float(chances[place, aim]), float((chances * kept)[place, aim])
         if now >= worth:
@@ -165,11 +171,12 @@ class ShotPlanner:
         defenders: Sequence[Defender],
         place_std_m: float,
         heading_std_rad: float,
+        after_s: FloatArray | float = 0.0,
     ) -> FloatArray:
-        """Return the chances of a goal (...) of balls kicked from places (..., 2) at headings (...).
+        """Return the chances of a goal (...) of balls kicked from places (..., 2) at headings (...), after so long.
 
         A kick passes between the posts with both errors, and each defender, who runs for it as soon as it has seen it,
-        if the gap between is wider than what is not known of it.
+        if the gap between is wider than what is not known of it. Until the kick they go between the ball and the goal.
         """
         c, s = np.cos(headings_rad), np.sin(headings_rad)
         spread = math.hypot(self.kick_std_rad, heading_std_rad)
@@ -181,9 +188,9 @@ class ShotPlanner:
             chance = chance + np.where(along > 0.0, _below((aside - self.ball_radius_m) / std), 0.0)
         chance = np.maximum(chance, 0.0)
         for one in defenders:
-            x, y = one.disc.x_m - balls_m[..., 0], one.disc.y_m - balls_m[..., 1]
+            x, y, v_x, v_y = self._guards(one, balls_m, after_s)
             seconds = np.maximum(c * x + s * y, 0.0) / self.ball_mps
-            x, y = x + seconds * one.vx_mps, y + seconds * one.vy_mps
+            x, y = x + seconds * v_x, y + seconds * v_y
             along, aside = c * x + s * y, c * y - s * x
             reach = self._reach_m(seconds)
             (xx, xy), (_, yy) = one.disc.covariance
@@ -193,6 +200,22 @@ class ShotPlanner:
             passes = _below((aside - wide) / std) + _below((-aside - wide) / std)
             chance = chance * np.where(along > 0.0, passes, 1.0)
         return np.asarray(chance)
+
+    def _guards(
+        self, one: Defender, balls_m: FloatArray, after_s: FloatArray | float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Where, from the ball, a defender is after so long, and its velocity: it heads for the way to the goal."""
+        limits, goal = self.defenders, np.mean(self.posts_m, axis=0)
+        drifts = np.minimum(after_s, limits.dead_time_s)
+        x = one.disc.x_m + drifts * one.vx_mps - balls_m[..., 0]
+        y = one.disc.y_m + drifts * one.vy_mps - balls_m[..., 1]
+        way_x, way_y = goal[0] - balls_m[..., 0], goal[1] - balls_m[..., 1]
+        share = np.clip((x * way_x + y * way_y) / np.maximum(way_x**2 + way_y**2, 1e-12), 0.0, 1.0)
+        off_x, off_y = share * way_x - x, share * way_y - y
+        runs = np.minimum(self._reach_m(np.asarray(after_s)) / np.maximum(np.hypot(off_x, off_y), 1e-9), 1.0)
+        lost_mps = limits.acceleration_mps2 * np.maximum(after_s - limits.dead_time_s, 0.0)
+        kept = np.maximum(1.0 - lost_mps / max(math.hypot(one.vx_mps, one.vy_mps), 1e-9), 0.0)
+        return x + runs * off_x, y + runs * off_y, kept * one.vx_mps, kept * one.vy_mps
 
     def _places(self, ball: Point) -> tuple[FloatArray, FloatArray]:
         """Where the ball could be kicked from, here first, and how far that is."""

@@ -64,6 +64,10 @@ class Track:
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))
 
+    def place_after(self, seconds: float) -> tuple[float, float]:
+        """Where it is so long after the track's frame if it goes on as it goes, field frame."""
+        return self.x_m + seconds * self.vx_mps, self.y_m + seconds * self.vy_mps
+
     def as_obstacle(self, robot: Pose2, radius_m: float, seconds: float = 0.0) -> MovingObstacle:
         """Return what `Steering.steer` takes.
 
@@ -76,7 +80,7 @@ class Track:
         seconds : float
             Since the track's frame.
         """
-        x, y = robot.inverse().transform((self.x_m + self.vx_mps * seconds, self.y_m + self.vy_mps * seconds)).tolist()
+        x, y = robot.inverse().transform(self.place_after(seconds)).tolist()
         c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
         vx, vy = c * self.vx_mps + s * self.vy_mps, c * self.vy_mps - s * self.vx_mps
         place, velocity = (

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.player_memory import BallMemory, block_ball, is_in_sight
+from robocup_vision.tracking import Track
+from sim2d.player_memory import BallMemory, HiddenBall, block_ball, is_in_sight
 
 BEARING = (np.arange(64) + 0.5) * math.tau / 64
 OPEN = FreeSpace(BEARING, np.full(64, 1.0))
@@ -49,3 +50,22 @@ def test_a_place_is_in_sight_where_the_floor_is_free_up_to_it():
     assert not is_in_sight(OPEN, (1.2, 0.3))
     ahead = FreeSpace(np.linspace(-0.3, 0.3, 9), np.full(9, 2.0))
     assert not is_in_sight(ahead, (-1.0, 0.0))
+
+
+def track(number, x_m, y_m, vx_mps=0.0):
+    return Track(number, x_m, y_m, vx_mps, 0.0, np.eye(4) * 1e-4, 0.99, 10, 0)
+
+
+def test_a_ball_goes_out_of_sight_behind_who_had_it():
+    hidden = HiddenBall(0.11)
+    assert hidden.place((0.0, 0.0), [track(4, 0.5, 0.0)], 0.0) is None
+    hidden.see((0.52, 0.1), [track(4, 0.5, 0.0), track(7, 0.9, 0.9)], 0.0)
+    later = [track(4, 0.5, 0.5, vx_mps=0.2), track(7, 0.9, 0.9)]
+    place, velocity = hidden.place((0.0, 0.0), later, 0.5)
+    there = math.hypot(0.6, 0.5)
+    assert place == (pytest.approx(0.6 * (1 + 0.11 / there)), pytest.approx(0.5 * (1 + 0.11 / there)))
+    assert velocity == (0.2, 0.0)
+    # who is no longer followed hides nothing
+    assert hidden.place((0.0, 0.0), later[1:], 0.0) is None
+    hidden.see((0.0, 0.5), later, 0.0)
+    assert hidden.place((0.0, 0.0), later, 0.0) is None

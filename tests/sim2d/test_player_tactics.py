@@ -73,13 +73,12 @@ def test_a_planned_shot_is_kicked_turned_for_or_gone_nearer_for():
     assert before_wall.intent == "draw back"
 
 
-def test_a_shot_that_promises_nothing_a_ball_held_for_long_and_a_keeper_are_left_to_the_plain_rules():
+def test_a_shot_that_promises_nothing_and_a_ball_held_for_long_are_left_to_the_plain_rules():
     pose = Pose2(0.6, 0.0, 0.0)
     for changes in ({"shot": planned("kick", chance=0.01)}, {"shot": planned("turn"), "held_s": 3.5}):
         plan = decide(pose=pose, in_mouth=True, **changes)
         assert plan.why is None
         assert plan.intent == "shoot"
-    assert decide(0, pose=pose, in_mouth=True, shot=planned("turn")).why is None
 
 
 def test_before_a_wall_the_ball_is_drawn_back():
@@ -143,3 +142,36 @@ def test_every_plan_is_a_place_on_the_floor(role, place, heading, ball, velocity
     assert FIELD.is_on_floor(*plan.target)
     assert math.isfinite(plan.heading_rad)
     assert 0.0 <= plan.kick_mps <= LIMITS.kick_speed_mps
+
+
+@pytest.mark.parametrize("ball", [(-1.1, -0.11), (-0.9, 0.3), (-1.0, 0.0), (-1.1, 0.15)])
+def test_the_keeper_blocks_a_ball_that_another_one_has(ball):
+    pose = Pose2(-1.25, 0.1, 0.0)
+    holder = (ball[0] + 0.1, ball[1])
+    plan = decide(0, pose=pose, ball=ball, others=(holder, (0.9, 0.9)))
+    assert plan.intent == "block"
+    assert (plan.why.topic, plan.why.choice) == ("shot", "block")
+    # between the ball and the goal, off the ball
+    assert -FIELD.length_m / 2 < plan.target[0] < ball[0]
+    assert math.dist(plan.target, ball) > LIMITS.radius_m + FIELD.ball_radius_m
+    # a ball that nobody is nearer to is fetched where it lies before the goal
+    assert decide(0, pose=pose, ball=ball, others=((0.9, 0.9),)).intent in ("fetch", "keep", "get behind")
+
+
+@pytest.mark.parametrize("y_m", [-0.6, -0.4, 0.4, 0.6])
+def test_the_keeper_stays_before_its_goal_where_the_ball_is_in_a_corner(y_m):
+    ball = (-1.33, y_m)
+    plan = decide(0, pose=Pose2(-1.25, 0.0, 0.0), ball=ball, others=((-1.25, y_m),))
+    assert plan.intent == "block"
+    assert abs(plan.target[1]) <= FIELD.goals[0].width_m / 2
+    assert plan.target[1] * y_m > 0
+
+
+def test_a_keeper_that_is_pressed_clears_the_ball_away_from_its_goal_only():
+    pose = Pose2(-1.2, 0.0, 0.3)
+    pressed = {"pose": pose, "in_mouth": True, "others": ((-0.99, 0.1),)}
+    assert (decide(0, **pressed).intent, decide(0, **pressed).kick_mps) == ("clear", LIMITS.kick_speed_mps)
+    assert decide(0, **pressed | {"others": ((0.5, 0.0),)}).intent != "clear"
+    assert decide(0, **pressed | {"pose": Pose2(-1.2, 0.0, math.pi)}).kick_mps == 0.0
+    # who is no keeper thinks of shots
+    assert decide(1, **pressed).intent != "clear"

@@ -60,6 +60,21 @@ def test_other_cameras_find_it_too(ssl_field, changes):
     assert math.hypot(ball.x_m - 0.4 * math.cos(2.5), ball.y_m - 0.4 * math.sin(2.5)) < 0.02
 
 
+@pytest.mark.parametrize("bearing", [0.0, 0.9, 2.4, -1.7])
+@pytest.mark.parametrize("pressed", [False, True], ids=["alone", "before another robot"])
+def test_a_ball_that_touches_the_robot_is_found_and_blocks_nothing(vision, ssl_field, paper_camera, bearing, pressed):
+    # before it is the robot itself, and behind it may be another one
+    held_m = 0.09 + ssl_field.ball_radius_m
+    x, y = POSE.transform([(held_m + 0.1) * math.cos(bearing), (held_m + 0.1) * math.sin(bearing)])
+    boxes = (Box(float(x), float(y), POSE.theta_rad + bearing),) if pressed else ()
+    vision.forget()
+    seen = vision.look(frame_with(paper_camera, ssl_field, ball_at(ssl_field, held_m, bearing), boxes))
+    assert seen.ball is not None
+    assert math.hypot(seen.ball.x_m - held_m * math.cos(bearing), seen.ball.y_m - held_m * math.sin(bearing)) < 0.01
+    ahead = int(np.argmin(np.abs(np.remainder(seen.free_space.bearing_rad - bearing + math.pi, math.tau) - math.pi)))
+    assert seen.free_space.range_m[ahead] > (held_m if pressed else 0.3)
+
+
 def test_no_ball_is_seen_among_red_and_orange_boxes(vision, ssl_field, paper_camera):
     condition = dataclasses.replace(CONDITIONS["nominal"], ball_share=0.0, obstacles=(6, 8))
     for one in sample(ssl_field, paper_camera, condition, seed=9, count=12, supersample=2):

@@ -22,7 +22,7 @@ KICK_RAD = 0.03
 
 
 def planner(defenders: MotionLimits = RUNNERS, kick_std_rad: float = KICK_RAD) -> ShotPlanner:
-    return ShotPlanner(POSTS, BALL_M, 1.43, kick_std_rad, defenders, 0.5, 2.0, 2.0)
+    return ShotPlanner(POSTS, BALL_M, 1.43, kick_std_rad, defenders, 0.5, 2.0, 2.0, 8.0)
 
 
 def at(x_m: float, y_m: float, std_m: float = 0.02, v_mps: tuple[float, float] = (0.0, 0.0)) -> Defender:
@@ -72,7 +72,8 @@ def test_plan_is_never_worth_less_than_a_kick_now(ball, heading_rad, who, std_m,
     shots = planner()
     plan = shots.plan(ball, heading_rad, who, std_m, std_rad)
     assert plan.chance_now == pytest.approx(chance(shots, ball, heading_rad, who, std_m, std_rad))
-    assert plan.chance == pytest.approx(chance(shots, plan.place_m, plan.heading_rad, who, std_m, std_rad))
+    if plan.action == "kick":
+        assert plan.chance == plan.chance_now
     assert plan.chance >= plan.chance_now
     assert (plan.action == "go nearer") == (plan.place_m != ball)
     assert f"{plan.chance:.0%}" in plan.reason
@@ -115,6 +116,25 @@ def test_one_that_moves_is_met_where_it_will_be():
     assert comes < 0.05 < 0.95 < goes
 
 
+@given(balls, headings, defenders, stds, st.floats(0.0, 3.0))
+def test_chances_after_a_while_are_chances_too(ball, heading_rad, who, std_m, after_s):
+    shots = planner()
+    later = float(shots.chances(np.array(ball), np.array(heading_rad), who, std_m, 0.01, after_s))
+    assert 0.0 <= later <= 1.0
+    assert later <= float(shots.chances(np.array(ball), np.array(heading_rad), [], std_m, 0.01))
+
+
+@pytest.mark.parametrize("away_m", [0.2, 0.3])
+def test_a_keeper_that_has_left_its_goal_is_back_after_a_while(away_m):
+    shots, ball, keeper = planner(), (0.9, 0.0), [at(1.25, away_m)]
+    at_once, later, never = (
+        float(shots.chances(np.array(ball), np.array(0.0), keeper, 0.01, 0.01, after_s)) for after_s in (0.0, 2.0, 0.1)
+    )
+    assert at_once > 0.9 > 0.05 > later
+    # sooner than it sees anything it is where it was
+    assert never == pytest.approx(at_once)
+
+
 def test_faces_an_open_goal_kicks():
     plan = planner().plan((0.8, 0.0), 0.0, [], 0.01, 0.01)
     assert plan.action == "kick"
@@ -128,10 +148,22 @@ def test_does_not_kick_at_a_keeper_that_leaves_a_corner():
 
 
 def test_who_is_pressed_does_not_go_far():
-    ball, keeper = (0.7, 0.0), at(1.27, 0.0)
-    runners = [at(0.75, 0.3), at(0.75, -0.3), at(0.5, 0.0, v_mps=(0.8, 0.0))]
+    ball, keeper = (0.4, 0.0), at(1.27, 0.0)
+    runners = [at(0.45, 0.3), at(0.45, -0.3), at(0.2, 0.0, v_mps=(0.8, 0.0))]
     alone, pressed = (planner().plan(ball, 0.0, who, 0.01, 0.01) for who in ([keeper], [keeper, *runners]))
-    assert math.dist(pressed.place_m, ball) < 0.5 * math.dist(alone.place_m, ball)
+    assert math.dist(pressed.place_m, ball) < 0.75 * math.dist(alone.place_m, ball)
+
+
+def test_what_promises_little_more_is_not_waited_for():
+    ball, keeper = (0.85, 0.0), [at(1.27, -0.12)]
+    heading_rad = math.atan2(0.2, LINE_M - 0.85)
+    patient, hasty = (
+        dataclasses.replace(planner(), slips_s=slips_s).plan(ball, heading_rad, keeper, 0.02, 0.02)
+        for slips_s in (1e6, 0.5)
+    )
+    assert patient.action != "kick"
+    assert patient.chance > patient.chance_now > 0.8
+    assert hasty.action == "kick"
 
 
 def test_goes_nearer_and_aside_of_one_that_stands_before_it():
@@ -141,7 +173,9 @@ def test_goes_nearer_and_aside_of_one_that_stands_before_it():
     assert abs(way) > 0.3
 
 
-@pytest.mark.parametrize("name", ["ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s"])
+@pytest.mark.parametrize(
+    "name", ["ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s", "slips_s"]
+)
 def test_refuses_what_is_not_positive(name):
     with pytest.raises(ArgumentError, match=f"{name} must be positive, got 0.0"):
         dataclasses.replace(planner(), **{name: 0.0})
@@ -149,4 +183,4 @@ def test_refuses_what_is_not_positive(name):
 
 def test_refuses_a_goal_too_narrow_for_the_ball():
     with pytest.raises(ArgumentError, match=r"a ball of 0.0215 m does not fit between the posts"):
-        ShotPlanner(((1.0, 0.02), (1.0, -0.02)), BALL_M, 1.4, 0.03, RUNNERS, 0.5, 2.0, 2.0)
+        ShotPlanner(((1.0, 0.02), (1.0, -0.02)), BALL_M, 1.4, 0.03, RUNNERS, 0.5, 2.0, 2.0, 8.0)

@@ -217,3 +217,4 @@ def test_a_track_becomes_an_obstacle_of_the_robot_frame():
     assert (obstacle.vx_mps, obstacle.vy_mps) == pytest.approx((0.0, -0.5))
     assert (obstacle.std_m, obstacle.velocity_std_mps) == pytest.approx((0.2, 0.5))
     assert obstacle.radius_m == 0.09
+    assert track.place_after(0.2) == pytest.approx((1.1, 2.0))
