@@ -22,9 +22,9 @@ _SHOTS, _LINE_RADII = 7, 3.5
 # a kick is sure within so many goal widths, and allowed within this angle where the goal is near
 _SHOT_WIDTHS = 3.0
 _WIDEST_AIM_RAD = 0.35
-# a keeper blocks a ball within so much of its goal, and leaves it so much room; it clears a ball that it holds where
-# another one is so near, in radii
-_BLOCK_M, _BLOCK_ROOM_M, _PRESSED_RADII = 0.8, 0.03, 3.0
+# a keeper blocks a ball within so many goal widths of its goal, and leaves it so much room; it clears a ball that it
+# holds where another one is so near, in radii
+_BLOCK_WIDTHS, _BLOCK_ROOM_M, _PRESSED_RADII = 4 / 3, 0.03, 3.0
 # seconds the ball is led by where it rolls
 _LEAD_S = 0.15
 # a shot worth less than this is none; a ball held for longer is kicked in any case
@@ -255,7 +255,8 @@ class Tactics:
             target = (line, 0.3 * post * math.sin(now.t_s))
             return Plan("keep", target, 0.0)
         ball = self._on_field(_led(now))
-        if self._is_another_s(now, now.ball) and math.dist(ball, (-self._half_length, 0.0)) < _BLOCK_M:
+        near = _BLOCK_WIDTHS * 2 * self._goal_half
+        if self._is_another_s(now, now.ball) and math.dist(ball, (-self._half_length, 0.0)) < near:
             return self._block(now, ball)
         speed = math.hypot(*now.ball_velocity_mps)
         if self._belongs_to_keeper(now.ball) and speed < 0.6:
@@ -272,7 +273,7 @@ class Tactics:
         return Plan("keep", target, _heading((now.pose.x_m, now.pose.y_m), now.ball), dribble=True)
 
     def _is_another_s(self, now: Situation, ball: Point) -> bool:
-        """Whether another one has the ball, or is nearer to it where it lies before the goal."""
+        """Whether another one has the ball: is close to it, and nearer than this robot."""
         away = math.dist((now.pose.x_m, now.pose.y_m), ball)
         near = min(away, TAKEN_REACHES * self._reach)
         return any(math.dist(other, ball) < near for other in now.others)

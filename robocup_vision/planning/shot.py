@@ -98,7 +98,7 @@ class ShotPlanner:
     lost_s : float
         How long a ball is held, on average, where somebody can reach it.
     slips_s : float
-        The same where nobody can: no chance is worth waiting for for ever.
+        The same where nobody can: no chance is worth waiting for without end.
 
     Raises
     ------
