@@ -3,7 +3,8 @@
 Matches of 2 against 2 on ssl_2001. A kick by anyone but a keeper is judged from the true places and velocities of all
 robots, and of the ball as it leaves, as they stand one control period after the kick; it went in if its side scores
 within 2.5 s and before its next kick. Log loss: mean of -log of the chance given to what happened (from 1 to 99 %),
-beside that of giving each kick the share that goes in on the whole.
+beside that of giving each kick the share that goes in on the whole. Held ball: of the moments in which a robot has the
+ball in its mouth, the share in which its last frame showed it the ball.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ QUICK, DEFAULT, FULL = (8, 20.0), (60, 20.0), (200, 20.0)
 SCORES_S = 2.5
 BINS = (0.0, 0.02, 0.2, 0.8, 0.95, 1.0001)
 STD_M = 0.01
-MOST_LOG_LOSS, LEAST_SURE = 0.6, 0.9
+MOST_LOG_LOSS, LEAST_SURE, LEAST_SEEN = 0.6, 0.9, 0.95
 
 
 def chance_of(shooter: Shooter, state: WorldState, robot: int) -> float:
@@ -45,26 +46,31 @@ def chance_of(shooter: Shooter, state: WorldState, robot: int) -> float:
     return float(shooter.shots.chances(place, np.array(heading), defenders, STD_M, 0.0))
 
 
-def kicks_of(plan: MatchPlan) -> list[tuple[float, bool]]:
-    """Play a match; the chance of each kick and whether it went in."""
+def kicks_of(plan: MatchPlan) -> tuple[list[tuple[float, bool]], list[bool]]:
+    """Play a match; the chance of each kick and whether it went in; and, whenever a ball was held, if it was seen."""
     cv2.setNumThreads(0)
     match = plan.begin()
     arena = match.arena
     shooters = {side: Shooter(arena.field, arena.limits, side) for side in (1, -1)}
     kicks: list[tuple[float, float, int, bool]] = []
     scored: set[int] = set()
-    for _ in match.play(plan.seconds):
+    seen: list[bool] = []
+    for moment in match.play(plan.seconds):
+        for robot in moment.robots:
+            view = robot.belief.view
+            if robot.senses.ball_in_mouth and view is not None:
+                seen.append(view.ball is not None)
         state = arena.state
         for event in state.events:
             if event.kind == "kick":
-                robot = state.robots[event.robots[0]]
-                chance = chance_of(shooters[robot.side], state, robot.index)
-                kicks.append((state.t_s, chance, robot.side, robot.number > 0))
+                kicker = state.robots[event.robots[0]]
+                chance = chance_of(shooters[kicker.side], state, kicker.index)
+                kicks.append((state.t_s, chance, kicker.side, kicker.number > 0))
             elif event.kind == "goal":
                 last = max((k for k, kick in enumerate(kicks) if kick[2] == event.side), default=None)
                 if last is not None and state.t_s - kicks[last][0] < SCORES_S:
                     scored.add(last)
-    return [(chance, k in scored) for k, (_, chance, _, counts) in enumerate(kicks) if counts]
+    return [(chance, k in scored) for k, (_, chance, _, counts) in enumerate(kicks) if counts], seen
 
 
 def log_loss(chance: np.ndarray, scored: np.ndarray) -> float:
@@ -79,7 +85,9 @@ def main() -> None:
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     plans = plan_matches(MatchPlan(seconds=seconds, seed=arguments.seed), matches)
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as workers:
-        kicks = [kick for match in workers.map(kicks_of, plans) for kick in match]
+        played = list(workers.map(kicks_of, plans))
+    kicks = [kick for of_match, _ in played for kick in of_match]
+    seen = float(np.mean([one for _, of_match in played for one in of_match]))
     chance, scored = np.array([c for c, _ in kicks]), np.array([s for _, s in kicks])
     table = Table(("chance of a goal, %", "kicks", "chance %", "went in %"), f"{len(kicks)} kicks in {matches} matches")
     for low, high in pairwise(BINS):
@@ -93,7 +101,9 @@ def main() -> None:
     is_told, is_sure = ratio <= MOST_LOG_LOSS, sure >= LEAST_SURE
     verdicts.row("log loss to that of the share on the whole", ratio, f"<= {MOST_LOG_LOSS}", verdict(is_told))
     verdicts.row("of the surest kicks went in", sure, f">= {LEAST_SURE}", verdict(is_sure))
-    finish(arguments.check, is_told and is_sure)
+    is_seen = seen >= LEAST_SEEN
+    verdicts.row("held balls that are seen", seen, f">= {LEAST_SEEN}", verdict(is_seen))
+    finish(arguments.check, is_told and is_sure and is_seen)
 
 
 if __name__ == "__main__":
