@@ -33,11 +33,11 @@ STD_M = 0.01
 MOST_LOG_LOSS, LEAST_SURE, LEAST_SEEN = 0.6, 0.9, 0.95
 
 
-def chance_of(shooter: Shooter, state: WorldState, robot: int) -> float:
+def chance_of(shooter: Shooter, state: WorldState, robot: int, radius_m: float) -> float:
     """Chance of a goal by the kick that a robot has just made."""
     assert state.ball is not None
     defenders = [
-        Defender(Disc(one.pose.x_m, one.pose.y_m, 0.09, STD_M**2 * np.eye(2)), *one.velocity_mps)
+        Defender(Disc(one.pose.x_m, one.pose.y_m, radius_m, STD_M**2 * np.eye(2)), *one.velocity_mps)
         for one in state.robots
         if one.index != robot
     ]
@@ -64,7 +64,7 @@ def kicks_of(plan: MatchPlan) -> tuple[list[tuple[float, bool]], list[bool]]:
         for event in state.events:
             if event.kind == "kick":
                 kicker = state.robots[event.robots[0]]
-                chance = chance_of(shooters[kicker.side], state, kicker.index)
+                chance = chance_of(shooters[kicker.side], state, kicker.index, arena.limits.radius_m)
                 kicks.append((state.t_s, chance, kicker.side, kicker.number > 0))
             elif event.kind == "goal":
                 last = max((k for k, kick in enumerate(kicks) if kick[2] == event.side), default=None)

@@ -83,7 +83,8 @@ class BuiltInPlayer:
         self._tactics = Tactics(setup.field, setup.limits, setup.number, setup.players)
         self._motion = Motion(setup.limits, np.random.default_rng(setup.seed))
         self._ball = BallMemory()
-        self._hidden = HiddenBall(setup.limits.radius_m + setup.field.ball_radius_m)
+        self._reach_m = setup.limits.radius_m + setup.field.ball_radius_m
+        self._hidden: HiddenBall | None = None
         self._view: View | None = None
         self._view_t_s = -math.inf
         self._view_mount = _NOWHERE
@@ -101,6 +102,7 @@ class BuiltInPlayer:
         self._shooter: Shooter | None = None
         self._gaze_planner: PoseGaze | None = None
         if plans and self._memory.free_map is not None:
+            self._hidden = HiddenBall(self._reach_m)
             self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free)
             # a keeper does not shoot
             if setup.field.goals and not self._tactics.is_keeper:
@@ -189,7 +191,8 @@ class BuiltInPlayer:
                 belief.pose.compose(motion.inverse()).compose(mount).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
             )
             self._ball.see((ball.x_m, ball.y_m), frame_t_s)
-            self._hidden.see((ball.x_m, ball.y_m), *self._tracks(frame_t_s))
+            if self._hidden is not None:
+                self._hidden.see((ball.x_m, ball.y_m), *self._tracks(frame_t_s))
 
     def _decide(self, senses: Senses) -> Command:
         belief = self._filter.belief
@@ -211,7 +214,7 @@ class BuiltInPlayer:
         nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
         things = [seen_from.compose(Pose2(o.x_m, o.y_m, 0.0)) for o in self._view.obstacles if o.range_m > nearest]
         if senses.ball_in_mouth:
-            mouth = pose.compose(Pose2(self._setup.limits.radius_m + self._setup.field.ball_radius_m, 0.0, 0.0))
+            mouth = pose.compose(Pose2(self._reach_m, 0.0, 0.0))
             self._ball.see((mouth.x_m, mouth.y_m), senses.t_s)
         ball = self._ball.place(senses.t_s)
         if ball is not None and self._ball.age_s(senses.t_s) > _MISSED_S:
@@ -220,7 +223,7 @@ class BuiltInPlayer:
                 self._ball.miss()
                 ball = None
         velocity = self._ball.velocity_mps
-        if self._planner is not None and _HIDDEN_S < self._ball.age_s(senses.t_s) <= FORGOTTEN_S:
+        if self._hidden is not None and _HIDDEN_S < self._ball.age_s(senses.t_s) <= FORGOTTEN_S:
             hidden = self._hidden.place((pose.x_m, pose.y_m), *self._tracks(senses.t_s))
             if hidden is not None:
                 ball, velocity = hidden
@@ -264,12 +267,12 @@ class BuiltInPlayer:
     def _plan_travel(self, plan: Plan, t_s: float) -> Travel | None:
         if self._planner is None:
             return None
-        around = self._around(t_s)
-        if around is None:
-            return None
         target = self._point_in_team(plan.target)
         if plan.holding:
             return self._planner.carry(target)
+        around = self._around(t_s)
+        if around is None:
+            return None
         if plan.close:
             return self._planner.approach(around, target, self._ball.place(t_s))
         return self._planner.plan(around, target)

@@ -13,14 +13,15 @@ from robocup_vision.memory import MapPicture
 from robocup_vision.planning import Defender, Disc, MotionLimits, ShotPlan, ShotPlanner
 from sim2d.player_motion import HOLDING_MPS, HOLDING_RPS, PERIOD_S
 from sim2d.player_planning import Surroundings
+from sim2d.player_tactics import KEEPER_RADII
 from sim2d.robot_link import RobotLimits
 
 # how far a kicked ball leaves the heading, and what of a kick's speed is left when it rolls (a solid sphere)
 _KICK_STD_RAD, _ROLLING_SHARE = 0.03, 5 / 7
 # others run for a ball so long after the kick; a ball that they reach is held for so long, any other for so long
 _SEEN_S, _LOST_S, _SLIPS_S = 0.3, 0.5, 8.0
-# a keeper stands so many radii before its goal's line, within twice as many of it; how well that tells its place
-_KEEPER_RADII, _KEEPER_STD_M = 1.3, 0.1
+# how well it is known where a keeper stands
+_KEEPER_STD_M = 0.1
 
 
 class Shooter:
@@ -46,7 +47,7 @@ class Shooter:
         self._reach_m = limits.radius_m + field.ball_radius_m
         line, half = attacks * field.length_m / 2, attacks * field.goals[0].width_m / 2
         self._line_m, self._half_m = line, abs(half)
-        self._keeper_x_m = line - attacks * _KEEPER_RADII * limits.radius_m
+        self._keeper_x_m = line - attacks * KEEPER_RADII * limits.radius_m
         self.shots = ShotPlanner(
             ((line, half), (line, -half)),
             field.ball_radius_m,
@@ -85,7 +86,7 @@ class Shooter:
 
     def _keeps(self, x_m: float, y_m: float) -> bool:
         radius_m = self._limits.radius_m
-        return abs(x_m - self._line_m) < 2 * _KEEPER_RADII * radius_m and abs(y_m) < self._half_m + radius_m
+        return abs(x_m - self._line_m) < 2 * KEEPER_RADII * radius_m and abs(y_m) < self._half_m + radius_m
 
     def _is_empty(self, floor: MapPicture | None) -> bool:
         """Whether all floor where a keeper would stand is known to be free."""

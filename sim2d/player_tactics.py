@@ -15,7 +15,9 @@ from sim2d.robot_link import Phase, Reason, RobotLimits
 
 Point = tuple[float, float]
 
-# the keeper fetches a ball within this many robot radii of its goal's middle, and within so many of the end line
+# a keeper stands so many radii before its goal's line
+KEEPER_RADII = 1.3
+# it fetches a ball within this many robot radii of its goal's middle, and within so many of the end line
 _AREA_RADII, _AREA_DEPTH_RADII = 7.0, 6.0
 # directions in the goal's mouth that are tried, and how near to a shot's line an obstacle stops it, in ball radii
 _SHOTS, _LINE_RADII = 7, 3.5
@@ -178,7 +180,7 @@ class Tactics:
             if planned is not None:
                 return planned
         if self.is_keeper and self._is_pressed(now):
-            return self._clear(now, ball)
+            return self._kick("clear", ball, pose.theta_rad)
         shot, is_open = self._shot(ball, now.obstacles)
         wanted = _heading((pose.x_m, pose.y_m), shot)
         off = abs(wrap_angle(wanted - pose.theta_rad))
@@ -186,15 +188,13 @@ class Tactics:
         aimed = off < min(_WIDEST_AIM_RAD, max(0.06, 0.5 * self._goal_half / max(away, 1e-6)))
         in_range = away < _SHOT_WIDTHS * 2 * self._goal_half or self.is_keeper
         if aimed and ((is_open and in_range) or now.held_s > _LONGEST_HELD_S):
-            return Plan("shoot", self._inside(ball), wanted, self._limits.kick_speed_mps, True, False, True, True)
+            return self._kick("shoot", ball, wanted)
         if now.held_s > 4.5:
             # held in vain, in a corner or a scrum: any way out is good
-            return self._clear(now, ball)
+            return self._kick("clear", ball, pose.theta_rad)
         step = min(0.4, max(away - 2 * self._goal_half, 0.15))
         target = (pose.x_m + step * math.cos(wanted), pose.y_m + step * math.sin(wanted))
-        return self._draw_back(pose, wanted) or Plan(
-            "dribble", self._inside(target), wanted, 0.0, True, False, False, True
-        )
+        return self._dribble(pose, target, wanted)
 
     def _is_pressed(self, now: Situation) -> bool:
         """Whether another one is so near that the ball is soon lost, and a kick would not go to the own goal."""
@@ -202,9 +202,8 @@ class Tactics:
         near = _PRESSED_RADII * self._limits.radius_m
         return math.cos(now.pose.theta_rad) > 0.3 and any(math.dist(other, here) < near for other in now.others)
 
-    def _clear(self, now: Situation, ball: Point) -> Plan:
-        kick_mps = self._limits.kick_speed_mps
-        return Plan("clear", self._inside(ball), now.pose.theta_rad, kick_mps, True, False, True, True)
+    def _kick(self, intent: str, ball: Point, heading_rad: float, why: Reason | None = None) -> Plan:
+        return Plan(intent, self._inside(ball), heading_rad, self._limits.kick_speed_mps, True, False, True, True, why)
 
     def _planned_shot(self, now: Situation, ball: Point, shot: ShotPlan) -> Plan | None:
         """Kick, turn or go nearer, as promises most; None where nothing promises much."""
@@ -213,20 +212,15 @@ class Tactics:
         pose = now.pose
         why = Reason("shot", shot.action, shot.reason)
         if shot.action == "kick":
-            here = self._inside(ball)
-            return Plan("shoot", here, pose.theta_rad, self._limits.kick_speed_mps, True, False, True, True, why)
-        target = _beyond(shot.place_m, shot.heading_rad, -self._reach)
-        return self._draw_back(pose, shot.heading_rad, why) or Plan(
-            "dribble", self._inside(target), shot.heading_rad, 0.0, True, False, False, True, why
-        )
+            return self._kick("shoot", ball, pose.theta_rad, why)
+        return self._dribble(pose, _beyond(shot.place_m, shot.heading_rad, -self._reach), shot.heading_rad, why)
 
-    def _draw_back(self, pose: Pose2, wanted_rad: float, why: Reason | None = None) -> Plan | None:
-        """Draw back where turning would wedge the ball between robot and wall."""
+    def _dribble(self, pose: Pose2, target: Point, wanted_rad: float, why: Reason | None = None) -> Plan:
+        """Take the ball to a place; draw back first where turning would wedge it between robot and wall."""
         if abs(wrap_angle(wanted_rad - pose.theta_rad)) <= 0.6 or self._room_ahead(pose) >= 1.5 * self._reach:
-            return None
+            return Plan("dribble", self._inside(target), wanted_rad, 0.0, True, False, False, True, why)
         back = pose.compose(Pose2(-0.3, 0.0, 0.0))
-        target = self._inside((back.x_m, back.y_m))
-        return Plan("draw back", target, pose.theta_rad, 0.0, True, False, True, True, why)
+        return Plan("draw back", self._inside((back.x_m, back.y_m)), pose.theta_rad, 0.0, True, False, True, True, why)
 
     def _fetch(self, now: Situation) -> Plan:
         """Go behind the ball as seen from the opponent's goal, where that is near; else take it from where one is."""
@@ -284,8 +278,8 @@ class Tactics:
         cover = cover_goal(ball, ((end, half), (end, -half)), self._reach, _BLOCK_ROOM_M)
         (x, y), (line, post) = cover.place_m, self._keeper_line
         if x < line:
-            # there is no room so far back: where the way there is crossed
-            y += (line - x) / max(ball[0] - x, 1e-6) * (ball[1] - y) if ball[0] > line else ball[1] - y
+            # there is no room so far back: where the way there is crossed, or beside a ball that lies behind
+            y += min((line - x) / max(ball[0] - x, 1e-6), 1.0) * (ball[1] - y)
             x = line
         heading = _heading((now.pose.x_m, now.pose.y_m), ball)
         open_deg = math.degrees(cover.open_rad)
@@ -296,7 +290,7 @@ class Tactics:
     def _keeper_line(self) -> tuple[float, float]:
         """How far back a keeper stands, and how far to either side."""
         radius = self._limits.radius_m
-        return -self._half_length + 1.3 * radius, self._goal_half - 0.5 * radius
+        return -self._half_length + KEEPER_RADII * radius, self._goal_half - 0.5 * radius
 
     def _support(self, now: Situation, intent: str) -> Plan:
         x = 0.25 * self._half_length if now.ball is None else min(max(now.ball[0] - 0.3, -0.4 * self._half_length), 0.3)

@@ -1,4 +1,4 @@
-"""Where one robot covers a whole goal: between the ball and the goal, as near to the ball as leaves nothing open."""
+"""Where one robot covers a whole goal: between the ball and the goal, so near to the ball that nothing is open."""
 
 from __future__ import annotations
 

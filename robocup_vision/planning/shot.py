@@ -149,13 +149,11 @@ class ShotPlanner:
         seconds = np.maximum(turns / self.turn_rps, ways[:, None] / self.dribble_mps)
         chances = self.chances(places[:, None], headings, defenders, place_std_m, heading_std_rad, seconds)
         reached = self._reached(places, seconds, defenders, place_std_m)
-        kept = (
-            np.exp(-seconds * (reached / self.lost_s + 1.0 / self.slips_s))
-            * self._free(ball, places, defenders, place_std_m)[:, None]
-        )
-        place, aim = np.unravel_index(int(np.argmax(chances * kept)), chances.shape)
-        chance, worth = float(chances[place, aim]), float((chances * kept)[place, aim])
-        if now >= worth:
+        kept = np.exp(-seconds * (reached / self.lost_s + 1.0 / self.slips_s))
+        worth = chances * (kept * self._free(ball, places, defenders, place_std_m)[:, None])
+        place, aim = np.unravel_index(int(np.argmax(worth)), worth.shape)
+        chance = float(chances[place, aim])
+        if now >= worth[place, aim]:
             return ShotPlan("kick", ball, heading_rad, now, now, f"goal in {now:.0%}, nothing better is near")
         x, y = places[place].tolist()
         heading = float(headings[place, aim])
@@ -268,7 +266,6 @@ class ShotPlanner:
             std = math.sqrt(one.disc.variance_m2 + place_std_m**2)
             # it holds the ball in front of itself: where that touches, so does the robot
             free *= np.where(share > 0.0, _below((away - one.disc.radius_m - self.ball_radius_m) / std), 1.0)
-        free[0] = 1.0
         return free
 
 
