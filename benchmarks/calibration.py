@@ -33,17 +33,17 @@ from harness import Table, finish, parse_arguments, percent, verdict
 
 from field_models import load_field
 from robocup_vision import Vision, draw, load_camera
-from robocup_vision.calibration.omni import OmniCalibration, calibrate_omni
-from robocup_vision.calibration.omni_model import hyperboloid_of, scale_and_horizon
+from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
+from robocup_vision.calibration.omni.model import hyperboloid_of, scale_and_horizon
 from robocup_vision.camera import OmniCamera, Tangent
-from robocup_vision.localization.line_map import LineMap
+from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, Sample, sample
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real"
 OUT = Path("out") / "calibration"
 IMAGES = 10
-MOST_SECONDS = 20.0
+MAX_SECONDS = 20.0
 CONVERGED_M = 0.005
 FIELD, GIVEN = load_field("ssl_2001"), sekimori_camera()
 CONDITION = CONDITIONS["miscalibrated"]
@@ -138,7 +138,7 @@ def measure_convergence(seed: int, trials: int) -> bool:
             else:
                 refused += 1
         share = float(np.mean([error <= CONVERGED_M for error in errors])) * len(errors) / trials if errors else 0.0
-        ok = share >= 0.95 and max(seconds) <= MOST_SECONDS
+        ok = share >= 0.95 and max(seconds) <= MAX_SECONDS
         table.row(
             name,
             f"{percent(share)} of {trials}",
@@ -146,7 +146,7 @@ def measure_convergence(seed: int, trials: int) -> bool:
             1e3 * max(errors) if errors else None,
             refused,
             f"{np.median(seconds):.1f}, {max(seconds):.1f}",
-            f"95 %, {MOST_SECONDS:g} s",
+            f"95 %, {MAX_SECONDS:g} s",
             verdict(ok),
         )
         all_ok &= ok
@@ -194,7 +194,7 @@ def measure_photographs() -> bool:
                 all_ok &= start is None
                 continue
             curve, residual = result.camera.floor_range, np.abs(result.frames[0].line_residual_px)
-            off, ok = "-", seconds <= MOST_SECONDS
+            off, ok = "-", seconds <= MAX_SECONDS
             if isinstance(curve, Tangent):
                 off = f"{100 * (curve.a_m / a - 1):+.1f}, {100 * (curve.b_per_px / b - 1):+.1f}"
                 if folder == "omni_msl_6x4":

@@ -44,7 +44,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import CLASS_NAMES, build_color_table
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, sample_goal
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.random_scenes import CONDITIONS, sample
 from sim2d.rendering.scene import BOX_COLORS, Box, Light, Robot, Room, Scene, Shadow
@@ -60,8 +60,8 @@ WALLS = {"white": (235, 235, 235), "black": (35, 35, 35), "wood": (105, 155, 190
 NEAR_M, NEAR_RAD = 0.05, math.radians(3)
 TOUR, STAND = 60, 32
 DARK = 0.1
-LEAST_OVERLAP, BLURRED = 0.97, 60.0
-MOST_COLOR_ERROR = 0.06
+MIN_OVERLAP, BLURRED = 0.97, 60.0
+MAX_COLOR_ERROR = 0.06
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def measure_files(seed: int, count: int) -> bool:
         for paint, bgr in ((result.colors.floor.lit, GREEN), (result.colors.line, WHITE)):
             blue, green, red = np.array(bgr) * condition.cast_bgr
             error = max(error, abs(paint.red_ratio * green / red - 1), abs(paint.blue_ratio * green / blue - 1))
-        ok = error <= MOST_COLOR_ERROR
+        ok = error <= MAX_COLOR_ERROR
         all_ok &= ok
         table.row(name, f"{result.frames}/{count}", 100 * error, "<= 6", verdict(ok))
     return all_ok
@@ -252,9 +252,9 @@ def measure_real() -> bool:
         half = carpet & (there[..., 0] >= -0.3)
         overlap, overlap_half = (float((seen & c).sum() / (seen | c).sum()) for c in (carpet, half))
         blurred = float(cv2.Laplacian(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), cv2.CV_64F).var()) < BLURRED
-        ok = overlap_half >= LEAST_OVERLAP
+        ok = overlap_half >= MIN_OVERLAP
         all_ok &= ok or blurred
-        said = (None, None) if blurred else (f">= {LEAST_OVERLAP:g}, half", verdict(ok))
+        said = (None, None) if blurred else (f">= {MIN_OVERLAP:g}, half", verdict(ok))
         table.row(row["image"], "yes" if blurred else "no", overlap, overlap_half, *said)
     return all_ok
 

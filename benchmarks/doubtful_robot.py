@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from robocup_vision.geometry import FloatArray, Pose2
-from robocup_vision.kernels.path_following import drive, spread
+from robocup_vision.kernels.motion.path_following import drive, spread
 from robocup_vision.planning import Disc, MotionLimits, PathFollower, PoseNoise, SpeedPlan, SpeedPlanner
 
 LIMITS = MotionLimits(1.5, 3.0)

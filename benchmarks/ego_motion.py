@@ -28,9 +28,9 @@ from robocup_vision.geometry import FloatArray, Pose2
 from robocup_vision.mapping import EgoMotion
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.match_camera import MatchCamera
 from sim2d.robot_link import Command, RobotLimits
-from sim2d.world import CONTROL_PERIOD_S, World
+from sim2d.sensors.match_camera import MatchCamera
+from sim2d.world.world import CONTROL_PERIOD_S, World
 
 try:
     import small_gicp
@@ -43,7 +43,7 @@ DIRECTIONS, NOISE_PX = 256, 0.25
 # of the floor's edge in rendered images, as measured against the truth on other drives
 EDGE_PX = 0.16
 # nothing is told beyond this
-LEAST_INVERSE_PER_M = 0.05
+MIN_INVERSE_PER_M = 0.05
 WORLD, CHAIN = SOURCES = ("world", "Vision")
 # frames, control periods between them
 SETTINGS = ((30, 1), (30, 6), (180, 1))
@@ -55,7 +55,7 @@ ONE, FIVE, DEAD, LAST, UNION = METHODS = (
     "small_gicp, last frame",
     "small_gicp, five frames",
 )
-OF_ONE, OF_DEAD, MOST_MS = 0.5, 0.3, 3.0
+OF_ONE, OF_DEAD, MAX_MS = 0.5, 0.3, 3.0
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def profile(radius_px: FloatArray, noise_px: float) -> tuple[FloatArray, FloatAr
     curve = CAMERA.floor_range.inverse_range_per_m
     inverse = curve(radius_px)
     std = np.abs(curve(radius_px + 0.5) - curve(radius_px - 0.5)) * noise_px
-    known = inverse > LEAST_INVERSE_PER_M
+    known = inverse > MIN_INVERSE_PER_M
     return np.where(known, inverse, np.nan), np.where(known, std, 1.0)
 
 
@@ -303,7 +303,7 @@ def print_rows(table: Table, figures: Callable[[str], list[Result]], is_judged: 
         ms = 1000 * float(np.median(seconds)) if seconds else None
         judgement = None
         if method == FIVE and is_judged:
-            is_ok = of_one <= OF_ONE and of_dead <= OF_DEAD and not (is_timed and ms is not None and ms > MOST_MS)
+            is_ok = of_one <= OF_ONE and of_dead <= OF_DEAD and not (is_timed and ms is not None and ms > MAX_MS)
             judgement = verdict(is_ok)
         table.row(
             method,

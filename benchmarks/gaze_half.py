@@ -14,14 +14,14 @@ from harness import Table, percent, verdict
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, wrap_angle
-from robocup_vision.localization.goal import GoalLocalizer
+from robocup_vision.localization.goal.localizer import GoalLocalizer
 from robocup_vision.planning.gaze import Neck
 from robocup_vision.planning.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen
 from robocup_vision.planning.sight_lines import Blocker
-from sim2d.arena import camera_for
-from sim2d.rendering.goal_evidence import draw_scene
-from sim2d.rendering.match_camera import MATCH_SENSOR
+from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import COARSE, render_pinhole
+from sim2d.sensors.goal_evidence import draw_scene
+from sim2d.sensors.match_camera import MATCH_SENSOR
 
 FIELD = load_field("four_legged_2007")
 CAMERA = replace(camera_for(FIELD), pan_rad=0.0)
@@ -30,11 +30,11 @@ assert isinstance(CAMERA, PinholeCamera)
 NECK = Neck(limit_rad=math.pi)
 STD = np.array([0.15, 0.15, 0.08])
 TRACKED_SHARE, TRACK_STD_M = 0.8, 0.08
-MOST_LOOKS = 9
+MAX_LOOKS = 9
 # a sweep's stops overlap by a third of the view, so that a goal is whole in one of them
 STOPS = np.linspace(-math.pi, math.pi, 10)[:-1]
 RULES = ("expected entropy", "sweep", "goal first", "nearest goal first")
-MOST_OF_SWEEP, MOST_OF_GOAL_FIRST, LEAST_RIGHT = 0.5, 0.85, 0.98
+MAX_OF_SWEEP, MAX_OF_GOAL_FIRST, MIN_RIGHT = 0.5, 0.85, 0.98
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def ask(case: Case, rule: str) -> Asked:
     order = case.goal_pans()
     if rule == "nearest goal first" and case.goal_ranges()[1] < case.goal_ranges()[0]:
         order = order[::-1]
-    while looks < MOST_LOOKS and entropy_nat(share) > ENOUGH_NAT:
+    while looks < MAX_LOOKS and entropy_nat(share) > ENOUGH_NAT:
         hypotheses = case.hypotheses(share)
         if rule == "expected entropy":
             chosen = question.choose(hypotheses, pan, case.blockers)
@@ -158,11 +158,11 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
         ratio = ours / looks[rule]
         target, text = "", ""
         if rule == "expected entropy":
-            target, ok = f"right >= {LEAST_RIGHT:.0%}", right >= LEAST_RIGHT
+            target, ok = f"right >= {MIN_RIGHT:.0%}", right >= MIN_RIGHT
         elif rule == "sweep":
-            target, ok = f"ratio <= {MOST_OF_SWEEP}", ratio <= MOST_OF_SWEEP
+            target, ok = f"ratio <= {MAX_OF_SWEEP}", ratio <= MAX_OF_SWEEP
         else:
-            target, ok = f"ratio <= {MOST_OF_GOAL_FIRST}", ratio <= MOST_OF_GOAL_FIRST
+            target, ok = f"ratio <= {MAX_OF_GOAL_FIRST}", ratio <= MAX_OF_GOAL_FIRST
         judged = rule != "nearest goal first"
         if judged:
             all_ok &= ok

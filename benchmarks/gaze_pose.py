@@ -16,17 +16,17 @@ from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, compose_covariance, wrap_angle
-from robocup_vision.localization.goal import GoalLocalizer
-from robocup_vision.localization.goal_geometry import HEIGHT, ROLL, TILT, camera_rotation
-from robocup_vision.localization.pose_filter import OdometryNoise, PoseFilter
+from robocup_vision.localization.filter.pose_filter import OdometryNoise, PoseFilter
+from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT, camera_rotation
+from robocup_vision.localization.goal.localizer import GoalLocalizer
 from robocup_vision.planning.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze import DETECTORS, GOAL_DETECTORS, Neck, PoseGaze
 from robocup_vision.planning.sight_lines import Blocker, clear_share
 from robocup_vision.vision import Vision
-from sim2d.arena import camera_for
-from sim2d.rendering.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR
+from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Robot, Scene
+from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR
 
 FIELD = load_field("four_legged_2007")
 CAMERA = replace(camera_for(FIELD), pan_rad=0.0)
@@ -41,7 +41,7 @@ ODOMETRY_SHARE, PUSH = 0.2, np.array([0.02, 0.02, 0.05])
 ODOMETRY = OdometryNoise(slip_share=ODOMETRY_SHARE / 2, slip_s=RUN_S, push_m=PUSH[0], push_rad=PUSH[2])
 LOST_M = 0.5
 RULES = ("planned", "planned, |P|", "fixed sweep")
-MOST_RMS, MOST_SPREAD = 0.95, 0.85
+MAX_RMS, MAX_SPREAD = 0.95, 0.85
 RENDERED_S, RENDERED_FRAME_S = 6.0, 0.1
 
 
@@ -353,7 +353,7 @@ def compare(table: Table, scores: dict[str, list[RunScore]], *, judged: bool) ->
         ratios = [got / base for got, base in zip(middle[rule], middle["fixed sweep"], strict=True)]
         text = ""
         if judged and rule == "planned":
-            ok = ratios[0] <= MOST_RMS and ratios[1] <= MOST_SPREAD and lost[rule] <= lost["fixed sweep"]
+            ok = ratios[0] <= MAX_RMS and ratios[1] <= MAX_SPREAD and lost[rule] <= lost["fixed sweep"]
             all_ok &= ok
             text = verdict(ok)
         table.row(
@@ -376,7 +376,7 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     columns = ("rule          ", "runs", "RMS m", "ratio", "|P|^1/6", "ratio", "lost %", "nothing seen %", "verdict")
     runs = 24 if arguments.quick else 400 if arguments.full else 120
     table = Table(
-        columns, f"pose by landmarks as measured above (targets: ratios {MOST_RMS} and {MOST_SPREAD}, lost no more)"
+        columns, f"pose by landmarks as measured above (targets: ratios {MAX_RMS} and {MAX_SPREAD}, lost no more)"
     )
     scores = {
         r: list(pool.map(landmark_run, [([arguments.seed, i], r) for i in range(runs)], chunksize=4)) for r in RULES

@@ -23,9 +23,9 @@ OTHERS = (8, 16)
 BINS, RAYS = 36, 16
 LOOK_RAD = math.radians(10.0)  # to either side of what is looked at
 IN_VAIN = 0.1  # share of looks that tell nothing
-MOST_LOOKS = 80
+MAX_LOOKS = 80
 RULES = ("first on the path", "nearest first", "along the straight line")
-MOST_OF_NEAREST = 0.5
+MAX_OF_NEAREST = 0.5
 
 
 class World:
@@ -100,7 +100,7 @@ def find_way(job: tuple[list[int], str]) -> Found:
     world, planner = World(seed), SelectiveLook(CELL_M, RADIUS_M, LOOK_RAD)
     rng = np.random.default_rng([*seed, 3])
     tried: list[tuple[float, float]] = []
-    for looks in range(MOST_LOOKS):
+    for looks in range(MAX_LOOKS):
         chosen = planner.choose(world.free, world.no_go, CORNER_M, world.start, world.goal)
         if chosen.at_m is None:
             return Found(looks, chosen.length_m)
@@ -111,7 +111,7 @@ def find_way(job: tuple[list[int], str]) -> Found:
         planner.looked(at, world.start)
         if rng.random() >= IN_VAIN:
             world.look(at)
-    return Found(MOST_LOOKS, math.inf)
+    return Found(MAX_LOOKS, math.inf)
 
 
 def other_place(world: World, rule: str, tried: list[tuple[float, float]]) -> tuple[float, float] | None:
@@ -173,8 +173,8 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
         longer = sum(f.length_m > b * (1 + 1e-3) for f, b in zip(runs, best, strict=True) if math.isfinite(b))
         text = target = ""
         if rule == RULES[0]:
-            ok = ours <= MOST_OF_NEAREST * nearest and ours <= straight and longer == 0
+            ok = ours <= MAX_OF_NEAREST * nearest and ours <= straight and longer == 0
             all_ok &= ok
-            target, text = f"<= {MOST_OF_NEAREST}, <= straight, 0", verdict(ok)
+            target, text = f"<= {MAX_OF_NEAREST}, <= straight, 0", verdict(ok)
         table.row(rule, looks[rule], looks[rule] / nearest, max(f.looks for f in runs), longer, target, text)
     return all_ok

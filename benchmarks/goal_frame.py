@@ -12,14 +12,14 @@ import numpy as np
 from harness import Table, finish, parse_arguments, verdict
 
 from field_models import load_field
-from robocup_vision.localization.goal import GoalLocalizer
-from robocup_vision.localization.goal_fit import refine
-from robocup_vision.localization.goal_search import GoalSearch
+from robocup_vision.localization.goal.fit import refine
+from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.perception.goal_color import hue_masks
-from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, paper_places, sample_goal
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")
-MOST_RATIO = 25.0
+MAX_RATIO = 25.0
 
 
 def median_s(call: Callable[[], object], repeats: int) -> float:
@@ -58,7 +58,7 @@ def main() -> None:
         for stage, call in stages:
             typical = float(np.median([median_s(lambda f=f, call=call: call(f), repeats) for f in frames]))
             judged = stage == "whole locate()" and name == "clean_416x320"
-            ok = typical / unit <= MOST_RATIO
+            ok = typical / unit <= MAX_RATIO
             all_ok &= ok or not judged
             table.row(stage, 1e3 * typical, typical / unit, verdict(ok) if judged else None)
         found = search.candidates(frames[0])[0]

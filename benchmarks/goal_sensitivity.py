@@ -13,10 +13,10 @@ import numpy.typing as npt
 from harness import Table, finish, parse_arguments
 
 from field_models import load_field
-from robocup_vision.localization.goal_edges import FOOT_OFFSETS, EdgeSamples, edge_segments
-from robocup_vision.localization.goal_fit import GoalModel, fit, goal_model, weigh
-from robocup_vision.localization.goal_geometry import BLOOM, HEIGHT, LOG_FOCAL, foot_points, goal_shape, project
-from sim2d.rendering.goal_scenes import ers7_camera, paper_places
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, edge_segments
+from robocup_vision.localization.goal.fit import GoalModel, fit, goal_model, weigh
+from robocup_vision.localization.goal.geometry import BLOOM, HEIGHT, LOG_FOCAL, foot_points, goal_shape, project
+from sim2d.rendering.goal.scenes import ers7_camera, paper_places
 
 FIELD = load_field("four_legged_2007")
 SCALES = np.full(12, 100.0)

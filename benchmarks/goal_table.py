@@ -19,9 +19,8 @@ from harness import Table, finish, parse_arguments, percent, verdict
 
 from field_models import load_field
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
-from robocup_vision.localization.goal import GoalLocalizer
-from robocup_vision.localization.goal_edges import FOOT_OFFSETS
-from robocup_vision.localization.goal_geometry import (
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS
+from robocup_vision.localization.goal.geometry import (
     BAR_BOTTOM,
     BAR_TOP,
     LEFT_INNER,
@@ -29,12 +28,13 @@ from robocup_vision.localization.goal_geometry import (
     RIGHT_INNER,
     RIGHT_OUTER,
 )
-from robocup_vision.localization.goal_search import Candidate, GoalSearch
-from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
+from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.search import Candidate, GoalSearch
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")
 # condition -> least shares within 20 cm, within 10 % and within 1 % of the distance
-LEAST = {
+MIN = {
     "clean_416x320": (1.0, 1.0, 0.85),
     "mild_glare_416x320": (0.99, 1.0, 0.80),
     "heavy_glare_416x320": (0.97, 0.97, 0.75),
@@ -42,7 +42,7 @@ LEAST = {
 }
 METHODS = ("direct fit", "IPPE", "SQPNP", "paper", "closed form")
 NEES_RANGE = (1.5, 6.0)
-LEAST_SAMPLES = 4
+MIN_SAMPLES = 4
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def axis(candidate: Candidate, edges: tuple[int, int]) -> FloatArray | None:
     planes = []
     for edge in edges:
         uv = samples.uv[samples.edge == edge].astype(np.float32)
-        if len(uv) < LEAST_SAMPLES:
+        if len(uv) < MIN_SAMPLES:
             return None
         du, dv, u, v = cv2.fitLine(uv, cv2.DIST_HUBER, 0, 0.01, 0.01).ravel().tolist()
         # through the camera and the edge; both edges run the same way, upwards or to the right
@@ -85,7 +85,7 @@ def foot(candidate: Candidate, post: int, post_axis: FloatArray, camera_height_m
     samples, view, shape = candidate.fit.samples, candidate.model.view, candidate.model.shape
     at = samples.foot_post == post
     outer, inner = (LEFT_OUTER, LEFT_INNER) if post == 0 else (RIGHT_OUTER, RIGHT_INNER)
-    if at.sum() < 2 or min(np.count_nonzero(samples.edge == e) for e in (outer, inner)) < LEAST_SAMPLES:
+    if at.sum() < 2 or min(np.count_nonzero(samples.edge == e) for e in (outer, inner)) < MIN_SAMPLES:
         return None
     low, high = (np.median(samples.uv[samples.edge == e], axis=0) for e in (outer, inner))
     width_px = abs(post_axis[:2] @ (high - low)) / np.hypot(*post_axis[:2])
@@ -195,7 +195,7 @@ def main() -> None:
         table = Table(
             ("condition           ", "method     ", "located", "20 cm %", "10 %", "1 %", "median m", "NEES", "verdict")
         )
-        for name, least in LEAST.items():
+        for name, least in MIN.items():
             jobs = [(name, arguments.seed + k, tuple(places[i::4])) for k in range(seeds) for i in range(4)]
             rows = [row for part in pool.map(measure, jobs) for row in part]
             for column, method in enumerate(METHODS):

@@ -33,8 +33,8 @@ from robocup_vision.landmarks.landmark_map import LandmarkMap, expect
 from robocup_vision.landmarks.locate import LandmarkLocalizer, Sight
 from robocup_vision.landmarks.selection import Selection
 from robocup_vision.landmarks.stereo_map import StereoMapper
-from sim2d.rendering.hall import Hall, HallLight, loop_path, make_hall
-from sim2d.rendering.hall_runs import HALL_CAMERA, HALL_RIG, HallFrame, take
+from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
+from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
 
 SHIFT_M, DIM, MOVED = 0.2, 0.5, 0.3
 # printed: x mm, y mm, degrees, ms, projected, matched

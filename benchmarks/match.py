@@ -22,13 +22,13 @@ import numpy as np
 from harness import Table, finish, parse_arguments, percent, verdict
 
 from robocup_vision.geometry import Pose2
-from sim2d.faults import BodyFault, Fault, SenseFault
-from sim2d.match_run import MatchPlan
-from sim2d.tournament import local_workers, plan_matches, play_matches
+from sim2d.match.run import MatchPlan
+from sim2d.match.tournament import local_workers, plan_matches, play_matches
+from sim2d.sensors.faults import BodyFault, Fault, SenseFault
 
 # (matches, seconds each, matches with faults, seconds of the soak)
 QUICK, DEFAULT, FULL = (2, 20.0, 1, 30.0), (4, 40.0, 3, 60.0), (10, 120.0, 9, 3600.0)
-LEAST_NEAR, MOST_LOST_S, MOST_STUCK_S, MOST_RECOVERY_S, MOST_GROWTH = 0.95, 0.5, 5.0, 1.0, 0.05
+MIN_NEAR, MAX_LOST_S, MAX_STUCK_S, MAX_RECOVERY_S, MAX_GROWTH = 0.95, 0.5, 5.0, 1.0, 0.05
 FAULT_SPACING_S, FAULTS_PER_ROBOT = 4.0, 5
 KINDS = (
     "30 % of frames dropped",
@@ -111,7 +111,7 @@ def judge_matches(seed: int, matches: int, seconds: float) -> bool:
         half = min(1.0 if robot["right_half_share"] is None else robot["right_half_share"] for robot in robots)
         stuck_s = max(robot["longest_stuck_s"] for robot in robots)
         stopped = any(robot["stopped_s"] is not None for robot in robots)
-        ok = near >= LEAST_NEAR and lost_s <= MOST_LOST_S and half == 1.0 and stuck_s <= MOST_STUCK_S and not stopped
+        ok = near >= MIN_NEAR and lost_s <= MAX_LOST_S and half == 1.0 and stuck_s <= MAX_STUCK_S and not stopped
         all_ok &= ok
         goals += sum(result["score"])
         table.row(
@@ -149,9 +149,9 @@ def judge_faults(seed: int, matches: int) -> bool:
     for kind, times in recoveries.items():
         if not times:
             continue
-        ok = max(times) <= MOST_RECOVERY_S
+        ok = max(times) <= MAX_RECOVERY_S
         all_ok &= ok
-        table.row(kind, len(times), float(np.median(times)), max(times), MOST_RECOVERY_S, verdict(ok))
+        table.row(kind, len(times), float(np.median(times)), max(times), MAX_RECOVERY_S, verdict(ok))
     return all_ok
 
 
@@ -174,13 +174,13 @@ def soak(seed: int, seconds: float) -> bool:
         ("soak, simulated s", "MB warm", "MB at end", "growth %", "target %", "near %", "lost s", "score", ""),
         "one long match",
     )
-    ok = growth <= MOST_GROWTH
+    ok = growth <= MAX_GROWTH
     table.row(
         f"{seconds:g}",
         before,
         after,
         100 * growth,
-        100 * MOST_GROWTH,
+        100 * MAX_GROWTH,
         percent(near),
         lost_s,
         "{}:{}".format(*figures.score),

@@ -26,16 +26,16 @@ from harness import Table, finish, parse_arguments, verdict  # noqa: E402
 
 from field_models import load_field  # noqa: E402
 from robocup_vision.geometry import Pose2  # noqa: E402
-from sim2d.arena import Arena  # noqa: E402
-from sim2d.player import BuiltInPlayer  # noqa: E402
+from sim2d.match.arena import Arena  # noqa: E402
+from sim2d.players.built_in import BuiltInPlayer  # noqa: E402
 from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
-from sim2d.rendering.match_camera import MATCH_SENSOR, MatchCamera  # noqa: E402
 from sim2d.robot_link import RobotLimits  # noqa: E402
-from sim2d.world import CONTROL_PERIOD_S, World  # noqa: E402
+from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera  # noqa: E402
+from sim2d.world.world import CONTROL_PERIOD_S, World  # noqa: E402
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera(256, 220)
-MOST_BARE, MOST_NOISY = 6.0, 20.0
-LEAST_REAL_TIME = 2.0
+MAX_BARE, MAX_NOISY = 6.0, 20.0
+MIN_REAL_TIME = 2.0
 
 
 def measure_rendering(count: int, seed: int) -> bool:
@@ -63,7 +63,7 @@ def measure_rendering(count: int, seed: int) -> bool:
     hsv = float(np.median(seconds["cvtColor"]))
     table = Table(("one frame   ", "ms    ", "ratio ", "target", "verdict"), f"Rendering, {count} frames")
     all_ok = True
-    for name, most in zip(eyes, (MOST_BARE, MOST_NOISY), strict=True):
+    for name, most in zip(eyes, (MAX_BARE, MAX_NOISY), strict=True):
         median = float(np.median(seconds[name]))
         ok = median / hsv <= most
         all_ok &= ok
@@ -97,8 +97,8 @@ def measure_match(simulated_s: float, seed: int) -> bool:
     table = Table(("stage                ", "ms a period", "share %"), title)
     for name, spent in stages.items():
         table.row(name, 1e3 * spent / simulated_s * CONTROL_PERIOD_S, f"{100 * spent / total:.0f}")
-    ok = simulated_s / total >= LEAST_REAL_TIME
-    print(f"\n{simulated_s / total:.2f} times real time (target {LEAST_REAL_TIME:g}) {verdict(ok)}")
+    ok = simulated_s / total >= MIN_REAL_TIME
+    print(f"\n{simulated_s / total:.2f} times real time (target {MIN_REAL_TIME:g}) {verdict(ok)}")
     return ok
 
 

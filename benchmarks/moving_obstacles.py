@@ -25,16 +25,16 @@ from robocup_vision.avoidance import MovingObstacle, SteadyFreeSpace, Steering
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
+from sim2d.players.wheel_velocity import WheelVelocity
 from sim2d.robot_link import Command, RobotLimits
-from sim2d.wheel_velocity import WheelVelocity
-from sim2d.world import CONTROL_PERIOD_S, World
+from sim2d.world.world import CONTROL_PERIOD_S, World
 
 LIMITS = RobotLimits(speed_mps=1.0)
 SPEED_MPS, MARGIN_M = 0.6, 0.02
 CROSSING_MPS = (0.3, 1.0)
 SECONDS = 20.0
 AT_FAULT_MPS = 0.05
-MOST_SHARE = 0.2
+MAX_SHARE = 0.2
 PLAIN, TRACKED, TOLD = METHODS = ("without velocities", "tracks", "true places and velocities")
 
 
@@ -204,7 +204,7 @@ def main() -> None:
             without = at_fault if method == PLAIN else without
             ok = None
             if place is WIDE and method == TRACKED:
-                ok = at_fault <= MOST_SHARE * without
+                ok = at_fault <= MAX_SHARE * without
                 all_ok &= ok
             table.row(
                 place.name, method, len(own), at_fault, sum(o.contacts for o in own),

@@ -23,14 +23,14 @@ from harness import Table, finish, parse_arguments, percent, verdict
 
 from field_models import load_field
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels import occupancy as kernel
+from robocup_vision.kernels.mapping import occupancy as kernel
 from robocup_vision.mapping.occupancy import FREE, NO_GO, FreeSpaceMap
 from robocup_vision.mapping.range_profile import RangeProfile
 from robocup_vision.mapping.sensor_model import default_sensors
-from sim2d.cell_truth import CellTruth
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Robot
-from sim2d.sensor_runs import KINDS, SensorFrame, map_vision, sensor_run
+from sim2d.sensors.cell_truth import CellTruth
+from sim2d.sensors.runs import KINDS, SensorFrame, map_vision, sensor_run
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -43,7 +43,7 @@ FRAMES = 80
 FIRST_COUNTED, COUNTED_EVERY = 10, 5
 # light that hides the floor's colour
 GLARE_LEVEL = 20.0
-MOST_CALLED_FREE, LEAST_POINTS, MOST_TIME_RATIO = 0.2, 3.0, 1.25
+MAX_CALLED_FREE, MIN_POINTS, MAX_TIME_RATIO = 0.2, 3.0, 1.25
 # how far off tracks are, and what a mask is larger by
 TRACK_STD_M, MASK_MARGIN_M = 0.03, 0.06
 
@@ -258,7 +258,7 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
     share = float(total[0, 0] / max(total[2, 0], 1))
     points = 100 * (ratio(glare, 0, 2) - ratio(glare, 1, 2))
     in_glare = 100 * (ratio(glare, 0, 4) - ratio(glare, 1, 4))
-    is_safe, is_open = share <= MOST_CALLED_FREE, points >= LEAST_POINTS
+    is_safe, is_open = share <= MAX_CALLED_FREE, points >= MIN_POINTS
     judged.row("occupied called free, map / summed log-odds", "<= 0.2", share, verdict(is_safe))
     judged.row("free recall in runs with glare, map - both free, points", ">= 3", points, verdict(is_open))
     judged.row("the same, only cells that have been in glare", None, in_glare, None)
@@ -291,7 +291,7 @@ def main() -> None:
     best, asking = seconds_per_update(arguments.seed, 5 if arguments.quick else 20)
     table = Table(("a move and an update by both sensors", "ms", "ratio", "verdict"))
     small, large = (best[name] for name in FIELDS_TIMED)
-    is_level = large / small <= MOST_TIME_RATIO
+    is_level = large / small <= MAX_TIME_RATIO
     table.row(FIELDS_TIMED[0], 1e3 * small, None, None)
     table.row(FIELDS_TIMED[1], 1e3 * large, large / small, verdict(is_level))
     table.row("free ranges asked of the map", 1e3 * asking, asking / small, None)

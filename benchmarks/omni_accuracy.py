@@ -46,7 +46,7 @@ from robocup_vision.camera import OmniCamera
 from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.evaluation.scoring import FAIR_M, FAIR_RAD, Row, figures, pose_error
 from robocup_vision.geometry import FloatArray, Pose2
-from robocup_vision.localization.line_map import LineMap
+from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, sample
@@ -58,7 +58,7 @@ SMALL, LARGE = (256, 220), (640, 480)
 FIELD = load_field("ssl_2001")
 WORKERS, CHUNK = 2, 20
 RAYS_PER_SECTOR = 33
-LEAST_GOAL_PIXELS, PIXEL_STRIDE = 20, 2
+MIN_GOAL_PIXELS, PIXEL_STRIDE = 20, 2
 BALL_FOUND_M = 0.10
 # least shares within 5 cm/3 deg and 10 cm/5 deg, greatest median in mm; the last of "miscalibrated" is only reported
 POSE_TARGETS: dict[str, tuple[float, float, float]] = {
@@ -74,9 +74,9 @@ POSE_TARGETS: dict[str, tuple[float, float, float]] = {
 }
 HULL_ROWS = ("nominal", "crowd")
 NEES_MEAN, NEES_INSIDE = (1.5, 6.0), (0.90, 0.99)
-LEAST_RIGHT_HALF = 0.99
-LEAST_WITHIN_CELL, MOST_FALSE, MOST_MISSED = 0.98, 0.005, 0.001
-LEAST_FOUND, MOST_BALL_ERROR_M, MOST_FALSE_BALLS = 0.98, 0.015, 0.005
+MIN_RIGHT_HALF = 0.99
+MIN_WITHIN_CELL, MAX_FALSE, MAX_MISSED = 0.98, 0.005, 0.001
+MIN_FOUND, MAX_BALL_ERROR_M, MAX_FALSE_BALLS = 0.98, 0.015, 0.005
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def measure(task: tuple[str, Size, int, range]) -> list[Record]:
             Record(
                 row=_pose_row(drawn.index, view.pose, truth),
                 hull=hull,
-                goal_in_view=goal_pixels(drawn.scene, truth, true_camera) >= LEAST_GOAL_PIXELS,
+                goal_in_view=goal_pixels(drawn.scene, truth, true_camera) >= MIN_GOAL_PIXELS,
                 right_half=isinstance(view.pose, PoseEstimate) and _is_right_half(view.pose.pose, truth),
                 free=judge_free_space(view.free_space, vision, drawn.scene, truth),
                 has_ball=drawn.scene.ball is not None,
@@ -287,9 +287,9 @@ def pose_line(table: Table, label: str, rows: Sequence[Row], *, judged: bool = T
         math.inf if got.median_error_m is None else 1e3 * got.median_error_m,
         math.inf if got.median_error_rad is None else math.degrees(got.median_error_rad),
     )
-    least_near, least_fair, most_mm = POSE_TARGETS[label]
-    ok = near >= least_near and fair >= least_fair and millimetres <= most_mm
-    target = f"{100 * least_near:g}/{100 * least_fair:g}" + (f"/{most_mm:g}" if math.isfinite(most_mm) else "/report")
+    min_near, min_fair, max_mm = POSE_TARGETS[label]
+    ok = near >= min_near and fair >= min_fair and millimetres <= max_mm
+    target = f"{100 * min_near:g}/{100 * min_fair:g}" + (f"/{max_mm:g}" if math.isfinite(max_mm) else "/report")
     table.row(
         label if judged else f"  {label}, hull",
         f"{got.located}/{got.images}",
@@ -328,7 +328,7 @@ def print_consistency(records: Sequence[Record]) -> bool:
     rows = (
         ("NEES, mean", f"{mean:.3g}", f"{NEES_MEAN[0]} to {NEES_MEAN[1]}", NEES_MEAN[0] <= mean <= NEES_MEAN[1]),
         ("NEES, share inside 95 %", percent(inside), "90 to 99", NEES_INSIDE[0] <= inside <= NEES_INSIDE[1]),
-        (f"right half, goal in view in {len(in_view)}", percent(share), ">= 99", share >= LEAST_RIGHT_HALF),
+        (f"right half, goal in view in {len(in_view)}", percent(share), ">= 99", share >= MIN_RIGHT_HALF),
     )
     table = Table(("nominal, 256 x 220" + " " * 20, "measured", "target      ", "verdict"))
     for name, measured, target, ok in rows:
@@ -340,8 +340,8 @@ def print_consistency(records: Sequence[Record]) -> bool:
 def print_free_space(records: dict[str, list[Record]]) -> bool:
     """Print the free space of each condition."""
     columns = ("condition       ", "bearings", "within 1 cell", "false, any", "false, line/shadow", "boxes", "missed")
-    title = f"Free space: >= {LEAST_WITHIN_CELL:.0%} within 1 cell, <= {MOST_FALSE:.1%} false by lines or shadows, "
-    table = Table((*columns, "verdict"), title + f"<= {MOST_MISSED:.1%} missed; shares in %")
+    title = f"Free space: >= {MIN_WITHIN_CELL:.0%} within 1 cell, <= {MAX_FALSE:.1%} false by lines or shadows, "
+    table = Table((*columns, "verdict"), title + f"<= {MAX_MISSED:.1%} missed; shares in %")
     all_ok = True
     for label, found in records.items():
         frees = [record.free for record in found]
@@ -349,7 +349,7 @@ def print_free_space(records: dict[str, list[Record]]) -> bool:
         within = sum(f.within_a_cell for f in frees) / bearings
         blamed = sum(f.by_line_or_shadow for f in frees) / bearings
         missed = sum(f.missed for f in frees) / max(covered, 1)
-        ok = within >= LEAST_WITHIN_CELL and blamed <= MOST_FALSE and missed <= MOST_MISSED
+        ok = within >= MIN_WITHIN_CELL and blamed <= MAX_FALSE and missed <= MAX_MISSED
         falsely = sum(f.falsely_blocked for f in frees) / bearings
         shares = (percent(within), percent(falsely), percent(blamed), str(covered), percent(missed))
         table.row(label, str(bearings), *shares, verdict(ok))
@@ -359,9 +359,9 @@ def print_free_space(records: dict[str, list[Record]]) -> bool:
 
 def print_balls(records: dict[str, list[Record]]) -> bool:
     """Print the balls of each condition."""
-    title = f"Ball within 1.5 m: >= {LEAST_FOUND:.0%} found, median <= {1e3 * MOST_BALL_ERROR_M:g} mm, "
+    title = f"Ball within 1.5 m: >= {MIN_FOUND:.0%} found, median <= {1e3 * MAX_BALL_ERROR_M:g} mm, "
     columns = ("condition       ", "with ball", "found %", "mm", "without", "false %", "verdict")
-    table = Table(columns, title + f"<= {MOST_FALSE_BALLS:.1%} false")
+    table = Table(columns, title + f"<= {MAX_FALSE_BALLS:.1%} false")
     all_ok = True
     for label, found in records.items():
         errors = [record.ball_error_m for record in found if record.has_ball]
@@ -369,7 +369,7 @@ def print_balls(records: dict[str, list[Record]]) -> bool:
         without = [record.ball_error_m is not None for record in found if not record.has_ball]
         share, false = len(near) / max(len(errors), 1), sum(without) / max(len(without), 1)
         median_m = float(np.median(near)) if near else math.inf
-        ok = share >= LEAST_FOUND and median_m <= MOST_BALL_ERROR_M and false <= MOST_FALSE_BALLS
+        ok = share >= MIN_FOUND and median_m <= MAX_BALL_ERROR_M and false <= MAX_FALSE_BALLS
         table.row(
             label, str(len(errors)), percent(share), 1e3 * median_m, str(len(without)), percent(false), verdict(ok)
         )

@@ -3,7 +3,7 @@
 At each place 10 images (--quick: 4, --full: 100) of 256 x 220 pixels, right calibration, nominal sensor, other noise
 each, headings within 5 degrees of the field's x axis. The paper's obstacles, cubes of 0.13 m, stand as in its Fig. 10,
 which is lost; here six stand at fixed places, within 0.3 to 0.6 m of the robot's places. Rows: what the paper prints;
-its method as implemented in `robocup_vision.localization.floor_hull`; and the floor's outline fit of `Vision`. The
+its method (`robocup_vision.localization.baselines.floor_hull`); and the floor's outline fit of `Vision`. The
 acceptance: the last is at most a fifth of the printed value in x, y and theta, and every image is located. Errors are
 of the first candidate, modulo a half turn about the field's centre.
 """

@@ -17,13 +17,13 @@ from dataclasses import replace
 import numpy as np
 from harness import Table, finish, parse_arguments, verdict
 
-from sim2d.match_run import MatchPlan
-from sim2d.players import player_factory
-from sim2d.tournament import local_workers, plan_matches, play_matches
+from sim2d.match.run import MatchPlan
+from sim2d.match.tournament import local_workers, plan_matches, play_matches
+from sim2d.players.catalog import player_factory
 
 # (matches, seconds each)
 QUICK, DEFAULT, FULL = (6, 12.0), (40, 20.0), (40, 60.0)
-MOST_STUCK_S = 5.0
+MAX_STUCK_S = 5.0
 
 
 def play(plans: list[MatchPlan]) -> list[dict]:
@@ -67,8 +67,8 @@ def main() -> None:
     row("goals against", without[:, 2], with_[:, 2])
     ok &= row("goals for less against", *(part[:, 1] - part[:, 2] for part in (without, with_)), "no lower", 1)
     stuck = float(without[:, 3].max()), float(with_[:, 3].max())
-    is_free = stuck[1] <= MOST_STUCK_S
-    table.row("longest stuck, s", *stuck, stuck[1] - stuck[0], None, f"<= {MOST_STUCK_S:g}", verdict(is_free))
+    is_free = stuck[1] <= MAX_STUCK_S
+    table.row("longest stuck, s", *stuck, stuck[1] - stuck[0], None, f"<= {MAX_STUCK_S:g}", verdict(is_free))
     table.row("players that failed", None, float(stopped), None, None, "0", verdict(not stopped))
     finish(arguments.check, ok and is_free and not stopped)
 

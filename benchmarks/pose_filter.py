@@ -51,7 +51,7 @@ from pose_runs import (
 
 from robocup_vision import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, wrap_angle
-from robocup_vision.localization.pose_filter import FrameErrors, OdometryNoise, PoseFilter
+from robocup_vision.localization.filter.pose_filter import FrameErrors, OdometryNoise, PoseFilter
 
 try:
     from filterpy.kalman import ExtendedKalmanFilter
@@ -61,7 +61,7 @@ except ImportError:
 WORKERS = 2
 # runs of wandering, of kidnapping, synthetic ones of each kind
 QUICK, DEFAULT, FULL = (4, 3, 4), (20, 10, 20), (200, 40, 100)
-MOST_RATIO, NEES_BOUNDS, MOST_RECOVERY_S = 0.6, (1.5, 6.0), 1.0
+MAX_RATIO, NEES_BOUNDS, MAX_RECOVERY_S = 0.6, (1.5, 6.0), 1.0
 NEES_95 = 7.815
 NEAR_M, NEAR_RAD, STAYS_S = 0.05, math.radians(3.0), 0.5
 CONDITIONS = (
@@ -373,7 +373,7 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
             "lost %",
             "",
         ),
-        f"wandering: {len(results)} runs of {RUN_S:g} s; wanted of ours: ratio at most {MOST_RATIO} by every frame, "
+        f"wandering: {len(results)} runs of {RUN_S:g} s; wanted of ours: ratio at most {MAX_RATIO} by every frame, "
         f"NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}, no flips",
     )
     all_ok = True
@@ -391,7 +391,7 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
             nees, ratio = tally.all_nees, tally.rms_m / tallies["single"].rms_m
             mean = float(nees.mean())
             ok = NEES_BOUNDS[0] <= mean <= NEES_BOUNDS[1] and not tally.flips and not tally.lost
-            ok &= ratio <= MOST_RATIO or condition != CONDITIONS[0]
+            ok &= ratio <= MAX_RATIO or condition != CONDITIONS[0]
             all_ok &= ok or method != "filter"
             table.row(
                 label,
@@ -413,7 +413,7 @@ def print_kidnapped(results: list[dict[tuple[str, str, str], list[float]]]) -> b
     """Print a row for each kind and condition; tell whether the filter recovers in time."""
     table = Table(
         ("kidnapped", "frames      ", "times", "filter, median s", "worst s", "EKF, worst s", "single, worst s", ""),
-        f"kidnapped: {len(results)} runs; wanted: every recovery of the filter within {MOST_RECOVERY_S:g} s",
+        f"kidnapped: {len(results)} runs; wanted: every recovery of the filter within {MAX_RECOVERY_S:g} s",
     )
     all_ok = True
     for kind in KINDS:
@@ -425,7 +425,7 @@ def print_kidnapped(results: list[dict[tuple[str, str, str], list[float]]]) -> b
             times = by_method["filter"]
             if not times:
                 continue
-            ok = max(times) <= MOST_RECOVERY_S
+            ok = max(times) <= MAX_RECOVERY_S
             all_ok &= ok
             table.row(
                 kind if condition == KIDNAPPED_CONDITIONS[0] else "",

@@ -20,17 +20,17 @@ import numpy as np
 from harness import Table, finish, parse_arguments, verdict
 
 from robocup_vision.planning import Defender, Disc
-from sim2d.match_run import MatchPlan
-from sim2d.player_shot import Shooter
-from sim2d.tournament import plan_matches
-from sim2d.world_state import WorldState
+from sim2d.match.run import MatchPlan
+from sim2d.match.tournament import plan_matches
+from sim2d.players.shot import Shooter
+from sim2d.world.state import WorldState
 
 # (matches, seconds each)
 QUICK, DEFAULT, FULL = (8, 20.0), (60, 20.0), (200, 20.0)
 SCORES_S = 2.5
 BINS = (0.0, 0.02, 0.2, 0.8, 0.95, 1.0001)
 STD_M = 0.01
-MOST_LOG_LOSS, LEAST_SURE, LEAST_SEEN = 0.6, 0.9, 0.95
+MAX_LOG_LOSS, MIN_SURE, MIN_SEEN = 0.6, 0.9, 0.95
 
 
 def chance_of(shooter: Shooter, state: WorldState, robot: int, radius_m: float) -> float:
@@ -98,11 +98,11 @@ def main() -> None:
     ratio = log_loss(chance, scored) / base
     sure = float(scored[chance >= BINS[-2]].mean()) if (chance >= BINS[-2]).any() else 0.0
     verdicts = Table(("what the chances tell" + 20 * " ", "measured", "target", ""))
-    is_told, is_sure = ratio <= MOST_LOG_LOSS, sure >= LEAST_SURE
-    verdicts.row("log loss to that of the share on the whole", ratio, f"<= {MOST_LOG_LOSS}", verdict(is_told))
-    verdicts.row("of the surest kicks went in", sure, f">= {LEAST_SURE}", verdict(is_sure))
-    is_seen = seen >= LEAST_SEEN
-    verdicts.row("held balls that are seen", seen, f">= {LEAST_SEEN}", verdict(is_seen))
+    is_told, is_sure = ratio <= MAX_LOG_LOSS, sure >= MIN_SURE
+    verdicts.row("log loss to that of the share on the whole", ratio, f"<= {MAX_LOG_LOSS}", verdict(is_told))
+    verdicts.row("of the surest kicks went in", sure, f">= {MIN_SURE}", verdict(is_sure))
+    is_seen = seen >= MIN_SEEN
+    verdicts.row("held balls that are seen", seen, f">= {MIN_SEEN}", verdict(is_seen))
     finish(arguments.check, is_told and is_sure and is_seen)
 
 

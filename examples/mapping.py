@@ -12,7 +12,7 @@ import numpy as np
 from field_models import load_field
 from robocup_vision import Memory, Vision
 from robocup_vision.mapping.occupancy import FREE, NO_GO
-from sim2d.arena import Arena
+from sim2d.match.arena import Arena
 from sim2d.robot_link import Command
 
 OUT = Path("out")

@@ -3,8 +3,8 @@
 import math
 
 from robocup_vision import Vision
-from robocup_vision.localization.pose_filter import PoseFilter
-from sim2d.match_run import MatchPlan, run_match
+from robocup_vision.localization.filter.pose_filter import PoseFilter
+from sim2d.match.run import MatchPlan, run_match
 from sim2d.robot_link import Belief, Command, PlayerSetup, Senses
 
 

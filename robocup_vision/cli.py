@@ -61,15 +61,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from robocup_vision.calibration.check_command import add_check_parser
-    from robocup_vision.calibration.command import add_calibrate_parser
-    from robocup_vision.landmarks.command import add_map_parser, run_map
-    from sim2d.match_command import add_match_parser, add_tournament_parser, run_match_command, run_tournament
-    from sim2d.rendering.command import add_render_parser, run_render
-    from sim2d.rendering.goal_command import add_render_goal_parser, run_render_goal
-    from sim2d.rendering.goal_evidence_command import add_goal_evidence_parser, run_goal_evidence
-    from sim2d.rendering.hall_command import add_render_hall_parser, run_render_hall
-    from sim2d.sensor_command import add_sensors_parser, run_sensors
+    from robocup_vision.commands.calibrate import add_calibrate_parser
+    from robocup_vision.commands.check import add_check_parser
+    from robocup_vision.commands.landmark_map import add_map_parser, run_map
+    from sim2d.commands.goal_evidence import add_goal_evidence_parser, run_goal_evidence
+    from sim2d.commands.match import add_match_parser, add_tournament_parser, run_match_command, run_tournament
+    from sim2d.commands.render import add_render_parser, run_render
+    from sim2d.commands.render_goal import add_render_goal_parser, run_render_goal
+    from sim2d.commands.render_hall import add_render_hall_parser, run_render_hall
+    from sim2d.commands.sensors import add_sensors_parser, run_sensors
 
     parser = _Parser(prog="robocup-vision", description="One camera frame in; a robot's pose, free floor and ball out.")
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")

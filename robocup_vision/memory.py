@@ -15,8 +15,8 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.pose_filter import PoseFilter
-from robocup_vision.localization.pose_hypothesis import Hypothesis
+from robocup_vision.localization.filter.hypothesis import Hypothesis
+from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors

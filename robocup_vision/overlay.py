@@ -25,7 +25,7 @@ BALL_COLOR: Bgr = (255, 0, 255)
 LINE_POINT_COLOR: Bgr = (255, 160, 60)
 
 # smaller pictures are enlarged, so that thin lines and the text stay readable
-_LEAST_WIDTH = 640
+_MIN_WIDTH = 640
 _SHIFT = 4
 # as many letters as fit beside one another
 _REASON_LETTERS = 72
@@ -51,7 +51,7 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     (s H, s W, 3) uint8
         A new picture, a whole number s times as large as the frame.
     """
-    scale = max(1, math.ceil(_LEAST_WIDTH / frame.shape[1]))
+    scale = max(1, math.ceil(_MIN_WIDTH / frame.shape[1]))
     enlarged = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     canvas: UInt8Array = np.asarray(enlarged, dtype=np.uint8)
     _draw_free_space(canvas, view, vision, scale)
@@ -168,7 +168,7 @@ def _summary(view: View) -> list[str]:
 
 
 def _write(canvas: UInt8Array, lines: list[str]) -> None:
-    size = canvas.shape[1] / _LEAST_WIDTH
+    size = canvas.shape[1] / _MIN_WIDTH
     letters = np.zeros(canvas.shape[:2], dtype=np.uint8)
     for row, text in enumerate(lines):
         place = (round(6 * size), round((18 + 18 * row) * size))

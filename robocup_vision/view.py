@@ -14,7 +14,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.kernels import free_floor
+from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace

@@ -14,12 +14,12 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.mirror_sight import MirrorSight
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.perception.polar_view import PolarView
-from robocup_vision.pinhole_sight import PinholeSight
+from robocup_vision.pipeline.omni import MirrorSight
+from robocup_vision.pipeline.pinhole import PinholeSight
 from robocup_vision.view import View
 
 if TYPE_CHECKING:

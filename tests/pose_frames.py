@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.pose_filter import PoseFilter
+from robocup_vision.localization.filter.pose_filter import PoseFilter
 
 STD = np.array([0.005, 0.005, 0.01])
 DT = 1 / 30

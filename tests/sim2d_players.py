@@ -10,7 +10,7 @@ import numpy as np
 
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from sim2d.line_up import kick_off_pose
+from sim2d.kick_off import kick_off_pose
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import Belief, Command
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from robocup_vision.avoidance.steering import profile_edges
-from robocup_vision.kernels import grown_profile as kernels
+from robocup_vision.kernels.mapping import grown_profile as kernels
 
 RADIUS = 0.09
 BINS = kernels.BINS

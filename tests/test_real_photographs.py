@@ -12,7 +12,7 @@ from field_models import load_field
 from robocup_vision.camera import load_camera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.line_map import LineMap
+from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.vision import Vision
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real"

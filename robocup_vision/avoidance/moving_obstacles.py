@@ -10,10 +10,10 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.moving_contact import COLUMNS
+from robocup_vision.kernels.motion.moving_contact import COLUMNS
 
 # standard deviations that are kept clear of, and how much of them at most: beyond that there would be no way round
-_STDS, _MOST_DOUBT_M = 1.0, 0.05
+_STDS, _MAX_DOUBT_M = 1.0, 0.05
 # a return so far before or behind a moving obstacle's rim is still of it
 _RIM_M = 0.05
 
@@ -67,7 +67,7 @@ def moving_table(moving: Sequence[MovingObstacle], robot_radius_m: float) -> Flo
     rows = [
         (
             o.x_m, o.y_m, o.vx_mps, o.vy_mps, o.radius_m + robot_radius_m,
-            _STDS * o.std_m, _STDS * o.velocity_std_mps, _MOST_DOUBT_M,
+            _STDS * o.std_m, _STDS * o.velocity_std_mps, _MAX_DOUBT_M,
         )
         for o in moving
     ]  # fmt: skip

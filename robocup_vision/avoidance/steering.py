@@ -2,7 +2,7 @@
 
 The way of Sekimori et al. (2001), section 3.2: obstacles grown by the robot's radius, a trajectory predicted for each
 direction under the limit of acceleration and the dead time, the time to contact of each, and the safe direction nearest
-to the goal. The loops are compiled (`robocup_vision.kernels.steering`); here they get their meaning.
+to the goal. The loops are compiled (`robocup_vision.kernels.motion.steering`); here they get their meaning.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance.moving_obstacles import MovingObstacle, moving_table, ranges_past
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels import grown_profile
-from robocup_vision.kernels import steering as kernel
+from robocup_vision.kernels.mapping import grown_profile
+from robocup_vision.kernels.motion import steering as kernel
 
 # The slowest of the speeds tried is one from which the robot stops within this share of its radius.
 _STOP_SHARE = 0.25

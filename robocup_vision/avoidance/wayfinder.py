@@ -18,7 +18,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.geometry import FloatArray, Pose2
-from robocup_vision.kernels import way_grid
+from robocup_vision.kernels.motion import way_grid
 
 Float32Array = npt.NDArray[np.float32]
 UInt8Array = npt.NDArray[np.uint8]

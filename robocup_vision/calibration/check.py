@@ -20,7 +20,7 @@ import numpy.typing as npt
 from field_models.catalog import field_names, load_field
 from field_models.errors import FrameError
 from field_models.field import Field
-from robocup_vision.calibration.omni import OmniCalibration, calibrate_omni
+from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation.dataset import Dataset
@@ -32,7 +32,7 @@ from robocup_vision.vision import Vision
 UInt8Array = npt.NDArray[np.uint8]
 
 # images looked at, evenly spread, and those tried on other fields and with colours learnt anew
-_MOST_IMAGES, _MOST_TRIED = 24, 8
+_MAX_IMAGES, _MAX_TRIED = 24, 8
 # share of images that should be placed on the field, share of what they show that should agree with it, and how much
 # better another field, or the image mirrored, must do
 _PLACED, _AGREE, _FIELD_BETTER = 0.8, 0.6, 1.3
@@ -43,7 +43,7 @@ _BEYOND_STD = 3.0
 _HEADING_OFF_RAD = math.radians(3.0)
 # what fixed colours and colours learnt from the image itself both call floor, of what either does
 _FLOOR_ALIKE = 0.8
-_LEAST_TURNS = 3
+_MIN_TURNS = 3
 
 State = Literal["ok", "wrong", "unknown"]
 
@@ -91,9 +91,9 @@ def check_dataset(dataset: Dataset) -> list[Finding]:
 def _some_images(dataset: Dataset) -> Iterator[tuple[str, UInt8Array | FrameError]]:
     count = len(dataset.image_names)
     if dataset.is_video:
-        yield from zip(dataset.image_names[:_MOST_IMAGES], dataset.read_frames(), strict=False)
+        yield from zip(dataset.image_names[:_MAX_IMAGES], dataset.read_frames(), strict=False)
         return
-    chosen = sorted({int(i) for i in np.linspace(0, count - 1, min(count, _MOST_IMAGES)).round()})
+    chosen = sorted({int(i) for i in np.linspace(0, count - 1, min(count, _MAX_IMAGES)).round()})
     for index in progress(chosen, len(chosen), "reading"):
         try:
             yield dataset.image_names[index], dataset.read_frame(index)
@@ -163,7 +163,7 @@ class _Check:
         evidence = f"{placed} of {len(self.views)} images can be placed on '{name}'"
         if placed >= _PLACED * len(self.views) and _agreement(self.views) >= _AGREE:
             return Finding("field", "ok", f"{evidence}, {_agreement(self.views):.0%} of what they show agrees")
-        chosen = slice(None, None, -(-len(self.frames) // _MOST_TRIED))
+        chosen = slice(None, None, -(-len(self.frames) // _MAX_TRIED))
         own = _agreement(self.views[chosen])
         scores = {}
         for other in field_names():
@@ -218,7 +218,7 @@ class _Check:
     def _check_heading(self, camera: OmniCamera) -> list[Finding]:
         # twice the angle, so that the other half of a symmetric field says the same
         off = np.array([2 * (pose.theta_rad - truth.theta_rad) for pose, truth in self._pairs(self.views, True)])
-        if len(off) < _LEAST_TURNS:
+        if len(off) < _MIN_TURNS:
             return []
         middle = math.atan2(float(np.median(np.sin(off))), float(np.median(np.cos(off))))
         spread = float(np.median([abs(wrap_angle(value - middle)) for value in off])) / 2
@@ -263,7 +263,7 @@ class _Check:
             turn = math.remainder(after.pose.theta_rad - view.pose.pose.theta_rad, math.pi)
             agreeing += (turn > 0) == (moved.theta_rad > 0)
             count += 1
-        return (agreeing, count) if count >= _LEAST_TURNS else None
+        return (agreeing, count) if count >= _MIN_TURNS else None
 
     def _check_camera(self, camera: OmniCamera, can_place: bool) -> list[Finding]:
         result = calibrate_omni(self.dataset.field, self.frames, camera, self.dataset.mask, names=self.names)
@@ -298,7 +298,7 @@ class _Check:
         return Finding("curve", "ok", evidence)
 
     def _check_colors(self) -> Finding:
-        chosen = slice(None, None, -(-len(self.frames) // _MOST_TRIED))
+        chosen = slice(None, None, -(-len(self.frames) // _MAX_TRIED))
         learnt = self._look(self._vision(self.dataset.field, learnt=True), self.frames[chosen], "colours")
         shares = []
         for fixed, own in zip(self.views[chosen], learnt, strict=True):

@@ -37,13 +37,13 @@ _ROWS, _COLUMNS = 120, 150
 # a frame whose floor is so far off the frames' median, in log ratios, shows something else
 _ODD = 0.35
 # a thing's colour is so near the one its name has under this light, in log ratios, and so bright beside the floor
-_NEAR, _LEAST_LEVEL = 0.6, 0.35
-_LEAST_PIXELS = 30
+_NEAR, _MIN_LEVEL = 0.6, 0.35
+_MIN_PIXELS = 30
 # a thing found by its colour alone is at least this compact: share of its pixels that others of it surround
 _COMPACT = 0.3
 # of a goal's inside, metres between places that are looked at
 _GOAL_STEP_M = 0.02
-_MOST_SPREAD = 0.15
+_MAX_SPREAD = 0.15
 # painted lines are brighter than the floor by this factor, and pure in their middle where so wide in the picture
 _LINE_LEVEL, _WIDE_PX = 1.2, 4.0
 
@@ -181,7 +181,7 @@ class _Eye:
         b, g, r = (np.maximum(channel, 1).astype(np.float32) for channel in cv2.split(frame))
         ratio = np.stack([np.log(r / g), np.log(b / g)], axis=-1)
         is_floor = build_color_table(colors).segment(frame) == 1
-        bright = ((r + 2 * g + b) / 4 > _LEAST_LEVEL * colors.floor.level) & (frame.min(axis=2) < 250)
+        bright = ((r + 2 * g + b) / 4 > _MIN_LEVEL * colors.floor.level) & (frame.min(axis=2) < 250)
         white = _log(colors.line)
         distance = {name: np.linalg.norm(ratio - _log(paint), axis=-1) for name, paint in named.items()}
         to_white = np.linalg.norm(ratio - white, axis=-1)
@@ -201,7 +201,7 @@ class _Eye:
                 continue  # goals of one colour cannot be told apart without a pose, nor need they be
             core = cv2.erode(is_it.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             count = int(np.count_nonzero(core))
-            if count >= _LEAST_PIXELS and count >= _COMPACT * np.count_nonzero(is_it):
+            if count >= _MIN_PIXELS and count >= _COMPACT * np.count_nonzero(is_it):
                 things[name] = np.median(ratio[core], axis=0), count
         return things
 
@@ -285,7 +285,7 @@ def _white_of(frame: UInt8Array, pixels: npt.NDArray[np.int64], floor: FloorColo
     colors = frame[pixels[:, 1], pixels[:, 0]].astype(np.float64)
     level = (colors[:, 2] + 2 * colors[:, 1] + colors[:, 0]) / 4
     blue, green, red = np.maximum(colors[(level > _LINE_LEVEL * floor.level) & (colors.max(axis=1) < 250)], 1.0).T
-    if len(green) < _LEAST_PIXELS:
+    if len(green) < _MIN_PIXELS:
         return None
     return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
 
@@ -320,7 +320,7 @@ def _usual_floor(floors: Sequence[FloorColor]) -> FloorColor:
     own = np.median([f.spread for f in floors], axis=0)
     lit = np.array([_log(f.lit) for f in floors])
     between = 1.4826 * np.median(np.abs(lit - np.median(lit, axis=0)), axis=0)
-    spread = np.minimum(np.hypot(own, between), _MOST_SPREAD)
+    spread = np.minimum(np.hypot(own, between), _MAX_SPREAD)
     noise = float(np.median([f.noise for f in floors]))
     return FloorColor(level, noise, read_only(np.exp(red)), read_only(np.exp(blue)), read_only(spread))
 

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.calibration.omni_fit import FieldShape, JointFit, Points
-from robocup_vision.calibration.omni_model import CENTER, TILT, CameraModel
+from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points
+from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2
@@ -28,16 +28,16 @@ UInt8Array = npt.NDArray[np.uint8]
 
 # frames closer together than this tell the same: the newer one stays
 _SAME_PLACE_M, _SAME_HEADING_RAD = 0.1, math.radians(15.0)
-_LEAST_SHARE = 0.5
+_MIN_SHARE = 0.5
 # of each kind, in a frame
-_MOST_POINTS = 80
-_LEAST_POINTS = 40
+_MAX_POINTS = 80
+_MIN_POINTS = 40
 # frames that the first fit needs, and those a fit waits for after another
-_LEAST_FRAMES = 6
+_MIN_FRAMES = 6
 _FRAMES_BETWEEN = 4
 _SCALES_PX = (2.0, 1.0, 0.7)
 # a fit counts if it knows the centre this well, pixels of 220
-_LEAST_KNOWN_PX = 0.6
+_MIN_KNOWN_PX = 0.6
 # the share of the way that one step goes, and what is too small to go, pixels
 _GAIN = 0.5
 _SMALLEST_STEP_PX = 0.03
@@ -91,9 +91,9 @@ class OnlineCalibration:
         Where it starts, and what the bounds are about.
     mask : (H, W) uint8, optional
         As for the `Vision`.
-    most_center_px : float
+    max_center_px : float
         How far the centre may go, in either coordinate.
-    most_tilt_rad : float
+    max_tilt_rad : float
         How far the tilt may go, about either axis.
     every : int
         Only every so many frames is looked at: it costs some milliseconds, and a fit some tens, after which the tables
@@ -113,18 +113,18 @@ class OnlineCalibration:
         camera: OmniCamera,
         mask: UInt8Array | None = None,
         *,
-        most_center_px: float = 3.0,
-        most_tilt_rad: float = math.radians(1.0),
+        max_center_px: float = 3.0,
+        max_tilt_rad: float = math.radians(1.0),
         every: int = 5,
         window: int = 20,
     ) -> None:
-        for name, value in (("most_center_px", most_center_px), ("most_tilt_rad", most_tilt_rad)):
+        for name, value in (("max_center_px", max_center_px), ("max_tilt_rad", max_tilt_rad)):
             if not 0 < value < math.inf:
                 raise ArgumentError(f"{name} must be positive, got {value}")
         if every < 1:
             raise ArgumentError(f"every must be at least 1, got {every}")
-        if window < _LEAST_FRAMES:
-            raise ArgumentError(f"window must be at least {_LEAST_FRAMES}, got {window}")
+        if window < _MIN_FRAMES:
+            raise ArgumentError(f"window must be at least {_MIN_FRAMES}, got {window}")
         self.camera = camera
         self._field, self._every, self._window = field, every, window
         self._shape = FieldShape(field)
@@ -133,7 +133,7 @@ class OnlineCalibration:
         self._start = self._model.vector(camera)
         self._now = self._start.copy()
         self._reach = np.zeros(self._model.size)
-        self._reach[CENTER], self._reach[TILT] = most_center_px, most_tilt_rad
+        self._reach[CENTER], self._reach[TILT] = max_center_px, max_tilt_rad
         self._seen: list[_Seen] = []
         self._count, self._new, self._steps = 0, 0, 0
         self._at_bound = False
@@ -158,7 +158,7 @@ class OnlineCalibration:
         if self._count % self._every or not self._note(frame, view):
             return None
         self._new += 1
-        if len(self._seen) < _LEAST_FRAMES or self._new < _FRAMES_BETWEEN:
+        if len(self._seen) < _MIN_FRAMES or self._new < _FRAMES_BETWEEN:
             return None
         self._new = 0
         return self._step()
@@ -166,13 +166,13 @@ class OnlineCalibration:
     def _note(self, frame: UInt8Array, view: View) -> bool:
         """Keep a frame's points, if they are worth it."""
         estimate = view.pose
-        if not isinstance(estimate, PoseEstimate) or estimate.inlier_share < _LEAST_SHARE:
+        if not isinstance(estimate, PoseEstimate) or estimate.inlier_share < _MIN_SHARE:
             return False
         boundary = view.boundary_px if self._field.is_bounded else np.empty((0, 2))
         boundary = boundary[np.isfinite(boundary).all(axis=1)]
         lines = self._finder.find(frame).pixels
         seen = _Seen(estimate.pose, _thinned(boundary), _thinned(lines))
-        if len(seen.boundary_px) + len(seen.line_px) < _LEAST_POINTS:
+        if len(seen.boundary_px) + len(seen.line_px) < _MIN_POINTS:
             return False
         self._seen = [other for other in self._seen if not _same_place(other.pose, seen.pose)][1 - self._window :]
         self._seen.append(seen)
@@ -192,7 +192,7 @@ class OnlineCalibration:
         on_edge = np.minimum(fit.vector - low, high - fit.vector)
         self._at_bound = bool(on_edge.min() < 1e-9)
         # at its bound a fit is as poor as the camera is far off: the bound itself protects then
-        if std > _LEAST_KNOWN_PX * min(self.camera.size_px) / 220 and not self._at_bound:
+        if std > _MIN_KNOWN_PX * min(self.camera.size_px) / 220 and not self._at_bound:
             return None
         if _shift_px(self._model.camera(self._now), fit.camera) < _SMALLEST_STEP_PX:
             return None
@@ -211,7 +211,7 @@ class OnlineCalibration:
 
 
 def _thinned(pixels: FloatArray) -> FloatArray:
-    return pixels[:: max(1, -(-len(pixels) // _MOST_POINTS))]
+    return pixels[:: max(1, -(-len(pixels) // _MAX_POINTS))]
 
 
 def _same_place(pose: Pose2, other: Pose2) -> bool:

@@ -20,9 +20,8 @@ from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import FloatArray, Pose2
-from robocup_vision.localization.goal import GoalLocalizer, GoalSight
-from robocup_vision.localization.goal_fit import GoalModel, goal_model, residuals
-from robocup_vision.localization.goal_geometry import (
+from robocup_vision.localization.goal.fit import GoalModel, goal_model, residuals
+from robocup_vision.localization.goal.geometry import (
     BLOOM,
     HEIGHT,
     LOG_FOCAL,
@@ -33,7 +32,8 @@ from robocup_vision.localization.goal_geometry import (
     IdealView,
     goal_shape,
 )
-from robocup_vision.localization.goal_lines import loosened
+from robocup_vision.localization.goal.localizer import GoalLocalizer, GoalSight
+from robocup_vision.localization.goal.with_lines import loosened
 from robocup_vision.progress import progress
 
 # a goal is found only where the focal length is roughly right: one standard deviation of its logarithm, of the height
@@ -48,11 +48,11 @@ _SHARED = (LOG_FOCAL, HEIGHT)
 # how far bright paint bleeds over its edge
 _BLOOM_STD_PX = 1.0
 # what is known after a round is believed in the next to so many standard deviations, but not to less than this
-_BELIEVE, _LEAST_FOCAL_STD, _LEAST_HEIGHT_STD_M = 3.0, 0.01, 0.01
+_BELIEVE, _MIN_FOCAL_STD, _MIN_HEIGHT_STD_M = 3.0, 0.01, 0.01
 # pictures farther off the rest than this many standard deviations, in two numbers, are left out
-_MOST_OFF = 3.5
+_MAX_OFF = 3.5
 # a result less sure than this is refused: relative focal length, height in metres
-_MOST_FOCAL_STD, _MOST_HEIGHT_STD_M = 0.03, 0.03
+_MAX_FOCAL_STD, _MAX_HEIGHT_STD_M = 0.03, 0.03
 # a camera whose tilt differs less than this between pictures is fixed on its robot
 _FIXED_RAD = math.radians(1.0)
 # median of chi-square with two degrees of freedom
@@ -111,7 +111,7 @@ def calibrate_pinhole(
     *,
     names: Sequence[str] | None = None,
     poses: Mapping[str, Pose2] | None = None,
-    most_frames: int = 24,
+    max_frames: int = 24,
 ) -> PinholeCalibration | NotCalibrated:
     """Calibrate a pinhole camera by pictures of a goal, each from anywhere.
 
@@ -128,7 +128,7 @@ def calibrate_pinhole(
         Of the images.
     poses : mapping of str to Pose2, optional
         Roughly where the camera was (0.4 m, 9 degrees), by image: lines alone then do, without a goal in view.
-    most_frames : int
+    max_frames : int
         At most so many pictures are used, evenly spread.
 
     Raises
@@ -138,7 +138,7 @@ def calibrate_pinhole(
     """
     count = len(images)
     called = list(names) if names is not None else [str(index) for index in range(count)]
-    chosen = [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most_frames)).round())]
+    chosen = [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, max_frames)).round())]
     frames, notes = {}, []
     for index in chosen:
         try:
@@ -189,9 +189,9 @@ def _calibrated(
         )
     used = [index for index, agrees in zip(sights, joint.agrees, strict=True) if agrees]
     focal_std, height_std_m = (float(s) for s in np.sqrt(np.diag(joint.covariance)))
-    for what, std, most in (("focal length", focal_std, _MOST_FOCAL_STD), ("height", height_std_m, _MOST_HEIGHT_STD_M)):
+    for what, std, most in (("focal length", focal_std, _MAX_FOCAL_STD), ("height", height_std_m, _MAX_HEIGHT_STD_M)):
         if std > most:
-            size = f"{100 * std:.0f} %" if most is _MOST_FOCAL_STD and what == "focal length" else f"{std:.3f} m"
+            size = f"{100 * std:.0f} %" if most is _MAX_FOCAL_STD and what == "focal length" else f"{std:.3f} m"
             return NotCalibrated(f"{len(used)} usable images leave the {what} uncertain by {size}", tuple(notes))
     if len(used) < len(frames):
         notes.append(
@@ -291,7 +291,7 @@ def _join(shape: GoalShape, camera: PinholeCamera, sights: Sequence[GoalSight]) 
         chi2 = np.einsum("ni,nij,nj->n", off, np.linalg.inv(information + wide), off)
         # fits of single pictures are surer of themselves than they should be: the spread between them tells
         scale = max(1.0, float(np.median(chi2)) / _MEDIAN_CHI2)
-        now = chi2 <= scale * _MOST_OFF**2
+        now = chi2 <= scale * _MAX_OFF**2
         if (now == agrees).all():
             break
         agrees = now
@@ -344,6 +344,6 @@ def _moved(camera: PinholeCamera, joint: _Joint) -> PinholeCamera:
         camera,
         focal_px=focal,
         height_m=height_m,
-        focal_std_px=float(np.clip(focal_std, _LEAST_FOCAL_STD, FOCAL_STD)) * focal[0],
-        height_std_m=float(np.clip(height_std_m, _LEAST_HEIGHT_STD_M, HEIGHT_STD_M)),
+        focal_std_px=float(np.clip(focal_std, _MIN_FOCAL_STD, FOCAL_STD)) * focal[0],
+        height_std_m=float(np.clip(height_std_m, _MIN_HEIGHT_STD_M, HEIGHT_STD_M)),
     )

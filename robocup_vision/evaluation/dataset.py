@@ -19,9 +19,9 @@ from field_models.errors import ArgumentError, FileError, FrameError
 from field_models.field import Field
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
-from robocup_vision.evaluation.csv_file import read_csv
-from robocup_vision.evaluation.image_file import IMAGE_SUFFIXES, ImageArray, read_image, read_mask
-from robocup_vision.evaluation.video_file import count_video_frames, read_video
+from robocup_vision.files.csv_table import read_csv
+from robocup_vision.files.images import IMAGE_SUFFIXES, ImageArray, read_image, read_mask
+from robocup_vision.files.video import count_video_frames, read_video
 from robocup_vision.geometry import Pose2
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import heapq
 import cv2
 import numpy as np
 
-from robocup_vision.evaluation.image_file import ImageArray
+from robocup_vision.files.images import ImageArray
 
 WORST_COUNT = 8
 SPREAD_COUNT = 16

@@ -22,10 +22,10 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
-from robocup_vision.evaluation.image_file import ImageArray
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, spread_indices
 from robocup_vision.evaluation.result_files import prepare_folder, write_results, write_summary, write_trajectory
 from robocup_vision.evaluation.scoring import Figures, Row, figures, pose_error
+from robocup_vision.files.images import ImageArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.progress import progress
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from field_models.errors import FrameError
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.landmark_matching import best_two
+from robocup_vision.kernels.landmarks.matching import best_two
 
 UInt8Array = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float32]
@@ -26,7 +26,7 @@ Indices = npt.NDArray[np.int64]
 
 RATIO = 0.7  # eq. 3
 # unit descriptors farther apart than this are of different things even where no rival is near: a right angle is 1.41
-MOST_DISTANCE = 0.75
+MAX_DISTANCE = 0.75
 # descriptors are stored in bytes; a unit vector's largest entries are near 0.4 after SIFT's own clipping
 BYTE_SCALE = 512.0
 # side of the tiles that `extract_near` looks at, and how much of their rim it leaves out
@@ -125,14 +125,14 @@ class SiftExtractor:
         keypoints, descriptors = self._sift.detectAndCompute(grey, None)
         return features_of(self.camera, keypoints, descriptors, float(self.shrink))
 
-    def extract_near(self, frame: UInt8Array, places_px: FloatArray, most_share: float) -> Features:
+    def extract_near(self, frame: UInt8Array, places_px: FloatArray, max_share: float) -> Features:
         """Find the features around some places (K, 2) of a frame only, the first places first.
 
-        Tiles around the places are put side by side into one small picture, up to `most_share` of the frame's area;
+        Tiles around the places are put side by side into one small picture, up to `max_share` of the frame's area;
         keypoints near a tile's edge are dropped, for what is beyond it is not what the frame shows there.
         """
         check_frame(frame, self.camera)
-        tiles = _tiles(places_px, self.camera.size_px, most_share)
+        tiles = _tiles(places_px, self.camera.size_px, max_share)
         if not tiles:
             return features_of(self.camera, (), None)
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
@@ -157,10 +157,10 @@ class SiftExtractor:
         return features_of(self.camera, moved, descriptors[kept])
 
 
-def _tiles(places_px: FloatArray, size_px: tuple[int, int], most_share: float) -> list[tuple[int, int]]:
+def _tiles(places_px: FloatArray, size_px: tuple[int, int], max_share: float) -> list[tuple[int, int]]:
     """Corners of tiles around places that no earlier tile has well inside, as many as the share of the area allows."""
     width, height = size_px
-    most = max(int(most_share * width * height / TILE_PX**2), 1)
+    most = max(int(max_share * width * height / TILE_PX**2), 1)
     tiles: list[tuple[int, int]] = []
     for u, v in places_px:
         if any(
@@ -322,7 +322,7 @@ def _accept(
     best: Indices, nearest: Floats, runner_up: Floats, count: int, ratio: float, best_claim_wins: bool = False
 ) -> tuple[Indices, Indices]:
     squared, second_squared = np.maximum(2 - 2 * nearest, 0), 2 - 2 * runner_up
-    good = (nearest > -1) & (squared <= ratio**2 * second_squared) & (squared <= MOST_DISTANCE**2)
+    good = (nearest > -1) & (squared <= ratio**2 * second_squared) & (squared <= MAX_DISTANCE**2)
     rows = np.flatnonzero(good)
     if best_claim_wins:
         rows = rows[np.argsort(-nearest[rows], kind="stable")]

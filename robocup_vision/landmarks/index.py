@@ -13,7 +13,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.landmark_index import views_in_frustum
+from robocup_vision.kernels.landmarks.index import views_in_frustum
 from robocup_vision.landmarks.landmark_map import DIRECTIONS, VIEW_REACH_RAD, Expected, LandmarkMap, nearest_views
 
 

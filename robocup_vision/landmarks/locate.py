@@ -17,7 +17,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, read_only
-from robocup_vision.kernels.landmark_fit import descend
+from robocup_vision.kernels.landmarks.fit import descend
 from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, match_by_loop, near
 from robocup_vision.landmarks.index import MapIndex, kernel_camera
 from robocup_vision.landmarks.landmark_map import Expected, Indices, LandmarkMap, expect
@@ -35,12 +35,12 @@ _KNOWN_GATE_PX = 4.0
 _SIZE_RATIO = 1.6
 _SCOUTS = 16
 _REGIONS_SHARE = 0.17
-_LEAST_SCOUT_SHARE = 0.6
+_MIN_SCOUT_SHARE = 0.6
 _WIDTHS = np.array([30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0])
-LEAST_INLIERS = 6
-_LEAST_SHARE = 0.4
+MIN_INLIERS = 6
+_MIN_SHARE = 0.4
 # a pose less certain than this tells too little
-_MOST_STD_M = 0.2
+_MAX_STD_M = 0.2
 PRIOR_COVARIANCE = np.diag([0.1**2, 0.1**2, math.radians(5.0) ** 2])
 
 
@@ -227,15 +227,15 @@ class LandmarkLocalizer:
             scouts = expected.take(np.arange(first))
             rows, partners = self._match(scouts, scouts.pixels, features, GATE_PX * self._scale, 0.7)
             matching_s += time.perf_counter() - started_s
-            fit = self._fit(pose, expected, rows, features, partners) if len(rows) >= LEAST_INLIERS else None
-            if fit is not None and fit.inliers.sum() >= max(LEAST_INLIERS, _LEAST_SCOUT_SHARE * len(rows)):
+            fit = self._fit(pose, expected, rows, features, partners) if len(rows) >= MIN_INLIERS else None
+            if fit is not None and fit.inliers.sum() >= max(MIN_INLIERS, _MIN_SCOUT_SHARE * len(rows)):
                 break
-        if fit is not None and fit.inliers.sum() >= LEAST_INLIERS:
+        if fit is not None and fit.inliers.sum() >= MIN_INLIERS:
             pixels = self._project(fit.pose, expected)
             started_s = time.perf_counter()
             rows, partners = self._match(expected, pixels, features, _KNOWN_GATE_PX * self._scale, 0.85)
             matching_s += time.perf_counter() - started_s
-            fit = self._fit(fit.pose, expected, rows, features, partners) if len(rows) >= LEAST_INLIERS else None
+            fit = self._fit(fit.pose, expected, rows, features, partners) if len(rows) >= MIN_INLIERS else None
         done = time.perf_counter()
         timings = {"select": selected_s, "match": matching_s, "fit": done - started - matching_s}
         if self._budget is not None:
@@ -281,13 +281,13 @@ class LandmarkLocalizer:
         if fit is None:
             return NotLocated(f"only {matched} of {expected} expected landmarks were found")
         agree = int(fit.inliers.sum())
-        if agree < LEAST_INLIERS or agree < _LEAST_SHARE * matched:
+        if agree < MIN_INLIERS or agree < _MIN_SHARE * matched:
             return NotLocated(f"only {agree} of {matched} found landmarks agree on a pose")
         # what the found landmarks leave open (more in poor light than the map was made in), and what they all share
         poorer = max(float(fit.squared[fit.inliers].sum()) / max(2 * agree - 3, 1), 1.0)
         covariance = fit.covariance * poorer + self.landmarks.drift(fit.pose)
         std = np.sqrt(np.diag(covariance))
-        if not max(std[:2]) < _MOST_STD_M:
+        if not max(std[:2]) < _MAX_STD_M:
             return NotLocated(f"{agree} landmarks tell the position to {max(std[:2]):.2f} m only")
         residual = math.sqrt(float(fit.squared[fit.inliers].mean()) / 2)
         pose = Pose2(*(float(v) for v in fit.pose))

@@ -11,18 +11,18 @@ import numpy as np
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import FloatArray
-from robocup_vision.landmarks.features import MOST_DISTANCE, Features
+from robocup_vision.landmarks.features import MAX_DISTANCE, Features
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 
 _KD_TREES = 1  # cv2.FlannBasedMatcher's name for randomised k-d trees
 _NEIGHBOURS = 4
 _RATIO = 0.8
-_LEAST_MATCHES = 8
-_LEAST_INLIERS = 8
+_MIN_MATCHES = 8
+_MIN_INLIERS = 8
 _REPROJECTION_PX = 3.0
 # the solver is free to place the camera in the air: a robot's is at its height and upright
-_MOST_HEIGHT_OFF_M = 0.3
-_MOST_LEAN_RAD = math.radians(12.0)
+_MAX_HEIGHT_OFF_M = 0.3
+_MAX_LEAN_RAD = math.radians(12.0)
 
 
 class Relocator:
@@ -34,14 +34,14 @@ class Relocator:
         The map; it is indexed when first needed.
     camera : PinholeCamera
         Of known tilt.
-    most_features : int
+    max_features : int
         Of a frame, those of the highest contrast are looked up.
     """
 
-    def __init__(self, landmarks: LandmarkMap, camera: PinholeCamera, *, most_features: int = 400) -> None:
+    def __init__(self, landmarks: LandmarkMap, camera: PinholeCamera, *, max_features: int = 400) -> None:
         self._landmarks = landmarks
         self._camera = camera
-        self._most_features = most_features
+        self._max_features = max_features
 
     @cached_property
     def _matcher(self) -> cv2.FlannBasedMatcher:
@@ -57,9 +57,9 @@ class Relocator:
 
     def relocate(self, features: Features) -> FloatArray | NotLocated:
         """Return the robot's pose (3,), good enough to start a fit from, or why there is none."""
-        strongest = np.argsort(-features.contrast, kind="stable")[: self._most_features]
+        strongest = np.argsort(-features.contrast, kind="stable")[: self._max_features]
         rows, landmarks = self._matches(features.take(strongest))
-        if len(rows) < _LEAST_MATCHES:
+        if len(rows) < _MIN_MATCHES:
             return NotLocated(f"only {len(rows)} features look like landmarks of the map")
         camera = self._camera
         (fx, fy), (cu, cv) = camera.focal_px, camera.center_px
@@ -77,7 +77,7 @@ class Relocator:
             flags=cv2.SOLVEPNP_SQPNP,
         )
         agree = 0 if not solved or inliers is None else len(inliers)
-        if agree < _LEAST_INLIERS:
+        if agree < _MIN_INLIERS:
             return NotLocated(f"only {agree} of {len(rows)} features that look like landmarks agree on a place")
         return self._on_floor(np.asarray(turn, dtype=np.float64), np.asarray(shift, dtype=np.float64))
 
@@ -86,7 +86,7 @@ class Relocator:
         rows, landmarks = [], []
         found = self._matcher.knnMatch(np.ascontiguousarray(features.descriptors), k=_NEIGHBOURS)
         for row, neighbours in enumerate(found):
-            if not neighbours or neighbours[0].distance > MOST_DISTANCE:
+            if not neighbours or neighbours[0].distance > MAX_DISTANCE:
                 continue
             first = self._landmarks.view_landmark[neighbours[0].trainIdx]
             rivals = [n.distance for n in neighbours if self._landmarks.view_landmark[n.trainIdx] != first]
@@ -104,7 +104,7 @@ class Relocator:
         axes = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
         in_field = rotation.T @ axes @ camera.camera_to_robot.T  # robot frame to field frame
         lean = math.acos(min(max(float(in_field[2, 2]), -1.0), 1.0))
-        if abs(eye[2] - camera.height_m) > _MOST_HEIGHT_OFF_M or lean > _MOST_LEAN_RAD:
+        if abs(eye[2] - camera.height_m) > _MAX_HEIGHT_OFF_M or lean > _MAX_LEAN_RAD:
             return NotLocated("the place the features agree on is not one where the robot can stand")
         theta = math.atan2(in_field[1, 0] - in_field[0, 1], in_field[0, 0] + in_field[1, 1])
         c, s = math.cos(theta), math.sin(theta)

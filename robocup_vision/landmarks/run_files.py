@@ -22,8 +22,8 @@ from field_models.errors import FileError
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.camera.files import load_camera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.evaluation.csv_file import read_csv
-from robocup_vision.evaluation.image_file import IMAGE_SUFFIXES, ImageArray, read_image
+from robocup_vision.files.csv_table import read_csv
+from robocup_vision.files.images import IMAGE_SUFFIXES, ImageArray, read_image
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.projection import TrinocularRig
 

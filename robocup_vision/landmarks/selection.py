@@ -14,7 +14,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.landmark_fit import most_informative
+from robocup_vision.kernels.landmarks.fit import most_informative
 from robocup_vision.landmarks.index import kernel_camera
 from robocup_vision.landmarks.landmark_map import Expected, Indices, LandmarkMap
 from robocup_vision.landmarks.stereo import PIXEL_STD_PER_SPACING

@@ -13,7 +13,7 @@ from robocup_vision.landmarks.projection import TrinocularRig
 # the paper's 0.5 * d_s stands for quantisation, as if keypoints were not interpolated
 PIXEL_STD_PER_SPACING = 0.5
 # off the epipolar line, and between both disparities, in standard deviations of the difference
-_MOST_OFF = 3.0
+_MAX_OFF = 3.0
 # "within one level of scale": neighbouring levels of an octave differ by 2^(1/3)
 _LEVEL = 2.0 ** (1.0 / 3.0) * 1.05
 _NEAREST_M = 0.25
@@ -58,28 +58,28 @@ def correspond(rig: TrinocularRig, right: Features, left: Features, top: Feature
     """
     std_r, std_l, std_t = (PIXEL_STD_PER_SPACING * f.spacing_px for f in (right, left, top))
     fx, fy = rig.right.focal_px
-    most_u, most_v = fx * rig.baseline_m / _NEAREST_M, fy * rig.baseline_m / _NEAREST_M
+    max_u, max_v = fx * rig.baseline_m / _NEAREST_M, fy * rig.baseline_m / _NEAREST_M
 
     def allowed(
         other: Features, std: FloatArray, along: int, most: float
     ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-        tolerance = _MOST_OFF * np.hypot(std_r[:, None], std[None, :])
+        tolerance = _MAX_OFF * np.hypot(std_r[:, None], std[None, :])
         shift = other.pixels[None, :, along] - right.pixels[:, None, along]
         off = np.abs(other.pixels[None, :, 1 - along] - right.pixels[:, None, 1 - along])
         scale = np.abs(np.log(other.size_px[None, :] / right.size_px[:, None])) <= np.log(_LEVEL)
         return np.asarray((off <= tolerance) & (shift > 0) & (shift <= most) & scale)
 
     in_left = np.full(len(right), -1)
-    rows, partners = match(right.descriptors, left.descriptors, allowed(left, std_l, 0, most_u))
+    rows, partners = match(right.descriptors, left.descriptors, allowed(left, std_l, 0, max_u))
     in_left[rows] = partners
     in_top = np.full(len(right), -1)
-    rows, partners = match(right.descriptors, top.descriptors, allowed(top, std_t, 1, most_v))
+    rows, partners = match(right.descriptors, top.descriptors, allowed(top, std_t, 1, max_v))
     in_top[rows] = partners
     both = np.flatnonzero((in_left >= 0) & (in_top >= 0))
     by_u = (left.pixels[in_left[both], 0] - right.pixels[both, 0]) / fx
     by_v = (top.pixels[in_top[both], 1] - right.pixels[both, 1]) / fy
     std = np.sqrt((std_r[both] ** 2 + std_l[in_left[both]] ** 2 + std_t[in_top[both]] ** 2) / 3)
-    agree = np.abs(by_u - by_v) <= _MOST_OFF * 2 * std / min(fx, fy)
+    agree = np.abs(by_u - by_v) <= _MAX_OFF * 2 * std / min(fx, fy)
     both, std = both[agree], std[agree]
     measured = np.column_stack([right.pixels[both], left.pixels[in_left[both], 0], top.pixels[in_top[both], 1]])
     points, covariances = place(rig, measured, std)

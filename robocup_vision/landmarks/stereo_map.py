@@ -29,12 +29,12 @@ GATE_PX = (40.0, 20.0)  # for images 320 wide
 _DEPTH_RATIO = 1.25
 _SIZE_RATIO = 1.6
 _KNOWN_GATE_PX = 6.0
-_LEAST_INLIERS = 8
+_MIN_INLIERS = 8
 _WINDOW = 12
 _REFINE_EVERY = 4
 # what was not seen for so many frames and is seen again closes a loop, if it is so many landmarks
 _AWAY_FRAMES = 30
-_LEAST_RETURNED = 12
+_MIN_RETURNED = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ class StereoMapper:
         self._poses.append(fit.pose)
         self._pose_covariances.append(fit.covariance)
         matched, returned = self._update(seen[0], points)
-        closes = returned >= _LEAST_RETURNED and len(self._poses) - self._last_closure > _AWAY_FRAMES
+        closes = returned >= _MIN_RETURNED and len(self._poses) - self._last_closure > _AWAY_FRAMES
         if self._bound_drift:
             if closes:
                 self._refine(0)
@@ -187,7 +187,7 @@ class StereoMapper:
             ratio = np.log(expected.depth_m)[:, None] - np.log(points.points_m[:, 0])[None, :]
             allowed &= np.abs(ratio) <= math.log(_DEPTH_RATIO) * widen
             rows, partners = match(self._draft.view_descriptors[expected.view], points.features.descriptors, allowed)
-            if len(rows) < _LEAST_INLIERS:
+            if len(rows) < _MIN_INLIERS:
                 continue
             of = expected.landmark[rows]
             fit = fit_stereo(
@@ -199,7 +199,7 @@ class StereoMapper:
                 points.covariances[partners],
                 exhaustive=self._exhaustive,
             )
-            if fit.inliers.sum() >= _LEAST_INLIERS and fit.inliers.mean() > 0.4:
+            if fit.inliers.sum() >= _MIN_INLIERS and fit.inliers.mean() > 0.4:
                 return fit
         return None
 

@@ -22,7 +22,7 @@ from robocup_vision.landmarks.selection import Selection
 
 UInt8Array = npt.NDArray[np.uint8]
 
-_LEAST_WIDTH = 640
+_MIN_WIDTH = 640
 _GOOD, _BAD, _UNSEEN = (80, 220, 80), (60, 60, 255), (200, 160, 60)
 
 
@@ -140,7 +140,7 @@ def draw_landmarks(view: LandmarkView, frame: UInt8Array) -> UInt8Array:
     (s H, s W, 3) uint8
         A new picture, a whole number s times as large as the frame.
     """
-    scale = max(1, math.ceil(_LEAST_WIDTH / frame.shape[1]))
+    scale = max(1, math.ceil(_MIN_WIDTH / frame.shape[1]))
     canvas = np.asarray(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
     sight = view.sight
 

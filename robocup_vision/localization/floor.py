@@ -18,7 +18,7 @@ from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
-from robocup_vision.kernels import walls as kernels
+from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.perception.polar_view import PolarView
 
 Arbiter = Callable[[list[Pose2]], int | None]
@@ -38,9 +38,9 @@ _TIGHT = 0.5
 _SURE_COST = 0.25
 _GOOD_COST = 0.4
 _GOOD_COST_AT_PRIOR = 0.6
-_MOST_BEYOND = 0.01
-_LEAST_INLIER_SHARE = 0.3
-_LEAST_BEARINGS = 20
+_MAX_BEYOND = 0.01
+_MIN_INLIER_SHARE = 0.3
+_MIN_BEARINGS = 20
 _BANK_BEARINGS = 80
 _BANK_STARTS = 30
 _BANK_WIDTH = 12.0
@@ -160,7 +160,7 @@ class FloorLocalizer:
             Image radius at which the pose expects the walls; NaN where it does not say.
         """
         known = int(np.count_nonzero(radius_px > 0))
-        if known < _LEAST_BEARINGS:
+        if known < _MIN_BEARINGS:
             reason = f"the floor's edge is seen in only {known} of {len(radius_px)} directions"
             return NotLocated(reason), np.full(len(radius_px), np.nan)
         fit: _Fit | None = None
@@ -192,7 +192,7 @@ class FloorLocalizer:
         if fit.cost > good_cost:
             return False
         beyond = np.count_nonzero(fit.residual_px > 2.0 * self._unit_px)
-        return bool(beyond < _MOST_BEYOND * len(fit.residual_px))
+        return bool(beyond < _MAX_BEYOND * len(fit.residual_px))
 
     def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray, arbiter: Arbiter | None) -> _Fit | None:
         """Look for a better fit over the whole field, and by sliding along the walls that already agree.
@@ -294,7 +294,7 @@ class FloorLocalizer:
         return _Fit(cost, pose, covariance, share, rms, along, residual, predicted)
 
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
-        if fit.inlier_share < _LEAST_INLIER_SHARE:
+        if fit.inlier_share < _MIN_INLIER_SHARE:
             return NotLocated(f"only {fit.inlier_share:.0%} of the floor's edge agrees with the field's walls")
         if fit.along_m > _LARGEST_STD_M:
             return NotLocated("the part of the floor's edge in view does not fix the pose in every direction")

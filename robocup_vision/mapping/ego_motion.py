@@ -16,14 +16,14 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, Pose2, compose_covariance, read_only
-from robocup_vision.kernels import range_profile
+from robocup_vision.kernels.mapping import range_profile
 
 # differences beyond this many standard deviations belong to something that moved, or came into view
 _GATE_SIGMAS = 4.0
 # the gate closes while the pose settles
 _GATES = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) * _GATE_SIGMAS
 # an earlier profile counts if at least this share of it agrees
-_LEAST_SHARE = 0.3
+_MIN_SHARE = 0.3
 # where less than this agrees around what odometry says, the pose is searched for
 _AGREED_SHARE = 0.5
 # nothing wider than this moves by itself, and what does, at about this speed along each axis
@@ -249,7 +249,7 @@ class EgoMotion:
         normal = np.empty((3, 3))
 
         def refine(pose: FloatArray) -> tuple[int, float]:
-            rules = _GATES, _LEAST_SHARE, profile.worth, 2 * _REACH + 1
+            rules = _GATES, _MIN_SHARE, profile.worth, 2 * _REACH + 1
             used, share = range_profile.refine(
                 profile.present, past, thing, pose, predicted.array, information, *rules, normal
             )

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, Pose2
-from robocup_vision.kernels import occupancy as kernel
+from robocup_vision.kernels.mapping import occupancy as kernel
 from robocup_vision.mapping.range_profile import RangeProfile, cones
 from robocup_vision.mapping.sensor_model import SensorModel, default_sensors
 from robocup_vision.perception.free_space import FreeSpace
@@ -88,7 +88,7 @@ class FreeSpaceMap:
                 f"clip {clip}, free_below {free_below}, no_go_above {no_go_above}"
             )
         self.cells, self.cell_m = cells, cell_m
-        self._free_odds, self._no_go_odds, self._most_odds = (_logit(p) for p in (free_below, no_go_above, 1 - clip))
+        self._free_odds, self._no_go_odds, self._max_odds = (_logit(p) for p in (free_below, no_go_above, 1 - clip))
         self._needed = {name: model.observations_needed(free_below) for name, model in self.sensors.items()}
         self._log_odds = {name: np.zeros((cells, cells), dtype=np.float32) for name in self.sensors}
         self._counts = {name: np.zeros((cells, cells), dtype=np.int32) for name in self.sensors}
@@ -221,7 +221,7 @@ class FreeSpaceMap:
         model = self._model(sensor)
         evidence = self.evidence(sensor, profile, mask=mask)
         grids = self._log_odds[sensor], self._counts[sensor]
-        kernel.add_evidence(evidence, model.hit_step, model.crossed_step, self._most_odds, *grids)
+        kernel.add_evidence(evidence, model.hit_step, model.crossed_step, self._max_odds, *grids)
         self._state = None
 
     def probability(self, sensor: str) -> FloatArray:

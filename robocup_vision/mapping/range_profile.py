@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.kernels import free_floor
+from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.view import View
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, load_toml
-from robocup_vision.kernels import occupancy as kernel
+from robocup_vision.kernels.mapping import occupancy as kernel
 
 Int8Array = npt.NDArray[np.int8]
 BoolArray = npt.NDArray[np.bool_]

@@ -14,8 +14,8 @@ from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.kernels import ball as kernel
-from robocup_vision.kernels import free_floor
+from robocup_vision.kernels.floor import ball as kernel
+from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_color import PaintColor
 from robocup_vision.perception.polar_view import PolarView
@@ -23,17 +23,17 @@ from robocup_vision.perception.polar_view import PolarView
 UInt8Array = npt.NDArray[np.uint8]
 
 # share of floor before and beside it, less what has its own colour
-_LEAST_SCORE = 0.5
+_MIN_SCORE = 0.5
 # the ball's shaded side, sum of its channels, by the brightness of the lit floor
-_LEAST_LEVEL = 0.6
+_MIN_LEVEL = 0.6
 # a ball whose half size is less than this, in units of 1/86 of the usable radius (the paper's pixels), is too far
 # away; its half size measures the distance between seeds
-_LEAST_HALF = 1.0
+_MIN_HALF = 1.0
 _SEED_PITCH = 1.0
 # a polar sample is the mean of 3 x 3 pixels
 _RAW_NOISE = 3.0
 # standard deviations by which a blob must differ from the floor, and by which floor seldom does
-_LEAST_SIGNAL = 4.0
+_MIN_SIGNAL = 4.0
 _FLOOR_STDS = 3.5
 # of the blob's centre, pixels
 _CENTER_STD_PX = 0.3
@@ -130,7 +130,7 @@ class BallSearch(ABC):
         if self._stamp > kernel.NEVER // 2:
             self._stamps[self._stamps != kernel.NEVER] = 0
             self._stamp = 0
-        from_white, from_floor, least_level, sure, least_signal = self._planes
+        from_white, from_floor, min_level, sure, min_signal = self._planes
         score, self._stamp = kernel.find_ball(
             frame,
             self._seeds,
@@ -141,15 +141,15 @@ class BallSearch(ABC):
             self._body_px,
             from_white,
             from_floor,
-            least_level,
+            min_level,
             sure,
-            least_signal,
+            min_signal,
             *self._sizes_px,
             table.packing,
             table.floor_llr,
             out,
         )
-        if score < _LEAST_SCORE:
+        if score < _MIN_SCORE:
             return None
         return self._place(*self._whole(out[:2])) if self._is_cut(out[0], out[1]) else self._place(out[:2])
 
@@ -254,10 +254,10 @@ class BallFinder(BallSearch):
     def _seed_rows(self) -> list[FloatArray]:
         along, across = self._sizes_px
         inner, outer = self.camera.usable_radius_px
-        least_px = _LEAST_HALF * max(1.0, (outer - inner) / 86.0)
+        min_px = _MIN_HALF * max(1.0, (outer - inner) / 86.0)
         rings: list[FloatArray] = []
         radius = inner + 1.0
-        while radius < outer and across[round(radius)] >= least_px:
+        while radius < outer and across[round(radius)] >= min_px:
             pitch = _SEED_PITCH * across[round(radius)]
             angles = np.arange(0.0, math.tau, pitch / radius) + (len(rings) % 2) * pitch / radius / 2
             rings.append(self.camera.polar_to_pixel(angles, radius))
@@ -309,9 +309,9 @@ def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float,
     apart = math.acos(min(1.0, float(ball @ floor)))
     share = min(0.5, max(1 / 3, _FLOOR_STDS * raw_noise / floor_counts / max(apart, 1e-3)))
     from_floor = _plane(ball, floor, share)
-    least = _LEAST_LEVEL * colors.floor.level
+    least = _MIN_LEVEL * colors.floor.level
     on_dark_ball = least * float(from_floor @ ball / ball.sum())
-    return _plane(ball, white, 0.5), from_floor, least, on_dark_ball, _LEAST_SIGNAL * raw_noise
+    return _plane(ball, white, 0.5), from_floor, least, on_dark_ball, _MIN_SIGNAL * raw_noise
 
 
 def _direction(color: PaintColor) -> FloatArray:

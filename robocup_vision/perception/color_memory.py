@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels import floor_colors, polar
+from robocup_vision.kernels.floor import colors as floor_colors
+from robocup_vision.kernels.floor import polar
 from robocup_vision.perception.color_table import (
     LLR_PER_UNIT,
     Colors,
@@ -42,9 +43,9 @@ _LOOK_EVERY = 3
 # share of the floor that is darker than its sunny part
 _SUNNY = 0.9
 # hysteresis, logarithms: light is followed when it has moved so far since it was learnt; below a step of the model
-_MOST_LEVEL, _MOST_CAST = 0.3, 0.08
+_MAX_LEVEL, _MAX_CAST = 0.3, 0.08
 # surely floor, as a share of what was when learnt: less than this tells nothing of the light
-_LEAST_SURE = 0.15
+_MIN_SURE = 0.15
 # new colours must keep this share of what was surely floor
 _KEPT_SURE = 0.9
 # a colour that makes up this share of the floor's is the floor's under another light: largest difference of log ratios
@@ -144,7 +145,7 @@ class ColorMemory:
             self._hidden_frames = self._lost_frames = 0
             return self._table, llr
         light = self._light(samples, llr, self._table.colors.floor)
-        is_readable = light.share > 0 and light.share >= _LEAST_SURE * self._learnt_light.share
+        is_readable = light.share > 0 and light.share >= _MIN_SURE * self._learnt_light.share
         has_moved = is_readable and self._has_moved(light)
         # a robot parked at the camera, or the dark, must not cost an attempt a frame
         hidden, lost = self._hidden_frames, self._lost_frames
@@ -158,7 +159,7 @@ class ColorMemory:
 
     def _has_moved(self, light: _LightOnFloor) -> bool:
         before = self._learnt_light
-        return abs(light.level - before.level) > _MOST_LEVEL or np.abs(light.cast - before.cast).max() > _MOST_CAST
+        return abs(light.level - before.level) > _MAX_LEVEL or np.abs(light.cast - before.cast).max() > _MAX_CAST
 
     def _follow(
         self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, light: _LightOnFloor, ring: float

@@ -21,7 +21,7 @@ from field_models.errors import FileError
 from field_models.field import COLOR_NAMES, Field
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.kernels import floor_colors as kernel
+from robocup_vision.kernels.floor import colors as kernel
 from robocup_vision.perception.floor_color import (
     LEVELS,
     FloorColor,

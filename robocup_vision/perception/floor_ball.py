@@ -11,14 +11,14 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels import free_floor
+from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.ball import Ball, BallSearch
 from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
 
 UInt8Array = npt.NDArray[np.uint8]
 
 # half the size of the smallest ball that is told
-_LEAST_HALF_PX = 2.0
+_MIN_HALF_PX = 2.0
 
 
 class FloorBallFinder(BallSearch):
@@ -84,7 +84,7 @@ class FloorBallFinder(BallSearch):
         place = float(FAR_BELOW_PX - self._reach_px)
         while place < FAR_BELOW_PX + self._reach_px:
             half_px = across[round(place)]
-            if half_px < _LEAST_HALF_PX:
+            if half_px < _MIN_HALF_PX:
                 place += 1.0
                 continue
             aside = np.arange(-self._reach_px, self._reach_px, half_px) + (len(rows) % 2) * half_px / 2

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels import floor_colors as kernel
+from robocup_vision.kernels.floor import colors as kernel
 
 UInt8Array = npt.NDArray[np.uint8]
 
@@ -37,7 +37,7 @@ _COMMON = 0.25
 # the steps reach so far up for sure
 _SUN = float(LEVELS[-2]) - 0.1
 # fewer tell nothing
-_LEAST_SAMPLES = 50
+_MIN_SAMPLES = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +167,7 @@ def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | No
     ring = samples[:, :RING_COLUMNS]
     usable = valid[:, :RING_COLUMNS] > 0
     colors = ring[usable].astype(np.float64)
-    if len(colors) < _LEAST_SAMPLES:
+    if len(colors) < _MIN_SAMPLES:
         return None
     noise = _noise(ring.astype(np.float64), usable)
     # the ring alone may lie in a highlight or beside a robot: what is around it has a say, too
@@ -177,7 +177,7 @@ def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | No
     blue, green, red = colors.T
     level = (red + 2 * green + blue) / 4
     bright = (level > 4) & (green > 2)
-    if np.count_nonzero(bright) < _LEAST_SAMPLES:
+    if np.count_nonzero(bright) < _MIN_SAMPLES:
         return None
     log_red = np.log((red[bright] + 1) / (green[bright] + 1))
     log_blue = np.log((blue[bright] + 1) / (green[bright] + 1))
@@ -214,15 +214,15 @@ def follow_floor_color(
     blue, green, red = colors.T
     level = (red + 2 * green + blue) / 4
     bright = (level > 4) & (green > 2)
-    if np.count_nonzero(bright) < _LEAST_SAMPLES:
+    if np.count_nonzero(bright) < _MIN_SAMPLES:
         return None
     level0 = _lit_level(level[bright]) * math.exp(lift)
     near = bright & (np.abs(np.log(np.maximum(level, 0.5) / level0)) < 2 * LEVEL_STEP)
-    near = near if np.count_nonzero(near) >= _LEAST_SAMPLES else bright
+    near = near if np.count_nonzero(near) >= _MIN_SAMPLES else bright
     red0, blue0 = (float(np.median((c[near] + 1) / (green[near] + 1))) for c in (red, blue))
     ring = samples[:, :RING_COLUMNS].astype(np.float64)
     usable = is_floor[:, :RING_COLUMNS]
-    noise = _noise(ring, usable) if np.count_nonzero(usable) >= _LEAST_SAMPLES else before.noise
+    noise = _noise(ring, usable) if np.count_nonzero(usable) >= _MIN_SAMPLES else before.noise
     return FloorColor(level0, noise, *_follow(samples, valid, level0, noise, red0, blue0))
 
 

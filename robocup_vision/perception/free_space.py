@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.kernels import free_floor
+from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 

@@ -16,15 +16,15 @@ import numpy.typing as npt
 
 from field_models import COLOR_NAMES
 from field_models.field import Field
-from robocup_vision.kernels.goal_shine import fill_shine
+from robocup_vision.kernels.goal.shine import fill_shine
 
 ByteImage = npt.NDArray[np.uint8]
 
-_LEAST_SATURATION = 0.30  # a third of full paint: glare that leaves less is white for all we can tell
-_LEAST_VALUE = 25  # of 255, below which hue is noise
+_MIN_SATURATION = 0.30  # a third of full paint: glare that leaves less is white for all we can tell
+_MIN_VALUE = 25  # of 255, below which hue is noise
 _SHINE = 170  # what a lamp washes white is as bright in all channels
 # a hue peak's least share of a mask (one of three smoothed bins), and how deep the valley to the next must be
-_LEAST_PEAK, _DEEP = 0.02, 0.75
+_MIN_PEAK, _DEEP = 0.02, 0.75
 _PARTED = 0.03  # sine of the angle between two paints' planes of shades from which on noise does not hide it
 _CAST = 1.3  # the strongest colour cast that the image's bright end is trusted with
 
@@ -89,7 +89,7 @@ def hue_modes(image: ByteImage, mask: ByteImage) -> list[tuple[float, float]]:
     peaks = [
         int(k)
         for k in np.flatnonzero((smooth > np.roll(smooth, 1)) & (smooth >= np.roll(smooth, -1)))
-        if smooth[k] > _LEAST_PEAK * smooth.sum()
+        if smooth[k] > _MIN_PEAK * smooth.sum()
     ]
     cuts: list[int] = []
     kept = peaks[:1]
@@ -110,7 +110,7 @@ def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dic
     balanced, hsv = _balanced(image)
     masks = {}
     for color, (low, high) in families.items():
-        least = np.array([max(low, 0.0), 255 * _LEAST_SATURATION, _LEAST_VALUE])
+        least = np.array([max(low, 0.0), 255 * _MIN_SATURATION, _MIN_VALUE])
         most = np.array([min(high, 179.0), 255, 255])
         mask = cv2.inRange(hsv, least, most)
         for wrapped_low, wrapped_high in ((low + 180.0, 179.0), (0.0, high - 180.0)):

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels.goal_edges import link_runs
-from robocup_vision.kernels.goal_strips import fit_strip, straight_line, summarize_chains
+from robocup_vision.kernels.goal.edges import link_runs
+from robocup_vision.kernels.goal.strips import fit_strip, straight_line, summarize_chains
 
 ByteImage = npt.NDArray[np.uint8]
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import FloatArray, read_only
-from robocup_vision.kernels.lines import floor_mask_by_tone, line_ridge_points
+from robocup_vision.kernels.lines.lines import floor_mask_by_tone, line_ridge_points
 
 # Image steps of the four axes a line may be crossed along, u right, v down.
 AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))

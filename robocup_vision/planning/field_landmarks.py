@@ -16,7 +16,7 @@ _SAME_M = 0.05
 # a line that ends this near another one meets it
 _MEETS_M = 0.02
 # lines at a smaller angle than this do not cross at a point
-_LEAST_SINE = 0.3
+_MIN_SINE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def _crossing(
     ax, ay, dx, dy = one[0], one[1], one[2] - one[0], one[3] - one[1]
     bx, by, ex, ey = other[0], other[1], other[2] - other[0], other[3] - other[1]
     across, first, second = dx * ey - dy * ex, math.hypot(dx, dy), math.hypot(ex, ey)
-    if abs(across) < _LEAST_SINE * first * second or not across:
+    if abs(across) < _MIN_SINE * first * second or not across:
         return None
     s = ((bx - ax) * ey - (by - ay) * ex) / across
     t = ((bx - ax) * dy - (by - ay) * dx) / across
@@ -93,7 +93,7 @@ def _on_arc(
     ux, uy = (line[2] - line[0]) / length, (line[3] - line[1]) / length
     nearest = (x - line[0]) * ux + (y - line[1]) * uy
     off = (x - line[0]) * uy - (y - line[1]) * ux
-    if abs(off) > radius * math.sqrt(1 - _LEAST_SINE**2):
+    if abs(off) > radius * math.sqrt(1 - _MIN_SINE**2):
         return []
     half = math.sqrt(radius**2 - off**2)
     places = []

@@ -15,7 +15,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray
-from robocup_vision.kernels import gate_problem
+from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.planning.gap import Gap, Point, WidthSensor
 from robocup_vision.planning.motion_limits import MotionLimits
 
@@ -64,7 +64,7 @@ class GatePlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GateTables:
-    """The gate problem in numbers, as `robocup_vision.kernels.gate_problem` takes them.
+    """The gate problem in numbers, as `robocup_vision.kernels.motion.gate_problem` takes them.
 
     Parameters
     ----------

@@ -26,9 +26,9 @@ Criterion = Literal["position", "volume"]
 # a landmark so near the picture's border is not counted on, as a share of the width
 _BORDER_SHARE = 0.03
 # frames in a row that told nothing although they should have, before the head sweeps
-_MOST_MISSES = 2
+_MAX_MISSES = 2
 # a pose is never known better: m^2 and rad^2
-_LEAST_VARIANCE = 1e-12
+_MIN_VARIANCE = 1e-12
 # a head so near to where it shall look is there
 _ARRIVED_RAD = 0.15
 # pans whose outcome differs by less than this share are equally good: then the head moves least
@@ -244,14 +244,14 @@ class PoseGaze:
         self._wanted = None
         if not belief:
             return self._sweep(t_s, "the pose is not known")
-        if self._misses >= _MOST_MISSES:
+        if self._misses >= _MAX_MISSES:
             return self._sweep(t_s, f"{self._misses} frames in a row told nothing")
         assert isinstance(belief, PoseEstimate)
         growth = np.zeros((3, 3)) if drift is None else np.asarray(drift, dtype=np.float64)
         if growth.shape != (3, 3) or not np.isfinite(growth).all():
             raise ArgumentError(f"drift must be a finite (3, 3) array, got {drift!r}")
         shares = self._shares(belief.pose, belief.covariance, blockers)
-        prior = belief.covariance + growth * self._horizon_s + _LEAST_VARIANCE * np.eye(3)
+        prior = belief.covariance + growth * self._horizon_s + _MIN_VARIANCE * np.eye(3)
         left = self._left(prior, belief.pose, shares, pan_rad)
         score = left[:, 0, 0] + left[:, 1, 1] if self._criterion == "position" else np.linalg.det(left)
         counts = shares.sum(axis=2).mean(axis=0)

@@ -36,7 +36,7 @@ Answer = Literal["look", "decided", "undecidable"]
 
 ENOUGH_NAT = 0.1
 # a look that is expected to tell less is not worth it
-_LEAST_GAIN_NAT = 0.02
+_MIN_GAIN_NAT = 0.02
 # pans whose expected entropy differs by less are equally good: then the head moves least
 _AS_GOOD_NAT = 0.01
 # a corner nearer to the picture's border is cut as often as not
@@ -189,7 +189,7 @@ class GoalQuestion:
         after = np.divide(joint, told, out=np.ones_like(joint), where=joint > 0)
         expected = -(joint * np.log(after)).sum(axis=(1, 2))
         least = float(expected.min())
-        if now - least < _LEAST_GAIN_NAT:
+        if now - least < _MIN_GAIN_NAT:
             reason = f"undecidable from here: the best look would leave {least:.2f} of {now:.2f} nat"
             return Look("undecidable", None, now, now, reason)
         as_good = np.flatnonzero(expected <= least + _AS_GOOD_NAT)

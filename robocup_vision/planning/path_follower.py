@@ -9,7 +9,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, Pose2, read_only
-from robocup_vision.kernels import path_following as kernel
+from robocup_vision.kernels.motion import path_following as kernel
 from robocup_vision.planning.motion_limits import MotionLimits
 
 

@@ -25,7 +25,7 @@ _UNSURE_COST = 1e-3
 # a new path must be shorter than the old one by this share to be taken instead
 _SWITCH_SHARE = 0.05
 # looks that leave a place undecided, until it is left for when the robot is elsewhere
-_MOST_LOOKS = 2
+_MAX_LOOKS = 2
 _ELSEWHERE_M = 0.3
 
 
@@ -175,7 +175,7 @@ class SelectiveLook:
                 dx, dy = x - from_m[0], y - from_m[1]
                 off = np.arctan2(forward * dy - left * dx, forward * dx + left * dy)
                 counts += np.abs(off) < self._half_view_rad
-        return np.asarray(counts >= _MOST_LOOKS)
+        return np.asarray(counts >= _MAX_LOOKS)
 
     def _away_m(self, cells: BoolGrid) -> FloatArray:
         """Distance of each cell's middle from the nearest of some cells' middles; infinite without any."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import FloatArray, Pose2, read_only
-from robocup_vision.kernels import path_following as kernel
+from robocup_vision.kernels.motion import path_following as kernel
 from robocup_vision.planning.gap import Disc
 from robocup_vision.planning.path_follower import PathFollower, checked_path
 
@@ -166,7 +166,7 @@ class SpeedPlanner:
         limits = self.follower.limits
         clearance, nearest = -math.inf, -1
         for speed in self._speeds:
-            clearance, which = kernel.least_clearance(
+            clearance, which = kernel.min_clearance(
                 path, (pose.x_m, pose.y_m), velocity, pending, doubt, speed, self.follower.ahead(speed),
                 limits.acceleration_mps2, limits.dead_time_s, self.period_s, until_look,
                 (self.noise.along, self.noise.aside), table, self._sigmas,

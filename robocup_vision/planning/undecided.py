@@ -169,9 +169,9 @@ class UndecidedSpeed:
         return speed * looks * self._look_period_s + self._limits.stop_m(speed) + 2.0 * floor.cell_m
 
 
-def _walk(path: FloatArray, step_m: float, most_m: float) -> tuple[FloatArray, FloatArray]:
+def _walk(path: FloatArray, step_m: float, max_m: float) -> tuple[FloatArray, FloatArray]:
     """Places (S, 2) along the path, and their arc lengths (S,)."""
     ends = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    arcs = np.arange(0.0, min(most_m, float(ends[-1])) + step_m, step_m)
+    arcs = np.arange(0.0, min(max_m, float(ends[-1])) + step_m, step_m)
     arcs = np.minimum(arcs, ends[-1])
     return np.stack([np.interp(arcs, ends, path[:, k]) for k in (0, 1)], axis=1), arcs

@@ -16,7 +16,7 @@ IntArray = npt.NDArray[np.int64]
 # squared Mahalanobis distance of a detection that may still belong to a branch: chi-square, 2 degrees, 99.9 %
 _GATE = 13.8
 # branches this much less likely than their tree's best are given up
-_LEAST_LOG_SHARE = 7.0
+_MIN_LOG_SHARE = 7.0
 # frames after which a choice between branches is final, and over which equal branches are one
 _MEMORY = 5
 MISS = -1
@@ -248,7 +248,7 @@ class Branches:
                 continue
             if index not in picked:
                 recent = (tree, self.history[index].tobytes())
-                unlikely = self.evidence[index] < best[tree] - _LEAST_LOG_SHARE
+                unlikely = self.evidence[index] < best[tree] - _MIN_LOG_SHARE
                 if unlikely or recent in seen or self.history[index, -1] != root[tree] or count.get(tree, 1) >= most:
                     continue
                 seen.add(recent)

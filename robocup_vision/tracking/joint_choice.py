@@ -9,7 +9,7 @@ import numpy as np
 from robocup_vision.tracking.branches import MISS, Branches, IntArray
 
 # steps of the search after which the best choice so far is taken
-_MOST_STEPS = 1000
+_MAX_STEPS = 1000
 
 
 def choose_together(branches: Branches) -> IntArray:
@@ -62,7 +62,7 @@ def _best_compatible(trees: list[list[int]], masks: list[int], evidence: list[fl
     for options in reversed(trees):
         bound.append(bound[-1] + max(evidence[options[0]], 0.0))
     bound.reverse()
-    best, most, left = [], -math.inf, _MOST_STEPS
+    best, most, left = [], -math.inf, _MAX_STEPS
 
     def choose(depth: int, used: int, gained: float, picked: list[int]) -> None:
         nonlocal best, most, left

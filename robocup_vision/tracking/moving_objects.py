@@ -110,13 +110,13 @@ class MovingObjects:
         Share of the frames in which an object is detected that nothing hides.
     clutter_per_m2 : float
         False detections a frame and square metre.
-    least_frames : int
+    min_frames : int
         Objects are reported after this many detections at the earliest.
     coast_s : float
         Objects not seen for longer than this are given up.
     width_m : float
         Of the objects: what they hide, and what is seen of one in several pieces.
-    most_branches : int
+    max_branches : int
         Branches kept of each object's tree.
 
     Raises
@@ -129,10 +129,10 @@ class MovingObjects:
     speed_mps: float = 0.7
     detection_probability: float = 0.8
     clutter_per_m2: float = 0.2
-    least_frames: int = 3
+    min_frames: int = 3
     coast_s: float = 3.0
     width_m: float = 0.18
-    most_branches: int = 12
+    max_branches: int = 12
     _trees: dict[int, _Tree] = field(default_factory=dict, init=False, repr=False)
     _branches: Branches = field(init=False, repr=False)
     _t_s: float | None = field(default=None, init=False, repr=False)
@@ -141,7 +141,7 @@ class MovingObjects:
 
     def __post_init__(self) -> None:
         positive = ("acceleration_mps2", "speed_mps", "clutter_per_m2", "coast_s", "width_m")
-        for name in (*positive, "least_frames", "most_branches"):
+        for name in (*positive, "min_frames", "max_branches"):
             if not getattr(self, name) > 0:
                 raise ArgumentError(f"{name} must be positive, got {getattr(self, name)}")
         if not 0 < self.detection_probability < 1:
@@ -188,7 +188,7 @@ class MovingObjects:
         chosen = choose_together(branches)
         now = branches.taken(chosen)
         lost = self._keep_score(now)
-        branches = branches.pruned(chosen, self.most_branches)
+        branches = branches.pruned(chosen, self.max_branches)
         branches = branches.taken(np.flatnonzero(~np.isin(branches.tree, list(lost))))
         now = now.taken(np.flatnonzero(~np.isin(now.tree, list(lost))))
         for number in lost:
@@ -216,7 +216,7 @@ class MovingObjects:
             tree, odds = self._trees[number], float(now.odds[index])
             tree.frames += 1
             tree.detections += int(now.missed[index] == 0)
-            tree.believed |= odds >= _BELIEVED and tree.detections >= self.least_frames
+            tree.believed |= odds >= _BELIEVED and tree.detections >= self.min_frames
             if odds < _FORGOTTEN or now.coasted_s[index] > self.coast_s:
                 lost.add(number)
         return lost

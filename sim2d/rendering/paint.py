@@ -10,7 +10,7 @@ import numpy.typing as npt
 from field_models import Field
 from sim2d.rendering.rays import Floats
 
-CELLS_AT_MOST = 400_000
+CELLS_AT_MAX = 400_000
 
 
 class LinePaint:
@@ -27,7 +27,7 @@ class LinePaint:
         self._lines = field.lines
         self._arcs = field.arcs
         low, high = field.floor_polygon.min(axis=0) - 0.5, field.floor_polygon.max(axis=0) + 0.5
-        self._cell_m = max(field.line_width_m, math.sqrt(float(np.prod(high - low)) / CELLS_AT_MOST))
+        self._cell_m = max(field.line_width_m, math.sqrt(float(np.prod(high - low)) / CELLS_AT_MAX))
         self._low = low
         self._size = np.ceil((high - low) / self._cell_m).astype(int)
         x, y = (low[i] + (np.arange(self._size[i]) + 0.5) * self._cell_m for i in (0, 1))

@@ -13,7 +13,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import Backdrop
-from sim2d.rendering.goal_light import Glare, SunPatch
+from sim2d.rendering.goal.light import Glare, SunPatch
 from sim2d.rendering.light import TracedLight, trace_light
 from sim2d.rendering.rays import Floats, RaySet, sample_offsets
 from sim2d.rendering.scene import Scene

@@ -14,7 +14,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.overlay import FIELD_COLOR, FREE_COLOR, draw
 from robocup_vision.vision import Vision
-from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, paper_places, sample_goal
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
 
 GREEN, WHITE, BLACK, ORANGE = (60, 130, 50), (235, 235, 235), (25, 25, 25), (30, 120, 240)
 

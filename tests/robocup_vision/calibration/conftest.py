@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from robocup_vision.calibration.omni_model import hyperboloid_of, scale_and_horizon
+from robocup_vision.calibration.omni.model import hyperboloid_of, scale_and_horizon
 from sim2d.rendering.random_scenes import Condition, sample
 
 OFF = Condition(center_offset_px=(2.6, -3.5), tilt_rad=(math.radians(0.6), math.radians(-0.5)))

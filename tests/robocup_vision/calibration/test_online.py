@@ -49,7 +49,7 @@ def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera
 
 def test_it_stops_at_its_bound_and_says_so(ssl_field, paper_camera, walk):
     off = dataclasses.replace(paper_camera, center_px=(125.5, 111.0))
-    online = OnlineCalibration(ssl_field, off, every=1, most_center_px=0.5, most_tilt_rad=1e-3)
+    online = OnlineCalibration(ssl_field, off, every=1, max_center_px=0.5, max_tilt_rad=1e-3)
     vision = Vision(ssl_field, off, online=online)
     for one in walk[:16]:
         vision.look(one.frame)
@@ -104,8 +104,8 @@ def test_it_is_made_for_one_mirror_camera(ssl_field, paper_camera):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"most_center_px": 0.0}, "most_center_px must be positive"),
-        ({"most_tilt_rad": -1.0}, "most_tilt_rad must be positive"),
+        ({"max_center_px": 0.0}, "max_center_px must be positive"),
+        ({"max_tilt_rad": -1.0}, "max_tilt_rad must be positive"),
         ({"every": 0}, "every must be at least 1"),
         ({"window": 5}, "window must be at least 6"),
     ],

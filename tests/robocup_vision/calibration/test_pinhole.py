@@ -15,7 +15,7 @@ from robocup_vision.camera import load_camera, save_camera
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, sample_goal
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
 
 CONDITION = GOAL_CONDITIONS["clean_416x320"]
 TRUE = CONDITION.camera

@@ -18,7 +18,7 @@ from robocup_vision.evaluation.run import evaluate
 from robocup_vision.evaluation.scoring import Row, pose_error
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.dataset import write_dataset
-from sim2d.rendering.goal_scenes import GOAL_CONDITIONS, paper_places, sample_goal
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
 
 
 def row(truth, x_m, y_m, theta_rad=0.0):

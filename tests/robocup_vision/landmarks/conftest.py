@@ -6,8 +6,8 @@ import pytest
 
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.stereo_map import MapStep, StereoMapper
-from sim2d.rendering.hall import Hall, HallLight, loop_path, make_hall
-from sim2d.rendering.hall_runs import HALL_CAMERA, HALL_RIG, HallFrame, take
+from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
+from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
 
 MOMENTS = 6
 

@@ -8,7 +8,7 @@ import pytest
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.landmarks.landmark_map import LandmarkMap, expect, load_map, save_map
 from robocup_vision.landmarks.picture import draw_map, ellipses
-from sim2d.rendering.hall_runs import HALL_CAMERA
+from sim2d.rendering.hall.runs import HALL_CAMERA
 
 
 def small_map(count: int = 5) -> LandmarkMap:

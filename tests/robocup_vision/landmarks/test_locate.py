@@ -9,7 +9,7 @@ from field_models.errors import ArgumentError, FrameError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.landmark_matching import best_two
+from robocup_vision.kernels.landmarks.matching import best_two
 from robocup_vision.landmarks.features import (
     Features,
     OrbExtractor,
@@ -25,7 +25,7 @@ from robocup_vision.landmarks.landmark_map import expect
 from robocup_vision.landmarks.locate import LandmarkLocalizer
 from robocup_vision.landmarks.selection import Selection, TimeBudget, delegates, select
 from robocup_vision.landmarks.vision import LandmarkVision, draw_landmarks
-from sim2d.rendering.hall_runs import HALL_CAMERA
+from sim2d.rendering.hall.runs import HALL_CAMERA
 
 
 def off(pose: Pose2) -> Pose2:

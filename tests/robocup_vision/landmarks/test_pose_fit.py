@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.kernels.landmark_fit import descend, most_informative
+from robocup_vision.kernels.landmarks.fit import descend, most_informative
 from robocup_vision.landmarks.index import kernel_camera
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF, fit_pixels, fit_stereo
 from robocup_vision.landmarks.projection import (

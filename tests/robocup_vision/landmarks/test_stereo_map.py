@@ -7,7 +7,7 @@ from field_models.errors import ArgumentError, FrameError
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.stereo_map import StereoMapper
-from sim2d.rendering.hall_runs import HALL_RIG
+from sim2d.rendering.hall.runs import HALL_RIG
 
 
 def test_poses_are_within_millimetres(short_run):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance.steering import Steering
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.occupancy import CROSSED, HIT
+from robocup_vision.kernels.mapping.occupancy import CROSSED, HIT
 from robocup_vision.mapping.occupancy import FREE, NO_GO, UNDECIDED, FreeSpaceMap
 from robocup_vision.mapping.range_profile import RangeProfile
 from robocup_vision.mapping.sensor_model import SensorModel, default_sensors

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError, FileError
-from robocup_vision.kernels.occupancy import CROSSED, HIT
+from robocup_vision.kernels.mapping.occupancy import CROSSED, HIT
 from robocup_vision.mapping.sensor_model import (
     SensorModel,
     SensorTally,

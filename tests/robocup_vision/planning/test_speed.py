@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels import path_following as kernel
+from robocup_vision.kernels.motion import path_following as kernel
 from robocup_vision.planning import Disc, MotionLimits, PathFollower, PoseNoise, SpeedPlanner
 
 LIMITS = MotionLimits(1.5, 3.0)

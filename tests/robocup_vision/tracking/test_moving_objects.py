@@ -45,7 +45,7 @@ def straight(start, velocity, count):
     [
         ({"speed_mps": 0.0}, "speed_mps must be positive, got 0"),
         ({"width_m": -1.0}, "width_m must be positive"),
-        ({"most_branches": 0}, "most_branches must be positive"),
+        ({"max_branches": 0}, "max_branches must be positive"),
         ({"detection_probability": 1.0}, "detection_probability must be within 0 to 1, got 1"),
     ],
 )

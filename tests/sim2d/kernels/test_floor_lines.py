@@ -9,9 +9,9 @@ from field_models import field_names, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from sim2d.kernels import floor_lines as kernels
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.line_rows import arc_rows, line_rows
+from sim2d.rendering.fast.line_rows import arc_rows, line_rows
+from sim2d.rendering.fast.pixel_table import mirror_pixels
 from sim2d.rendering.paint import LinePaint
-from sim2d.rendering.pixel_table import mirror_pixels
 
 FARTHEST_M = 12.0
 HIGH = OmniCamera(

@@ -16,8 +16,8 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import FloatArray, Pose2
 from sim2d.rendering.backdrop import Backdrop
-from sim2d.rendering.goal_light import Glare, Member, SunPatch
-from sim2d.rendering.goal_scenes import ers7_camera
+from sim2d.rendering.goal.light import Glare, Member, SunPatch
+from sim2d.rendering.goal.scenes import ers7_camera
 from sim2d.rendering.pinhole import render_pinhole, smear
 from sim2d.rendering.scene import Robot, Room, Scene
 

@@ -10,8 +10,8 @@ import pytest
 
 from field_models import field_names, load_field
 from field_models.errors import ArgumentError
+from sim2d.commands.render import CONDITION_NAMES
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.command import CONDITION_NAMES
 from sim2d.rendering.random_scenes import CONDITIONS, RING_RANGE_M, Condition, random_scene, sample
 from sim2d.rendering.scene import Scene
 

@@ -1,0 +1,1 @@
+"""Calibrates a mirror camera from unlabelled images of the field."""

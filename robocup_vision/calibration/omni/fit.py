@@ -1,0 +1,383 @@
+"""One robust least-squares fit of a mirror camera and of the robot's pose in every frame, to walls and lines seen.
+
+Every residual is the distance in pixels, across it, of a measured point from where the field's wall or line lies in
+the image: metric residuals would reward a curve that shrinks the field. It is written in homogeneous floor points
+(X, Y, W), which pass through the horizon (W = 0) smoothly: a straight wall or line with normal n and distance d is
+n.(X, Y) = d W, and the difference G of both sides over |dG/dpixel| is the distance in pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.floor.calibration import floor_points
+from robocup_vision.kernels.lines.lines import nearest_lines
+
+Int64Array = npt.NDArray[np.int64]
+
+# steps of the numerical derivatives, in the vector's own units
+_STEP = 1e-4
+_MIN_SLOPE = 1e-9
+# most that one iteration may move: centre px, tilt, log curve and shape, pose m and rad
+_MAX_CENTER_PX, _MAX_TILT, _MAX_LOG, _MAX_POSE = 4.0, 0.02, 0.08, 0.15
+# line points farther away than this many field diagonals tell nothing
+_FAR = 1.5
+# neighbours along an edge err together: so many points count as one
+_POINTS_PER_FACT = 3.0
+_MIN_NOISE_PX = 0.15
+# sectors of the image whose points err together
+_CLUSTERS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Measured points of several frames, frame by frame.
+
+    Parameters
+    ----------
+    pixels : (N, 2) float64
+        Where.
+    frame : (N,) int64
+        Index of the frame, ascending; every frame has points.
+    is_line : (N,) bool
+        On a painted line; else at the foot of a wall.
+    weight : (N,) float64
+        How much each counts.
+    """
+
+    pixels: FloatArray
+    frame: Int64Array
+    is_line: npt.NDArray[np.bool_]
+    weight: FloatArray
+
+    def take(self, chosen: npt.NDArray[np.bool_]) -> Points:
+        """Return the points where this mask is true."""
+        return Points(self.pixels[chosen], self.frame[chosen], self.is_line[chosen], self.weight[chosen])
+
+    @cached_property
+    def frames(self) -> int:
+        """Number of frames."""
+        return int(self.frame[-1]) + 1 if len(self.frame) else 0
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A camera and poses that explain the points.
+
+    Parameters
+    ----------
+    model : CameraModel
+        The family.
+    vector : (G,) float64
+        Its member.
+    poses : (F, 3) float64
+        x, y, theta of the robot in every frame.
+    cost : float
+        Weighted mean of r^2 / (r^2 + s^2), 0 to 1.
+    residual_px : (N,) float64
+        Signed distances; infinite where a line point shows no floor near the field.
+    """
+
+    model: CameraModel
+    vector: FloatArray
+    poses: FloatArray
+    cost: float
+    residual_px: FloatArray
+
+    @property
+    def camera(self) -> OmniCamera:
+        """The camera fitted."""
+        return self.model.camera(self.vector)
+
+
+class FieldShape:
+    """A field's walls and lines as what points are measured against."""
+
+    def __init__(self, field: Field) -> None:
+        self.walls = np.ascontiguousarray(field.walls if field.is_bounded else np.empty((0, 4)))
+        self.lines, self.arcs = np.ascontiguousarray(field.lines), np.ascontiguousarray(field.arcs)
+        self.reach_m = _FAR * float(np.hypot(*np.ptp(field.floor_polygon, axis=0)))
+        self.low, self.high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
+        ends = np.vstack([self.walls, self.lines])
+        along = ends[:, 2:] - ends[:, :2]
+        normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
+        # (S, 3): n_x, n_y, -d of every straight thing
+        self.straight = np.column_stack([normal, -np.einsum("ij,ij->i", normal, ends[:, :2])])
+
+    def visible_wall(self, eye_m: FloatArray, direction: FloatArray) -> Int64Array:
+        """Index (N,) of the wall first met from eyes (N, 2) along directions (N, 2), field frame; -1 if none."""
+        a, edge = self.walls[:, :2], self.walls[:, 2:] - self.walls[:, :2]
+        to_a = a[None] - eye_m[:, None]
+        across = direction[:, None, 0] * edge[None, :, 1] - direction[:, None, 1] * edge[None, :, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (to_a[..., 0] * edge[:, 1] - to_a[..., 1] * edge[:, 0]) / across
+            s = (to_a[..., 0] * direction[:, None, 1] - to_a[..., 1] * direction[:, None, 0]) / across
+        t = np.where((t > 0) & (s >= -1e-9) & (s <= 1 + 1e-9), t, np.inf)
+        wall = np.argmin(t, axis=1)
+        return np.where(np.isfinite(t[np.arange(len(t)), wall]), wall, -1)
+
+
+def homogeneous(camera: OmniCamera, pixels: FloatArray) -> FloatArray:
+    """Floor points (N, 3) as X, Y, W, robot frame: the floor point is (X, Y) / W, and W <= 0 from the horizon on."""
+    u, v = camera.center_px
+    q = camera.floor_range.inverse_range_per_m(np.hypot(pixels[:, 0] - u, pixels[:, 1] - v))
+    point = np.empty((len(pixels), 3))
+    sign = 1.0 if camera.mirrored else -1.0
+    x, y, height = camera.viewpoint_m.tolist()
+    floor_points(pixels, u, v, sign, camera.heading_rad, q, camera.camera_to_robot, x, y, height, point)
+    return point
+
+
+class JointFit:
+    """Fits families of cameras to the same points.
+
+    Parameters
+    ----------
+    shape : FieldShape
+        What the points lie on.
+    points : Points
+        The points.
+    """
+
+    def __init__(self, shape: FieldShape, points: Points) -> None:
+        self.shape = shape
+        self.points = points
+        self._first = np.searchsorted(points.frame, np.arange(points.frames))
+        self._total = float(points.weight.sum())
+
+    def solve(
+        self,
+        model: CameraModel,
+        vector: FloatArray,
+        poses: FloatArray,
+        scales_px: tuple[float, ...],
+        prior: FloatArray,
+        bounds: tuple[FloatArray, FloatArray],
+        free: npt.NDArray[np.bool_] | None = None,
+        *,
+        repeats: int = 3,
+        most: int = 15,
+    ) -> Fit:
+        """Fit from a start.
+
+        Parameters
+        ----------
+        model : CameraModel
+            The family.
+        vector : (G,) float64
+            Where to start.
+        poses : (F, 3) float64
+            Likewise.
+        scales_px : tuple of float
+            Widths of the redescending weights, the widest first.
+        prior : (G,) float64
+            What the vector is held to, as loosely as the model says.
+        bounds : ((G,), (G,)) float64
+            Least and greatest vector.
+        free : (G,) bool, optional
+            What may move; everything unless given.
+        repeats : int
+            Iterations at each width.
+        most : int
+            Iterations at the last one; fewer if nothing moves any more.
+        """
+        vector, poses = vector.copy(), poses.copy()
+        free = np.ones(len(vector), dtype=bool) if free is None else free
+        for place, scale in enumerate(scales_px):
+            last = place == len(scales_px) - 1
+            for _ in range(most if last else repeats):
+                moved = self._step(model, vector, poses, scale, prior, bounds, free)
+                if last and moved < 1e-4:
+                    break
+        residual = self.residuals(model.camera(vector), poses)
+        return Fit(model, vector, poses, self.cost(residual, scales_px[-1]), residual)
+
+    def cost(self, residual_px: FloatArray, scale_px: float) -> float:
+        """Weighted mean (0 to 1) of the truncated squares of residuals (N,) at a width."""
+        with np.errstate(invalid="ignore"):
+            loss = np.where(
+                np.isfinite(residual_px), 1 / (1 + (scale_px / np.maximum(np.abs(residual_px), 1e-9)) ** 2), 1.0
+            )
+        return float(self.points.weight @ loss) / self._total
+
+    def residuals(self, camera: OmniCamera, poses: FloatArray) -> FloatArray:
+        """Signed distances (N,) in pixels of the points from the walls and lines of poses (F, 3)."""
+        place = homogeneous(camera, self.points.pixels)
+        covector, _, known = self._covectors(camera, place, poses)
+        slope = np.maximum(np.hypot(*self._by_pixel(camera, place, covector).T), _MIN_SLOPE)
+        return np.where(known, np.einsum("ij,ij->i", covector, place) / slope, np.inf)
+
+    def _by_pixel(self, camera: OmniCamera, place: FloatArray, covector: FloatArray) -> FloatArray:
+        """Differentiate the covectors' values by u and v: (N, 2)."""
+        steps = np.array([[_STEP, 0.0], [0.0, _STEP]])
+        moved = [homogeneous(camera, self.points.pixels + step) - place for step in steps]
+        return np.stack([np.einsum("ij,ij->i", covector, by) for by in moved], axis=1) / _STEP
+
+    def _covectors(
+        self, camera: OmniCamera, place: FloatArray, poses: FloatArray
+    ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+        """Linear forms (N, 3) that vanish on what each point belongs to; by the pose (N, 3, 3); known (N,).
+
+        The second array's middle index is x, y, theta. An arc's form is that of its tangent there.
+        """
+        points, shape = self.points, self.shape
+        pose = poses[points.frame]
+        c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+        # (N, 3) in the field frame, still homogeneous
+        x = c * place[:, 0] - s * place[:, 1] + pose[:, 0] * place[:, 2]
+        y = s * place[:, 0] + c * place[:, 1] + pose[:, 1] * place[:, 2]
+        form = np.zeros((len(x), 3))
+        known = np.zeros(len(x), dtype=bool)
+        wall = ~points.is_line
+        if wall.any() and len(shape.walls):
+            eye = pose[:, :2] + np.column_stack(
+                [c * camera.offset_m[0] - s * camera.offset_m[1], s * camera.offset_m[0] + c * camera.offset_m[1]]
+            )
+            direction = np.column_stack([x, y]) - eye * place[:, 2:]
+            index = shape.visible_wall(eye[wall], direction[wall])
+            hit = shape.straight[index]
+            # outwards, so that floor seen beyond the wall is positive and what hides its foot negative
+            side = np.where(np.einsum("ij,ij->i", hit[:, :2], eye[wall]) + hit[:, 2] > 0, -1.0, 1.0)
+            form[wall] = hit * side[:, None]
+            known[wall] = index >= 0
+        near = points.is_line & (place[:, 2] > 1.0 / shape.reach_m * np.hypot(place[:, 0], place[:, 1]))
+        if near.any():
+            field_m = np.column_stack([x[near], y[near]]) / place[near, 2:]
+            _, _, index = nearest_lines(np.ascontiguousarray(field_m), shape.lines, shape.arcs)
+            count = len(shape.lines)
+            forms = np.empty((len(index), 3))
+            straight = index < count
+            forms[straight] = shape.straight[len(shape.walls) + index[straight]]
+            arc = shape.arcs[index[~straight] - count]
+            radial = field_m[~straight] - arc[:, :2]
+            radial /= np.maximum(np.hypot(radial[:, 0], radial[:, 1]), 1e-9)[:, None]
+            forms[~straight] = np.column_stack([radial, -np.einsum("ij,ij->i", radial, arc[:, :2]) - arc[:, 2]])
+            form[near], known[near] = forms, True
+        n_x, n_y, off = form.T
+        covector = np.column_stack([c * n_x + s * n_y, -s * n_x + c * n_y, n_x * pose[:, 0] + n_y * pose[:, 1] + off])
+        by_pose = np.zeros((len(x), 3, 3))
+        by_pose[:, 0, 2], by_pose[:, 1, 2] = n_x, n_y
+        by_pose[:, 2, 0], by_pose[:, 2, 1] = covector[:, 1], -covector[:, 0]
+        return covector, by_pose, known
+
+    def _linearise(
+        self, model: CameraModel, vector: FloatArray, poses: FloatArray, free: npt.NDArray[np.bool_]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+        """Residuals (N,), their derivatives by the vector (N, G) and the own pose (N, 3), and which are known (N,)."""
+        pixels = self.points.pixels
+        camera = model.camera(vector)
+        place = homogeneous(camera, pixels)
+        covector, by_pose, known = self._covectors(camera, place, poses)
+        by_pixel = self._by_pixel(camera, place, covector)
+        slope = np.maximum(np.hypot(by_pixel[:, 0], by_pixel[:, 1]), _MIN_SLOPE)
+        residual = np.where(known, np.einsum("ij,ij->i", covector, place) / slope, 0.0)
+        by_vector = np.zeros((len(pixels), len(vector)))
+        # only a pixel's place relative to the centre counts
+        by_vector[:, CENTER] = -by_pixel / slope[:, None]
+        for g in np.flatnonzero(free):
+            if g < TILT.start:
+                continue
+            ahead = vector.copy()
+            ahead[g] += _STEP
+            moved = homogeneous(model.camera(ahead), pixels)
+            by_vector[:, g] = np.einsum("ij,ij->i", covector, moved - place) / (_STEP * slope)
+        by_own = np.einsum("ipj,ij->ip", by_pose, place) / slope[:, None]
+        return residual, by_vector, by_own, known
+
+    def _step(
+        self,
+        model: CameraModel,
+        vector: FloatArray,
+        poses: FloatArray,
+        scale: float,
+        prior: FloatArray,
+        bounds: tuple[FloatArray, FloatArray],
+        free: npt.NDArray[np.bool_],
+    ) -> float:
+        """One Gauss-Newton step, in place; returns how far it moved, in units of no importance."""
+        residual, by_vector, by_own, known = self._linearise(model, vector, poses, free)
+        weight = np.where(known, self.points.weight / (1 + (residual / scale) ** 2) ** 2, 0.0)
+        fact = _POINTS_PER_FACT * max(scale / 2, _MIN_NOISE_PX) ** 2
+        weight /= fact
+        h_gg, h_gp, h_pp, g_g, g_p = self._normal(residual, by_vector, by_own, weight)
+        std = model.prior_std()
+        h_gg += np.diag(1 / std**2)
+        g_g += (vector - prior) / std**2
+        # poses are held to where they are by a decimetre or so: a frame that shows one wall only does not run away
+        h_pp += np.diag([1e-3, 1e-3, 1e-3]) * np.trace(h_pp, axis1=1, axis2=2)[:, None, None] / 3 + 1e-6 * np.eye(3)
+        back = np.linalg.solve(h_pp, np.concatenate([h_gp.transpose(0, 2, 1), g_p[:, :, None]], axis=2))
+        schur = h_gg - np.einsum("fgp,fph->gh", h_gp, back[:, :, :-1])
+        right = g_g - np.einsum("fgp,fp->g", h_gp, back[:, :, -1])
+        schur[~free] = 0.0
+        schur[:, ~free] = 0.0
+        schur[~free, ~free] = 1.0
+        right[~free] = 0.0
+        step = -np.linalg.solve(schur, right)
+        most = np.full(len(vector), _MAX_LOG)
+        most[CENTER], most[TILT] = _MAX_CENTER_PX, _MAX_TILT
+        step *= min(1.0, float(np.min(most / np.maximum(np.abs(step), 1e-12))))
+        pose_step = -(back[:, :, -1] + np.einsum("fpg,g->fp", back[:, :, :-1], step))
+        pose_step *= np.minimum(1.0, _MAX_POSE / np.maximum(np.abs(pose_step).max(axis=1), 1e-12))[:, None]
+        before = vector.copy()
+        vector += step
+        np.clip(vector, *bounds, out=vector)
+        poses += pose_step
+        np.clip(poses[:, :2], self.shape.low + 0.01, self.shape.high - 0.01, out=poses[:, :2])
+        return float(np.abs((vector - before) / most).max() + np.abs(pose_step).max())
+
+    def _normal(
+        self, residual: FloatArray, by_vector: FloatArray, by_own: FloatArray, weight: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        weighted = by_vector * weight[:, None]
+        h_gg = by_vector.T @ weighted
+        h_gp = np.add.reduceat(weighted[:, :, None] * by_own[:, None, :], self._first, axis=0)
+        own = by_own * weight[:, None]
+        h_pp = np.add.reduceat(own[:, :, None] * by_own[:, None, :], self._first, axis=0)
+        g_p = np.add.reduceat(own * residual[:, None], self._first, axis=0)
+        return h_gg, h_gp, h_pp, weighted.T @ residual, g_p
+
+    def covariance(self, fit: Fit) -> FloatArray:
+        """Covariance (G, G) of a fit's vector, poses unknown; what errs together counts once.
+
+        Points of one frame and one sector of the image are one group (a cluster-robust "sandwich"). Every number
+        counts as unknown, whether the fit let it move or not.
+        """
+        residual, by_vector, by_own, known = self._linearise(
+            fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool)
+        )
+        spread = spread_px(residual[known])
+        weight = np.where(known, self.points.weight / (1 + (residual / (3 * spread)) ** 2) ** 2 / spread**2, 0.0)
+        _, h_gp, h_pp, _, _ = self._normal(residual, by_vector, by_own, weight)
+        h_pp += 1e-6 * np.eye(3)
+        eliminated = np.linalg.solve(h_pp, h_gp.transpose(0, 2, 1))
+        reduced = by_vector - np.einsum("np,npg->ng", by_own, eliminated[self.points.frame])
+        offset = self.points.pixels - fit.vector[CENTER]
+        sector = np.floor((np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) + 0.5) * _CLUSTERS).astype(np.int64)
+        _, member = np.unique(self.points.frame * (_CLUSTERS + 1) + sector, return_inverse=True)
+        scores = np.zeros((int(member.max()) + 1, len(fit.vector)))
+        np.add.at(scores, member.ravel(), reduced * (weight * residual)[:, None])
+        fisher = (reduced.T * weight) @ reduced
+        prior = np.diag(1 / fit.model.prior_std() ** 2)
+        bread = np.linalg.inv(fisher + prior)
+        return np.asarray(bread @ (fisher + scores.T @ scores + prior) @ bread)
+
+
+def spread_px(residual_px: FloatArray) -> float:
+    """Robust standard deviation of residuals (N,), from those that agree with one another."""
+    size = np.abs(residual_px[np.isfinite(residual_px)])
+    within = 3.0
+    for _ in range(5):
+        good = size[size <= within]
+        if not len(good):
+            break
+        # half of the points that agree lie within 0.67 standard deviations
+        within = max(3 * 1.48 * float(np.median(good)), 3 * _MIN_NOISE_PX)
+    return within / 3

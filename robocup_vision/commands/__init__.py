@@ -1,0 +1,1 @@
+"""The commands of `robocup-vision`, one file each: options in, calls, prints."""

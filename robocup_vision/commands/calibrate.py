@@ -1,0 +1,167 @@
+"""`robocup-vision calibrate`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robocup_vision.commands.calibrate_colors import add_colors_parser
+from robocup_vision.commands.calibrate_pinhole import add_pinhole_parser
+
+if TYPE_CHECKING:
+    from field_models.field import Field
+    from robocup_vision.calibration.omni.calibrate import OmniCalibration
+    from robocup_vision.files.image_folder import ImageFiles
+
+# overlay pictures that are written
+_MAX_PICTURES = 8
+# points that lie nearer than this to what they belong to count as agreeing, pixels
+_AGREES_PX = 3.0
+
+
+def add_calibrate_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `calibrate` to the subparsers of an argparse parser; every kind sets its own `run`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "calibrate",
+        help="make camera and colour files from images of the field",
+        description="Make camera and colour files from images of the field, taken anywhere on it.",
+    )
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
+    _add_omni_parser(kinds)
+    add_colors_parser(kinds)
+    add_pinhole_parser(kinds)
+    return parser
+
+
+def _add_omni_parser(kinds: Any) -> None:
+    omni: argparse.ArgumentParser = kinds.add_parser(
+        "omni",
+        help="a mirror camera's centre, tilt and curve",
+        description="Calibrate a mirror camera: its centre, tilt and curve, from frames of the field with the robot "
+        "anywhere on it. Some ten frames from different places and headings are enough, one may be.",
+    )
+    add = omni.add_argument
+    add("images", nargs="+", metavar="IMAGES", help="image files, or folders of images")
+    add("--field", required=True, metavar="F", help="built-in field's name, or a field file (.toml)")
+    add("--out", required=True, metavar="CAMERA", help="camera file to write (.toml); overlays go beside it")
+    add("--start", metavar="CAMERA", help="camera file to start from (default: from nothing)")
+    add("--mask", metavar="PNG", help="image whose non-zero pixels are never looked at")
+    add("--frames", type=int, default=24, metavar="N", help="use at most N images, evenly spread (default: 24)")
+    omni.set_defaults(run=run_calibrate_omni)
+
+
+def run_calibrate_omni(args: argparse.Namespace) -> int:
+    """Calibrate a mirror camera, write its file and overlays, and say how good it is; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from field_models import load_field
+    from field_models.errors import FileError
+    from robocup_vision.calibration.not_calibrated import NotCalibrated
+    from robocup_vision.calibration.omni.calibrate import calibrate_omni
+    from robocup_vision.camera import OmniCamera, load_camera, save_camera
+    from robocup_vision.commands.options import require_count
+    from robocup_vision.files.image_folder import ImageFiles
+    from robocup_vision.files.images import read_mask
+    from robocup_vision.files.out_file import require_folder
+
+    require_count("--frames", args.frames)
+    field = load_field(args.field)
+    start = None if args.start is None else load_camera(args.start)
+    if start is not None and not isinstance(start, OmniCamera):
+        raise FileError(args.start, "is a pinhole camera, must be a mirror camera", key="model", value="pinhole")
+    require_folder(args.out)
+    images = ImageFiles(args.images, None if start is None else start.size_px)
+    mask = None if args.mask is None else read_mask(args.mask)
+    result = calibrate_omni(field, images, start, mask, names=images.names, max_frames=args.frames)
+    if isinstance(result, NotCalibrated):
+        for note in result.notes:
+            print(f"note: {note}")
+        print(f"robocup-vision calibrate omni: not calibrated: {result.reason}", file=sys.stderr)
+        return 2
+    save_camera(result.camera, args.out)
+    pictures = _write_overlays(result, field, images, Path(args.out))
+    _print_calibration(result, len(images))
+    print(f"camera file  {args.out}")
+    print(f"overlays     {pictures}")
+    return 0
+
+
+def _write_overlays(result: OmniCalibration, field: Field, images: ImageFiles, out: Path) -> Path:
+    import cv2
+
+    from field_models.errors import FileError
+    from robocup_vision.overlay import draw
+    from robocup_vision.progress import progress
+    from robocup_vision.vision import Vision
+
+    folder = out.parent / f"{out.stem}_overlays"
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None
+    vision = Vision(field, result.camera)
+    spread = result.frames[:: -(-len(result.frames) // _MAX_PICTURES)]
+    for frame in progress(spread, len(spread), "overlays"):
+        image = images[frame.index]
+        vision.forget()
+        picture = draw(vision.look(image), image, vision)
+        cv2.imwrite(str(folder / f"{Path(frame.name).stem}.png"), picture)
+    return folder
+
+
+def _print_calibration(result: OmniCalibration, images: int) -> None:
+    import math
+
+    import numpy as np
+
+    from robocup_vision.camera import Hyperboloid, Tangent
+
+    camera, std = result.camera, result.std
+    print(f"calibrated by {len(result.frames)} of {images} images")
+    u, v = camera.center_px
+    tilt = [math.degrees(angle) for angle in camera.tilt_rad]
+    print(f"  center       {u:.2f} +- {std['center_u_px']:.2f}, {v:.2f} +- {std['center_v_px']:.2f} px")
+    print(
+        f"  tilt         {tilt[0]:.2f} +- {math.degrees(std['tilt_x_rad']):.2f}, "
+        f"{tilt[1]:.2f} +- {math.degrees(std['tilt_y_rad']):.2f} deg about x (forward), y (left)"
+    )
+    curve = camera.floor_range
+    if isinstance(curve, Hyperboloid):
+        text = f"A {curve.A_px_per_m:.5g} px/m, B {curve.B_per_m:.5g} 1/m, C {curve.C_px2:.5g} px2"
+    elif isinstance(curve, Tangent):
+        text = f"a {curve.a_m:.5g} m, b {curve.b_per_px:.5g} 1/px"
+    else:
+        text = "see the camera file"
+    print(f"  curve        {result.choices[0].curve}: {text}")
+    print(
+        f"               +- {100 * std['scale']:.2f} % near the robot, +- {100 * std['horizon']:.2f} % at the horizon"
+    )
+    for label, residuals in (
+        ("floor's edge", [frame.boundary_residual_px for frame in result.frames]),
+        ("white lines", [frame.line_residual_px for frame in result.frames]),
+    ):
+        size = np.abs(np.concatenate(residuals))
+        if not len(size):
+            continue
+        good = size[size < _AGREES_PX]
+        if not len(good):
+            print(f"  {label:<12} {len(size)} points, none agrees")
+            continue
+        print(
+            f"  {label:<12} {len(size)} points, {100 * len(good) / len(size):.0f} % agree: median "
+            f"{np.median(good):.2f} px, 90 % within {np.percentile(good, 90):.2f} px"
+        )
+    print("  held-back points, by kind of curve:")
+    for choice in result.choices:
+        level = "tilted" if choice.tilted else "level"
+        print(
+            f"    {choice.curve:<12} {level:<7} median {choice.held_back_px:.2f} px, loss {choice.held_back_cost:.4f}"
+        )
+    for note in result.notes:
+        print(f"note: {note}")

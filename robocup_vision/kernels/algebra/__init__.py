@@ -1,0 +1,1 @@
+"""Small linear algebra shared by kernels."""

@@ -1,0 +1,1 @@
+"""Compiled loops that read the floor: colours, edges, free range, ball."""

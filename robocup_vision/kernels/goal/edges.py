@@ -1,0 +1,335 @@
+"""Upright runs and silhouette edges, measured along normals at sub-pixel places."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from robocup_vision.kernels.algebra.camera_axes import camera_axes
+
+FloatArray = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
+UInt8Array = npt.NDArray[np.uint8]
+
+_WASHED = 0.5
+
+
+@njit(cache=True, nogil=True)
+def sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
+    """Bilinear value of one channel; the caller keeps (u, v) inside the image."""
+    u0, v0 = int(u), int(v)
+    fu, fv = u - u0, v - v0
+    top = image[v0, u0, channel] * (1.0 - fu) + image[v0, u0 + 1, channel] * fu
+    bottom = image[v0 + 1, u0, channel] * (1.0 - fu) + image[v0 + 1, u0 + 1, channel] * fu
+    return float(top * (1.0 - fv) + bottom * fv)
+
+
+@njit(cache=True, nogil=True)
+def measure_edges(
+    image: UInt8Array,
+    starts: FloatArray,
+    normals: FloatArray,
+    reach: FloatArray,
+    inside: FloatArray,
+    towards: FloatArray,
+    glare: float,
+    grey: FloatArray,
+    offset: FloatArray,
+    contrast: FloatArray,
+    sigma: FloatArray,
+) -> None:
+    """Sub-pixel step along the normal of each start point: a two-class edge, its classes taken beside it.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+    starts, normals : (N, 2) float64
+        Pixels, and unit directions that point out of the object.
+    reach : (N,) float64
+        How far to look to both sides, pixels.
+    inside : (N,) float64
+        How far the object certainly goes on behind its edge, pixels.
+    towards : (N, 3) float64
+        Colour difference object - surroundings that each edge must agree with in sign.
+    glare : float
+        Samples are dropped whose inside is brighter than this and has lost half of its colour to white.
+    grey : (N,) float64
+        How much of the two classes' difference in brightness counts: 1 for white paint, less for paint of a hue, beside
+        which grey clutter has edges of its own.
+    offset, contrast, sigma : (N,) float64
+        Results: where the edge lies (pixels along the normal; NaN: none), its colour step (-1: dropped as glare),
+        and the offset's own noise.
+    """
+    height, width = image.shape[0], image.shape[1]
+    step = 0.5
+    profile = np.empty((257, 3))
+    score = np.empty(257)
+    axis, mean_in, mean_out = np.empty(3), np.empty(3), np.empty(3)
+    for n in range(starts.shape[0]):
+        offset[n] = np.nan
+        contrast[n] = 0.0
+        sigma[n] = np.inf
+        deep = min(3.0, max(1.5, inside[n]))
+        margin = 3.0
+        first = -reach[n] - margin
+        count = min(257, int(round(2.0 * (reach[n] + margin) / step)) + 1)
+        ok = True
+        for i in range(count):
+            t = first + i * step
+            u, v = starts[n, 0] + t * normals[n, 0], starts[n, 1] + t * normals[n, 1]
+            if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
+                ok = False
+                break
+            for c in range(3):
+                profile[i, c] = sample(image, u, v, c)
+            score[i] = profile[i, 0] * towards[n, 0] + profile[i, 1] * towards[n, 1] + profile[i, 2] * towards[n, 2]
+        if not ok:
+            continue
+        # coarse: the strongest box step of +-1.5 px, the nearer the better where two are alike
+        best, at = 0.0, -1
+        for i in range(6, count - 6):
+            t = first + i * step
+            value = score[i - 3] + score[i - 2] + score[i - 1] - score[i + 1] - score[i + 2] - score[i + 3]
+            value *= max(0.05, 1.0 - abs(t) / reach[n])
+            if value > best:
+                best, at = value, i
+        if at < 0:
+            continue
+        # fine: both classes beside the edge, the profile projected on their difference, where it crosses the middle
+        near = int(round(deep / step))
+        low, high = max(0, at - near), min(count - 1, at + 6)
+        n_in = max(1, near // 2)
+        n_out = high - (at + 3) + 1
+        mean_in[:] = 0.0
+        mean_out[:] = 0.0
+        brightness = 0.0
+        for c in range(3):
+            for i in range(low, low + n_in):
+                mean_in[c] += profile[i, c] / n_in
+            for i in range(at + 3, high + 1):
+                mean_out[c] += profile[i, c] / n_out
+            brightness += (mean_in[c] - mean_out[c]) / 3.0
+        brightest = max(mean_in[0], mean_in[1], mean_in[2])
+        if brightest >= glare and min(mean_in[0], mean_in[1], mean_in[2]) >= _WASHED * brightest:
+            contrast[n] = -1.0
+            continue
+        for turn in range(1 if grey[n] >= 1.0 else 2):
+            keep = grey[n] if turn == 0 else 1.0
+            norm2, agree, size2, var, freedom = 0.0, 0.0, 0.0, 0.0, 0
+            for c in range(3):
+                axis[c] = mean_in[c] - mean_out[c] - (1.0 - keep) * brightness
+                norm2 += axis[c] * (mean_in[c] - mean_out[c])
+                agree += axis[c] * towards[n, c]
+                size2 += axis[c] ** 2
+            if norm2 < 1.0 or agree <= 0.0:
+                break
+            size = norm2 / math.sqrt(size2)
+            for i in range(low, high + 1):
+                if low + n_in <= i < at + 3:
+                    continue
+                value = 0.0
+                for c in range(3):
+                    value += (profile[i, c] - (mean_in[c] if i < at else mean_out[c])) * axis[c]
+                var += value**2 / size2
+                freedom += 1
+            noise = math.sqrt(var / freedom + 1.0)
+            if size < 5.0 * noise:
+                break
+            last, crossing, slope = 0.0, np.nan, 1.0
+            for i in range(low, high + 1):
+                value = 0.0
+                for c in range(3):
+                    value += (profile[i, c] - mean_out[c]) * axis[c]
+                value = value / norm2 - 0.5
+                if i > low and last >= 0.0 and value < 0.0:
+                    t = first + (i - 1 + last / (last - value)) * step
+                    if math.isnan(crossing) or abs(t - first - at * step) < abs(crossing - first - at * step):
+                        crossing = t
+                        slope = (last - value) / step
+                last = value
+            if math.isnan(crossing) or abs(crossing) > reach[n]:
+                break
+            spread = noise / (size * slope)
+            if turn == 0:
+                offset[n] = crossing
+                contrast[n] = size
+                sigma[n] = spread
+            elif abs(crossing - offset[n]) < 0.4:
+                # brightness is sharper than hue, but only where no grey clutter beside the edge pulls it aside
+                both = 1.0 / sigma[n] ** 2 + 1.0 / spread**2
+                offset[n] = (offset[n] / sigma[n] ** 2 + crossing / spread**2) / both
+                sigma[n] = both**-0.5
+
+
+@njit(cache=True, nogil=True)
+def link_runs(
+    row: FloatArray, left: FloatArray, right: FloatArray, lean: float, max_gap: float, chain: Int64Array
+) -> int:
+    """Give each run the number of its chain: the runs that stack into one upright strip. They come sorted by row.
+
+    A run continues the chain whose last run's ends are nearest, within one pixel plus what a strip leaning by `lean`
+    (pixels per row) moves; `max_gap` rows may be missing. Returns the number of chains; `chain` (N,) holds each run's.
+    """
+    count = row.shape[0]
+    last = np.empty(count, np.int64)
+    chains, oldest = 0, 0
+    taken = np.zeros(count, np.bool_)
+    for n in range(count):
+        best, at = np.inf, -1
+        for k in range(oldest, chains):
+            m = last[k]
+            gap = row[n] - row[m]
+            if gap <= 0 or gap > max_gap:
+                continue
+            tolerance = 1.0 + lean * gap
+            off = max(abs(left[n] - left[m]), abs(right[n] - right[m]))
+            if off <= tolerance and off + 0.5 * gap < best and not taken[m]:
+                best, at = off + 0.5 * gap, k
+        if at < 0:
+            at = chains
+            chains += 1
+        else:
+            taken[last[at]] = True
+        last[at] = n
+        chain[n] = at
+        while oldest < chains and row[n] - row[last[oldest]] > max_gap:
+            oldest += 1
+    return chains
+
+
+@njit(cache=True, nogil=True)
+def goal_points(shape: FloatArray, view: FloatArray, p: FloatArray, offsets: FloatArray, points: FloatArray) -> bool:
+    """Ideal pixels of where to measure: both ends of each free edge, feet, and points above the feet.
+
+    Parameters
+    ----------
+    shape, view, p, offsets
+        See `kernels.goal_fit.goal_prediction`.
+    points : (12 + 4 * K, 2) float64
+        Results: ends of the six edges, the feet of the left, then of the right post, and as many half a radius higher.
+
+    Returns
+    -------
+    bool
+        Whether all of it is in front of the camera.
+    """
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
+    line_x, half, top, radius = shape[0], 0.5 * shape[1], shape[2], shape[3]
+    dx, dz = line_x - p[0], top - p[5]
+    side = -1.0 if dx < 0 else 1.0
+    elevation, bar_half = math.atan2(dz, abs(dx)), math.asin(min(1.0, radius / math.hypot(dx, dz)))
+    count = offsets.shape[0]
+    for n in range(12 + 4 * count):
+        x, y, z = line_x, 0.0, 0.0
+        if n < 8:
+            e = n // 2
+            y = half if e < 2 else -half
+            z = 0.7 * radius if n % 2 == 0 else (top + 0.5 * radius if e == 0 or e == 3 else top - 2.0 * radius)
+            bearing = math.atan2(y - p[1], dx)
+            wide = math.asin(min(1.0, radius / math.hypot(dx, y - p[1])))
+            if e == 0 or e == 2:
+                x -= radius * math.sin(bearing + wide)
+                y += radius * math.cos(bearing + wide)
+            else:
+                x += radius * math.sin(bearing - wide)
+                y -= radius * math.cos(bearing - wide)
+        elif n < 12:
+            trim = 0.0 if n < 10 else 2.0 * radius
+            y = half - trim if n % 2 == 0 else trim - half
+            if n < 10:
+                x -= side * radius * math.sin(elevation + bar_half)
+                z = top + radius * math.cos(elevation + bar_half)
+            else:
+                x += side * radius * math.sin(elevation - bar_half)
+                z = top - radius * math.cos(elevation - bar_half)
+        else:
+            k = (n - 12) % (2 * count)
+            post_y = half if k < count else -half
+            offset = offsets[k % count]
+            along = math.sqrt(1.0 - offset**2)
+            distance = math.hypot(dx, post_y - p[1])
+            ux, uy = dx / distance, (post_y - p[1]) / distance
+            x = line_x + radius * (offset * uy - along * ux)
+            y = post_y + radius * (-offset * ux - along * uy)
+            z = 0.0 if n < 12 + 2 * count else 0.5 * radius
+        x, y, z = x - p[0], y - p[1], z - p[5]
+        depth = x * r00 + y * r10 + z * r20
+        if depth <= 0.05:
+            return False
+        points[n, 0] = view[2] - view[0] * (x * r01 + y * r11 + z * r21) / depth
+        points[n, 1] = view[3] - view[1] * (x * r02 + y * r12 + z * r22) / depth
+    return True
+
+
+@njit(cache=True, nogil=True)
+def spread_samples(
+    points: FloatArray,
+    feet: int,
+    width: int,
+    height: int,
+    spacing: float,
+    most: int,
+    starts: FloatArray,
+    normals: FloatArray,
+    edge: Int64Array,
+    inside: FloatArray,
+    expected: Int64Array,
+) -> int:
+    """Places along the edges and at the feet, with outward normals.
+
+    Parameters
+    ----------
+    points : (12 + 2 * feet, 2) float64
+        Of `goal_points`, in image pixels.
+    feet : int
+        How many of them are feet.
+    width, height : int
+        Of the image.
+    spacing, most : float, int
+        Pixels between places on an edge, and their greatest number.
+    starts, normals, edge, inside : (6 * most + feet, ...) float64, float64, int64, float64
+        Results: places, normals, which edge (6: a foot) and how far the object goes on behind it.
+    expected : (6,) int64
+        Result: places on each edge that lie inside the image.
+
+    Returns
+    -------
+    int
+        How many places there are; the last `feet` are the feet.
+    """
+    n = 0
+    for e in range(6):
+        expected[e] = 0
+        ax, ay, bx, by = points[2 * e, 0], points[2 * e, 1], points[2 * e + 1, 0], points[2 * e + 1, 1]
+        length = math.hypot(bx - ax, by - ay)
+        if not (1.0 < length < 1e4):
+            continue
+        partner = e ^ 1
+        px = 0.5 * (points[2 * partner, 0] + points[2 * partner + 1, 0]) - ax
+        py = 0.5 * (points[2 * partner, 1] + points[2 * partner + 1, 1]) - ay
+        nx, ny = (by - ay) / length, -(bx - ax) / length
+        across = nx * px + ny * py
+        if across > 0:
+            nx, ny = -nx, -ny
+        count = int(min(max(length / spacing, 4.0), most))
+        for k in range(count):
+            t = (k + 0.5) / count
+            u, v = ax + t * (bx - ax), ay + t * (by - ay)
+            if 3 < u < width - 4 and 3 < v < height - 4:
+                starts[n, 0], starts[n, 1], normals[n, 0], normals[n, 1] = u, v, nx, ny
+                edge[n] = e
+                inside[n] = 0.5 * abs(across)
+                expected[e] += 1
+                n += 1
+    for k in range(feet):
+        u, v = points[12 + k, 0], points[12 + k, 1]
+        du, dv = u - points[12 + feet + k, 0], v - points[12 + feet + k, 1]
+        length = max(math.hypot(du, dv), 1e-9)
+        starts[n, 0], starts[n, 1], normals[n, 0], normals[n, 1] = u, v, du / length, dv / length
+        edge[n] = 6
+        inside[n] = 4.0
+        n += 1
+    return n

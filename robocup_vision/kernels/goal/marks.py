@@ -1,0 +1,269 @@
+"""Where field lines are due in a pinhole camera's picture, a few pixels apart along each, and where they are seen."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from robocup_vision.kernels.algebra.camera_axes import camera_axes
+from robocup_vision.kernels.goal.edges import sample
+from robocup_vision.kernels.goal.fit import floor_residuals
+
+FloatArray = npt.NDArray[np.float64]
+UInt8Array = npt.NDArray[np.uint8]
+
+# grey levels that a line's middle must be brighter than its sides in one sample; samples along it are so far apart
+_MIN_RIDGE, _ALONG_STEP_PX = 6.0, 1.5
+
+
+@njit(cache=True, nogil=True)
+def line_marks(
+    points: FloatArray,
+    directions: FloatArray,
+    view: FloatArray,
+    p: FloatArray,
+    size: tuple[int, int],
+    line_width_m: float,
+    spacing_px: float,
+    min_width_px: float,
+    clear_px: float,
+    marks: FloatArray,
+    pixels: FloatArray,
+    normals: FloatArray,
+    widths: FloatArray,
+) -> int:
+    """Places along lines.
+
+    Parameters
+    ----------
+    points, directions : (N, 2) float64
+        Points along the lines, one line after the other, field frame, metres, and unit vectors along them.
+    view, p
+        See `kernels.goal_fit.goal_prediction`.
+    size : (int, int)
+        Width and height of the image, pixels.
+    line_width_m : float
+        Of the paint.
+    spacing_px : float
+        Between places on a line.
+    min_width_px : float
+        Lines that look thinner are left out.
+    clear_px : float
+        Between the edges of two lines: where they come nearer, neither is told from the other, and both are left out.
+    marks, pixels, normals, widths : (N, 2), (N, 2), (N, 2), (N,) float64
+        Results: the places in the field and in the ideal image, unit vectors across the line there, seen widths.
+
+    Returns
+    -------
+    int
+        How many places there are.
+    """
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
+    fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
+    n = 0
+    last_u, last_v = -1e9, -1e9
+    z = -p[5]
+    for k in range(points.shape[0]):
+        x, y = points[k, 0] - p[0], points[k, 1] - p[1]
+        depth = x * r00 + y * r10 + z * r20
+        if depth < 0.1:
+            continue
+        a = (x * r01 + y * r11 + z * r21) / depth
+        b = (x * r02 + y * r12 + z * r22) / depth
+        u, v = view[2] - fu * a, view[3] - fv * b
+        if not (3.0 < u < size[0] - 4.0 and 3.0 < v < size[1] - 4.0):
+            continue
+        if math.hypot(u - last_u, v - last_v) < spacing_px:
+            continue
+        # derivative of the picture by a step on the floor
+        dx, dy = directions[k, 0], directions[k, 1]
+        along_u = -fu * (dx * (r01 - a * r00) + dy * (r11 - a * r10)) / depth
+        along_v = -fv * (dx * (r02 - b * r00) + dy * (r12 - b * r10)) / depth
+        across_u = -fu * (-dy * (r01 - a * r00) + dx * (r11 - a * r10)) / depth
+        across_v = -fv * (-dy * (r02 - b * r00) + dx * (r12 - b * r10)) / depth
+        length = max(math.hypot(along_u, along_v), 1e-12)
+        nu, nv = along_v / length, -along_u / length
+        width = abs(across_u * nu + across_v * nv) * line_width_m
+        if width < min_width_px:
+            continue
+        marks[n, 0], marks[n, 1] = points[k, 0], points[k, 1]
+        pixels[n, 0], pixels[n, 1] = u, v
+        normals[n, 0], normals[n, 1] = nu, nv
+        widths[n] = width
+        last_u, last_v = u, v
+        n += 1
+    return _apart(n, spacing_px, clear_px, marks, pixels, normals, widths)
+
+
+@njit(cache=True, nogil=True)
+def _apart(
+    count: int,
+    spacing_px: float,
+    clear_px: float,
+    marks: FloatArray,
+    pixels: FloatArray,
+    normals: FloatArray,
+    widths: FloatArray,
+) -> int:
+    """Keep the places that no place on another line comes near to, in order; returns how many there are."""
+    alone = np.ones(count, np.bool_)
+    for i in range(count):
+        for j in range(count):
+            du, dv = pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1]
+            # those on the same line are a spacing away along it
+            if i == j or abs(du * normals[i, 1] - dv * normals[i, 0]) > 0.95 * spacing_px:
+                continue
+            if abs(du * normals[i, 0] + dv * normals[i, 1]) < 0.5 * (widths[i] + widths[j]) + clear_px:
+                alone[i] = False
+                break
+    n = 0
+    for i in range(count):
+        if alone[i]:
+            marks[n], pixels[n], normals[n], widths[n] = marks[i], pixels[i], normals[i], widths[i]
+            n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def mark_stds(
+    marks: FloatArray,
+    pixels: FloatArray,
+    normals: FloatArray,
+    view: FloatArray,
+    p: FloatArray,
+    unknowns: int,
+    covariance: FloatArray,
+    std: FloatArray,
+) -> None:
+    """How far from where it is due each place may be seen, along its normal, one standard deviation, pixels.
+
+    Parameters
+    ----------
+    marks, pixels, normals : (N, 2) float64
+        Of `line_marks`.
+    view, p
+        See `kernels.goal_fit.goal_prediction`.
+    unknowns : int
+        How many of the unknowns, from the first on, move the floor in the picture.
+    covariance : (8, 8) float64
+        Of the unknowns.
+    std : (N,) float64
+        Result.
+    """
+    count = marks.shape[0]
+    jacobian, base, moved = np.zeros((count, unknowns)), np.empty(count), np.empty(count)
+    floor_residuals(view, p, marks, pixels, normals, base)
+    trial = p.copy()
+    for k in range(unknowns):
+        trial[k] = p[k] + 1e-6
+        floor_residuals(view, trial, marks, pixels, normals, moved)
+        trial[k] = p[k]
+        for n in range(count):
+            jacobian[n, k] = (moved[n] - base[n]) / 1e-6
+    for n in range(count):
+        variance = 0.0
+        for i in range(unknowns):
+            for j in range(unknowns):
+                variance += jacobian[n, i] * covariance[i, j] * jacobian[n, j]
+        std[n] = math.sqrt(max(variance, 0.0))
+
+
+@njit(cache=True, nogil=True)
+def measure_ridges(
+    image: UInt8Array,
+    starts: FloatArray,
+    normals: FloatArray,
+    reach: FloatArray,
+    width: FloatArray,
+    along_px: float,
+    offset: FloatArray,
+    contrast: FloatArray,
+) -> None:
+    """Middle of the white line that crosses each start point's normal nearest, seen against green on both sides.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    starts, normals : (N, 2) float64
+        Where a line should be, pixels, and unit directions across it.
+    reach, width : (N,) float64
+        How far to look to both sides, and how wide the line should look, pixels.
+    along_px : float
+        Over how much of the line the picture is averaged, pixels: so faint a line still counts as this leaves clear of
+        the noise. 0: not at all.
+    offset, contrast : (N,) float64
+        Results: pixels along the normal (NaN: none), and grey levels over the greener sides.
+    """
+    rows, columns = image.shape[0], image.shape[1]
+    step = 0.5
+    bright, green = np.empty(401), np.empty(401)
+    repeats = 1 + int(along_px / _ALONG_STEP_PX)
+    least = _MIN_RIDGE / math.sqrt(repeats)
+    for n in range(starts.shape[0]):
+        offset[n] = np.nan
+        contrast[n] = 0.0
+        side = 0.5 * width[n] + 1.5
+        margin = side + 1.0
+        count = int(round(2.0 * (reach[n] + margin) / step)) + 1
+        if count > 401:
+            continue
+        first = -reach[n] - margin
+        ok = True
+        for i in range(count):
+            t = first + i * step
+            b, g, r = 0.0, 0.0, 0.0
+            for k in range(repeats):
+                s = (k - 0.5 * (repeats - 1)) * _ALONG_STEP_PX
+                u = starts[n, 0] + t * normals[n, 0] - s * normals[n, 1]
+                v = starts[n, 1] + t * normals[n, 1] + s * normals[n, 0]
+                if not (0.0 <= u < columns - 1 and 0.0 <= v < rows - 1):
+                    ok = False
+                    break
+                b += sample(image, u, v, 0) / repeats
+                g += sample(image, u, v, 1) / repeats
+                r += sample(image, u, v, 2) / repeats
+            if not ok:
+                break
+            bright[i] = min(b, r)
+            green[i] = (2.0 * g - r - b) / (r + g + b + 30.0)
+        if not ok:
+            continue
+        half = max(0, int(0.3 * width[n] / step))
+        far = int(round(side / step))
+        best, at = least, -1
+        for i in range(far + 2, count - far - 2):
+            middle = 0.0
+            for k in range(i - half, i + half + 1):
+                middle += bright[k] / (2 * half + 1)
+            left = (bright[i - far] + bright[i - far - 1] + bright[i - far - 2]) / 3.0
+            right = (bright[i + far] + bright[i + far + 1] + bright[i + far + 2]) / 3.0
+            if green[i - far - 1] < 0.08 or green[i + far + 1] < 0.08:
+                continue
+            value = (middle - max(left, right)) * (1.0 - 0.5 * abs(first + i * step) / (reach[n] + 1.0))
+            if value > best:
+                best, at = value, i
+        if at < 0:
+            continue
+        peak = at
+        for i in range(at - half - 1, at + half + 2):
+            if bright[i] > bright[peak]:
+                peak = i
+        ends = np.empty(2)
+        for way in range(2):
+            sign = -1 if way == 0 else 1
+            base = (bright[at + sign * far] + bright[at + sign * (far + 1)] + bright[at + sign * (far + 2)]) / 3.0
+            level = 0.5 * (base + bright[peak])
+            i = peak
+            while 0 < i + sign < count - 1 and bright[i] > level:
+                i += sign
+            before = bright[i - sign]
+            share = (before - level) / (before - bright[i]) if before > bright[i] else 0.5
+            ends[way] = first + (i - sign + sign * share) * step
+        seen = ends[1] - ends[0]
+        if 0.35 * width[n] - 0.5 < seen < 1.8 * width[n] + 2.0:
+            offset[n] = 0.5 * (ends[0] + ends[1])
+            contrast[n] = best

@@ -1,0 +1,1 @@
+"""Compiled loops of line points and line maps."""

@@ -1,0 +1,1 @@
+"""Compiled loops of the free-space map and of ego-motion."""

@@ -1,0 +1,106 @@
+"""Compiled trajectories against discs that move: when the robot, as predicted, comes too near to where they will be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from robocup_vision.kernels.motion.trajectories import predict_position, predict_velocity
+
+FloatArray = npt.NDArray[np.float64]
+Pair = tuple[float, float]
+
+# columns of the table of moving discs
+COLUMNS = 8
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def keep_off_m(moving: FloatArray, k: int, t: float) -> float:
+    """Distance, metres, that the robot's centre keeps from the middle of disc k, t seconds from now."""
+    spread = math.sqrt(moving[k, 5] * moving[k, 5] + moving[k, 6] * moving[k, 6] * t * t)
+    return float(moving[k, 4] + min(spread, moving[k, 7]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def moving_contact_time(
+    start: Pair,
+    velocity: Pair,
+    target: Pair,
+    acceleration: float,
+    begin: float,
+    horizon: float,
+    step_m: float,
+    moving: FloatArray,
+) -> float:
+    """Return the last moment, seconds after `begin`, before the trajectory comes too near to a disc; inf: it does not.
+
+    Parameters
+    ----------
+    start, velocity, target, acceleration
+        As those of `predict_position`.
+    begin : float
+        Seconds from now until the trajectory begins.
+    horizon : float
+        Length of the trajectory, seconds.
+    step_m : float
+        Distances are sampled so finely, by the greatest speed at which the two can approach.
+    moving : (M, 8) float64
+        Of each disc: x, y (m) and velocity x, y (m/s) now; the distance to keep when both places are known; what is
+        added to it for doubt: of the place (m), of the velocity (m/s), and at most (m).
+
+    Where the robot is too near to begin with, it may leave: then it must not come nearer.
+    """
+    own = math.sqrt(max(velocity[0] ** 2 + velocity[1] ** 2, target[0] ** 2 + target[1] ** 2))
+    first = np.inf
+    for k in range(moving.shape[0]):
+        closing = own + math.sqrt(moving[k, 2] ** 2 + moving[k, 3] ** 2) + moving[k, 6]
+        if closing <= 0.0:
+            continue
+        least = step_m / closing
+        x, y = moving[k, 0] + moving[k, 2] * begin - start[0], moving[k, 1] + moving[k, 3] * begin - start[1]
+        away = math.sqrt(x * x + y * y)
+        nearest = np.inf
+        if away < keep_off_m(moving, k, begin):
+            nearest = away - step_m
+        t, free = 0.0, 0.0
+        until = min(horizon, first)
+        while t < until:
+            gap = away - min(keep_off_m(moving, k, begin + t), nearest)
+            if gap < 0.0:
+                first = min(free, t)
+                break
+            # until then they cannot meet, however they drive
+            free = t + gap / closing
+            t = min(t + max(gap / closing, least), until)
+            x, y = predict_position(start, velocity, target, acceleration, t)
+            x -= moving[k, 0] + moving[k, 2] * (begin + t)
+            y -= moving[k, 1] + moving[k, 3] * (begin + t)
+            away = math.sqrt(x * x + y * y)
+    return first
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def moving_contact_then_stop(
+    start: Pair,
+    velocity: Pair,
+    target: Pair,
+    acceleration: float,
+    begin: float,
+    carried: float,
+    step_m: float,
+    moving: FloatArray,
+) -> float:
+    """Do the same for a trajectory that is carried on for some seconds and then braked, until the robot stands.
+
+    What meets a standing robot is no contact of its own. Other parameters as in `moving_contact_time`.
+    """
+    t = moving_contact_time(start, velocity, target, acceleration, begin, carried, step_m, moving)
+    if t < np.inf:
+        return t
+    there = predict_position(start, velocity, target, acceleration, carried)
+    then = predict_velocity(velocity, target, acceleration, carried)
+    stop = math.sqrt(then[0] * then[0] + then[1] * then[1]) / acceleration
+    return carried + moving_contact_time(there, then, (0.0, 0.0), acceleration, begin + carried, stop, step_m, moving)

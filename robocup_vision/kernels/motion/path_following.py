@@ -1,0 +1,220 @@
+"""Compiled path following: the controller's command, and what clearance is left where it leads from a pose in doubt."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from robocup_vision.kernels.motion.trajectories import predict_position, predict_velocity
+
+FloatArray = npt.NDArray[np.float64]
+Pair = tuple[float, float]
+
+# back on the path, metres; and when it is given up, seconds
+_BACK_M, _LATEST_S = 0.01, 3.0
+# how late, at the most, the robot obeys when it comes to rest
+_LATE_S = 0.1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def nearest_on_path(path: FloatArray, place: Pair) -> tuple[float, float, float]:
+    """Return (arc length, distance, length of the whole path), metres, of the path's point nearest to `place`.
+
+    path : (P, 2) float64, m, P at least 2.
+    """
+    nearest, arc, length = np.inf, 0.0, 0.0
+    for k in range(path.shape[0] - 1):
+        dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
+        size = math.sqrt(dx * dx + dy * dy)
+        along = 0.0
+        if size > 0.0:
+            along = min(max(((place[0] - path[k, 0]) * dx + (place[1] - path[k, 1]) * dy) / (size * size), 0.0), 1.0)
+        away = math.hypot(path[k, 0] + along * dx - place[0], path[k, 1] + along * dy - place[1])
+        if away < nearest:
+            nearest, arc = away, length + along * size
+        length += size
+    return arc, nearest, length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def point_on_path(path: FloatArray, arc: float) -> Pair:
+    """Return the path's point at this arc length; beyond its ends, the end."""
+    left = max(arc, 0.0)
+    for k in range(path.shape[0] - 1):
+        dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
+        size = math.sqrt(dx * dx + dy * dy)
+        if left <= size and size > 0.0:
+            return path[k, 0] + left / size * dx, path[k, 1] + left / size * dy
+        left -= size
+    return path[-1, 0], path[-1, 1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def follow(path: FloatArray, place: Pair, speed: float, ahead_m: float, acceleration: float) -> Pair:
+    """Return the velocity to command, m/s: towards the path's point `ahead_m` further on, to rest at its end.
+
+    The frame is the path's.
+    """
+    arc, _, length = nearest_on_path(path, place)
+    x, y = point_on_path(path, arc + ahead_m)
+    dx, dy = x - place[0], y - place[1]
+    away = math.sqrt(dx * dx + dy * dy)
+    if away < 1e-9:
+        return 0.0, 0.0
+    # to rest where the path ends: v late + v^2 / (2 a) = what is left
+    left = max(length - arc, away) if arc + ahead_m >= length else length - arc
+    allowed = min(speed, acceleration * (math.sqrt(_LATE_S * _LATE_S + 2.0 * left / acceleration) - _LATE_S))
+    return allowed * dx / away, allowed * dy / away
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def drive(
+    place: Pair, velocity: Pair, pending: Pair, target: Pair, acceleration: float, dead_time: float, period: float
+) -> tuple[Pair, Pair]:
+    """Return place and velocity a period later: the command before is obeyed for the dead time, then the new one."""
+    late = min(dead_time, period)
+    place = predict_position(place, velocity, pending, acceleration, late)
+    velocity = predict_velocity(velocity, pending, acceleration, late)
+    place = predict_position(place, velocity, target, acceleration, period - late)
+    return place, predict_velocity(velocity, target, acceleration, period - late)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def spread(covariance: FloatArray, odometry: Pair, moved: Pair) -> tuple[float, float, float]:
+    """Return the covariance (xx, xy, yy), square metres, of the place after a move by odometry.
+
+    covariance : (3, 3) float64 of the pose before; odometry : shares of the way, along and aside; moved : m.
+    """
+    dx, dy = moved
+    along, aside = odometry[0] * odometry[0], odometry[1] * odometry[1]
+    turn = covariance[2, 2]
+    xx = covariance[0, 0] - 2.0 * dy * covariance[0, 2] + dy * dy * (turn + aside) + dx * dx * along
+    yy = covariance[1, 1] + 2.0 * dx * covariance[1, 2] + dx * dx * (turn + aside) + dy * dy * along
+    xy = covariance[0, 1] + dx * covariance[0, 2] - dy * covariance[1, 2] + dx * dy * (along - turn - aside)
+    return xx, xy, yy
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _toward(disc: FloatArray, place: Pair, spread_m2: tuple[float, float, float]) -> tuple[float, float]:
+    """Return (distance, m, variance along it, m2) to a disc, from a place of this covariance (xx, xy, yy)."""
+    dx, dy = disc[0] - place[0], disc[1] - place[1]
+    away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    ux, uy = dx / away, dy / away
+    variance = ux * ux * (spread_m2[0] + disc[3]) + uy * uy * (spread_m2[2] + disc[5])
+    return away, variance + 2.0 * ux * uy * (spread_m2[1] + disc[4])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turned(vector: Pair, angle: float) -> Pair:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def min_clearance(
+    path: FloatArray,
+    place: Pair,
+    velocity: Pair,
+    pending: Pair,
+    covariance: FloatArray,
+    speed: float,
+    ahead_m: float,
+    acceleration: float,
+    dead_time: float,
+    period: float,
+    until_look: float,
+    odometry: Pair,
+    discs: FloatArray,
+    sigmas: float,
+) -> tuple[float, int]:
+    """Return the least clearance, metres, to a disc at this speed, and which disc that is (-1: there is none).
+
+    Parameters
+    ----------
+    path : (P, 2) float64
+        What is followed, m.
+    place, velocity, pending : pair of float
+        Where the robot is thought to be, m; its velocity and the command it obeys till the next, m/s.
+    covariance : (3, 3) float64
+        Of its pose.
+    until_look : float
+        Until the next look, s.
+    discs : (M, 6) float64
+        x, y, radius and the robot's, and the covariance (xx, xy, yy) of the centre.
+    sigmas : float
+        How many standard deviations count.
+
+    Two parts; once it is negative, no more is looked at. Until the next look the robot believes its odometry: the
+    controller's way is rolled out from where it is thought to be, and then a stop at once, which is done if no speed is
+    safe from there; each disc must be `sigmas` deviations of the error by then away. At the look it may turn out to be
+    at the worst point of its error ellipse (Miura 2004, section 6.2), and turned as that point of the pose's ellipsoid
+    is: from the ends of both axes the controller's return to the path is rolled out, and the stop after it. What error
+    the look leaves is the next plan's concern: it can still stop.
+    """
+    count = discs.shape[0]
+    least, which = np.inf, -1
+    if count == 0:
+        return least, which
+    # who is nearer than allowed already may go on if it gets no nearer: what is missing now is given
+    given = np.empty(count)
+    now = (covariance[0, 0], covariance[0, 1], covariance[1, 1])
+    for m in range(count):
+        away, variance = _toward(discs[m], place, now)
+        given[m] = max(discs[m, 2] + sigmas * math.sqrt(variance) - away, 0.0)
+    here, moving, obeyed = place, velocity, pending
+    steps = max(1, int(round(until_look / period)))
+    viewpoint, there, commanded = here, moving, obeyed
+    step = 0
+    while True:
+        target = follow(path, here, speed, ahead_m, acceleration) if step < steps else (0.0, 0.0)
+        here, moving = drive(here, moving, obeyed, target, acceleration, dead_time, period)
+        obeyed = target
+        by_then = spread(covariance, odometry, (here[0] - place[0], here[1] - place[1]))
+        for m in range(count):
+            away, variance = _toward(discs[m], here, by_then)
+            clear = away - discs[m, 2] - sigmas * math.sqrt(variance) + given[m]
+            if clear < least:
+                least, which = clear, m
+        step += 1
+        if step == steps:
+            viewpoint, there, commanded = here, moving, obeyed
+        if least < 0.0 or (step > steps and moving[0] == 0.0 and moving[1] == 0.0):
+            break
+    if least < 0.0:
+        return least, which
+    dx, dy = viewpoint[0] - place[0], viewpoint[1] - place[1]
+    xx, xy, yy = spread(covariance, odometry, (dx, dy))
+    # how the error of heading goes along with that of the place
+    turned_x, turned_y = covariance[0, 2] - dy * covariance[2, 2], covariance[1, 2] + dx * covariance[2, 2]
+    middle, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    longer = math.sqrt(half * half + xy * xy)
+    axis = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    for case in range(4):
+        cosine, sine = math.cos(axis + 0.5 * math.pi * case), math.sin(axis + 0.5 * math.pi * case)
+        far = math.sqrt(max(middle + (longer if case % 2 == 0 else -longer), 1e-18))
+        worst = (viewpoint[0] + sigmas * far * cosine, viewpoint[1] + sigmas * far * sine)
+        turn = sigmas * (turned_x * cosine + turned_y * sine) / far
+        worst_moving, worst_obeyed = _turned(there, turn), _turned(commanded, turn)
+        step, back = 0, False
+        while True:
+            _, off, _ = nearest_on_path(path, worst)
+            back = back or off <= _BACK_M or step * period >= _LATEST_S
+            target = (0.0, 0.0) if back else follow(path, worst, speed, ahead_m, acceleration)
+            worst, worst_moving = drive(worst, worst_moving, worst_obeyed, target, acceleration, dead_time, period)
+            worst_obeyed = target
+            step += 1
+            for m in range(count):
+                away, variance = _toward(discs[m], worst, (0.0, 0.0, 0.0))
+                # deviations add up by squares, and the roll-out has the pose's
+                more = sigmas * (math.sqrt(far * far + variance) - far)
+                clear = away - discs[m, 2] - more + given[m]
+                if clear < least:
+                    least, which = clear, m
+            if least < 0.0 or (back and worst_moving[0] == 0.0 and worst_moving[1] == 0.0):
+                break
+        if least < 0.0:
+            break
+    return least, which

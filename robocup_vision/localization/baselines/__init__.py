@@ -1,0 +1,1 @@
+"""Published methods, kept for comparison: no production code calls them but by name."""

@@ -1,0 +1,287 @@
+"""Pose from the convex hull of the whole floor mask: Sekimori et al. 2001, section 4, as printed.
+
+The published reference beside `localization.floor`, for comparison; nothing else builds on it. Errata heeded: the two
+headings of eq. 23 are -psi' and pi - psi', and eqs. 20-21 turn by psi'. Left open by the paper and chosen here: blur,
+erosions and dilations of Step 1, what becomes of points at the end of the view, and the covariance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.perception.color_table import ColorTable
+
+UInt8Array = npt.NDArray[np.uint8]
+BoolArray = npt.NDArray[np.bool_]
+
+# Step 1's blur and morphology and what an inlier is scale with 1/86 of the usable radius: a pixel of the paper's image
+_UNITS = 86.0
+# pieces of floor with less than this share of it all are something green elsewhere
+_MIN_PIECE = 0.05
+_MIN_POINTS = 8
+_ROUNDS = 30
+_CONVERGED = 1e-9
+_INLIER = 1.5
+_MIN_INLIER_SHARE = 0.3
+_LARGEST_STD_M = 0.10
+# a principal axis says nothing where the moments along and across it are closer than this
+_MIN_ELONGATION = 1.05
+# nearest a point comes to the end of the view and still counts as floor's edge, pixels
+_MARGIN_PX = 2
+# floor is believed to reach at most this many times as far as the field is long
+_FARTHEST = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class HullLocalizer:
+    """Fits the convex hull of a frame's floor to a field's walls.
+
+    Parameters
+    ----------
+    field : Field
+        Its floor must be bounded by walls or boards, and longer than wide.
+    camera : OmniCamera
+        The camera.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+
+    Raises
+    ------
+    ArgumentError
+        If nothing bounds the floor, it has no principal axis, or the mask's size is not the camera's.
+    """
+
+    field: Field
+    camera: OmniCamera
+    mask: UInt8Array | None = None
+
+    def __post_init__(self) -> None:
+        if not self.field.is_bounded:
+            raise ArgumentError(
+                f"method 'hull' needs walls or boards, but the floor of '{self.field.name}' is not bounded (carpet)"
+            )
+        width, height = self.camera.size_px
+        if self.mask is not None and self.mask.shape != (height, width):
+            raise ArgumentError(f"mask must be ({height}, {width}), got {self.mask.shape}")
+        if self._model.elongation < _MIN_ELONGATION:
+            raise ArgumentError(f"method 'hull' needs a floor that is longer than wide, '{self.field.name}' is square")
+
+    @cached_property
+    def _model(self) -> _Moments:
+        hull = cv2.convexHull(self.field.floor_polygon.astype(np.float32)).reshape(-1, 2)
+        moments = _polygon_moments(hull.astype(np.float64))
+        assert moments is not None  # a field has an area
+        return moments
+
+    @cached_property
+    def _walls(self) -> tuple[FloatArray, BoolArray]:
+        """Walls (W, 4), and which of them are side walls of goals (W,)."""
+        walls = self.field.walls
+        sides = [panel for goal in self.field.goals if goal.kind != "posts" for panel in goal.panels[[0, 2]]]
+        is_side = np.zeros(len(walls), dtype=bool)
+        for panel in sides:
+            for way in (panel, panel[[2, 3, 0, 1]]):
+                is_side |= np.abs(walls - way).max(axis=1) < 1e-6
+        return walls, is_side
+
+    @cached_property
+    def _unit_px(self) -> float:
+        inner, outer = self.camera.usable_radius_px
+        return max(1.0, (outer - inner) / _UNITS)
+
+    @cached_property
+    def _view(self) -> tuple[UInt8Array, UInt8Array]:
+        """Pixels (H, W) where floor may be looked for, and those of them well inside that region: 1, else 0."""
+        width, height = self.camera.size_px
+        v, u = np.mgrid[:height, :width]
+        radius = np.hypot(u - self.camera.center_px[0], v - self.camera.center_px[1])
+        inner, outer = self.camera.usable_radius_px
+        floor_m = self.camera.pixel_to_floor(np.stack([u, v], axis=-1))
+        farthest = _FARTHEST * float(np.ptp(self.field.floor_polygon, axis=0).max())
+        usable = (radius >= inner) & (radius <= outer)
+        if self.mask is not None:
+            usable &= self.mask == 0
+        near = np.hypot(floor_m[..., 0], floor_m[..., 1]) <= farthest
+        # beside the horizon floor ends by itself: only where the view ends is an edge no edge
+        inside = cv2.erode(usable.astype(np.uint8), _disc(_MARGIN_PX), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+        return (usable & near).astype(np.uint8), np.asarray(inside, dtype=np.uint8)
+
+    def floor_mask(self, frame: UInt8Array, colors: ColorTable) -> UInt8Array:
+        """Step 1: floor (H, W) uint8, 1 or 0, of a frame (H, W, 3), freed of specks, joined across painted lines."""
+        usable = self._view[0]
+        reach = round(self._unit_px)
+        smooth: UInt8Array = np.asarray(cv2.blur(frame, (2 * reach + 1, 2 * reach + 1)), dtype=np.uint8)
+        floor = (colors.floor_llr[colors.pack(smooth)] > 0).astype(np.uint8) & usable
+        floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_CLOSE, _disc(2 * reach)), dtype=np.uint8)
+        floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_OPEN, _disc(reach)), dtype=np.uint8)
+        # the blur mixed the wall into the outermost floor, which was refused for it: give it back
+        floor = np.asarray(cv2.dilate(floor, _disc(reach)), dtype=np.uint8)
+        return _without_specks(floor & usable)
+
+    def locate(self, frame: UInt8Array, colors: ColorTable) -> PoseEstimate | NotLocated:
+        """Locate the robot by one frame (H, W, 3) uint8 BGR, with both half-turn candidates."""
+        return self.locate_floor(self.floor_mask(frame, colors))
+
+    def locate_floor(self, floor: UInt8Array) -> PoseEstimate | NotLocated:
+        """Locate the robot by a floor mask (H, W) uint8, non-zero where floor is seen (Steps 2 to 7)."""
+        corners_px = _image_hull(floor)
+        points_m = self.camera.pixel_to_floor(corners_px)
+        known = np.isfinite(points_m).all(axis=1)
+        corners_px, points_m = corners_px[known], points_m[known]
+        moments = _polygon_moments(points_m)
+        if moments is None:
+            return NotLocated("the floor in view encloses no area")
+        columns, rows = np.rint(corners_px).astype(int).T
+        fit = self._fit(points_m, self._weights(corners_px), self._view[1][rows, columns] > 0, moments)
+        return fit if isinstance(fit, NotLocated) else self._judge(fit)
+
+    def _weights(self, pixels: FloatArray) -> FloatArray:
+        """Weights w = 1 / (df/dR)^2, (px/m)^2, by differences on the camera's own curve."""
+        delta = pixels - self.camera.center_px
+        outward = delta / np.linalg.norm(delta, axis=1, keepdims=True)
+        step = 0.01
+        change = self.camera.pixel_to_floor(pixels + step * outward) - self.camera.pixel_to_floor(
+            pixels - step * outward
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weight = (2 * step) ** 2 / (change**2).sum(axis=1)
+        return np.where(np.isfinite(weight), weight, 0.0)
+
+    def _assign(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Wall of each place (M, 2) by position: its normals (M, 2), its offsets (M,), whether it counts (M,)."""
+        walls, is_side = self._walls
+        start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+        offset = places_m[:, None] - start
+        part = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+        nearest = np.argmin(((offset - part[..., None] * along) ** 2).sum(axis=2), axis=1)
+        normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+        return normal[nearest], (normal * start).sum(axis=1)[nearest], ~is_side[nearest]
+
+    def _fit(
+        self, points_m: FloatArray, weight: FloatArray, is_edge: BoolArray, moments: _Moments
+    ) -> _Fit | NotLocated:
+        # the field's own centroid and axis seen from the robot's, eqs. 16-17; both frames are the paper's for its field
+        pose = self._model.frame.compose(moments.frame.inverse())
+        for _ in range(_ROUNDS):
+            places = pose.transform(points_m)
+            normal, offset, counts = self._assign(places)
+            counts &= is_edge & (weight > 0)
+            if np.count_nonzero(counts) < _MIN_POINTS:
+                return NotLocated(f"only {np.count_nonzero(counts)} corners of the floor's hull lie on walls")
+            n, p, scale = normal[counts], places[counts], np.sqrt(weight[counts])
+            # eq. 18 with sin zeta = zeta, cos zeta = 1: n.p + zeta (n_x y - n_y x) + n.(a, b) - d
+            jacobian = np.column_stack([n, n[:, 0] * p[:, 1] - n[:, 1] * p[:, 0]]) * scale[:, None]
+            residual = ((n * p).sum(axis=1) - offset[counts]) * scale
+            information = jacobian.T @ jacobian
+            if np.linalg.cond(information) > 1e9:
+                return NotLocated("the floor's hull lies on walls of one direction only")
+            a, b, zeta = (-np.linalg.solve(information, jacobian.T @ residual)).tolist()
+            # eqs. 20-22, as the pose of the robot instead of that of the floor
+            pose = Pose2(a, b, -zeta).compose(pose)
+            if abs(a) + abs(b) + abs(zeta) < _CONVERGED:
+                break
+        residual += jacobian @ (a, b, zeta)
+        return _Fit(pose, residual, information)
+
+    def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
+        pose = fit.pose
+        is_inlier = np.abs(fit.residual_px) < _INLIER * self._unit_px
+        share = float(np.mean(is_inlier))
+        if share < _MIN_INLIER_SHARE:
+            return NotLocated(f"only {share:.0%} of the floor's hull agrees with the field's walls")
+        if not self.field.is_on_floor(pose.x_m, pose.y_m):
+            return NotLocated(f"the best fit puts the robot outside the field, at ({pose.x_m:.2f}, {pose.y_m:.2f}) m")
+        # (a, b, zeta) moves the robot as a turn about the field's centre does
+        motion = np.array([[1.0, 0.0, pose.y_m], [0.0, 1.0, -pose.x_m], [0.0, 0.0, -1.0]])
+        variance = _variance(fit.residual_px)
+        covariance = variance * (motion @ np.linalg.inv(fit.information) @ motion.T)
+        if math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1])) > _LARGEST_STD_M:
+            return NotLocated("the part of the floor's hull in view does not fix the pose in every direction")
+        rms = float(np.sqrt(np.mean(fit.residual_px[is_inlier] ** 2)))
+        return PoseEstimate(pose, covariance, share, rms, (pose, pose.half_turn()))
+
+
+@dataclass(frozen=True, slots=True)
+class _Moments:
+    """Centroid and principal axis as a frame, and the ratio of the standard deviations along and across the axis."""
+
+    frame: Pose2
+    elongation: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    pose: Pose2
+    residual_px: FloatArray
+    information: FloatArray
+
+
+def _disc(radius_px: int) -> UInt8Array:
+    size = 2 * radius_px + 1
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
+
+
+def _without_specks(floor: UInt8Array) -> UInt8Array:
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(floor, connectivity=8)
+    area = stats[:, cv2.CC_STAT_AREA].astype(np.float64)
+    keep = area >= _MIN_PIECE * area[1:].sum()
+    keep[0] = False
+    return np.asarray(keep[labels], dtype=np.uint8)
+
+
+def _image_hull(floor: UInt8Array) -> FloatArray:
+    """Find the corners (M, 2) of the convex hull of each row's first and last floor pixel, in order (Steps 2 and 3)."""
+    present = floor > 0
+    rows = np.flatnonzero(present.any(axis=1))
+    if len(rows) < 2:
+        return np.empty((0, 2))
+    first = present[rows].argmax(axis=1)
+    last = present.shape[1] - 1 - present[rows, ::-1].argmax(axis=1)
+    ends = np.concatenate([np.stack([first, rows], axis=1), np.stack([last, rows], axis=1)])
+    return np.asarray(cv2.convexHull(ends.astype(np.int32)).reshape(-1, 2), dtype=np.float64)
+
+
+def _polygon_moments(corners: FloatArray) -> _Moments | None:
+    """Moments of a closed polygon (M, 2); None if it encloses no area."""
+    if len(corners) < 3:
+        return None
+    middle = corners.mean(axis=0)
+    x, y = (corners - middle).T
+    x2, y2 = np.roll(x, -1), np.roll(y, -1)
+    cross = x * y2 - x2 * y
+    area = cross.sum() / 2
+    if abs(area) < 1e-9:
+        return None
+    cx, cy = ((x + x2) * cross).sum() / (6 * area), ((y + y2) * cross).sum() / (6 * area)
+    xx = ((x * x + x * x2 + x2 * x2) * cross).sum() / (12 * area) - cx * cx
+    yy = ((y * y + y * y2 + y2 * y2) * cross).sum() / (12 * area) - cy * cy
+    xy = ((x * y2 + 2 * x * y + 2 * x2 * y2 + x2 * y) * cross).sum() / (24 * area) - cx * cy
+    axis = 0.5 * math.atan2(2 * xy, xx - yy)
+    spread = math.hypot(xx - yy, 2 * xy)
+    across = max(xx + yy - spread, 1e-12)
+    frame = Pose2(float(middle[0] + cx), float(middle[1] + cy), axis)
+    return _Moments(frame, math.sqrt((xx + yy + spread) / across))
+
+
+def _variance(residual_px: FloatArray) -> float:
+    """Variance of a hull corner, px^2, as if corners were independent.
+
+    Neighbours around the hull err together (a box hides a stretch, light fades along a wall): as many corners as the
+    correlation of neighbours leaves count.
+    """
+    mean_square = float(np.sum(residual_px**2)) / max(len(residual_px) - 3, 1)
+    power = float(np.mean(residual_px**2))
+    correlation = float(np.mean(residual_px * np.roll(residual_px, 1))) / power if power > 0 else 0.0
+    correlation = min(max(correlation, 0.0), 0.8)
+    return mean_square * (1 + correlation) / (1 - correlation)

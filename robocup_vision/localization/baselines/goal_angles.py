@@ -1,0 +1,188 @@
+"""Yako et al.'s method as printed: colour region, axes by regression, three angles, a table of angles over the field.
+
+Kept as the reference to measure the direct fit against. Its thresholds are automatic (the paper tuned them to each
+picture's truth and names their automation as future work): the tightest ones that still leave a common region, doubled.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.localization.goal.geometry import (
+    GoalAngles,
+    GoalShape,
+    angles_between,
+    position_from_angles,
+    theoretical_angles,
+)
+
+ByteImage = npt.NDArray[np.uint8]
+
+GRID_M = 0.01  # paper, section 3.3 (1)
+_LOOSENING = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class GoalAxes:
+    """Images of the three axes as the regression lines give them.
+
+    Parameters
+    ----------
+    left, right : (float, float)
+        Posts: u = at + lean * v.
+    bar : (float, float)
+        Bar: v = at + lean * u.
+    """
+
+    left: tuple[float, float]
+    right: tuple[float, float]
+    bar: tuple[float, float]
+
+    def pixels(self, height: int) -> FloatArray:
+        """(6, 2) float64: two points of the left post (lower first), of the right post, of the bar (left first)."""
+        low, high = 0.8 * height, 0.2 * height
+        a, b = self.left[0] + self.left[1] * low, self.right[0] + self.right[1] * low
+        return np.array(
+            [
+                [a, low],
+                [self.left[0] + self.left[1] * high, high],
+                [b, low],
+                [self.right[0] + self.right[1] * high, high],
+                [a, self.bar[0] + self.bar[1] * a],
+                [b, self.bar[0] + self.bar[1] * b],
+            ]
+        )
+
+
+def goal_region(mask: ByteImage) -> ByteImage | None:
+    """Largest connected region of a mask with its holes filled (section 3.2, 1 and 2), or None if there is none."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    if count < 2:
+        return None
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    region = np.asarray(labels == largest, dtype=np.uint8)
+    return np.asarray(cv2.morphologyEx(region, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) * 255, dtype=np.uint8)
+
+
+def axes_by_regression(region: ByteImage) -> GoalAxes | None:
+    """Middle axes of posts and bar by regression (section 3.2, 3), or None where the region has not that shape.
+
+    Rows with two runs are posts, columns between the posts with one run are the bar.
+    """
+    rows = np.flatnonzero(region.any(axis=1))
+    columns = np.flatnonzero(region.any(axis=0))
+    if len(rows) < 8 or len(columns) < 8:
+        return None
+    middle = (columns[0] + columns[-1]) / 2
+    left, right = [], []
+    for v in rows:
+        run = np.flatnonzero(region[v])
+        gaps = np.flatnonzero(np.diff(run) > 1)
+        if len(gaps) == 1:
+            first, second = run[: gaps[0] + 1], run[gaps[0] + 1 :]
+            if first[-1] < middle < second[0]:
+                left.append((float(v), float(first.mean())))
+                right.append((float(v), float(second.mean())))
+    if len(left) < 6:
+        return None
+    inner = (max(u for _, u in left), min(u for _, u in right))
+    margin = 0.12 * (inner[1] - inner[0])
+    bar = []
+    for u in range(math.ceil(inner[0] + margin), math.floor(inner[1] - margin) + 1):
+        run = np.flatnonzero(region[:, u])
+        if len(run):
+            bar.append((float(u), float(run.mean())))
+    if len(bar) < 4:
+        return None
+
+    def regress(points: list[tuple[float, float]]) -> tuple[float, float]:
+        lean, at = np.polyfit([p[0] for p in points], [p[1] for p in points], 1)
+        return float(at), float(lean)
+
+    return GoalAxes(regress(left), regress(right), regress(bar))
+
+
+class PaperMethod:
+    """From a mask of goal paint to a pose by the paper's angles.
+
+    Parameters
+    ----------
+    shape : GoalShape
+        The goal at +x.
+    camera : PinholeCamera
+        Only its optics and height count.
+    extent_m : (2,) float64
+        Half length and half width of the floor on which candidates are looked for.
+    """
+
+    def __init__(self, shape: GoalShape, camera: PinholeCamera, extent_m: FloatArray) -> None:
+        self.shape = shape
+        self.camera = camera
+        x = np.arange(-extent_m[0], shape.line_x_m - 0.05, GRID_M)
+        y = np.arange(-extent_m[1], extent_m[1] + GRID_M / 2, GRID_M)
+        self._x, self._y = np.meshgrid(x, y)
+        self._table = theoretical_angles(shape, self._x, self._y, camera.height_m).astype(np.float32)
+
+    def angles(self, axes: GoalAxes) -> tuple[GoalAngles, FloatArray, FloatArray]:
+        """Compute the three angles of measured axes, and the planes' normals R and L in the camera frame."""
+        ray = self.camera.pixel_to_camera_ray(axes.pixels(self.camera.size_px[1]))
+        left, right, bar = (np.cross(ray[k], ray[k + 1]) for k in (0, 2, 4))
+        gamma, phi_right, phi_left = (float(a) for a in angles_between(right, left, bar))
+        return GoalAngles(gamma, phi_right, phi_left), right, left
+
+    def locate(self, mask: ByteImage, *, closed_form: bool = False) -> PoseEstimate | NotLocated:
+        """Locate the camera from a mask of goal paint of the camera's size.
+
+        Parameters
+        ----------
+        mask : (H, W) uint8
+            Non-zero on paint.
+        closed_form : bool
+            Take the position from `position_from_angles` instead of the table's common region.
+        """
+        region = goal_region(mask)
+        axes = None if region is None else axes_by_regression(region)
+        if axes is None:
+            return NotLocated("the goal's region has not the shape of two posts and a bar")
+        angles, right, left = self.angles(axes)
+        if closed_form:
+            position = position_from_angles(self.shape, angles)
+            if position is None:
+                return NotLocated("no point in front of the goal sees these angles")
+            x, y = position
+            spread = np.diag([0.1**2, 0.1**2])
+        else:
+            seen = np.array([angles.gamma, angles.phi_right, angles.phi_left], dtype=np.float32)
+            worst = np.abs(self._table - seen).max(axis=-1)
+            inside = worst <= max(_LOOSENING * float(worst.min()), 1e-4)
+            x, y = float(self._x[inside].mean()), float(self._y[inside].mean())
+            spread = np.cov(np.stack([self._x[inside], self._y[inside]])) if inside.sum() > 2 else np.zeros((2, 2))
+            spread = spread + np.eye(2) * GRID_M**2
+        heading = self._heading(x, y, right, left)
+        distance = math.hypot(self.shape.line_x_m - x, y)
+        covariance = np.zeros((3, 3))
+        covariance[:2, :2] = spread
+        covariance[2, 2] = float(np.trace(spread)) / max(distance, 0.1) ** 2
+        return PoseEstimate(Pose2(x, y, heading), covariance, 1.0, 0.0)
+
+    def _heading(self, x: float, y: float, right: FloatArray, left: FloatArray) -> float:
+        """Heading of the optical axis: both posts' planes meet in the vertical, from which bearings are counted."""
+        up = np.cross(left, right)
+        up = up / np.linalg.norm(up)
+        up = up if up[2] > 0 else -up
+        axis = np.array([1.0, 0.0, 0.0]) - up[0] * up
+        headings = []
+        for normal, post_y in ((left, self.shape.post_y_m[0]), (right, self.shape.post_y_m[1])):
+            towards = np.cross(up, normal)
+            towards = towards if towards[0] > 0 else -towards
+            seen = math.atan2(float(np.cross(axis, towards) @ up), float(axis @ towards))
+            headings.append(math.atan2(post_y - y, self.shape.line_x_m - x) - seen)
+        return math.atan2(sum(math.sin(h) for h in headings), sum(math.cos(h) for h in headings))

@@ -1,0 +1,129 @@
+"""Which of the two halves: goals of different colours tell a pose from its half turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.kernels.goal.colors import vote_goal_colors
+from robocup_vision.perception.color_table import Colors
+
+# votes of one side that decide, and how far they must outnumber the other's
+_MIN_VOTES = 4
+_MAJORITY = 2
+# difference in (B - R)/(B + G + R) from which two goals count as differently coloured
+_MIN_HUE_DIFFERENCE = 0.2
+_TABLE_SIZE = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class GoalSide:
+    """Looks at where the goals must be, and takes the half whose goals have their own colours.
+
+    Parameters
+    ----------
+    field : Field
+        Says where the goals are and which colours they have.
+    camera : OmniCamera
+        Its height must be known, since goals are upright.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    """
+
+    field: Field
+    camera: OmniCamera
+    mask: npt.NDArray[np.uint8] | None = None
+
+    @cached_property
+    def is_able(self) -> bool:
+        """Whether the field has panels of different colours and the camera a height."""
+        panelled = [goal for goal in self.field.goals if goal.kind != "posts"]
+        return len({goal.color for goal in panelled}) == 2 and self.camera.height_m is not None
+
+    @cached_property
+    def _points(self) -> tuple[FloatArray, FloatArray]:
+        points, sides = [], []
+        for goal in self.field.goals:
+            for x0, y0, x1, y1 in goal.panels:
+                for along in (0.15, 0.4, 0.6, 0.85):
+                    for up in (0.4, 0.8):
+                        points.append([x0 + along * (x1 - x0), y0 + along * (y1 - y0), up * goal.height_m])
+                        sides.append(float(goal.side))
+        return np.array(points), np.array(sides)
+
+    @cached_property
+    def _radius_of_q(self) -> tuple[float, FloatArray]:
+        inner = self.camera.usable_radius_px[0]
+        q = np.linspace(0.0, float(self.camera.floor_range.inverse_range_per_m(inner)), _TABLE_SIZE)
+        # zero lies inside the usable radius: what a curve does not reach is not looked at
+        return float(q[1]), np.nan_to_num(self.camera.floor_range.radius_px(q))
+
+    @cached_property
+    def _hidden(self) -> npt.NDArray[np.uint8]:
+        if self.mask is None:
+            return np.empty((0, 0), dtype=np.uint8)
+        # a vote is a mean over 3 x 3 pixels
+        return np.asarray(cv2.dilate(self.mask, np.ones((3, 3), np.uint8)), dtype=np.uint8)
+
+    @cached_property
+    def _geometry(self) -> tuple[FloatArray, FloatArray]:
+        return np.array(self.camera.viewpoint_m), np.ascontiguousarray(self.camera.camera_to_robot.T)
+
+    def choose(
+        self, frame: npt.NDArray[np.uint8], estimate: PoseEstimate, colors: Colors, prior: Pose2 | None = None
+    ) -> PoseEstimate:
+        """Put the right half first.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            The frame the estimate comes from.
+        estimate : PoseEstimate
+            With its half turn among the candidates.
+        colors : Colors
+            The frame's colours.
+        prior : Pose2, optional
+            Orders the candidates where the goals do not decide.
+
+        Returns
+        -------
+        PoseEstimate
+            With a single candidate if the goals decide, else with both.
+        """
+        right, wrong = self._vote(frame, estimate.pose, colors) if self.is_able else (0, 0)
+        if max(right, wrong) >= _MIN_VOTES and max(right, wrong) >= _MAJORITY * min(right, wrong):
+            better = estimate if right > wrong else estimate.half_turn()
+            return PoseEstimate(better.pose, better.covariance, better.inlier_share, better.residual_px)
+        if prior is not None:
+            turned = estimate.half_turn()
+            here, there = (sum(e.pose.error_to(prior)) for e in (estimate, turned))
+            return turned if there < here else estimate
+        return estimate
+
+    def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> tuple[int, int]:
+        hues = colors.goal_hues
+        if abs(hues[0] - hues[1]) < _MIN_HUE_DIFFERENCE:
+            return 0, 0
+        camera = self.camera
+        right, wrong = vote_goal_colors(
+            frame,
+            pose.array,
+            *self._points,
+            *self._geometry,
+            *camera.center_px,
+            camera.heading_rad,
+            camera.mirrored,
+            camera.usable_radius_px,
+            *self._radius_of_q,
+            hues,
+            self._hidden,
+        )
+        return int(right), int(wrong)

@@ -1,0 +1,1 @@
+"""Joins single-frame poses and odometry into pose hypotheses with probabilities."""

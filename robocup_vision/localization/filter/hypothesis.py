@@ -1,0 +1,387 @@
+"""How odometry and frames err, and one guess at where the robot is: a Gaussian that the one moves, the other corrects.
+
+Frames do not err anew each time: what a place, a wrong calibration or a shadow does to one it does to the next. So the
+Gaussian is over the pose and over the error that the frames now share.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, read_only, wrap_angle
+
+# no frame is better than a micrometre, nor a microradian
+_MIN_STD = 1e-6
+# a half turn about the field's centre, of the parts that have the field's axes; slip has the robot's
+_FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
+# a motion takes at least this share of the time that slip lasts
+_MIN_TIMES = 1e-4
+_POSE, _LASTING, _SLIP = slice(0, 3), slice(3, 6), slice(6, 9)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """A guess at where the robot is now.
+
+    Parameters
+    ----------
+    pose : Pose2
+        The robot in the field frame.
+    covariance : (3, 3) float64
+        Of (x_m, y_m, theta_rad), in m, m and rad.
+    probability : float
+        Those of all hypotheses sum to 1.
+    """
+
+    pose: Pose2
+    covariance: FloatArray
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryNoise:
+    """How odometry errs: slip in proportion to the motion, and pushes that no wheel feels.
+
+    Slip is a first-order Gauss-Markov process in time, followed as part of the state: what frames tell of it carries on
+    to the next moment. Its default is a little more than a robot with good wheels has, so that odometry that is a fifth
+    off for good (worn wheels, another carpet) is still followed with an honest covariance.
+
+    Parameters
+    ----------
+    slip_share : float
+        Standard deviation of the slip, as a share of the velocity and of the turning rate; and, radians a metre, of the
+        turn that driving adds.
+    slip_s : float
+        How long slip lasts, seconds.
+    push_m, push_rad : float
+        Standard deviation of position and heading per root of a second; also while the robot stands.
+    shove_per_s : float
+        How often wheels spin or the robot is shoved, so that odometry is wrong altogether for a moment. Few enough that
+        an outlier near by must last longer than `spell_s` of the frames to be taken for one.
+    kidnap_per_s : float
+        How often it is carried elsewhere.
+
+    Raises
+    ------
+    ArgumentError
+        If one is negative, zero where it must not be, or not finite.
+    """
+
+    slip_share: float = 0.07
+    slip_s: float = 0.2
+    push_m: float = 0.002
+    push_rad: float = 0.005
+    shove_per_s: float = 0.05
+    kidnap_per_s: float = 0.005
+
+    def __post_init__(self) -> None:
+        for name in ("slip_share", "slip_s", "shove_per_s", "kidnap_per_s"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise ArgumentError(f"{name} of the odometry must be positive, got {value!r}")
+        for name in ("push_m", "push_rad"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise ArgumentError(f"{name} of the odometry must not be negative, got {value!r}")
+
+    def slip(self, motion: Pose2) -> FloatArray:
+        """(3, 3) float64: standard deviations of slip that stays the same over a motion, in the robot's frame."""
+        way, turn = math.hypot(motion.x_m, motion.y_m), motion.theta_rad
+        return self.slip_share * np.diag([way, way, math.hypot(way, turn)])
+
+    def push(self, seconds: float) -> FloatArray:
+        """(3, 3) float64: covariance of what no wheel feels, m, m and rad."""
+        return seconds * np.diag([self.push_m**2, self.push_m**2, self.push_rad**2])
+
+
+@dataclass(frozen=True, slots=True)
+class FrameErrors:
+    """How single frames err.
+
+    The lasting share was measured in the simulation as the correlation of the errors of frames a second apart, in their
+    standard deviations: 0.02 to 0.1 (mirror camera, noise sigma 18), 0.1 to 0.7 (pinhole camera, goals), 0.2 to 0.9
+    (mirror camera, lines, large field). Frames of the latter two state thrice the variance they have, which makes up
+    for a share that is set too low.
+
+    Parameters
+    ----------
+    lasting_share : float
+        Share of the variance a frame states that is an error which the next frames have too; it does not average out
+        while the robot stands, and is another error once it has driven `lasting_m`. 0 to 1, without 1.
+    lasting_m : float
+        Metres.
+    outlier_rate : float
+        Share of the frames that show a wrong place.
+    half_error_rate : float
+        Share of the frames with a single candidate that name the wrong half of the field; under a half.
+    spell_s : float
+        A wrong place or half lasts that long in the mean, seconds: frames close together err together.
+
+    Raises
+    ------
+    ArgumentError
+        If one is not within its bounds.
+    """
+
+    lasting_share: float = 0.2
+    lasting_m: float = 0.5
+    outlier_rate: float = 0.02
+    half_error_rate: float = 0.05
+    spell_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.lasting_share < 1:
+            raise ArgumentError(f"lasting_share of the frames must be from 0 to under 1, got {self.lasting_share!r}")
+        for name in ("outlier_rate", "half_error_rate"):
+            value = getattr(self, name)
+            if not 0 < value < 0.5:
+                raise ArgumentError(f"{name} of the frames must be above 0 and under a half, got {value!r}")
+        for name in ("lasting_m", "spell_s"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise ArgumentError(f"{name} of the frames must be positive, got {value!r}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """A pose that a frame allows.
+
+    Parameters
+    ----------
+    pose : Pose2
+        The robot in the field frame.
+    lasting : (3, 3) float64
+        M: the frame says pose + M b + white noise, b being the lasting error in units of its standard deviation.
+    white : (3, 3) float64
+        Covariance of the white noise.
+    tells_half : bool
+        The frame does not allow its half turn.
+    """
+
+    pose: Pose2
+    lasting: FloatArray
+    white: FloatArray
+    tells_half: bool
+
+    @classmethod
+    def of(cls, pose: Pose2, covariance: FloatArray, tells_half: bool, lasting_share: float) -> Reading | None:
+        """Split a frame's covariance; None if it is none."""
+        if np.abs(covariance - covariance.T).max() > 1e-6 * np.abs(covariance).max():
+            return None
+        values, vectors = np.linalg.eigh(covariance)
+        if values[0] < -1e-9 * abs(values[2]):
+            return None
+        values = np.maximum(values, _MIN_STD**2)
+        # the symmetric root turns with the field, so that no axis of it is special
+        root = (vectors * np.sqrt(values)) @ vectors.T
+        whole = (vectors * values) @ vectors.T
+        return cls(pose, math.sqrt(lasting_share) * root, (1 - lasting_share) * whole, tells_half)
+
+    def half_turn(self) -> Reading:
+        """Return the same reading of a robot in the other half."""
+        return Reading(
+            self.pose.half_turn(),
+            half_turn_covariance(self.lasting),
+            half_turn_covariance(self.white),
+            self.tells_half,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A pose modulo the half turn about the field's centre, followed through time.
+
+    Parameters
+    ----------
+    pose : Pose2
+        In the more probable half.
+    hidden : (6,) float64
+        The lasting error of the frames, field frame, and the slip, robot frame: x, y, theta of each, in standard
+        deviations.
+    covariance : (9, 9) float64
+        Of both.
+    log_weight : float
+        Logarithm of the probability.
+    half_log_odds : float
+        ln(p / (1 - p)) for the pose against its half turn; never negative.
+    agrees : bool
+        With the last frame.
+    agreed_s : float
+        When a frame last agreed with it.
+    told : int
+        The last frame that told a half told this one (1) or the other (-1); 0: none has.
+    told_s : float
+        When.
+    inlier_share, residual_px : float
+        Of the last frame that agreed.
+    """
+
+    pose: Pose2
+    hidden: FloatArray
+    covariance: FloatArray
+    log_weight: float
+    half_log_odds: float
+    agrees: bool
+    agreed_s: float
+    told: int
+    told_s: float
+    inlier_share: float
+    residual_px: float
+
+    @classmethod
+    def found(cls, reading: Reading, estimate: PoseEstimate, t_s: float, log_weight: float, slip_std: float) -> Place:
+        """Begin where a frame says, with nothing known of its half.
+
+        Parameters
+        ----------
+        reading : Reading
+            Where.
+        estimate : PoseEstimate
+            Of the frame.
+        t_s : float
+            When it was taken.
+        log_weight : float
+            As in the class.
+        slip_std : float
+            How much slip there may be now, in its usual standard deviations.
+        """
+        covariance = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, *[slip_std**2] * 3])
+        covariance[_POSE, _POSE] = reading.lasting @ reading.lasting.T + reading.white
+        covariance[_POSE, _LASTING] = -reading.lasting
+        covariance[_LASTING, _POSE] = -reading.lasting.T
+        return cls(
+            reading.pose,
+            np.zeros(6),
+            covariance,
+            log_weight,
+            half_log_odds=0.0,
+            agrees=True,
+            agreed_s=t_s,
+            told=0,
+            told_s=-math.inf,
+            inlier_share=estimate.inlier_share,
+            residual_px=estimate.residual_px,
+        )
+
+    def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, lasting_m: float) -> Place:
+        """Carry it along.
+
+        Parameters
+        ----------
+        motion : Pose2
+            In the robot's frame before, as odometry tells it.
+        seconds : float
+            How long it took.
+        odometry : OdometryNoise
+            How it errs.
+        lasting_m : float
+            As in `FrameErrors`.
+        """
+        lasting_kept = math.exp(-math.hypot(motion.x_m, motion.y_m) / lasting_m)
+        # slip as it goes on, exactly: its mean over the motion and its end, given its beginning
+        times = max(seconds / odometry.slip_s, _MIN_TIMES)
+        slip_kept = math.exp(-times)
+        mean = (1 - slip_kept) / times
+        mean_variance = 2 * (times - 1 + slip_kept) / times**2 - mean**2
+        slip = odometry.slip(motion)
+        x, y, theta = (motion.array + mean * slip @ self.hidden[3:]).tolist()
+        c, s = math.cos(self.pose.theta_rad), math.sin(self.pose.theta_rad)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        slip = turn @ slip
+        by_state = np.diag([1.0, 1.0, 1.0, *[lasting_kept] * 3, *[slip_kept] * 3])
+        by_state[0, 2], by_state[1, 2] = -s * x - c * y, c * x - s * y
+        by_state[_POSE, _SLIP] = mean * slip
+        noise = np.diag([0.0, 0.0, 0.0, *[1 - lasting_kept**2] * 3, *[1 - slip_kept**2] * 3])
+        noise[_POSE, _POSE] = mean_variance * slip @ slip.T + turn @ odometry.push(seconds) @ turn.T
+        noise[_POSE, _SLIP] = mean * (1 - slip_kept) * slip
+        noise[_SLIP, _POSE] = noise[_POSE, _SLIP].T
+        return replace(
+            self,
+            pose=self.pose.compose(Pose2(x, y, theta)),
+            hidden=self.hidden * [*[lasting_kept] * 3, *[slip_kept] * 3],
+            covariance=by_state @ self.covariance @ by_state.T + noise,
+        )
+
+    def distance(self, reading: Reading, more: FloatArray | None = None) -> float:
+        """Squared Mahalanobis distance of a reading, 3 degrees of freedom; `more` (3, 3) adds to its covariance."""
+        offset, _, spread = self._innovation(reading)
+        return float(offset @ np.linalg.solve(spread if more is None else spread + more, offset))
+
+    def absorb(self, reading: Reading) -> Place:
+        """Correct it by a reading, as a Kalman filter does."""
+        offset, seen, spread = self._innovation(reading)
+        gain = np.linalg.solve(spread, seen @ self.covariance).T
+        change = gain @ offset
+        x, y, theta = (self.pose.array + change[:3]).tolist()
+        rest = np.eye(9) - gain @ seen
+        # Joseph's form, which stays symmetric and positive
+        covariance = rest @ self.covariance @ rest.T + gain @ reading.white @ gain.T
+        return replace(self, pose=Pose2(x, y, theta), hidden=self.hidden + change[3:], covariance=covariance)
+
+    def _innovation(self, reading: Reading) -> tuple[FloatArray, FloatArray, FloatArray]:
+        seen = np.hstack([np.eye(3), reading.lasting, np.zeros((3, 3))])
+        offset = pose_offset(reading.pose, self.pose) - reading.lasting @ self.hidden[:3]
+        return offset, seen, seen @ self.covariance @ seen.T + reading.white
+
+    def half_turn(self) -> Place:
+        """Return the same in the other half."""
+        return replace(
+            self,
+            pose=self.pose.half_turn(),
+            hidden=_FLIP[3:, 3:] @ self.hidden,
+            covariance=_FLIP @ self.covariance @ _FLIP,
+            half_log_odds=-self.half_log_odds,
+            told=-self.told,
+        )
+
+    def merge(self, other: Place) -> Place:
+        """Join with a less probable place that is nearly the same, keeping mean and covariance of both together."""
+        if sum(other.pose.error_to(self.pose)) > sum(other.pose.half_turn().error_to(self.pose)):
+            other = other.half_turn()
+        log_weight = float(np.logaddexp(self.log_weight, other.log_weight))
+        share = math.exp(other.log_weight - log_weight)
+        apart = np.append(pose_offset(other.pose, self.pose), other.hidden - self.hidden)
+        x, y, theta = (self.pose.array + share * apart[:3]).tolist()
+        half = (1 - share) * _probability(self.half_log_odds) + share * _probability(other.half_log_odds)
+        merged = replace(
+            self,
+            pose=Pose2(x, y, theta),
+            hidden=self.hidden + share * apart[3:],
+            covariance=(1 - share) * self.covariance
+            + share * other.covariance
+            + share * (1 - share) * np.outer(apart, apart),
+            log_weight=log_weight,
+            half_log_odds=math.log(half / (1 - half)),
+        )
+        return merged if merged.half_log_odds >= 0 else merged.half_turn()
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, Hypothesis]:
+        """The pose and its half turn."""
+        weight, half = math.exp(self.log_weight), _probability(self.half_log_odds)
+        covariance = self.covariance[_POSE, _POSE]
+        return (
+            Hypothesis(self.pose, read_only(covariance), weight * half),
+            Hypothesis(self.pose.half_turn(), read_only(half_turn_covariance(covariance)), weight * (1 - half)),
+        )
+
+    @property
+    def std_m(self) -> float:
+        """The greater standard deviation of x and y."""
+        return math.sqrt(max(self.covariance[0, 0], self.covariance[1, 1]))
+
+
+def pose_offset(pose: Pose2, reference: Pose2) -> FloatArray:
+    """(3,) float64: difference of two poses, the angle the short way round."""
+    return np.array(
+        [pose.x_m - reference.x_m, pose.y_m - reference.y_m, wrap_angle(pose.theta_rad - reference.theta_rad)]
+    )
+
+
+def _probability(log_odds: float) -> float:
+    return 1 / (1 + math.exp(-log_odds))

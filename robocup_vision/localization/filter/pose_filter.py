@@ -1,0 +1,208 @@
+"""One belief from many frames: the poses single frames tell, joined by odometry.
+
+A Gaussian mixture over the pose, and the history of the last second, so that a late frame is taken in at its own time
+and all that came after it is gone through again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from field_models.errors import ArgumentError
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.hypothesis import FrameErrors, Hypothesis, OdometryNoise
+from robocup_vision.localization.filter.mixture import Mixture
+
+__all__ = ["FrameErrors", "Hypothesis", "OdometryNoise", "PoseFilter"]
+
+# frames later than this are of no use
+_HISTORY_S = 1.0
+# a hypothesis less probable than this is no candidate of the belief
+_MIN_CANDIDATE = 0.1
+_ORIGIN = Pose2(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moment:
+    """A step of odometry, or a frame, and what is believed after it; `place`: where odometry alone has led to."""
+
+    t_s: float
+    place: Pose2
+    estimate: PoseEstimate | None
+    mixture: Mixture
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """Puts frames of the same time in an order that does not depend on when they came."""
+        if self.estimate is None:
+            return ()
+        return tuple(value for pose in self.estimate.candidates for value in (pose.x_m, pose.y_m, pose.theta_rad))
+
+
+class PoseFilter:
+    """Joins frames and odometry to a belief about where the robot is; one object a robot.
+
+    Parameters
+    ----------
+    odometry : OdometryNoise, optional
+        How the robot's odometry errs.
+    frames : FrameErrors, optional
+        How its frames err.
+
+    Notes
+    -----
+    Call `predict` at each control step, `update` whenever a frame has been looked at, with the time it was taken. A
+    late frame is put where it belongs in the history of the last second, and what came after is gone through again: the
+    order in which frames come does not matter.
+
+    The belief is a mixture of Gaussians, each over the pose, the slip (`OdometryNoise`) and the error that frames now
+    share (`FrameErrors`), which is carried along as a first-order Gauss-Markov process in the way driven: so the
+    covariance does not shrink below what frames get wrong together. Each place stands for both halves of a symmetric
+    field: a frame that allows both poses corrects it all the same, one with a single candidate tells the half, and
+    Bayes' rule weighs it by how often that is wrong. `hypotheses` lists them all.
+
+    A frame that contradicts every place founds a new one, as probable as a shove or a kidnapping in the time since the
+    last frame, against that of an outlier. Which of the two it was is told by the frames that follow. One that comes
+    near a place corrects that too, but counts for less the farther off it is.
+    """
+
+    def __init__(self, *, odometry: OdometryNoise | None = None, frames: FrameErrors | None = None) -> None:
+        self._odometry = odometry or OdometryNoise()
+        self._frames = frames or FrameErrors()
+        self._expected: Pose2 | None = None
+        self._moments: list[_Moment] = []
+        # of the last odometry; None before the first
+        self._now_s: float | None = None
+
+    def expect(self, pose: Pose2) -> None:
+        """Say where the robot has probably been put: of what the first frame allows, the nearest is believed."""
+        self._expected = pose
+
+    def predict(self, odometry: Pose2, t_s: float) -> None:
+        """Move the belief.
+
+        Parameters
+        ----------
+        odometry : Pose2
+            Motion since the call before, in the robot's frame then.
+        t_s : float
+            The present, seconds; never earlier than before.
+
+        Raises
+        ------
+        ArgumentError
+            The odometry is not finite, or time runs backwards.
+        """
+        if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad, t_s))):
+            raise ArgumentError(f"odometry and its time must be finite, got {odometry} at {t_s!r} s")
+        if self._now_s is None:
+            # the motion before the first call is not known
+            self._moments = [replace(moment, t_s=min(moment.t_s, t_s)) for moment in self._moments]
+            self._moments.append(_Moment(t_s, _ORIGIN, None, self._mixture))
+        elif t_s < self._now_s:
+            raise ArgumentError(f"time must not run backwards, got {t_s!r} s after {self._now_s!r} s")
+        else:
+            last = self._moments[-1]
+            self._moments.append(self._after(last, t_s, last.place.compose(odometry), None))
+            gone = next(index for index, moment in enumerate(self._moments) if moment.t_s >= t_s - _HISTORY_S)
+            del self._moments[:gone]
+        self._now_s = t_s
+
+    def update(self, estimate: PoseEstimate | NotLocated, t_s: float) -> None:
+        """Take in what a frame tells.
+
+        Parameters
+        ----------
+        estimate : PoseEstimate or NotLocated
+            Of the robot; the latter tells nothing.
+        t_s : float
+            When the frame was taken; one from after the last odometry counts as of now, one from before the history (1
+            s) tells nothing any more.
+        """
+        if not isinstance(estimate, PoseEstimate) or not math.isfinite(t_s):
+            return
+        if self._now_s is not None:
+            t_s = min(t_s, self._now_s)
+        if not self._moments:
+            self._moments.append(
+                _Moment(t_s, _ORIGIN, estimate, self._mixture.see(estimate, t_s, self._odometry, self._frames))
+            )
+            return
+        place = self._place(t_s)
+        if place is None:
+            return
+        new = _Moment(t_s, place, estimate, self._mixture)
+        at = len(self._moments)
+        while at > 1 and (self._moments[at - 1].t_s, self._moments[at - 1].key) > (t_s, new.key):
+            at -= 1
+        later = self._moments[at:]
+        del self._moments[at:]
+        for moment in (new, *later):
+            self._moments.append(self._after(self._moments[-1], moment.t_s, moment.place, moment.estimate))
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """Where the robot may be now, most probable first; empty while nothing is known."""
+        return self._mixture.hypotheses
+
+    @property
+    def belief(self) -> PoseEstimate | NotLocated:
+        """Where the robot is now; further candidates are hypotheses with a probability of at least a tenth."""
+        places, hypotheses = self._mixture.places, self.hypotheses
+        if not hypotheses:
+            if self._mixture.frame_s == -math.inf:
+                return NotLocated("no frame has told a pose yet")
+            return NotLocated("no frame has confirmed the pose for too long")
+        best, *others = hypotheses
+        candidates = (best.pose, *(other.pose for other in others if other.probability >= _MIN_CANDIDATE))
+        return PoseEstimate(best.pose, best.covariance, places[0].inlier_share, places[0].residual_px, candidates)
+
+    def prior(self, t_s: float) -> Pose2 | None:
+        """Where the robot was at a time, to look at a frame of then; None where it is not known, or in doubt."""
+        motion = self.motion_since(t_s)
+        if self._mixture.is_in_doubt or motion is None:
+            return None
+        return self.hypotheses[0].pose.compose(motion.inverse())
+
+    def motion_since(self, t_s: float) -> Pose2 | None:
+        """Motion from a time to the present, in the robot's frame of then; None before what is remembered."""
+        if not math.isfinite(t_s):
+            return None
+        if not self._moments:
+            return _ORIGIN
+        then = self._place(t_s)
+        return None if then is None else then.inverse().compose(self._moments[-1].place)
+
+    def forget(self) -> None:
+        """Forget everything: the next frame founds a new belief."""
+        self._moments.clear()
+        self._now_s = None
+
+    @property
+    def _mixture(self) -> Mixture:
+        return self._moments[-1].mixture if self._moments else Mixture(near=self._expected)
+
+    def _place(self, t_s: float) -> Pose2 | None:
+        """Where odometry alone had led to at a time; None before what is remembered."""
+        later = self._moments[-1]
+        if t_s >= later.t_s:
+            return later.place
+        for before in reversed(self._moments):
+            if before.t_s <= t_s:
+                share = (t_s - before.t_s) / (later.t_s - before.t_s)
+                step = before.place.inverse().compose(later.place)
+                return before.place.compose(Pose2(share * step.x_m, share * step.y_m, share * step.theta_rad))
+            later = before
+        return None
+
+    def _after(self, before: _Moment, t_s: float, place: Pose2, estimate: PoseEstimate | None) -> _Moment:
+        """Return the next moment: first the motion up to it, then what its frame tells."""
+        mixture = before.mixture
+        if t_s > before.t_s or place != before.place:
+            motion = before.place.inverse().compose(place)
+            mixture = mixture.move(motion, t_s - before.t_s, self._odometry, self._frames)
+        if estimate is not None:
+            mixture = mixture.see(estimate, t_s, self._odometry, self._frames)
+        return _Moment(t_s, place, estimate, mixture)

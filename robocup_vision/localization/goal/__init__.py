@@ -1,0 +1,1 @@
+"""Localises a pinhole camera by one picture of a goal."""

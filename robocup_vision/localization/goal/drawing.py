@@ -1,0 +1,179 @@
+"""How well all field lines, drawn as a camera would see them, agree with the picture: along the arc of a goal far off.
+
+Far lines run into each other: a circle seen flat is two bright spots on the line through it, and no ridge of its own.
+Drawn together they still look like nothing else, and pixel by pixel they tell where along its arc a camera stands.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.lines.drawing import draw_lines
+from robocup_vision.localization.goal.arc import HeldArc
+from robocup_vision.localization.goal.edges import EdgeSamples
+from robocup_vision.localization.goal.fit import GoalModel
+from robocup_vision.perception.goal_region import carpet_mask
+
+Float32Array = npt.NDArray[np.float32]
+
+_BLUR_PX = 0.75
+_APART_M = 0.07  # points of one line lie nearer together
+_AROUND_PX = 9  # what is compared is the light over that around it
+_MAX_LEVELS = 40.0  # of grey, above which nothing says more
+_BORDER_PX = 5  # of the carpet, where something else begins
+# neighbouring pixels err together: so many count for one
+_PIXELS_FOR_ONE = 25.0
+# steps to either side of a heading, and how often they are halved
+_STEPS, _HALVINGS = 5, 4
+_LOOSE_STEP = 0.5  # standard deviations
+# what drawn lines are off as a whole for each direction searched: by lens, blur and paint the drawing does not know of
+_DRAWN_TO_PX = 0.15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """The camera on an arc whose drawn lines agree best with the picture.
+
+    Parameters
+    ----------
+    likelihood : float
+        Logarithm, over that of no lines at all.
+    unknowns, covariance : (8,), (8, 8) float64
+        Of the camera.
+    """
+
+    likelihood: float
+    unknowns: FloatArray
+    covariance: FloatArray
+
+
+class LineDrawing:
+    """Compares drawn lines with one frame.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    points : (N, 2) float64
+        Along the field's lines, field frame, metres.
+    line_width_m : float
+        Of the paint.
+    """
+
+    def __init__(self, frame: npt.NDArray[np.uint8], points: FloatArray, line_width_m: float) -> None:
+        carpet = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones((_AROUND_PX, _AROUND_PX), np.uint8))
+        carpet = cv2.erode(carpet, np.ones((_BORDER_PX, _BORDER_PX), np.uint8))
+        rows = np.flatnonzero(carpet.any(axis=1))
+        self._points, self._width_m = points, line_width_m
+        self._first_row = int(rows[0]) if len(rows) else frame.shape[0]
+        below = frame[self._first_row :]
+        self._on_carpet = (carpet[self._first_row :] > 0).astype(np.float32)
+        self._drawing = np.empty(self._on_carpet.shape, np.float32)
+        if len(rows):
+            size = (_AROUND_PX, _AROUND_PX)
+            self._nearby = np.maximum(cv2.blur(self._on_carpet, size), np.float32(1e-3))
+            paint = self._over_nearby(np.asarray(cv2.min(below[..., 0], below[..., 2]), np.float32))
+            self._light = np.clip(paint, -_MAX_LEVELS, _MAX_LEVELS)
+
+    def _over_nearby(self, light: Float32Array) -> Float32Array:
+        mean = np.asarray(cv2.blur(light * self._on_carpet, (_AROUND_PX, _AROUND_PX)), np.float32) / self._nearby
+        return np.asarray((light - mean) * self._on_carpet, np.float32)
+
+    def likelihood(self, model: GoalModel, unknowns: FloatArray) -> float:
+        """Logarithm of how much likelier the carpet's light is with these lines than without any."""
+        if not len(self._drawing):
+            return 0.0
+        drawn = self._over_nearby(self._drawn(model, unknowns))
+        both = float(np.vdot(drawn, self._light))
+        own, light = float(np.vdot(drawn, drawn)), float(np.vdot(self._light, self._light))
+        if both <= 0.0 or own <= 0.0:
+            return 0.0
+        pixels = np.count_nonzero(self._on_carpet) / _PIXELS_FOR_ONE
+        return -0.5 * pixels * math.log(max(1.0 - both * both / (own * light), 1e-9))
+
+    def _drawn(self, model: GoalModel, unknowns: FloatArray) -> Float32Array:
+        draw_lines(
+            self._points,
+            _APART_M,
+            model.view_array,
+            unknowns,
+            self._width_m,
+            _BLUR_PX,
+            self._first_row,
+            self._drawing,
+        )
+        return self._drawing
+
+    def settle(
+        self, model: GoalModel, samples: EdgeSamples, start: FloatArray, reach_rad: float, loose: int = 0
+    ) -> Drawn | None:
+        """Find the heading at which the lines drawn agree best, all else as the samples have it there.
+
+        Parameters
+        ----------
+        model : GoalModel
+            Camera, goal and priors.
+        samples : EdgeSamples
+            Of the goal, and any marks on lines.
+        start : (8,) float64
+            What they give.
+        reach_rad : float
+            How far off its heading may be.
+        loose : int
+            In how many directions, of those that the samples tell least at one heading, the camera is searched as well.
+
+        Returns
+        -------
+        Drawn or None
+            None where the samples do not hold a camera.
+        """
+        arc = HeldArc(model, samples, start)
+        seen: dict[tuple[float, ...], float] = {}
+
+        def look(place: FloatArray) -> float:
+            key = tuple(place.tolist())
+            if key not in seen:
+                found = arc.camera(place)
+                seen[key] = -math.inf if found is None else self.likelihood(model, found[0]) - found[1] / 2
+            return seen[key]
+
+        axes = np.diag([reach_rad / _STEPS] + loose * [_LOOSE_STEP])
+        ways = range(-_STEPS, _STEPS + 1)
+        others = ways[1::2] if loose else (0,)
+        at = max((k * axes[0] + m * axes[-1] for k in ways for m in others), key=look)
+        for _ in range(_HALVINGS):
+            axes = axes / 2
+            for axis in (*axes, *axes[:1]) if loose else axes:
+                at = max((at - axis, at, at + axis), key=look)
+        covariance = self._covariance(model, arc, at, 2 * axes, look(at)) if look(at) > 0.0 else None
+        best = arc.camera(at)
+        return Drawn(look(at), best[0], covariance) if best is not None and covariance is not None else None
+
+    def _covariance(
+        self, model: GoalModel, arc: HeldArc, at: FloatArray, axes: FloatArray, likelihood: float
+    ) -> FloatArray | None:
+        """Covariance (8, 8) at a place on an arc, by how far the drawing moves with the camera; axes (K, K) to try."""
+        around = [arc.camera(place) for axis in axes for place in (at - axis, at + axis)]
+        cameras = np.array([found[0] for found in around if found is not None])
+        if len(cameras) < len(around):
+            return None
+        length = 2 * np.diag(axes)
+        along = (cameras[1::2] - cameras[::2]).T / length
+        motion = self._motion(model, cameras) / np.outer(length, length)
+        # a faint drawing is placed as badly as noise lets it, a plain one as well as it knows the picture
+        off_px2 = (len(axes) * _DRAWN_TO_PX) ** 2 + _BLUR_PX**2 / likelihood
+        spread = np.linalg.inv(motion / off_px2 + np.diag([1e-9] + (len(axes) - 1) * [1.0]))
+        return np.asarray(arc.rest(at) + along @ spread @ along.T, np.float64)
+
+    def _motion(self, model: GoalModel, cameras: FloatArray) -> FloatArray:
+        """How far lines move across themselves between two cameras each, (2K, 8): mean products (K, K), px^2."""
+        drawn = [self._drawn(model, camera).astype(np.float64) for camera in cameras]
+        steepness = sum(float(np.sum(np.diff(drawn[0], axis=axis) ** 2)) for axis in (0, 1))
+        moved = np.array([(after - before).ravel() for before, after in zip(drawn[::2], drawn[1::2], strict=True)])
+        return np.asarray(moved @ moved.T / max(steepness, 1e-12), np.float64)

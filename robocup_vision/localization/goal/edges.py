@@ -1,0 +1,242 @@
+"""Sub-pixel silhouette edges of posts, bar and feet, measured where a pose says they should be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.goal.edges import goal_points, measure_edges, spread_samples
+from robocup_vision.localization.goal.geometry import (
+    BAR_BOTTOM,
+    BAR_TOP,
+    EDGES,
+    LEFT_INNER,
+    LEFT_OUTER,
+    GoalShape,
+    IdealView,
+    silhouette_normals,
+)
+
+FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
+# the floor in front of a foot is told by its greenness: brightness steps at sun patches and lines as well
+_FOOT_TOWARDS = np.array([0.5, -1.0, 0.5])
+_SPACING_PX = 2.0
+_MAX_SAMPLES = 40
+_PAINT_DEPTH_PX = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What paint looks like beside what surrounds it.
+
+    Parameters
+    ----------
+    towards : (3,) float64
+        Colour difference (BGR) paint - surroundings that every edge agrees with in sign.
+    glare : float
+        Samples whose paint is brighter than this and half washed white are dropped.
+    grey : float
+        How much of the difference in brightness counts, see `kernels.goal_edges.measure_edges`.
+    apart : (3,) float64 or None
+        The same as `towards` where that finds no edge: paint in the shade has less of its colour than a wall of a
+        neighbouring hue in the light.
+    paint : (H, W) uint8 or None
+        Where the paint is, reduced in size as the image may be to find it: edges and feet count only where it is just
+        inside. None: anywhere.
+    """
+
+    towards: FloatArray
+    glare: float
+    grey: float
+    apart: FloatArray | None = None
+    paint: npt.NDArray[np.uint8] | None = None
+
+
+def _none() -> FloatArray:
+    return np.empty((0, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeSamples:
+    """What was measured, in ideal pixels (distortion taken out), ready for `kernels.goal_fit.fit_goal`.
+
+    Parameters
+    ----------
+    edge : (N,) int64
+        Which silhouette edge each sample belongs to (order of goal_geometry).
+    uv : (N, 2) float64
+        Where it was found.
+    foot_post, foot_at : (M,) int64
+        Post (0 left, 1 right) of each foot sample, and its index into `FOOT_OFFSETS`.
+    foot_uv, foot_direction : (M, 2) float64
+        Where the paint ends, and along which direction that was measured.
+    sigma : (N + M + L,) float64
+        Noise of all, pixels.
+    expected : (6,) int64
+        How many samples each edge has inside the image, found or not, less those in glare.
+    mark_m : (L, 2) float64
+        Floor points on the field's lines, field frame, metres.
+    mark_uv, mark_direction : (L, 2) float64
+        Where the line was seen near each, and along which direction that was measured.
+    """
+
+    edge: npt.NDArray[np.int64]
+    uv: FloatArray
+    foot_post: npt.NDArray[np.int64]
+    foot_at: npt.NDArray[np.int64]
+    foot_uv: FloatArray
+    foot_direction: FloatArray
+    sigma: FloatArray
+    expected: npt.NDArray[np.int64]
+    mark_m: FloatArray = field(default_factory=_none)
+    mark_uv: FloatArray = field(default_factory=_none)
+    mark_direction: FloatArray = field(default_factory=_none)
+
+
+def to_ideal(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
+    """Pixels (..., 2) as a lens without distortion would show them."""
+    if not any(camera.distortion):
+        return pixels
+    ray = camera.pixel_to_camera_ray(pixels)
+    return np.asarray(np.array(camera.center_px) - np.array(camera.focal_px) * ray[..., 1:] / ray[..., :1])
+
+
+def from_ideal(camera: PinholeCamera, ideal: FloatArray) -> FloatArray:
+    """Image pixels (..., 2) of ideal ones."""
+    if not any(camera.distortion):
+        return ideal
+    slopes = (ideal - np.array(camera.center_px)) / np.array(camera.focal_px)
+    return camera.camera_ray_to_pixel(np.concatenate([np.ones((*slopes.shape[:-1], 1)), -slopes], axis=-1))
+
+
+def edge_segments(shape: GoalShape, unknowns: FloatArray) -> FloatArray:
+    """End points (6, 2, 3), field frame, of the stretches on which each silhouette edge stands free.
+
+    Posts from a radius above the floor to a radius below the bar, the bar's top over its whole length and its lower
+    edge between the posts.
+    """
+    normals = silhouette_normals(shape, unknowns)
+    r, left, right = shape.radius_m, *shape.post_y_m
+    ends = np.empty((EDGES, 2, 3))
+    for e in range(EDGES):
+        if e < BAR_TOP:
+            y = left if e in (LEFT_OUTER, LEFT_INNER) else right
+            top = shape.height_m + (-2 * r if e % 3 else 0.5 * r)  # the outer edges go on over the bar's end
+            ends[e] = [[shape.line_x_m, y, 0.7 * r], [shape.line_x_m, y, top]]
+        else:
+            trim = 2 * r if e == BAR_BOTTOM else 0.0
+            ends[e] = [[shape.line_x_m, left - trim, shape.height_m], [shape.line_x_m, right + trim, shape.height_m]]
+        ends[e] += r * normals[e]
+    return ends
+
+
+def _is_painted(paint: npt.NDArray[np.uint8], uv: FloatArray) -> npt.NDArray[np.bool_]:
+    height, width = paint.shape
+    u, v = np.rint(uv).astype(np.intp).T
+    return np.asarray(paint[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] > 0)
+
+
+def measure(
+    image: npt.NDArray[np.uint8],
+    camera: PinholeCamera,
+    view: IdealView,
+    shape: GoalShape,
+    unknowns: FloatArray,
+    reach_px: float,
+    look: Look,
+) -> EdgeSamples | None:
+    """Measure all silhouette edges and feet within `reach_px` of where `unknowns` put them.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    camera, view : PinholeCamera, IdealView
+        The camera, and the same without distortion.
+    shape : GoalShape
+        The goal.
+    unknowns : (8,) float64
+        Where to look, see goal_geometry.
+    reach_px : float
+        How far to both sides.
+    look : Look
+        Of the paint.
+
+    Returns
+    -------
+    EdgeSamples or None
+        None where the goal is not in front of the camera.
+    """
+    feet = 2 * len(FOOT_OFFSETS)
+    points = np.empty((2 * EDGES + 2 * feet, 2))
+    shape_array = np.array([shape.line_x_m, shape.width_m, shape.height_m, shape.radius_m])
+    if not goal_points(shape_array, np.array([*view.focal_px, *view.center_px]), unknowns, FOOT_OFFSETS, points):
+        return None
+    points = from_ideal(camera, points)
+    room = EDGES * _MAX_SAMPLES + feet
+    start, normal, along = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 3))
+    edge, inside_px, expected = np.empty(room, np.int64), np.empty(room), np.empty(EDGES, np.int64)
+    width, height = camera.size_px
+    count = spread_samples(
+        points, feet, width, height, _SPACING_PX, _MAX_SAMPLES, start, normal, edge, inside_px, expected
+    )
+    start, normal, along = start[:count], normal[:count], along[:count]
+    n = count - feet
+    edge = edge[:n]
+    along[:n], along[n:] = look.towards, _FOOT_TOWARDS
+    keep = np.ones(count)
+    keep[:n] = look.grey
+    offset, contrast, sigma = np.empty(count), np.empty(count), np.empty(count)
+    measure_edges(
+        image,
+        start,
+        normal,
+        np.full(count, reach_px),
+        inside_px[:count],
+        along,
+        look.glare,
+        keep,
+        offset,
+        contrast,
+        sigma,
+    )
+    found = np.isfinite(offset)
+    if look.apart is not None:
+        again = np.flatnonzero(~found[:n] & (contrast[:n] >= 0.0))
+        results = np.empty((3, len(again)))
+        measure_edges(
+            image,
+            start[again],
+            normal[again],
+            np.full(len(again), reach_px),
+            inside_px[again],
+            np.tile(look.apart, (len(again), 1)),
+            math.inf,
+            keep[again],
+            *results,
+        )
+        offset[again], contrast[again], sigma[again] = results
+        found = np.isfinite(offset)
+    if look.paint is not None:
+        inner = start - normal * np.clip(inside_px[:count], 1.0, _PAINT_DEPTH_PX)[:, None]
+        inner[found] += normal[found] * offset[found, None]
+        found &= _is_painted(look.paint, inner * (look.paint.shape[1] / width))
+    expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
+    where = np.ascontiguousarray(to_ideal(camera, start[found] + normal[found] * offset[found, None]))
+    edge_found, foot_found = found[:n], np.flatnonzero(found[n:])
+    edges = edge[edge_found]
+    return EdgeSamples(
+        edges,
+        where[: len(edges)],
+        foot_found // len(FOOT_OFFSETS),
+        foot_found % len(FOOT_OFFSETS),
+        where[len(edges) :],
+        normal[n:][foot_found],
+        sigma[found],
+        expected,
+    )

@@ -1,0 +1,348 @@
+"""From a frame to goals that may be in it: posts as strips, their pairs, the bar between, fitted to edges."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import COLOR_NAMES, Field
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.goal.strips import BRIGHTEST, mean_along
+from robocup_vision.localization.goal.edges import Look, from_ideal
+from robocup_vision.localization.goal.fit import (
+    INLIER_PX,
+    MIN_EDGE_SHARE,
+    GoalFit,
+    GoalModel,
+    agreement,
+    are_mostly_within,
+    fit,
+    goal_model,
+    objection,
+    refine,
+    residuals,
+    strain_of,
+)
+from robocup_vision.localization.goal.geometry import BAR_TOP, X, goal_shape, project
+from robocup_vision.localization.goal.starts import bar_rows, starts, strip_samples, swung, with_bar
+from robocup_vision.perception.goal_color import (
+    halves,
+    hue_families,
+    hue_masks,
+    hue_modes,
+    is_chromatic,
+    paint_channels,
+    parting,
+)
+from robocup_vision.perception.goal_region import (
+    Strip,
+    bright_runs,
+    carpet_mask,
+    enlarged,
+    mask_runs,
+    posts_under,
+    strips,
+    white_runs,
+)
+
+ByteImage = npt.NDArray[np.uint8]
+
+# how far paint bleeds: the white of a goal in the sun by a pixel, paint of a hue hardly
+_BLOOM_STD_PX = {"white": 0.7, "hue": 0.15}
+_START_SCALES = np.full(8, 100.0)
+_GLARE = 235.0
+_SEARCH_WIDTH_PX = 208  # posts of the leagues' goals are still 3 px wide there from the far end of the field
+_CLEAR_SCORE = 0.8  # nothing better will come: edges of clutter agree with a goal in half of their places at most
+_RIVAL = 0.7  # share of such a goal's score from which the other branch may be the right one
+_SWINGS = (-1.0, 0.0)  # obliqueness of further starts, in shares of the first fit's
+_MIN_CANDIDATE_SCORE = 0.3
+_SAME_PLACE_M = 0.03
+EDGE_ON_M = 0.2  # from nearer to the goal's plane one post hides the other, and the bar falls together with both
+_STRAIN_WORTH = 0.02  # of a score: what a prior off by one standard deviation costs
+_MIN_PAINTED, _MOSTLY_PAINTED = 0.4, 0.7
+_CARPET_PX = 4.0
+_BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A goal that may be in the picture.
+
+    Parameters
+    ----------
+    fit : GoalFit
+        For the goal at +x.
+    sides : tuple of int
+        Which goals it can be: (1,), (-1,), or both.
+    model : GoalModel
+        What it was fitted with.
+    look : Look
+        Of its paint.
+    objection : str or None
+        Why it cannot be one after all.
+    """
+
+    fit: GoalFit
+    sides: tuple[int, ...]
+    model: GoalModel
+    look: Look
+    objection: str | None
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether nothing speaks against it."""
+        return self.objection is None and float(self.fit.share[:BAR_TOP].min()) >= MIN_EDGE_SHARE
+
+    @property
+    def rank(self) -> float:
+        """What several are ordered by: the score, less what the priors suffer."""
+        return self.fit.score - _STRAIN_WORTH * strain_of(self.model, self.fit.unknowns) ** 2
+
+
+class Proposal(NamedTuple):
+    """Strips that may be posts, with what to fit them by."""
+
+    sides: tuple[int, ...]
+    found: list[Strip]
+    pairs: list[tuple[Strip, Strip]]
+    paint: ByteImage
+    carpet: ByteImage
+    scale: int
+    model: GoalModel
+    look: Look
+
+
+class GoalSearch:
+    """Finds goals of one field in the frames of one camera.
+
+    Parameters
+    ----------
+    field : Field
+        With goals of posts and a bar.
+    camera : PinholeCamera
+        Pan, tilt and roll may be unknown.
+
+    Raises
+    ------
+    ArgumentError
+        If the field has no such goals.
+    """
+
+    def __init__(self, field: Field, camera: PinholeCamera) -> None:
+        self.field = field
+        self.camera = camera
+        self.shape = goal_shape(field)
+        self.extent_m = np.abs(field.floor_polygon).max(axis=0) + _BEYOND_M
+        self.families = hue_families(field)
+        self.colored_model = goal_model(self.shape, camera, _BLOOM_STD_PX["hue"])
+        self.white_model = goal_model(self.shape, camera, _BLOOM_STD_PX["white"])
+        self._has_white = any(not is_chromatic(goal.color) for goal in field.goals)
+
+    def candidates(self, frame: ByteImage) -> tuple[list[Candidate], str]:
+        """Goals that may be in a frame, distinct ones, best first; and why there is none if there is none."""
+        found: list[Candidate] = []
+        reason = ""
+        for proposal in itertools.chain(self.proposals(frame), self._last_resorts(frame, found)):
+            for left, right in proposal.pairs:
+                fits = self._fits(frame, left, right, proposal)
+                if not fits:
+                    reason = "no goal: two posts may be there, but no bar that fits them"
+                found += [self._judged(f, proposal) for f in fits if f.score > _MIN_CANDIDATE_SCORE]
+                if found and any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found[-len(fits) :]):
+                    break
+            if any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found):
+                break
+        found.sort(key=lambda c: (c.objection is not None, -c.rank))
+        distinct: list[Candidate] = []
+        for candidate in found:
+            place = candidate.fit.unknowns[:2]
+            if all(math.dist(place, other.fit.unknowns[:2]) > _SAME_PLACE_M for other in distinct):
+                distinct.append(candidate)
+        if distinct and distinct[0].objection is not None:
+            reason = f"no whole goal: {distinct[0].objection}"
+        return distinct, reason or "no goal: nothing in the picture looks like two posts"
+
+    def _judged(self, fit: GoalFit, proposal: Proposal) -> Candidate:
+        reason = objection(proposal.model, fit, self.extent_m)
+        if reason is None and proposal.model is self.colored_model:
+            reason = self._strangeness(fit, proposal)
+        return Candidate(fit, proposal.sides, proposal.model, proposal.look, reason)
+
+    def _strangeness(self, fit: GoalFit, proposal: Proposal) -> str | None:
+        """Why a goal of a hue cannot be one for what the masks show around it, or None."""
+        corners = project(proposal.model.view, fit.unknowns, self.shape.corners)
+        pixels = (from_ideal(self.camera, corners) + 0.5) / proposal.scale - 0.5
+        painted, before = np.empty(3), np.empty(2)
+        mean_along(proposal.paint, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), painted)
+        # of posts and bar lamps may have washed one
+        if np.sort(painted)[1] < _MIN_PAINTED * 255:
+            return "what looks like one has not the goal's colour"
+        bare = fit.share[:BAR_TOP].reshape(2, 2).min(axis=1) < MIN_EDGE_SHARE
+        # its own hue behind a post may hide an edge of it: then it is all in that hue
+        if np.any(painted[[0, 2]][bare] < _MOSTLY_PAINTED * 255):
+            return "what looks like a post of one has one edge and not the goal's colour"
+        feet = pixels[[0, 3]]
+        mean_along(proposal.carpet, feet + np.array([0.0, 1.5]), feet + np.array([0.0, 1.5 + _CARPET_PX]), before)
+        if before.max() < _MIN_PAINTED * 255:
+            return "what looks like one has no carpet before it"
+        return None
+
+    def proposals(self, frame: ByteImage) -> Iterator[Proposal]:
+        """Yield where goals may be: by each goal's hue, then white ones by their edges."""
+        if self.families:
+            small, factor = self.reduced(frame)
+            masks = hue_masks(small, self.families)
+            carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
+            for color, mask in masks.items():
+                yield self._colored(color, mask, carpet, factor)
+        if self._has_white:
+            carpet = carpet_mask(frame)
+            found = strips(white_runs(frame, 4), 4, carpet, certain=False)
+            sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
+            paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
+            look = Look(np.full(3, 3**-0.5), math.inf, 1.0)
+            pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 14)
+            yield Proposal(sides, found, pairs, paint, carpet, 1, self.white_model, look)
+
+    def _last_resorts(self, frame: ByteImage, found: list[Candidate]) -> Iterator[Proposal]:
+        """Yield what masks alone do not show; nothing once a goal is found.
+
+        Clutter of a neighbouring hue touches a post, lamps wash it white: its edges are still there in the channels
+        that its paint is bright in, and one of its hue's parts may have it.
+        """
+        if not self.families or any(c.is_plain for c in found):
+            return
+        small, factor = self.reduced(frame)
+        whole = hue_masks(small, self.families)
+        carpet = carpet_mask(small, np.bitwise_or.reduce(list(whole.values())))
+        for color, mask in whole.items():
+            hue, light = paint_channels(small, color)
+            by_hue, by_light = (strips(bright_runs(c, 2), 2, carpet, certain=True) for c in (hue, light))
+            seen = strips(mask_runs(mask, 2), 2, carpet, certain=True)
+            yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue)], factor)
+            yield self._under_bars(color, mask, carpet, hue, factor)
+            for part in (*hue_modes(small, mask), *halves(self.families[color])):
+                # the outermost parts end where the hue's own family does: carpet and clutter lie beyond
+                only = np.asarray(cv2.bitwise_and(hue_masks(small, {color: part})[color], mask), np.uint8)
+                of_part = strips(mask_runs(only, 2), 2, carpet, certain=True)
+                apart = parting(small, only, np.asarray(cv2.subtract(mask, only), np.uint8))
+                yield self._pooled(color, only, carpet, of_part, factor, apart)
+                seen += of_part
+            yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue), *_weakened(by_light)], factor)
+
+    def _under_bars(self, color: str, mask: ByteImage, carpet: ByteImage, hue: ByteImage, factor: int) -> Proposal:
+        """Propose posts where a bar ends, whether they are to be seen or not."""
+        upside, nowhere = np.ascontiguousarray(hue.T), np.zeros_like(carpet.T)
+        lying = [
+            *strips(mask_runs(np.ascontiguousarray(mask.T), 2), 2, nowhere, certain=True),
+            *_weakened(strips(bright_runs(upside, 2), 2, nowhere, certain=True)),
+        ]
+        pairs = []
+        for bar in sorted(lying, key=lambda s: -s.strength):
+            posts = posts_under(bar, carpet) if bar.height > 3 * bar.width_at(bar.bottom) else None
+            if posts is not None:
+                pairs.append((enlarged(posts[0], factor), enlarged(posts[1], factor)))
+        return self._pooled(color, mask, carpet, [], factor)._replace(pairs=pairs[:6])
+
+    def reduced(self, frame: ByteImage) -> tuple[ByteImage, int]:
+        """Return the frame at about `_SEARCH_WIDTH_PX`, and the factor it was reduced by."""
+        factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
+        if factor == 1:
+            return frame, 1
+        small = cv2.resize(frame, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
+        return np.asarray(small, np.uint8), factor
+
+    def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int) -> Proposal:
+        return self._pooled(color, mask, carpet, strips(mask_runs(mask, 2), 2, carpet, certain=True), factor)
+
+    def _pooled(
+        self,
+        color: str,
+        mask: ByteImage,
+        carpet: ByteImage,
+        found: list[Strip],
+        factor: int,
+        apart: FloatArray | None = None,
+    ) -> Proposal:
+        found = [enlarged(s, factor) for s in found]
+        sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
+        paint = np.array(COLOR_NAMES[color], dtype=np.float64)
+        away = paint - paint.mean()
+        look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0, apart)
+        return Proposal(sides, found, self._pairs(found, 6), mask, carpet, factor, self.colored_model, look)
+
+    def _pairs(self, found: list[Strip], most: int, pooled: bool = False) -> list[tuple[Strip, Strip]]:
+        """Pairs of strips that can be the posts of one goal, the strongest first."""
+        wide = self.shape.width_m / (2 * self.shape.radius_m)
+        focal_px = self.camera.focal_px[0]
+        pairs = []
+        for a, b in itertools.permutations(found, 2):
+            apart = b.axis_at(b.bottom) - a.axis_at(a.bottom)
+            width_a, width_b = max(a.width_at(a.bottom), 1.0), max(b.width_at(b.bottom), 1.0)
+            # the posts' distance is at most as many post widths as in the goal, and fewer seen from the side
+            if not 0.25 * wide * min(width_a, width_b) < apart < 1.5 * wide * max(width_a, width_b):
+                continue
+            # posts as near as their widths say are no farther from each other in depth than in the goal
+            depth_m = 2 * self.shape.radius_m * focal_px * abs(1 / width_a - 1 / width_b)
+            unlike = not 0.45 < width_a / width_b < 2.2 and depth_m > self.shape.width_m
+            if unlike or abs(a.bottom - b.bottom) > apart:
+                continue
+            alike = min(width_a, width_b) / max(width_a, width_b) * min(a.height, b.height) / max(a.height, b.height)
+            pairs.append((a.strength * b.strength * (alike if pooled else 1.0), a, b))
+        pairs.sort(key=lambda pair: -pair[0])
+        return [(a, b) for _, a, b in pairs[:most]]
+
+    def _fits(self, frame: ByteImage, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
+        """Fits to a pair of strips, best first: for each row the bar may be in, from several obliquenesses."""
+        model, look = proposal.model, proposal.look
+        samples = strip_samples(self.camera, ((0, left), (1, right)))
+        rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
+        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - EDGE_ON_M]
+        # where two starts came to the same place, one goes on
+        rough = [
+            r for k, r in enumerate(rough) if all(math.dist(r[0][:2], o[0][:2]) > _SAME_PLACE_M for o in rough[:k])
+        ]
+        if not rough:
+            return []
+        found: list[GoalFit] = []
+        posts_only = min(rough, key=lambda r: r[1])[0]
+        for bar in bar_rows(proposal.paint, proposal.scale, model, posts_only, 3):
+            joint = with_bar(samples, bar)
+            tried = [fit(model, joint, start, _START_SCALES) for start, _, _ in rough]
+            start, cost, _ = min(tried, key=lambda r: r[1])
+            if not math.isfinite(cost):
+                continue
+            straight = refine(frame, self.camera, model, start, look, 3.0 * max(1.0, proposal.scale / 1.5))
+            if straight is None:
+                continue
+            found.append(straight)
+            for share in _SWINGS:
+                other, cost, _ = fit(model, straight.samples, swung(model, straight.unknowns, share), _START_SCALES[:5])
+                known = any(math.dist(other[:2], f.unknowns[:2]) < _SAME_PLACE_M for f in found)
+                if known or not math.isfinite(cost):
+                    continue
+                off = residuals(model, straight.samples, other)
+                # edges that already lie so far off will not come back; those of a goal beyond doubt stay where they are
+                if not are_mostly_within(off, 2 * INLIER_PX) or (
+                    straight.score > _CLEAR_SCORE and agreement(straight.samples, off) < _RIVAL * straight.score
+                ):
+                    continue
+                turned = refine(frame, self.camera, model, other, look)
+                if turned is not None:
+                    found.append(turned)
+            if max(f.score for f in found) > _CLEAR_SCORE:
+                break  # a better bar will not come
+        return sorted(found, key=lambda f: -f.score)
+
+
+def _weakened(found: list[Strip]) -> list[Strip]:
+    """Give strips found by their edges the strength that rows of a mask would have."""
+    return [replace(s, strength=s.strength / BRIGHTEST) for s in found]

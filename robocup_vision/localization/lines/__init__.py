@@ -1,0 +1,1 @@
+"""Localises a camera by the painted field lines."""

@@ -1,0 +1,102 @@
+"""A field's white lines as something to measure against: distances looked up coarsely, or exact with their normals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.geometry import FloatArray
+from robocup_vision.kernels.lines.lines import nearest_lines
+
+
+@dataclass(frozen=True, eq=False)
+class NearestLine:
+    """What of the field's lines lies nearest to each of N points.
+
+    Parameters
+    ----------
+    distance_m : (N,) float64
+        To the line's centre, never negative.
+    normal : (N, 2) float64
+        Unit vector from the line towards the point, field frame.
+    index : (N,) int64
+        Which line, or, from `len(field.lines)` on, which arc.
+    """
+
+    distance_m: FloatArray
+    normal: FloatArray
+    index: npt.NDArray[np.int64]
+
+
+class LineMap:
+    """Distances to the lines of one field.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch; needs at least one line or arc.
+    cell_m : float
+        Cell of the distance table; the quarter of a metre a coarse search steps by should be many of them.
+    truncate_m : float
+        Distance beyond which the table says no more.
+    """
+
+    def __init__(self, field: Field, cell_m: float = 0.05, truncate_m: float = 0.4) -> None:
+        self.field = field
+        self.cell_m = cell_m
+        self.truncate_m = truncate_m
+        self.lines = np.ascontiguousarray(field.lines)
+        self.arcs = np.ascontiguousarray(field.arcs)
+
+    @cached_property
+    def extent_m(self) -> FloatArray:
+        """(2, 2) float64: least and greatest x, y at which a robot may stand, metres: the sure floor."""
+        corners = self.field.floor_polygon
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    @cached_property
+    def table_origin_m(self) -> FloatArray:
+        """(2,) float64: field point at the centre of the table's first cell."""
+        points = self.field.line_points(0.1)
+        return np.asarray(points.min(axis=0) - self.truncate_m if len(points) else np.zeros(2))
+
+    @cached_property
+    def table(self) -> npt.NDArray[np.uint8]:
+        """(rows, columns) uint8: truncated distance at cell centres, rows along y, `truncate_m` being 255."""
+        points = self.field.line_points(0.1)
+        top = points.max(axis=0) + self.truncate_m if len(points) else np.zeros(2)
+        columns, rows = np.ceil((top - self.table_origin_m) / self.cell_m).astype(int) + 1
+        x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+        cells = np.stack([x.ravel(), y.ravel()], axis=1) * self.cell_m + self.table_origin_m
+        units = np.minimum(self.nearest(cells).distance_m / self.truncate_m, 1.0) * 255
+        return np.round(units).astype(np.uint8).reshape(rows, columns)
+
+    def rough_distance_m(self, points_m: npt.ArrayLike) -> FloatArray:
+        """Look up the truncated distance (...,) of field points (..., 2), bilinear; `truncate_m` outside the table."""
+        points = np.asarray(points_m, dtype=np.float64)
+        at = (points - self.table_origin_m) / self.cell_m
+        rows, columns = self.table.shape
+        x, y = at[..., 0], at[..., 1]
+        inside = (x >= 0) & (y >= 0) & (x <= columns - 1) & (y <= rows - 1)
+        ix = np.clip(np.where(inside, x, 0).astype(int), 0, columns - 2)
+        iy = np.clip(np.where(inside, y, 0).astype(int), 0, rows - 2)
+        fx, fy = x - ix, y - iy
+        t = self.table.astype(np.float64)
+        near = t[iy, ix] * (1 - fx) + t[iy, ix + 1] * fx
+        far = t[iy + 1, ix] * (1 - fx) + t[iy + 1, ix + 1] * fx
+        return np.where(inside, (near * (1 - fy) + far * fy) * self.truncate_m / 255, self.truncate_m)
+
+    def nearest(self, points_m: npt.ArrayLike) -> NearestLine:
+        """Exact nearest lines of field points (N, 2), metres."""
+        points = np.ascontiguousarray(np.asarray(points_m, dtype=np.float64).reshape(-1, 2))
+        return NearestLine(*nearest_lines(points, self.lines, self.arcs))
+
+    @cached_property
+    def is_point_symmetric(self) -> bool:
+        """Whether the lines come to lie on themselves when turned by pi about the field's centre."""
+        points = self.field.line_points(0.05)
+        return bool(np.all(self.nearest(-points).distance_m < 1e-6))

@@ -1,0 +1,199 @@
+"""A robot's pose from white line points: searched over the whole field without any prior, or refined from a guess."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.localization.lines.fit import pixel_residuals, refine_by_lines
+from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.lines.search import (
+    MIN_SEARCH_POINTS,
+    PATCH_M,
+    SEARCH_NOISE_PX,
+    LineCandidate,
+    one_per_patch,
+    same_pose,
+    search_by_lines,
+)
+from robocup_vision.perception.line_points import FloorCamera, FloorTone, LineFinder, LinePoints
+
+MIN_INLIER_SHARE = 0.6
+# The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
+RIVAL_RATIO, RIVAL_EXCESS = 1.35, 0.15
+# Of poses that other evidence leaves, the lines take one whose points lie this many times nearer to them.
+CLEARLY = 2.0
+# Of the lines that a pose predicts on floor in plain sight, this share must have been seen.
+MIN_SUPPORT = 0.75
+LARGEST_STD_M = 0.25
+LARGEST_STD_RAD = math.radians(8.0)
+
+
+class LineLocalizer:
+    """Finds a robot's pose from the white lines one camera sees.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : FloorCamera
+        What takes the frames.
+    mask : (H, W) array, optional
+        Non-zero pixels are never looked at.
+    """
+
+    def __init__(self, field: Field, camera: FloorCamera, mask: npt.NDArray[np.generic] | None = None) -> None:
+        self.line_map = LineMap(field)
+        self.finder = LineFinder(camera, field.line_width_m, mask)
+        self._model_points_m = field.line_points(PATCH_M)
+
+    def locate(
+        self,
+        frame: npt.NDArray[np.uint8] | LinePoints,
+        prior: PoseEstimate | None = None,
+        tone: FloorTone | None = None,
+    ) -> PoseEstimate | NotLocated:
+        """Find the pose.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8, or LinePoints
+            BGR image, or the line points already found in it.
+        prior : PoseEstimate, optional
+            What is believed beforehand. Refined if the lines bear it out, otherwise the whole field is searched; it
+            also says which of two symmetric halves comes first.
+        tone : FloorTone, optional
+            The floor's colour; learnt from the frame where absent.
+
+        Returns
+        -------
+        PoseEstimate or NotLocated
+            On a field whose lines are point-symmetric both candidates half a turn apart, `pose` first.
+        """
+        points = frame if isinstance(frame, LinePoints) else self.finder.find(frame, tone)
+        if prior is not None:
+            near = refine_by_lines(prior.pose, points, self.line_map, prior.covariance)
+            if near and near.inlier_share >= max(0.8, MIN_INLIER_SHARE) and _consistent(near.pose, prior):
+                return self._with_candidates(near, prior)
+        found = search_by_lines(points, self.line_map)
+        if not found:
+            return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
+        best = found[0]
+        if best.inlier_share < MIN_INLIER_SHARE:
+            return NotLocated(f"only {best.inlier_share:.0%} of the line points lie on lines of the best pose")
+        start = self._choose(found, points)
+        if isinstance(start, NotLocated):
+            return start
+        refined = refine_by_lines(start, points, self.line_map)
+        if not refined:
+            return refined
+        if refined.inlier_share < MIN_INLIER_SHARE:
+            return NotLocated(f"only {refined.inlier_share:.0%} of the line points lie on lines of the best pose")
+        support = self._support(refined.pose, points)
+        if support < MIN_SUPPORT:
+            return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
+        if max(refined.std[:2]) > LARGEST_STD_M or refined.std[2] > LARGEST_STD_RAD:
+            return NotLocated("the lines in view do not fix the pose")
+        return self._with_candidates(refined, prior)
+
+    def choose(self, frame: npt.NDArray[np.uint8], poses: list[Pose2]) -> int | None:
+        """Tell which of several poses the lines in a frame (H, W, 3) uint8 bear out; None if they do not say.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        poses : list of Pose2
+            The poses in question.
+
+        Returns
+        -------
+        int or None
+            Index of the pose whose lines run best through the line points, if it is clearly better than the first.
+        """
+        points = self.finder.find(frame)
+        if len(points) < MIN_SEARCH_POINTS:
+            return None
+        loss = [float(self.line_map.rough_distance_m(pose.transform(points.floor_m)).mean()) for pose in poses]
+        best = int(np.argmin(loss))
+        return best if CLEARLY * loss[best] < loss[0] else None
+
+    def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
+        """Refine the candidates that the search cannot tell apart in pixels, and take the best if it stands alone."""
+        doubtful = [c.pose for c in found if c.cost <= RIVAL_RATIO * found[0].cost + RIVAL_EXCESS]
+        if len(doubtful) == 1:
+            return doubtful[0]
+        if len(doubtful) == len(found):
+            # where even the last of the list fits, poses that are not on it may fit as well
+            return NotLocated("the lines in view fit many poses about equally well")
+        thin = one_per_patch(points, math.inf)
+        answers = [refine_by_lines(pose, thin, self.line_map) for pose in doubtful]
+        poses = [answer.pose if answer else pose for answer, pose in zip(answers, doubtful, strict=True)]
+        ranked = sorted((self._pixel_loss(pose, thin), i) for i, pose in enumerate(poses))
+        ranked = [(loss, i) for loss, i in ranked if self._support(poses[i], points) >= MIN_SUPPORT]
+        if not ranked:
+            return NotLocated("most of the lines that should be in plain sight were not seen")
+        best = poses[ranked[0][1]]
+        for loss, i in ranked[1:]:
+            other = poses[i]
+            if loss < RIVAL_RATIO * ranked[0][0] + RIVAL_EXCESS and not same_pose(
+                other, best, self.line_map.is_point_symmetric
+            ):
+                return NotLocated(
+                    f"the lines fit two poses about equally well: ({best.x_m:.2f}, {best.y_m:.2f}) "
+                    f"and ({other.x_m:.2f}, {other.y_m:.2f})"
+                )
+        return best
+
+    def _support(self, pose: Pose2, points: LinePoints) -> float:
+        """Share of the predicted line points that were seen, of all that were seen or are bare floor instead."""
+        if points.bare_floor is None:
+            return 1.0
+        height, width = points.bare_floor.shape
+        spots = np.zeros((height, width), dtype=np.uint8)
+        u, v = np.rint(points.pixels).astype(int).T
+        spots[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] = 1
+        seen = cv2.dilate(spots, np.ones((9, 9), dtype=np.uint8))
+        pixels = self.finder.camera.floor_to_pixel(pose.inverse().transform(self._model_points_m))
+        pixels = np.rint(pixels[np.isfinite(pixels).all(axis=1)])
+        u, v = pixels[((pixels >= 0) & (pixels < (width, height))).all(axis=1)].astype(int).T
+        agreed = seen[v, u] > 0
+        missed = points.bare_floor[v, u] & ~agreed
+        spoken = int(agreed.sum() + missed.sum())
+        return int(agreed.sum()) / spoken if spoken else 1.0
+
+    def _pixel_loss(self, pose: Pose2, points: LinePoints) -> float:
+        residual = pixel_residuals(pose.array, points.floor_m, points.floor_per_px, self.line_map).residual
+        return float(np.average(np.log1p((residual / SEARCH_NOISE_PX) ** 2), weights=points.weight))
+
+    def _with_candidates(self, estimate: PoseEstimate, prior: PoseEstimate | None) -> PoseEstimate:
+        if not self.line_map.is_point_symmetric:
+            return estimate
+        turned = estimate.half_turn()
+        if prior is not None and _apart(turned.pose, prior.pose) < _apart(estimate.pose, prior.pose):
+            estimate, turned = turned, estimate
+        return PoseEstimate(
+            estimate.pose,
+            estimate.covariance,
+            estimate.inlier_share,
+            estimate.residual_px,
+            (estimate.pose, turned.pose),
+        )
+
+
+def _apart(pose: Pose2, other: Pose2) -> float:
+    distance, angle = pose.error_to(other)
+    return distance + angle
+
+
+def _consistent(pose: Pose2, prior: PoseEstimate) -> bool:
+    offset = pose.array - prior.pose.array
+    offset[2] = wrap_angle(offset[2])
+    # 3 degrees of freedom, 99.9 %
+    return float(offset @ np.linalg.solve(prior.covariance, offset)) < 16.3

@@ -1,0 +1,96 @@
+"""What seeing is for every camera: frames that are checked and masked, and the floor's colour, learnt and kept."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError, FrameError
+from field_models.field import Field
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor import polar
+from robocup_vision.perception.ball import Ball
+from robocup_vision.perception.color_memory import ColorMemory
+from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.polar_view import PolarView
+
+UInt8Array = npt.NDArray[np.uint8]
+
+# mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
+_CERTAIN_NATS = 3.0
+_STRIP_NATS = 5.0
+# columns that a painted line may hide
+_LINE_GAP = 3
+
+
+class Sight:
+    """The part of `Vision` that any camera needs.
+
+    Parameters
+    ----------
+    field, colors, mask
+        See `Vision`.
+    size_px : (int, int)
+        Of the frames.
+    strongest_cast : float
+        See `ColorMemory`.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        size_px: tuple[int, int],
+        colors: Colors | None,
+        mask: UInt8Array | None,
+        strongest_cast: float = math.inf,
+    ) -> None:
+        self.field = field
+        self._size_px = size_px
+        width, height = size_px
+        if mask is not None:
+            # a copy: the caller's array may be a view, or change
+            mask = np.array(mask)
+            if mask.shape != (height, width) or mask.dtype != np.uint8:
+                raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
+        self._mask = mask
+        self._keep = None if mask is None else (mask == 0).astype(np.uint8)
+        self._memory = ColorMemory(field, colors, strongest_cast)
+        self._last_pose: Pose2 | None = None
+
+    def forget(self) -> None:
+        """Forget learnt colours and the last pose: the next frame stands alone."""
+        self._memory.forget()
+        self._last_pose = None
+
+    @property
+    def colors(self) -> Colors | None:
+        """The colours in use, None before the first frame."""
+        return self._memory.colors
+
+    def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
+        on_field = pose.compose(Pose2(ball.x_m, ball.y_m, 0.0))
+        return self.field.is_on_floor(on_field.x_m, on_field.y_m)
+
+    def _last_floor(self, llr: npt.NDArray[np.int8], view: PolarView | FloorView) -> npt.NDArray[np.int64]:
+        """(K,) int64: each bearing's outermost column of floor, -1 where none."""
+        columns = np.empty(view.bearings, dtype=np.int64)
+        certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
+        polar.outer_boundary(llr, view.valid, certain, _LINE_GAP, strip, columns)
+        return columns
+
+    def _checked(self, frame: UInt8Array) -> UInt8Array:
+        width, height = self._size_px
+        if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
+            raise FrameError(f"frame must be a uint8 array, got {getattr(frame, 'dtype', type(frame).__name__)}")
+        if frame.shape != (height, width, 3):
+            raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
+        # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled for anew
+        plain = np.require(frame, requirements=("C", "W"))
+        if self._keep is None:
+            return plain
+        # black under the mask, so that nothing there can tell whatever a stage reads beside it
+        return np.asarray(cv2.copyTo(plain, self._keep), dtype=np.uint8)

@@ -1,0 +1,1 @@
+"""The simulator's commands of `robocup-vision`, found by entry point."""

@@ -1,0 +1,77 @@
+"""`robocup-vision learn-goal-evidence`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from typing import Any
+
+
+def add_goal_evidence_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `learn-goal-evidence` to an argparse parser's subparsers; `run_goal_evidence` runs it."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "learn-goal-evidence",
+        help="count on rendered pictures how often goals are found, for the planner of looks",
+        description="Run the goal localiser on rendered pictures from all over a field, and write how often it finds "
+        "goals and tells them apart: what the planner of looks goes by.",
+    )
+    add = parser.add_argument
+    add("--field", default="four_legged_2007", metavar="F", help="field with goals of posts of two colours")
+    add("--count", type=int, default=1000, metavar="N", help="number of looks (default: 1000)")
+    add("--seed", type=int, default=0, metavar="S", help="look i depends on S and i alone (default: 0)")
+    add("out", metavar="OUT.toml", help="file to write")
+    return parser
+
+
+def run_goal_evidence(args: argparse.Namespace) -> int:
+    """Count and write; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from pathlib import Path
+
+    from field_models import load_field
+    from field_models.errors import ArgumentError, FileError
+    from robocup_vision.camera import PinholeCamera
+    from robocup_vision.commands.options import require_count, require_seed
+    from robocup_vision.files.out_file import require_folder
+    from robocup_vision.progress import progress
+    from sim2d.match.arena import camera_for
+    from sim2d.sensors.goal_evidence import WIDTHS_PX, count_evidence
+
+    require_count("--count", args.count)
+    require_seed(args.seed)
+    field = load_field(args.field)
+    camera = camera_for(field)
+    if not isinstance(camera, PinholeCamera):
+        raise ArgumentError(f"the robots of field '{field.name}' carry no pinhole camera")
+    require_folder(args.out)
+    counts = count_evidence(field, camera, args.seed, progress(range(args.count), args.count, "learn-goal-evidence"))
+    command = ["robocup-vision", "learn-goal-evidence", "--field", args.field]
+    command += ["--count", str(args.count), "--seed", str(args.seed), "OUT.toml"]
+    lines = [
+        "# How often the goal localiser finds a goal and tells which it is, by what of it is in view.",
+        "format = 1",
+        f'command = "{shlex.join(command)}"',
+        f"width_px = {list(WIDTHS_PX)}   # bounds between classes of the apparent distance of the posts",
+        f"again_found = {counts.again_found}       # second looks at whole goals that a first one had missed",
+        f"again_missed = {counts.again_missed}",
+    ]
+    for corners, rows in enumerate(counts.first.tolist()):
+        lines += [
+            "",
+            "[[seen]]",
+            f"corners = {corners}            # feet and tops of the posts in view",
+            "counts = [              # right goal, wrong goal, nothing; a row for each class of width",
+            *(f"    {row}," for row in rows),
+            "]",
+        ]
+    try:
+        Path(args.out).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise FileError(args.out, f"cannot be written ({error.strerror or error})") from None
+    print(f"{args.count} looks at the goals of {field.name} in {args.out}")
+    return 0

@@ -1,0 +1,117 @@
+"""`robocup-vision render`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import shlex
+from typing import Any, Literal
+
+# names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
+CONDITION_NAMES = ("nominal", "noisy", "warm", "cold", "dark", "crowd", "bad_day", "miscalibrated")
+
+
+def add_render_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `render` to the subparsers of an argparse parser; `run_render` runs what it parses."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "render",
+        help="write a dataset folder of rendered mirror-camera images with truth",
+        description="Write a dataset folder of rendered mirror-camera images with truth. "
+        "Options after --condition override what the condition says.",
+    )
+    add = parser.add_argument
+    add("--field", required=True, metavar="F", help="built-in field's name, or a field file (.toml)")
+    add("--camera", required=True, metavar="C", help="a camera.toml, or sekimori, or sekimori:640x480")
+    add("--count", type=int, default=100, metavar="N", help="number of images (default: 100)")
+    add("--seed", type=int, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
+    add("--condition", choices=CONDITION_NAMES, default="nominal", help="what disturbs the images (default: nominal)")
+    add("--obstacles", type=int, nargs=2, metavar=("LO", "HI"), help="least and greatest number of boxes")
+    add("--noise", dest="noise_sigma", type=float, metavar="S", help="sensor noise, grey levels")
+    add("--blur", dest="blur_px", type=float, metavar="PX", help="standard deviation of the blur, pixels")
+    add("--vignette", type=float, metavar="V", help="share of light lost in the corners")
+    add("--light-gradient", type=float, metavar="G", help="relative gain of light over half the field's length")
+    add("--cast", dest="cast_bgr", type=float, nargs=3, metavar=("B", "G", "R"), help="colour cast as channel gains")
+    add("--gain", type=float, metavar="G", help="overall gain")
+    add("--tilt", type=float, nargs=2, metavar=("X", "Y"), help="true tilt minus the camera's, degrees")
+    add("--center-offset", type=float, nargs=2, metavar=("DU", "DV"), help="true centre minus the camera's, pixels")
+    add("--texture", type=float, metavar="A", help="carpet texture, relative amplitude")
+    add("--shadow", action="store_true", default=None, help="a hard bluish shadow")
+    add("--highlights", type=int, nargs="?", const=3, metavar="N", help="lamp reflections (without a number: 3)")
+    add("--spin", type=float, metavar="DEG", help="turn during the exposure, degrees")
+    add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="compress with halved chroma at quality 1 to 100")
+    add("--ball", dest="ball_share", type=float, metavar="SHARE", help="share of images with a ball, 0 to 1")
+    add("--symmetry", choices=("none", "point"), help="how errors count (default: point)")
+    add("out", metavar="OUT", help="folder to write; must be absent or empty")
+    return parser
+
+
+def run_render(args: argparse.Namespace) -> int:
+    """Render a dataset and say where it is; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from field_models import load_field
+    from robocup_vision.commands.options import require_count, require_seed
+    from robocup_vision.progress import progress
+    from sim2d.rendering.cameras import camera_by_name
+    from sim2d.rendering.dataset import write_dataset
+    from sim2d.rendering.random_scenes import CONDITIONS, sample
+
+    require_count("--count", args.count)
+    require_seed(args.seed)
+    changes: dict[str, Any] = {}
+    for name in ("noise_sigma", "blur_px", "vignette", "light_gradient", "gain", "texture", "shadow", "highlights"):
+        changes[name] = getattr(args, name)
+    changes |= {"jpeg_quality": args.jpeg_quality, "ball_share": args.ball_share}
+    changes["spin_rad"] = None if args.spin is None else math.radians(args.spin)
+    for name, values in (("obstacles", args.obstacles), ("cast_bgr", args.cast_bgr)):
+        changes[name] = None if values is None else tuple(values)
+    changes["center_offset_px"] = None if args.center_offset is None else tuple(args.center_offset)
+    changes["tilt_rad"] = None if args.tilt is None else tuple(math.radians(v) for v in args.tilt)
+    given = {name: value for name, value in changes.items() if value is not None}
+    condition = dataclasses.replace(CONDITIONS[args.condition], **given)
+
+    field, camera = load_field(args.field), camera_by_name(args.camera)
+    symmetry: Literal["none", "point"] = args.symmetry or "point"
+    count = write_dataset(
+        args.out,
+        args.field,
+        camera,
+        progress(sample(field, camera, condition, args.seed, args.count), args.count, "render"),
+        symmetry=symmetry,
+        command=_command(args),
+    )
+    print(f"{count} images of {field.name} in {args.out}")
+    return 0
+
+
+def _command(args: argparse.Namespace) -> str:
+    """Spell the command that makes the same pictures."""
+    words = ["robocup-vision", "render", "--field", args.field, "--camera", args.camera]
+    words += ["--count", args.count, "--seed", args.seed, "--condition", args.condition]
+    for option, name in (
+        ("--obstacles", "obstacles"),
+        ("--noise", "noise_sigma"),
+        ("--blur", "blur_px"),
+        ("--vignette", "vignette"),
+        ("--light-gradient", "light_gradient"),
+        ("--cast", "cast_bgr"),
+        ("--gain", "gain"),
+        ("--tilt", "tilt"),
+        ("--center-offset", "center_offset"),
+        ("--texture", "texture"),
+        ("--highlights", "highlights"),
+        ("--spin", "spin"),
+        ("--jpeg", "jpeg_quality"),
+        ("--ball", "ball_share"),
+    ):
+        value = getattr(args, name)
+        if value is not None:
+            words += [option, *(value if isinstance(value, list) else [value])]
+    if args.shadow:
+        words.append("--shadow")
+    return shlex.join(map(str, [*words, "OUT"]))

@@ -1,0 +1,90 @@
+"""`robocup-vision render-goal`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from typing import Any
+
+# names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
+GOAL_CONDITION_NAMES = (
+    "clean_416x320",
+    "mild_glare_416x320",
+    "heavy_glare_416x320",
+    "clean_208x160",
+    "mild_glare_208x160",
+    "heavy_glare_208x160",
+    "white_640x480",
+)
+PLACES = ("paper", "anywhere")
+VIEWS = ("goal", "negative")
+
+
+def add_render_goal_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `render-goal` to the subparsers of an argparse parser; `run_render_goal` runs what it parses."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "render-goal",
+        help="write a dataset folder of rendered pictures of a goal with truth",
+        description="Write a dataset folder of pictures of a goal as a pinhole camera sees it, with truth.",
+    )
+    add = parser.add_argument
+    add("--field", default="four_legged_2007", metavar="F", help="built-in field's name, or a field file (.toml)")
+    add("--condition", choices=GOAL_CONDITION_NAMES, default="mild_glare_416x320", help="camera and disturbances")
+    add("--places", choices=PLACES, default="paper", help="the 66 places of Yako et al. (default), or anywhere")
+    add("--views", choices=VIEWS, default="goal", help="the whole goal (default), or no or only half a goal to find")
+    add("--count", type=int, default=66, metavar="N", help="number of images (default: 66)")
+    add("--seed", type=int, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
+    add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="small .jpg files of quality 1 to 100, not .png")
+    add("out", metavar="OUT", help="folder to write; must be absent or empty")
+    return parser
+
+
+def run_render_goal(args: argparse.Namespace) -> int:
+    """Render a dataset and say where it is; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from field_models import load_field
+    from field_models.errors import ArgumentError
+    from robocup_vision.commands.options import require_count, require_seed
+    from robocup_vision.progress import progress
+    from sim2d.rendering.dataset import write_dataset
+    from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
+
+    require_count("--count", args.count)
+    require_seed(args.seed)
+    if args.jpeg_quality is not None and not 1 <= args.jpeg_quality <= 100:
+        raise ArgumentError(f"--jpeg must be within 1 to 100, got {args.jpeg_quality}")
+    field, condition = load_field(args.field), GOAL_CONDITIONS[args.condition]
+    negative = args.views == "negative"
+    samples = sample_goal(
+        field,
+        condition,
+        args.seed,
+        args.count,
+        places=paper_places(field) if args.places == "paper" and not negative else None,
+        views=NEGATIVE_VIEWS if negative else ("goal",),
+    )
+    count = write_dataset(
+        args.out,
+        args.field,
+        condition.camera,
+        progress(samples, args.count, "render-goal"),
+        symmetry="none" if field.halves_differ else "point",
+        command=_command(args),
+        jpeg_quality=args.jpeg_quality,
+    )
+    print(f"{count} images of {field.name} in {args.out}")
+    return 0
+
+
+def _command(args: argparse.Namespace) -> str:
+    """Spell the command that makes the same pictures."""
+    words = ["robocup-vision", "render-goal", "--field", args.field, "--condition", args.condition]
+    words += ["--places", args.places, "--views", args.views, "--count", args.count, "--seed", args.seed]
+    if args.jpeg_quality is not None:
+        words += ["--jpeg", args.jpeg_quality]
+    return shlex.join(map(str, [*words, "OUT"]))

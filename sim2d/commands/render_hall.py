@@ -1,0 +1,69 @@
+"""`robocup-vision render-hall`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from typing import Any
+
+FIELD = "four_legged_2007"
+_SECOND_SHIFT_M = 0.2
+
+
+def add_render_hall_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `render-hall` to the subparsers of an argparse parser; `run_render_hall` runs what it parses."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "render-hall",
+        help="write a rendered run of three cameras through a hall, and a second run of one",
+        description="Write OUT/run, a run of three cameras to build a landmark map from, and OUT/dataset, a second run "
+        "of one camera along a shifted path with truth, which expects the map in OUT/map.npz.",
+    )
+    add = parser.add_argument
+    add("--count", type=int, default=143, metavar="N", help="moments of the first run (default: 143)")
+    add("--second", type=int, default=100, metavar="N", help="images of the second run (default: 100)")
+    add("--turns", type=float, default=1.0, metavar="T", help="rounds of 10 m through the hall (default: 1)")
+    add("--seed", type=int, default=0, metavar="S", help="which hall (default: 0)")
+    add("--level", type=float, default=0.5, metavar="L", help="light of the second run (default: 0.5 of the first)")
+    add("--moved", type=float, default=0.0, metavar="SHARE", help="posters moved or covered before it (default: 0)")
+    add("out", metavar="OUT", help="folder to write; must be absent or empty")
+    return parser
+
+
+def run_render_hall(args: argparse.Namespace) -> int:
+    """Render both runs and say where they are; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from field_models.errors import ArgumentError
+    from robocup_vision.commands.options import require_count, require_seed
+    from robocup_vision.progress import progress
+    from sim2d.rendering.hall.hall import HallLight, loop_path, make_hall
+    from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, take, write_run, write_second_run
+
+    require_count("--count", args.count)
+    require_count("--second", args.second)
+    require_seed(args.seed)
+    if not args.turns > 0:
+        raise ArgumentError(f"--turns must be positive, got {args.turns}")
+    import numpy as np
+
+    hall = make_hall(args.seed)
+    changed = hall.rearranged(args.moved, np.random.default_rng([args.seed, 1]))
+    light = HallLight(level=args.level)
+    words = ["robocup-vision", "render-hall", "--count", args.count, "--second", args.second, "--turns", args.turns]
+    words += ["--seed", args.seed, "--level", args.level, "--moved", args.moved, "OUT"]
+    command = shlex.join(map(str, words))
+    path = loop_path(args.count, turns=args.turns)
+    cameras = (HALL_RIG.right, HALL_RIG.left, HALL_RIG.top)
+    first = take(hall, cameras, path, args.seed)
+    write_run(args.out, HALL_RIG, progress(first, args.count, "run"), command)
+    shifted = loop_path(args.second, shift_m=_SECOND_SHIFT_M, turns=args.turns)
+    second = take(changed, (HALL_CAMERA,), shifted, args.seed + 1, light=light)
+    write_second_run(args.out, FIELD, HALL_CAMERA, progress(second, args.second, "dataset"), command)
+    print(f"{args.count} moments in {args.out}/run, {args.second} images in {args.out}/dataset; next:")
+    print(f"  robocup-vision map build {args.out}/run --out {args.out}/map.npz")
+    print(f"  robocup-vision evaluate {args.out}/dataset")
+    return 0

@@ -1,0 +1,86 @@
+"""`robocup-vision sensors learn`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from typing import Any
+
+
+def add_sensors_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `sensors` to the subparsers of an argparse parser; `run_sensors` runs what it parses."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "sensors",
+        help="learn how far a map can rely on camera and range sensor",
+        description="Models of the sensors that a free-space map is made from.",
+    )
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    learn = actions.add_parser(
+        "learn",
+        help="learn them from rendered runs with truth",
+        description="Drive rendered runs under glare and shadows among things of all heights, count how often each "
+        "sensor meets something in occupied and in free cells, and write what FreeSpaceMap goes by.",
+    )
+    add = learn.add_argument
+    add("--out", required=True, metavar="FILE", help="file of sensor models to write (.toml)")
+    add("--field", default="ssl_2001", metavar="F", help="built-in field's name, or a field file (default: ssl_2001)")
+    add("--camera", default="sekimori", metavar="C", help="sekimori[:WxH], or a camera file (default: sekimori)")
+    add("--range-height", type=float, default=0.08, metavar="M", help="height of the range sensor's plane, metres")
+    add("--cell", type=float, default=0.04, metavar="M", help="side of the map's cells, metres (default: 0.04)")
+    add("--runs", type=int, default=6, metavar="N", help="runs under each kind of light (default: 6)")
+    add("--frames", type=int, default=80, metavar="N", help="frames a run, ten a second (default: 80)")
+    add("--seed", type=int, default=0, metavar="S", help="which runs (default: 0)")
+    return parser
+
+
+def run_sensors(args: argparse.Namespace) -> int:
+    """Learn and write; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from field_models import load_field
+    from field_models.errors import ArgumentError
+    from robocup_vision.commands.options import require_count, require_seed
+    from robocup_vision.files.out_file import require_folder
+    from robocup_vision.mapping.sensor_model import write_sensors
+    from robocup_vision.progress import progress
+    from sim2d.rendering.cameras import camera_by_name
+    from sim2d.sensors.learning import KINDS_LEARNT, learn_sensors
+    from sim2d.sensors.range_sensor import RangeSensor
+
+    require_count("--runs", args.runs)
+    require_count("--frames", args.frames)
+    require_seed(args.seed)
+    if not 0 < args.cell < 1:
+        raise ArgumentError(f"--cell must be within 0 to 1 m, got {args.cell}")
+    require_folder(args.out)
+    learnt = learn_sensors(
+        load_field(args.field),
+        camera_by_name(args.camera),
+        args.seed,
+        runs=args.runs,
+        frames=args.frames,
+        cell_m=args.cell,
+        scanner=RangeSensor(args.range_height),
+    )
+    total = args.runs * len(KINDS_LEARNT)
+    *_, models = progress(learnt, total, "sensors learn")
+    write_sensors(args.out, models, _command(args))
+    for name, model in models.items():
+        print(
+            f"{name}: meets something in {model.hit_if_occupied:.1%} of the occupied cells it tells of, in "
+            f"{model.hit_if_free:.1%} of the free ones; from {model.nearest_m:.2f} to {model.reach_m:.2f} m"
+        )
+    print(f"learnt from {total} runs, written to {args.out}")
+    return 0
+
+
+def _command(args: argparse.Namespace) -> str:
+    """Spell the command that learns the same."""
+    words = ["robocup-vision", "sensors", "learn", "--field", args.field, "--camera", args.camera]
+    words += ["--range-height", args.range_height, "--cell", args.cell]
+    words += ["--runs", args.runs, "--frames", args.frames, "--seed", args.seed]
+    return shlex.join(map(str, words))

@@ -1,0 +1,146 @@
+"""The robots on the field, from the outside: what each of them senses, and what its command does to it.
+
+Between the world and whoever plays, be it a match's players or somebody's learner. What comes out for a robot is
+`Senses` alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.goal.scenes import ers7_camera
+from sim2d.robot_link import Command, PlayerSetup, RobotLimits, Senses
+from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
+from sim2d.sensors.match_camera import MatchCamera
+from sim2d.world.state import WorldState
+from sim2d.world.world import CONTROL_PERIOD_S, World
+
+Camera = OmniCamera | PinholeCamera
+
+# the head of a four-legged robot as it plays: at a known angle, pictures small enough to be seen in time
+_HEAD_SIZE_PX, _HEAD_TILT_RAD = (208, 160), math.radians(-12.0)
+
+# one stream of random numbers for each thing that chance decides
+_WORLD, _SENSOR, _FAULTS, _PLAYERS = range(4)
+
+
+def camera_for(field: Field) -> Camera:
+    """Return the camera that robots of a field's league carry: in a head where goals have posts, else a mirror's."""
+    if any(goal.kind == "posts" for goal in field.goals):
+        return dataclasses.replace(ers7_camera(*_HEAD_SIZE_PX), pan_rad=0.0, tilt_rad=_HEAD_TILT_RAD, roll_rad=0.0)
+    return sekimori_camera()
+
+
+class Arena:
+    """A field with robots that sense and obey.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    players : int
+        Robots per side.
+    seed : int
+        The same seed gives the same senses for the same commands, bit for bit.
+    camera : OmniCamera or PinholeCamera, optional
+        On every robot; default: that of the field's league (`camera_for`).
+    limits : RobotLimits
+        What every robot can do.
+    faults : sequence of Fault
+        What goes wrong.
+
+    Raises
+    ------
+    ArgumentError
+        If there are no players, the seed is negative, or a fault names a robot that is not there.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        players: int,
+        seed: int,
+        *,
+        camera: Camera | None = None,
+        limits: RobotLimits | None = None,
+        faults: Sequence[Fault] = (),
+    ) -> None:
+        if seed < 0:
+            raise ArgumentError(f"seed must not be negative, got {seed}")
+        self.field = field
+        self.players = players
+        self.camera = camera_for(field) if camera is None else camera
+        self.limits = RobotLimits() if limits is None else limits
+        self.faults = tuple(faults)
+        self.world = World(field, players, self.limits, np.random.default_rng([seed, _WORLD]))
+        robots = range(2 * players)
+        for fault in faults:
+            if fault.robot not in robots:
+                raise ArgumentError(f"a fault must name a robot from 0 to {2 * players - 1}, got {fault.robot}")
+        self._eyes = MatchCamera(field, self.camera, self.limits, np.random.default_rng([seed, _SENSOR]))
+        self._faulty = [
+            FaultySenses(
+                [f for f in faults if isinstance(f, SenseFault) and f.robot == index],
+                np.random.default_rng([seed, _FAULTS, index]),
+            )
+            for index in robots
+        ]
+        self._body_faults = sorted((f for f in faults if isinstance(f, BodyFault)), key=lambda f: (f.at_s, f.robot))
+        self._player_seeds = np.random.default_rng([seed, _PLAYERS]).integers(2**31, size=len(robots)).tolist()
+
+    @property
+    def state(self) -> WorldState:
+        """The truth now."""
+        return self.world.state
+
+    def setup(self, index: int) -> PlayerSetup:
+        """Return what a robot's player knows before the match."""
+        robot = self.world.state.robots[index]
+        return PlayerSetup(
+            self.field, self.camera, self.limits, robot.side, robot.number, self.players, self._player_seeds[index]
+        )
+
+    def senses(self) -> tuple[Senses, ...]:
+        """Return what each robot senses now; call it once each control period.
+
+        The frames are read-only, and nothing else holds them.
+        """
+        self._let_hands_in()
+        state = self.world.state
+        sensed = []
+        for robot in state.robots:
+            frame = np.array(self._eyes.render(state, robot.index))
+            frame.flags.writeable = False
+            senses = Senses(
+                state.t_s,
+                frame,
+                state.t_s,
+                self.world.odometry(robot.index),
+                self.world.ball_in_mouth(robot.index),
+                state.phase,
+                state.kick_off_side == robot.side,
+                robot.pan_rad if isinstance(self.camera, PinholeCamera) else None,
+            )
+            sensed.append(self._faulty[robot.index].apply(senses))
+        return tuple(sensed)
+
+    def step(self, commands: Mapping[int, Command]) -> WorldState:
+        """Let each robot obey its command for one control period; return the truth after it."""
+        self.world.step(commands)
+        return self.world.state
+
+    def _let_hands_in(self) -> None:
+        while self._body_faults and self._body_faults[0].at_s <= self.world.t_s + CONTROL_PERIOD_S / 2:
+            fault = self._body_faults.pop(0)
+            if fault.carry_to is not None:
+                self.world.place(fault.robot, fault.carry_to)
+            if any(fault.push_m) or fault.turn_rad:
+                self.world.push(fault.robot, *fault.push_m, fault.turn_rad)

@@ -1,0 +1,253 @@
+"""Obstacle courses: random ones with a goal behind, and a drive through one by camera, localisation and steering.
+
+Whether a course can be driven at all is told by a planner that knows the truth; the robot sees pictures only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.avoidance import SteadyFreeSpace, Wayfinder
+from robocup_vision.avoidance.steering import FreeRanges
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.localization.filter.pose_filter import PoseFilter
+from robocup_vision.vision import Vision
+from sim2d.players.wheel_velocity import WheelVelocity
+from sim2d.rendering.scene import BOX_COLORS, Box, Scene
+from sim2d.robot_link import Command, RobotLimits
+from sim2d.sensors.match_camera import MatchCamera
+from sim2d.world.world import CONTROL_PERIOD_S, World
+
+Point = tuple[float, float]
+
+CUBES = (5, 10)
+ARRIVED_M = 0.05
+# the planner's grid, and the clearance with which it wants a way
+_GRID_M, ROUTE_CLEARANCE_M = 0.005, 0.03
+# room between a course's cubes and around its start and its goal
+_ROOM_M = 0.05
+_TRIES = 10_000
+# bearings and rings of the free space: cells of a few samples each, and of less than a centimetre close to the robot
+_DIRECTIONS, _RINGS = 64, 60
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Where to go, and what stands in the way.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    boxes : tuple of Box
+        What stands on it.
+    start : Pose2
+        The robot at the beginning.
+    goal : (float, float)
+        Where it shall go, field frame, metres.
+    """
+
+    field: Field
+    boxes: tuple[Box, ...]
+    start: Pose2
+    goal: Point
+
+    def has_route(self, radius_m: float, clearance_m: float = ROUTE_CLEARANCE_M) -> bool:
+        """Whether a disc of this radius can get from start to goal with this clearance, as the truth has it."""
+        low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
+
+        def cells(points_m: FloatArray) -> npt.NDArray[np.int32]:
+            return np.asarray(np.rint((points_m - low) / _GRID_M + 1), dtype=np.int32)
+
+        width, height = (cells(high) + 2).tolist()
+        free = np.zeros((height, width), dtype=np.uint8)
+        cv2.fillPoly(free, [cells(self.field.floor_polygon)], (1,))
+        for box in self.boxes:
+            cv2.fillPoly(free, [cells(box.corners)], (0,))
+        away_m = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _GRID_M
+        passable = (away_m >= radius_m + clearance_m).astype(np.uint8)
+        _, region = cv2.connectedComponents(passable, connectivity=4)
+        (start_x, start_y), (goal_x, goal_y) = cells(np.array([self.start.array[:2], self.goal])).tolist()
+        return bool(region[start_y, start_x] > 0 and region[start_y, start_x] == region[goal_y, goal_x])
+
+
+def cube_course(field: Field, radius_m: float, rng: np.random.Generator) -> Course:
+    """Draw a course along the field's length through 5 to 10 cubes of 0.13 m; a route need not exist.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    radius_m : float
+        Of the robot.
+    rng : numpy.random.Generator
+        Source of the course.
+    """
+    half_x, half_y = field.length_m / 2, field.width_m / 2
+    start, goal = _ends(field, radius_m, rng, 0.7)
+    count = int(rng.integers(CUBES[0], CUBES[1] + 1))
+    boxes: list[Box] = []
+    for _ in range(_TRIES):
+        if len(boxes) == count:
+            return Course(field, tuple(boxes), start, goal)
+        x, y = rng.uniform((-half_x, -half_y), (half_x, half_y)).tolist()
+        box = Box(x, y, float(rng.uniform(0, math.pi / 2)), color_bgr=_color(rng))
+        keeps_off = all(box.distance_m(*place) > radius_m + _ROOM_M for place in ((start.x_m, start.y_m), goal))
+        apart = all(math.hypot(box.x_m - b.x_m, box.y_m - b.y_m) > math.sqrt(2) * box.width_m for b in boxes)
+        if keeps_off and apart and field.contains(box.corners).all():
+            boxes.append(box)
+    raise ArgumentError(f"field '{field.name}' has no room for {count} cubes")
+
+
+def pocket_course(field: Field, radius_m: float, rng: np.random.Generator) -> Course:
+    """Draw a course whose straight way leads into a pocket: three walls in the shape of a U; a route need not exist.
+
+    Parameters
+    ----------
+    field, radius_m, rng
+        As those of `cube_course`.
+    """
+    start, goal = _ends(field, radius_m, rng, 0.25)
+    thick_m, room_m = 0.06, 2 * (radius_m + _ROOM_M)
+    mouth_m = float(rng.uniform(1.5 * room_m, 2.4 * room_m))
+    depth_m = float(rng.uniform(0.7 * room_m, 1.6 * room_m))
+    middle = Pose2(float(rng.uniform(-0.1, 0.3)), float(rng.uniform(-0.1, 0.1)), float(rng.uniform(-0.3, 0.3)))
+    color = _color(rng)
+    walls = [
+        # back, and the two arms towards the start
+        (depth_m / 2, 0.0, thick_m, mouth_m + 2 * thick_m),
+        *((0.0, side * (mouth_m + thick_m) / 2, depth_m, thick_m) for side in (-1, 1)),
+    ]
+    boxes = []
+    for x, y, width_m, length_m in walls:
+        place = middle.compose(Pose2(x, y, 0.0))
+        boxes.append(Box(place.x_m, place.y_m, middle.theta_rad, width_m, length_m, color_bgr=color))
+    return Course(field, tuple(boxes), start, goal)
+
+
+def _ends(field: Field, radius_m: float, rng: np.random.Generator, spread: float) -> tuple[Pose2, Point]:
+    x = field.length_m / 2 - radius_m - _ROOM_M
+    limit_y = spread * (field.width_m / 2 - radius_m - _ROOM_M)
+    start_y, goal_y = rng.uniform(-limit_y, limit_y, 2).tolist()
+    return Pose2(-x, start_y, float(rng.uniform(-math.pi, math.pi))), (x, goal_y)
+
+
+def _color(rng: np.random.Generator) -> tuple[float, float, float]:
+    return list(BOX_COLORS.values())[int(rng.integers(len(BOX_COLORS)))]
+
+
+class Decision(Protocol):
+    """What a pilot decides."""
+
+    @property
+    def velocity_mps(self) -> FloatArray:
+        """(2,) float64: velocity to command, robot frame, m/s."""
+
+
+class Pilot(Protocol):
+    """What takes a robot where it shall head next; `Steering` is one."""
+
+    def steer(
+        self,
+        free_space: FreeRanges,
+        velocity_mps: Sequence[float],
+        goal_bearing_rad: float,
+        goal_distance_m: float,
+        pending_mps: Sequence[float],
+    ) -> Decision:
+        """Choose the next velocity from what is seen."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A course driven: whether anything was touched, seconds to the goal (None: not reached), least clearance (m)."""
+
+    collided: bool
+    seconds: float | None
+    clearance_m: float
+
+
+def nearest_seen_m(field: Field, camera: OmniCamera) -> float:
+    """Range of the nearest floor that a drive's cells show: what is nearer than that must count as touched."""
+    return float(Vision(field, camera, directions=_DIRECTIONS, rings=_RINGS).grid.ring_bounds_m[0])
+
+
+def drive_course(
+    course: Course,
+    pilot: Pilot,
+    camera: OmniCamera,
+    limits: RobotLimits,
+    rng: np.random.Generator,
+    *,
+    patience_s: float,
+    watch: Callable[[Pose2], None] | None = None,
+) -> Drive:
+    """Drive a course by what the camera shows, until the goal, a collision, or the end of patience.
+
+    The way is found by a `Wayfinder`, whoever steers.
+
+    Parameters
+    ----------
+    course : Course
+        With `course.start` clear of everything.
+    pilot : Pilot
+        Steers towards where it is told to head; decides 30 times a second; fresh for each course.
+    camera : OmniCamera
+        The robot's.
+    limits : RobotLimits
+        What it can do.
+    rng : numpy.random.Generator
+        Source of the sensor's noise and the wheels' slip.
+    patience_s : float
+        Longest drive, seconds.
+    watch : callable, optional
+        Is shown the true pose before every decision.
+    """
+    world = World.course(course.field, course.boxes, [course.start], limits, rng)
+    eye = MatchCamera(course.field, camera, limits, rng, boxes=course.boxes)
+    vision = Vision(course.field, camera, directions=_DIRECTIONS, rings=_RINGS)
+    belief, floor = PoseFilter(), SteadyFreeSpace()
+    way = Wayfinder(max(float(vision.grid.ring_bounds_m[0]), limits.radius_m))
+    scene = Scene(course.field, boxes=course.boxes)
+    wheels = WheelVelocity(limits, CONTROL_PERIOD_S)
+    clearance_m = math.inf
+    while world.state.t_s <= patience_s:
+        state = world.state
+        pose = state.robots[0].pose
+        if watch is not None:
+            watch(pose)
+        clearance_m = min(clearance_m, scene.clearance_m(pose.x_m, pose.y_m) - limits.radius_m)
+        if clearance_m <= 0.0 or any(event.kind == "collision" for event in state.events):
+            return Drive(True, None, min(clearance_m, 0.0))
+        if math.hypot(pose.x_m - course.goal[0], pose.y_m - course.goal[1]) <= ARRIVED_M:
+            return Drive(False, state.t_s, clearance_m)
+        odometry = world.odometry(0)
+        belief.predict(odometry, state.t_s)
+        view = vision.look(eye.render(state, 0), state.t_s, prior=belief.prior(state.t_s))
+        belief.update(view.pose, state.t_s)
+        free_space = floor.see(view.free_space, odometry)
+        way.see(free_space, odometry)
+        wheels.sense(odometry)
+        known = belief.belief
+        wanted = (0.0, 0.0)
+        if known:
+            x, y = known.pose.inverse().transform(course.goal).tolist()
+            heading = way.head(math.atan2(y, x), math.hypot(x, y), wheels.now_mps)
+            decision = pilot.steer(
+                free_space, wheels.now_mps, heading.bearing_rad, heading.distance_m, wheels.pending_mps
+            )
+            wanted = (float(decision.velocity_mps[0]), float(decision.velocity_mps[1]))
+        wheels.command(wanted)
+        world.step({0: Command(*wanted)})
+    return Drive(False, None, clearance_m)

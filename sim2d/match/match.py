@@ -1,0 +1,152 @@
+"""A match: the loop in which every player gets its robot's senses, and nothing else, and answers with a command.
+
+A player that fails is stopped alone, and the match goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.estimates import NotLocated
+from sim2d.match.arena import Arena, Camera
+from sim2d.players.built_in import BuiltInPlayer
+from sim2d.report.match_figures import MatchFigures, MatchLog
+from sim2d.report.moment import Moment, RobotMoment
+from sim2d.robot_link import Belief, Command, Player, PlayerFactory, PlayerSetup, RobotLimits, Senses
+from sim2d.sensors.faults import Fault
+from sim2d.world.robot_body import check_command
+from sim2d.world.world import CONTROL_PERIOD_S
+
+_REASON_LETTERS = 200
+
+
+class Match:
+    """Plays a match, one control period after the other.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    players : int
+        Per side.
+    seed : int
+        The same seed gives the same match, bit for bit.
+    ours, theirs : PlayerFactory
+        Make the players of the side that attacks the goal at +x, and of the other.
+    camera, limits, faults
+        See `Arena`.
+
+    Raises
+    ------
+    ArgumentError
+        As `Arena`.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        players: int = 2,
+        seed: int = 0,
+        *,
+        ours: PlayerFactory = BuiltInPlayer,
+        theirs: PlayerFactory = BuiltInPlayer,
+        camera: Camera | None = None,
+        limits: RobotLimits | None = None,
+        faults: Sequence[Fault] = (),
+    ) -> None:
+        self.arena = Arena(field, players, seed, camera=camera, limits=limits, faults=faults)
+        self.seed = seed
+        self._log = MatchLog(self.arena.state, self.arena.limits, field.ball_radius_m, faults)
+        self._seats = [
+            _Seat(ours if robot.side > 0 else theirs, self.arena.setup(robot.index))
+            for robot in self.arena.state.robots
+        ]
+
+    def step(self) -> Moment:
+        """Play one control period."""
+        sensed = self.arena.senses()
+        state = self.arena.state
+        robots = tuple(seat.act(senses) for seat, senses in zip(self._seats, sensed, strict=True))
+        moment = Moment(state, robots)
+        after = self.arena.step({index: robot.command for index, robot in enumerate(robots)})
+        self._log.add(state, robots)
+        self._log.add_events(after)
+        return moment
+
+    def play(self, seconds: float) -> Iterator[Moment]:
+        """Play on for so long, yielding each control period."""
+        for _ in range(periods(seconds)):
+            yield self.step()
+
+    @property
+    def figures(self) -> MatchFigures:
+        """What the match was worth so far."""
+        return self._log.figures
+
+
+def periods(seconds: float) -> int:
+    """Return how many control periods so many seconds are."""
+    return math.ceil(seconds / CONTROL_PERIOD_S - 1e-6)
+
+
+class _Seat:
+    """Holds one player, and stops it when it fails."""
+
+    def __init__(self, make: PlayerFactory, setup: PlayerSetup) -> None:
+        self._player: Player | None = None
+        self._stopped = ""
+        try:
+            self._player = make(setup)
+        except (Exception, SystemExit) as error:
+            self._stop(error)
+
+    def act(self, senses: Senses) -> RobotMoment:
+        """Let the player act; once it has failed, its robot stands still."""
+        if self._player is not None:
+            try:
+                command = _checked(self._player.act(senses))
+                return RobotMoment(senses, _checked_belief(self._player.belief), command, "")
+            except (Exception, SystemExit) as error:
+                self._stop(error)
+        return RobotMoment(
+            senses, Belief(NotLocated("its player was stopped"), None, "stopped", None), Command(), self._stopped
+        )
+
+    def _stop(self, error: BaseException) -> None:
+        # the error itself holds on to the player and all it has seen
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        self._stopped = text[:_REASON_LETTERS]
+        self._player = None
+
+
+def _checked(command: object) -> Command:
+    """Return a command of plain finite numbers.
+
+    Raises
+    ------
+    TypeError, ArgumentError
+        If it is no command, or no robot can take it.
+    """
+    if not isinstance(command, Command):
+        raise TypeError(f"the command is a {type(command).__name__}, no Command")
+    plain = Command(
+        float(command.forward_mps),
+        float(command.left_mps),
+        float(command.turn_rps),
+        float(command.kick_mps),
+        bool(command.dribble),
+        None if command.pan_rad is None else float(command.pan_rad),
+    )
+    check_command(plain)
+    return plain
+
+
+def _checked_belief(belief: object) -> Belief:
+    if not isinstance(belief, Belief):
+        raise TypeError(f"the belief is a {type(belief).__name__}, no Belief")
+    if belief.pose and not all(map(math.isfinite, belief.pose.pose.array)):
+        raise ArgumentError(f"the believed pose must be finite, got {belief.pose.pose}")
+    return belief

@@ -1,0 +1,147 @@
+"""Plays one match from beginning to end, and writes match.json, match.webm and report.html."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from field_models import load_field
+from field_models.errors import ArgumentError, FileError
+from robocup_vision.evaluation.result_files import prepare_folder
+from robocup_vision.progress import progress
+from sim2d.match.arena import Camera
+from sim2d.match.match import Match, periods
+from sim2d.players.built_in import BuiltInPlayer
+from sim2d.players.catalog import player_name
+from sim2d.report import html as match_report
+from sim2d.report.match_figures import MatchFigures
+from sim2d.report.match_file import match_json, write_json
+from sim2d.report.planning_story import PlanningStory
+from sim2d.report.story import MatchStory
+from sim2d.report.video import MatchVideo
+from sim2d.robot_link import PlayerFactory
+from sim2d.sensors.faults import Fault
+from sim2d.world.world import CONTROL_PERIOD_S
+
+OUTPUT_NAMES = ("match.json", "match.webm", "report.html")
+
+
+@dataclass(frozen=True, slots=True)
+class MatchPlan:
+    """A match that is to be played; may be sent to another process.
+
+    Parameters
+    ----------
+    field : str
+        Built-in field's name, or a field file.
+    players : int
+        Per side.
+    seconds : float
+        How long.
+    seed : int
+        The same plan gives the same match.json, byte for byte.
+    ours, theirs : PlayerFactory
+        Make the players of the side that attacks the goal at +x, and of the other.
+    camera : OmniCamera or PinholeCamera, optional
+        On every robot; default: that of the field's league.
+    faults : tuple of Fault
+        What goes wrong.
+    """
+
+    field: str = "ssl_2001"
+    players: int = 2
+    seconds: float = 60.0
+    seed: int = 0
+    ours: PlayerFactory = BuiltInPlayer
+    theirs: PlayerFactory = BuiltInPlayer
+    camera: Camera | None = None
+    faults: tuple[Fault, ...] = ()
+
+    def begin(self) -> Match:
+        """Set the match up.
+
+        Raises
+        ------
+        ArgumentError, FileError
+            If the plan cannot be played.
+        """
+        if not 0 < self.seconds < float("inf"):
+            raise ArgumentError(f"seconds must be positive, got {self.seconds!r}")
+        return Match(
+            load_field(self.field),
+            self.players,
+            self.seed,
+            ours=self.ours,
+            theirs=self.theirs,
+            camera=self.camera,
+            faults=self.faults,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MatchSummary:
+    """What came of a match: its figures, the folder of its files, the video and report (None: not written), notes."""
+
+    figures: MatchFigures
+    out: Path
+    video: Path | None
+    report: Path | None
+    notes: tuple[str, ...]
+
+
+def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> MatchSummary:
+    """Play a match and write its files.
+
+    Parameters
+    ----------
+    plan : MatchPlan
+        What is played.
+    out : str or Path
+        Folder for match.json, match.webm and report.html; made if missing. Files of an earlier match are replaced.
+    realtime : bool
+        Play no faster than a clock; default: as fast as it goes.
+
+    Raises
+    ------
+    ArgumentError, FileError
+        If the plan cannot be played, or the files cannot be written.
+    """
+    out = Path(out)
+    prepare_folder(out, OUTPUT_NAMES)
+    match = plan.begin()
+    arena = match.arena
+    robots = arena.state.robots
+    video = MatchVideo(out / "match.webm", arena.field, arena.camera, len(robots), arena.limits.radius_m)
+    story, planning = MatchStory(len(robots)), PlanningStory(len(robots))
+    started_s = time.monotonic()
+    behind_s = 0.0
+    try:
+        for done, moment in enumerate(progress(match.play(plan.seconds), periods(plan.seconds), "match"), start=1):
+            video.add(moment)
+            story.add(moment)
+            planning.add(moment)
+            if realtime:
+                early_s = done * CONTROL_PERIOD_S - (time.monotonic() - started_s)
+                behind_s = max(behind_s, -early_s)
+                time.sleep(max(early_s, 0.0))
+    finally:
+        video.close()
+    figures = match.figures
+    notes = [note for note in (video.problem,) if note]
+    if behind_s > 1.0:
+        notes.append(f"this machine could not keep up with the clock: it fell {behind_s:.1f} s behind")
+    missing = match_report.missing_packages()
+    report = None if missing else out / "report.html"
+    if missing:
+        notes.append(f"no report.html: {' and '.join(missing)} not installed (pip install 'robocup-vision[report]')")
+    ours, theirs = player_name(plan.ours), player_name(plan.theirs)
+    write_json(out / "match.json", match_json(arena.field.name, plan.players, plan.seed, figures, ours, theirs))
+    video_path = None if video.problem else out / "match.webm"
+    if report is not None:
+        text = match_report.render_report(arena.field, plan.seed, figures, story, planning, video_path, notes)
+        try:
+            report.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise FileError(report, f"cannot be written ({error.strerror or error})") from None
+    return MatchSummary(figures, out, video_path, report, tuple(notes))

@@ -1,0 +1,1 @@
+"""The built-in players: from camera frames and odometry alone to commands."""

@@ -1,0 +1,1 @@
+"""Frames of a mirror camera in match time."""

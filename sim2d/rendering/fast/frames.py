@@ -1,0 +1,213 @@
+"""Frames of a bare match quickly: one ray a pixel on tables worked out before, edges averaged along each bearing.
+
+It draws what `MirrorRenderer` draws of walls, goals, boxes, robots, ball and lines under a light that falls off evenly;
+texture, shadows, highlights and bystanders are left to that one.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models import COLOR_NAMES
+from field_models.errors import ArgumentError
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import FloatArray, Pose2
+from sim2d.kernels.bearing_profile import meet_boxes, meet_cylinders, meet_walls, stack_spans
+from sim2d.kernels.floor_lines import floor_until, mark_arcs, mark_lines
+from sim2d.kernels.match_pixels import draw_pixels, fill_carpet, paint_marked
+from sim2d.rendering.fast.line_rows import arc_rows, line_rows
+from sim2d.rendering.fast.pixel_table import mirror_pixels
+from sim2d.rendering.room import ROWS_PER_M, room_panorama
+from sim2d.rendering.scene import Ball, Bgr, Robot, Scene, Wall
+from sim2d.rendering.sensor import Sensor, vignette_gain
+from sim2d.rendering.surfaces import LAMP_DIRECTION_RAD, face_light
+
+UInt8Array = npt.NDArray[np.uint8]
+
+ENTRIES, SPANS = 12, 32  # most things along a bearing, and most spans they make
+MARKER_SHARE = 0.3  # of a robot's radius
+SHADE_REACH = 3.0  # of a ball, in its radii
+
+
+class FastFrames:
+    """Draws what one make of camera sees of one field and what stands fixed on it.
+
+    Parameters
+    ----------
+    scene : Scene
+        Field, boxes, light and room; its robots and ball do not matter.
+    camera : OmniCamera
+        With a known viewpoint height.
+    sensor : Sensor
+        Whose vignette, gain and white balance are applied; blur and noise are not.
+
+    Raises
+    ------
+    ArgumentError
+        If the light has texture, shadow or highlights, the room has bystanders, or the sensor compresses.
+    """
+
+    def __init__(self, scene: Scene, camera: OmniCamera, sensor: Sensor) -> None:
+        lamp = scene.light
+        if lamp.texture or lamp.shadow is not None or lamp.highlights or scene.room.bystanders or sensor.jpeg_quality:
+            raise ArgumentError("a match is drawn without texture, shadow, highlights, bystanders and compression")
+        self.scene, self.camera = scene, camera
+        self._cast = np.array(sensor.cast_bgr)
+        width, height = camera.size_px
+        gain = vignette_gain(height, width, sensor.vignette) * np.float32(sensor.gain)
+        self._lines, self._arcs = line_rows(scene.field), arc_rows(scene.field)
+        self._half_line_m = scene.field.line_width_m / 2
+        self._room_radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
+        self._table = mirror_pixels(camera, gain, 2 * self._room_radius_m)
+        self._room = np.ascontiguousarray(room_panorama(scene.room.seed) * lamp.level * self._cast, dtype=np.float32)
+        per_m = lamp.level * lamp.gradient / (scene.field.length_m / 2)
+        direction = lamp.gradient_direction_rad
+        self._light = np.array(
+            [lamp.level, per_m * math.cos(direction), per_m * math.sin(direction), 0.05 * lamp.level]
+        )
+        self._ground = np.array(scene.room.floor_bgr) * self._cast
+        self._build_fixed(scene)
+        count = len(self._table.directions)
+        self._count, self._near_ball = (np.zeros(count, dtype=np.int32) for _ in range(2))
+        self._entries = np.zeros((count, ENTRIES, 4), dtype=np.float32)
+        self._ends = np.zeros((count, SPANS), dtype=np.float32)
+        self._kinds = np.zeros((count, SPANS), dtype=np.int32)
+        self._until_m = np.zeros(count)
+        self._share = np.zeros(len(self._table.pixels), dtype=np.float32)
+        self._marked = np.zeros(len(self._table.pixels), dtype=np.int32)
+        self._paint = np.zeros((count, SPANS, 3), dtype=np.float32)
+        self._planes = np.zeros((3, width * height), dtype=np.uint8)
+        self._image_planes = [plane.reshape(height, width) for plane in self._planes]
+        self._eye, self._sphere = np.zeros(3), np.zeros(4)
+        paints = (COLOR_NAMES["green"], COLOR_NAMES[scene.field.line_color], (0, 0, 0))
+        self._plain = (np.array(paints) * self._cast).astype(np.float32)
+
+    def _build_fixed(self, scene: Scene) -> None:
+        """Rows of all things that do not move: walls from either side, faces of boxes, posts."""
+        corners = scene.carpet_polygon
+        edges = np.hstack([corners, np.roll(corners, -1, axis=0)]).tolist()
+        walls = list(scene.walls())
+        if not scene.field.is_bounded:
+            # the carpet's end: an edge of the floor without height
+            walls = [Wall(x0, y0, x1, y1, 0.0, (0, 0, 0), (0, 0, 0)) for x0, y0, x1, y1 in edges] + walls
+        colors: list[Bgr] = []
+        rows: list[list[float]] = []
+
+        def add(height_m: float, bands: list[Bgr], top: bool, is_edge: bool = False, factor: float = 1.0) -> None:
+            rows.append([height_m, len(bands), len(colors), -1, -1, 0.0, float(is_edge)])
+            colors.extend((b * factor, g * factor, r * factor) for b, g, r in bands)
+            if top:
+                rows[-1][3] = len(colors)
+                colors.append(bands[-1])
+
+        for number, wall in enumerate(walls):
+            normal = math.atan2(wall.y1_m - wall.y0_m, wall.x1_m - wall.x0_m) + math.pi / 2
+            is_edge = number < len(edges)
+            add(wall.height_m, [wall.left_bgr], False, is_edge, face_light(normal))
+            add(wall.height_m, [wall.right_bgr], False, is_edge, face_light(normal + math.pi))
+        self._first_face = len(rows)
+        for box in scene.boxes:
+            for k in range(4):
+                start, end = box.corners[k - 1], box.corners[k]
+                normal = math.atan2(end[1] - start[1], end[0] - start[0]) - math.pi / 2
+                add(box.height_m, [box.color_bgr], True, False, face_light(normal))
+        self._first_cylinder = len(rows)
+        posts = list(scene.posts())
+        for post in posts:
+            add(post.height_m, list(post.bands_bgr), True)
+        self._walls = np.array([[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in walls], dtype=np.float64).reshape(-1, 4)
+        self._boxes = np.array([box.corners for box in scene.boxes], dtype=np.float64).reshape(-1, 4, 2)
+        self._posts = [(post.x_m, post.y_m, post.radius_m) for post in posts]
+        self._rows, self._colors = rows, colors
+
+    @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
+    def _things(self, robots: tuple[tuple[float, float, Bgr, Bgr], ...]) -> tuple[FloatArray, FloatArray]:
+        """All rows and colours, with robots of given radius, height, colour and marker."""
+        rows, colors = [list(row) for row in self._rows], list(self._colors)
+        for radius, height, color, marker in robots:
+            gap = radius**2 * (1 - MARKER_SHARE**2)
+            rows.append([height, 1, len(colors), len(colors), len(colors) + 1, gap, 0.0])
+            colors += [color, marker]
+        return np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast
+
+    def draw(self, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2) -> UInt8Array:
+        """Draw a frame.
+
+        Parameters
+        ----------
+        robots : tuple of Robot
+            The others.
+        ball : Ball or None
+            The ball.
+        pose : Pose2
+            The robot that carries the camera, field frame.
+
+        Returns
+        -------
+        (H, W, 3) uint8
+            Light through the lens, neither blurred nor noisy.
+        """
+        table, eye = self._table, self._eye
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        forward, left = self.camera.offset_m
+        eye[:] = pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left, pose.theta_rad
+        things, colors = self._things(tuple((r.radius_m, r.height_m, r.color_bgr, r.marker_bgr) for r in robots))
+        round_things = self._posts + [(r.x_m, r.y_m, r.radius_m) for r in robots]
+        cylinders = np.array(round_things, dtype=np.float64).reshape(-1, 3)
+        lists = self._count, self._entries
+        self._count[:] = 0
+        meet_walls(self._walls, 0, eye, table.directions, table.per_turn, *lists)
+        meet_boxes(self._boxes, self._first_face, eye, table.directions, table.per_turn, *lists)
+        meet_cylinders(
+            cylinders, self._first_cylinder, eye, LAMP_DIRECTION_RAD, table.directions, table.per_turn, *lists
+        )
+        sphere, plain = self._sphere, self._plain
+        sphere[2] = 0.0
+        if ball is not None:
+            sphere[:] = ball.x_m, ball.y_m, ball.radius_m, SHADE_REACH * ball.radius_m
+            plain[2] = ball.color_bgr
+            plain[2] *= self._cast
+        spans = self._ends, self._kinds, self._paint, self._near_ball
+        stack_spans(
+            *lists,
+            things,
+            colors,
+            table.directions,
+            eye,
+            table.height_m,
+            self._light,
+            self._ground,
+            self._room,
+            ROWS_PER_M,
+            self._room_radius_m,
+            sphere,
+            *spans,
+        )
+        fill_carpet(table.floor, self._light, eye, plain[0], table.body, self._planes)
+        frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
+        flat = frame.reshape(-1, 3)
+        floor_until(self._ends, self._kinds, table.height_m, 2 * self._room_radius_m, self._until_m)
+        rays = table.rays, table.first, table.directions, eye, self._until_m, table.spread, self._half_line_m
+        count = mark_lines(*rays, self._lines, self._share, self._marked, 0)
+        count = mark_arcs(*rays, self._arcs, self._share, self._marked, count)
+        paint_marked(table.rays, table.pixels, self._light, eye, plain, self._share, self._marked, count, flat)
+        draw_pixels(
+            table.rays,
+            table.pixels,
+            table.first,
+            table.directions,
+            eye,
+            table.height_m,
+            LAMP_DIRECTION_RAD,
+            *spans,
+            sphere,
+            plain,
+            self._light,
+            flat,
+        )
+        return frame

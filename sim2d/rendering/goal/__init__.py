@@ -1,0 +1,1 @@
+"""Scenes around a goal, for pinhole cameras."""

@@ -1,0 +1,123 @@
+"""What stands, lies and shines around a goal in a random picture of it: robots, boards, a ball, glare, sunlight."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from field_models import COLOR_NAMES, Field, Goal
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.goal.light import MEMBERS, Glare, SunPatch
+from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Robot
+
+GlareLevel = Literal["none", "mild", "heavy"]
+TRIES = 200
+
+
+def _post_bearings(goal: Goal, pose: Pose2) -> list[tuple[float, float]]:
+    """(distance, bearing) of the positive-y and the negative-y post, pose's frame."""
+    posts = pose.inverse().transform([[goal.line_x_m, side * goal.width_m / 2] for side in (1, -1)])
+    return [(float(np.hypot(*p)), float(math.atan2(p[1], p[0]))) for p in posts]
+
+
+def passing_robots(
+    field: Field, goal: Goal, pose: Pose2, least_and_most: tuple[int, int], rng: np.random.Generator
+) -> tuple[Robot, ...]:
+    """Place other robots ahead that hide neither post."""
+    count = int(rng.integers(least_and_most[0], least_and_most[1] + 1))
+    pale = goal.color == "white"  # Naos are white, and taller than dogs
+    robots: list[Robot] = []
+    for _ in range(TRIES):
+        if len(robots) >= count:
+            break
+        radius = float(rng.uniform(0.08, 0.14))
+        distance, bearing = float(rng.uniform(0.6, 4.0)), float(rng.uniform(-0.6, 0.6))
+        place = pose.transform([distance * math.cos(bearing), distance * math.sin(bearing)])
+        half = math.asin(radius / distance) + 0.02
+        hides = any(
+            abs(bearing - at) < half + math.asin(min(1.0, goal.post_radius_m / away))
+            for away, at in _post_bearings(goal, pose)
+        )
+        if hides or not field.contains(place):
+            continue
+        tone = rng.uniform(190, 235) if pale else float(rng.choice([40.0, 60.0, 210.0]))
+        height = float(rng.uniform(0.50, 0.58) if pale else rng.uniform(0.16, 0.28))
+        marker = BOX_COLORS["red"] if rng.random() < 0.5 else BOX_COLORS["blue"]
+        robots.append(Robot(float(place[0]), float(place[1]), radius, height, (tone, tone, tone), marker))
+    return tuple(robots)
+
+
+def screening_robot(goal: Goal, pose: Pose2, eye_height_m: float, rng: np.random.Generator) -> Robot:
+    """Place a robot so near that it hides one post from foot to top."""
+    away, bearing = _post_bearings(goal, pose)[int(rng.integers(2))]
+    radius = float(rng.uniform(0.10, 0.14))
+    distance = min(float(rng.uniform(0.35, 0.6)), 0.6 * away)
+    place = pose.transform([distance * math.cos(bearing), distance * math.sin(bearing)])
+    # its rim towards the goal must cover the bar's upper edge as seen over it
+    rise = (goal.height_m + goal.post_radius_m - eye_height_m) / (away - goal.post_radius_m)
+    height = eye_height_m + max(rise, 0.0) * (distance + radius) + float(rng.uniform(0.03, 0.12))
+    tone = rng.uniform(190, 235) if goal.color == "white" else float(rng.choice([40.0, 60.0, 210.0]))
+    return Robot(float(place[0]), float(place[1]), radius, height, (tone, tone, tone), BOX_COLORS["red"])
+
+
+def painted_boards(field: Field, pose: Pose2, rng: np.random.Generator) -> tuple[Box, ...]:
+    """Place orange and goal-coloured boards ahead: they could pass for a goal's paint, but not for its shape."""
+    boxes = []
+    for color in ("orange", "orange", *(goal.color for goal in field.goals)):
+        if rng.random() < 0.4:
+            continue
+        distance, bearing = float(rng.uniform(1.2, 3.5)), float(rng.uniform(-0.4, 0.4))
+        x, y = pose.transform([distance * math.cos(bearing), distance * math.sin(bearing)])
+        width, depth, height = (float(v) for v in rng.uniform((0.2, 0.05, 0.15), (1.5, 0.4, 0.6)))
+        yaw = pose.theta_rad + float(rng.uniform(-0.5, 0.5)) + math.pi / 2
+        boxes.append(Box(float(x), float(y), yaw, width, depth, height, COLOR_NAMES[color]))
+    return tuple(boxes)
+
+
+def lying_ball(field: Field, pose: Pose2, rng: np.random.Generator) -> Ball | None:
+    """Place a ball ahead in about half of the pictures."""
+    distance, bearing = float(rng.uniform(0.5, 3.0)), float(rng.uniform(-0.45, 0.45))
+    x, y = pose.transform([distance * math.cos(bearing), distance * math.sin(bearing)])
+    if rng.random() < 0.5 or not field.contains([x, y]):
+        return None
+    return Ball(float(x), float(y), field.ball_radius_m, COLOR_NAMES[field.ball_color])
+
+
+def lamp_glare(level: GlareLevel, goal: Goal, rng: np.random.Generator) -> tuple[Glare, ...]:
+    """Draw patches on the upper parts of the posts and anywhere on the bar, for there the lamps hang."""
+    if level == "none":
+        return ()
+    heavy = level == "heavy"
+    patches = []
+    for _ in range(int(rng.integers(4, 9) if heavy else rng.integers(1, 4))):
+        member = MEMBERS[int(rng.integers(len(MEMBERS)))]
+        patches.append(
+            Glare(
+                goal_side=goal.side,
+                member=member,
+                middle=float(rng.uniform(0.0, 1.0) if member == "bar" else rng.uniform(0.3, 1.0)),
+                half_length=float(rng.uniform(0.06, 0.22) if heavy else rng.uniform(0.04, 0.15)),
+                turn_rad=float(rng.uniform(-0.9, 0.9)),
+                half_width_rad=float(rng.uniform(0.5, 1.8) if heavy else rng.uniform(0.3, 0.8)),
+                amplitude=float(rng.uniform(140, 320) if heavy else rng.uniform(90, 220)),
+            )
+        )
+    return tuple(patches)
+
+
+def sun_patch(field: Field, rng: np.random.Generator) -> SunPatch:
+    """Draw a patch of sunlight anywhere on the field."""
+    half = np.array([field.length_m, field.width_m]) / 2
+    x, y = rng.uniform(-half, half)
+    return SunPatch(
+        x_m=float(x),
+        y_m=float(y),
+        yaw_rad=float(rng.uniform(-math.pi, math.pi)),
+        length_m=float(rng.uniform(0.6, 3.0)),
+        width_m=float(rng.uniform(0.2, 1.0)),
+        sun_azimuth_rad=float(rng.uniform(-math.pi, math.pi)),
+        sun_elevation_rad=float(rng.uniform(0.3, 1.0)),
+        factor=float(rng.uniform(1.4, 2.2)),
+    )

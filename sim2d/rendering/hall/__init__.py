@@ -1,0 +1,1 @@
+"""A hall with textured walls, for landmark maps."""

@@ -1,0 +1,329 @@
+"""A hall with walls, posters and furniture around a field, as a pinhole camera or a rig of three sees it.
+
+Everything is a textured rectangle that hides what is behind it. Field frame, metres; the hall is centred on the field.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import FloatArray, Pose2
+from sim2d.kernels.panels import first_panel, shade
+from sim2d.rendering.hall import textures as hall_textures
+from sim2d.rendering.rays import Floats, sample_offsets
+
+UInt8Array = npt.NDArray[np.uint8]
+Vector = tuple[float, float, float]
+
+_LEVELS = 9
+_NEAREST_M = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A rectangle with a texture on its front: a corner, two unit edges (the front is along x up) and their lengths."""
+
+    origin_m: Vector
+    along: Vector
+    up: Vector
+    size_m: tuple[float, float]
+    texture: int
+    is_poster: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class HallLight:
+    """How the hall is lit.
+
+    Parameters
+    ----------
+    level : float
+        Overall brightness.
+    ambient : float
+        Share of light that comes from everywhere.
+    lamps : tuple of (x_m, y_m, z_m, strength)
+        Strength: light on a surface that faces the lamp 1 m away.
+    """
+
+    level: float = 1.0
+    ambient: float = 0.55
+    lamps: tuple[tuple[float, float, float, float], ...] = ((-2.2, 0.0, 2.8, 2.5), (2.2, 0.0, 2.8, 2.5))
+
+    def __post_init__(self) -> None:
+        if not self.level >= 0 or not self.ambient >= 0:
+            raise ArgumentError(f"light must not be negative, got level {self.level}, ambient {self.ambient}")
+
+
+@dataclass(frozen=True, eq=False)
+class Hall:
+    """Panels and the textures they wear.
+
+    Parameters
+    ----------
+    panels : tuple of Panel
+        Walls, posters, furniture.
+    textures : tuple of (rows, columns, 3) uint8
+        BGR under light of level 1, rows from the top down.
+    """
+
+    panels: tuple[Panel, ...]
+    textures: tuple[UInt8Array, ...]
+
+    @cached_property
+    def arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64]]:
+        """Origins, both edges' directions, sizes and textures of all panels."""
+        return (
+            np.array([p.origin_m for p in self.panels], dtype=np.float64),
+            np.array([p.along for p in self.panels], dtype=np.float64),
+            np.array([p.up for p in self.panels], dtype=np.float64),
+            np.array([p.size_m for p in self.panels], dtype=np.float64),
+            np.array([p.texture for p in self.panels], dtype=np.int64),
+        )
+
+    @cached_property
+    def pyramids(self) -> tuple[UInt8Array, npt.NDArray[np.int64]]:
+        """All texels of all textures' pyramids, and where each level starts and its rows and columns."""
+        texels: list[UInt8Array] = []
+        levels = np.zeros((len(self.textures), _LEVELS, 3), dtype=np.int64)
+        first = 0
+        for index, texture in enumerate(self.textures):
+            picture = texture.astype(np.float32)
+            for level in range(_LEVELS):
+                rows, columns = picture.shape[:2]
+                levels[index, level] = first, rows, columns
+                texels.append(np.rint(picture).astype(np.uint8).reshape(-1, 3))
+                first += rows * columns
+                smaller = (max(columns // 2, 1), max(rows // 2, 1))
+                reduced = cv2.resize(picture, smaller, interpolation=cv2.INTER_AREA)
+                picture = np.asarray(reduced, dtype=np.float32).reshape(*smaller[::-1], 3)
+        return np.concatenate(texels), levels
+
+    def rearranged(self, share: float, rng: np.random.Generator) -> Hall:
+        """Return the hall with this share of its posters moved along their wall or covered with a sheet, by turns."""
+        if not 0 <= share <= 1:
+            raise ArgumentError(f"share must be within 0 to 1, got {share}")
+        posters = [i for i, panel in enumerate(self.panels) if panel.is_poster]
+        chosen = rng.permutation(posters)[: math.ceil(share * len(posters))]
+        panels, textures = list(self.panels), list(self.textures)
+        for turn, index in enumerate(chosen):
+            panel = panels[index]
+            if turn % 2:
+                textures.append(hall_textures.sheet(rng))
+                panels[index] = replace(panel, texture=len(textures) - 1)
+                continue
+            by_m = rng.uniform(0.25, 0.8) * rng.choice([-1.0, 1.0])
+            x, y, z = (o + a * by_m for o, a in zip(panel.origin_m, panel.along, strict=True))
+            panels[index] = replace(panel, origin_m=(float(x), float(y), float(z)))
+        return Hall(tuple(panels), tuple(textures))
+
+
+def make_hall(
+    seed: int,
+    size_m: tuple[float, float, float] = (9.0, 7.0, 3.0),
+    *,
+    posters: int = 44,
+    furniture: int = 18,
+    crates: int = 4,
+) -> Hall:
+    """Furnish a hall.
+
+    Parameters
+    ----------
+    seed : int
+        The same seed makes the same hall.
+    size_m : (float, float, float)
+        Along x, along y, and height.
+    posters, furniture, crates : int
+        How many posters hang on the walls, shelves and cupboards stand before them, and crates lie in the middle.
+    """
+    rng = np.random.default_rng([seed, 0x4A11])
+    length, depth, height = size_m
+    panels: list[Panel] = []
+    textures: list[UInt8Array] = []
+
+    def wear(texture: UInt8Array) -> int:
+        textures.append(texture)
+        return len(textures) - 1
+
+    # each wall: its left corner as seen from inside, its direction to the right, its width
+    walls: list[tuple[Vector, Vector, float]] = [
+        ((length / 2, depth / 2, 0.0), (0.0, -1.0, 0.0), depth),
+        ((length / 2, -depth / 2, 0.0), (-1.0, 0.0, 0.0), length),
+        ((-length / 2, -depth / 2, 0.0), (0.0, 1.0, 0.0), depth),
+        ((-length / 2, depth / 2, 0.0), (1.0, 0.0, 0.0), length),
+    ]
+    for number, (corner, along, width) in enumerate(walls):
+        texture = wear(hall_textures.wall(rng, width, height, bricks=number % 2 == 1))
+        panels.append(Panel(corner, along, (0.0, 0.0, 1.0), (width, height), texture))
+    floor = wear(hall_textures.floor(rng, length, depth, (0.6 * length, 0.515 * depth)))
+    panels.append(Panel((-length / 2, -depth / 2, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (length, depth), floor))
+    above = wear(hall_textures.ceiling(rng, length, depth))
+    panels.append(Panel((-length / 2, depth / 2, height), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (length, depth), above))
+
+    pictures = hall_textures.bundled_pictures()
+    order = rng.permutation(len(pictures))
+    widths = np.array([wall[2] for wall in walls])
+    for number in range(posters):
+        corner, along, width = walls[int(rng.choice(4, p=widths / widths.sum()))]
+        # every third a picture, as far as they go
+        is_picture = number % 3 == 0 and number // 3 < len(pictures)
+        drawn = pictures[order[number // 3]] if is_picture else hall_textures.notice(rng)
+        wide = float(rng.uniform(0.45, 1.3))
+        high = min(wide * drawn.shape[0] / drawn.shape[1], 0.9 * height)
+        start = float(rng.uniform(0.05, width - wide - 0.05))
+        low = float(rng.uniform(0.15, max(height - high - 0.1, 0.16)))
+        # posters overlap: each hangs a little before the one below it
+        before = _inward(along, 0.004 + 0.0005 * number)
+        origin = tuple(float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
+        place = (origin[0], origin[1], low)
+        panels.append(Panel(place, along, (0.0, 0.0, 1.0), (wide, high), wear(drawn), is_poster=True))
+    for _ in range(furniture):
+        corner, along, width = walls[int(rng.choice(4, p=widths / widths.sum()))]
+        wide, deep, high = float(rng.uniform(0.35, 1.0)), float(rng.uniform(0.25, 0.6)), float(rng.uniform(0.4, 1.7))
+        middle = float(rng.uniform(wide / 2, width - wide / 2))
+        standing_off = deep / 2 + float(rng.uniform(0.02, 0.35))
+        inward = _inward(along, standing_off)
+        x, y = (corner[k] + along[k] * middle + inward[k] for k in range(2))
+        yaw = math.atan2(along[1], along[0]) + float(rng.normal(0, 0.05))
+        skins = [wear(hall_textures.shelf(rng) if high > 0.9 else hall_textures.crate(rng)) for _ in range(2)]
+        panels += _box(x, y, yaw, (wide, deep, high), skins)
+    for _ in range(crates):
+        x, y = rng.uniform(-0.14, 0.14) * length / 2, rng.uniform(-0.12, 0.12) * depth / 2
+        size = tuple(float(v) for v in rng.uniform(0.18, 0.4, 3))
+        skins = [wear(hall_textures.crate(rng)) for _ in range(2)]
+        panels += _box(float(x), float(y), float(rng.uniform(0, math.pi)), (size[0], size[1], size[2]), skins)
+    return Hall(tuple(panels), tuple(textures))
+
+
+def _inward(along: Vector, by_m: float) -> Vector:
+    """From a wall towards the room: the front of a panel along it."""
+    return along[1] * by_m, -along[0] * by_m, 0.0
+
+
+def _box(x: float, y: float, yaw: float, size: Vector, skins: list[int]) -> list[Panel]:
+    """Four sides and the top of an upright box."""
+    wide, deep, high = size
+    frame = Pose2(x, y, yaw)
+    corners = frame.transform(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (wide / 2, deep / 2))
+    faces = []
+    for k in range(4):
+        start, end = corners[k], corners[(k + 1) % 4]
+        length = float(np.hypot(*(end - start)))
+        ax, ay = (float(v) for v in (end - start) / length)
+        faces.append(
+            Panel((float(start[0]), float(start[1]), 0.0), (ax, ay, 0.0), (0.0, 0.0, 1.0), (length, high), skins[k % 2])
+        )
+    c, s = math.cos(yaw), math.sin(yaw)
+    faces.append(
+        Panel((float(corners[0][0]), float(corners[0][1]), high), (c, s, 0.0), (-s, c, 0.0), (wide, deep), skins[1])
+    )
+    return faces
+
+
+class HallCamera:
+    """Renders a hall for one pinhole camera; keeps the camera's rays.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        Its tilt must be known.
+    supersample : int
+        Rays along each axis of a pixel.
+    """
+
+    def __init__(self, camera: PinholeCamera, supersample: int = 3) -> None:
+        if supersample < 1:
+            raise ArgumentError(f"supersample must be at least 1, got {supersample}")
+        self.camera = camera
+        width, height = camera.size_px
+        rows, columns = np.mgrid[:height, :width]
+        centers = np.stack([columns, rows], axis=-1).astype(np.float64)
+        rays = camera.pixel_to_camera_ray(centers[:, :, None, :] + sample_offsets(supersample))
+        if not np.isfinite(rays).all():
+            raise ArgumentError("the camera's lens distortion leaves part of the image without rays")
+        self._directions = ((rays / rays[..., :1]) @ camera.camera_to_robot.T).astype(np.float32)
+        self._ray_rad = 1.0 / (math.sqrt(camera.focal_px[0] * camera.focal_px[1]) * supersample)
+        shape = self._directions.shape[:3]
+        self._depth = np.empty(shape, dtype=np.float32)
+        self._met = np.empty(shape, dtype=np.int16)
+
+    def render(self, hall: Hall, pose: Pose2, light: HallLight | None = None) -> Floats:
+        """Render the hall from a pose of the robot (of the camera itself, where its offset and pan are 0).
+
+        Returns
+        -------
+        (H, W, 3) float32
+            Linear light, BGR; 255 is a sensor's white.
+        """
+        light = light or HallLight()
+        eye = np.append(pose.transform(self.camera.viewpoint_m[:2]), self.camera.height_m)
+        origin, along, up, size, texture = hall.arrays
+        texels, levels = hall.pyramids
+        lamps = np.array(light.lamps, dtype=np.float64).reshape(-1, 4) * (1, 1, 1, light.level)
+        cos, sin = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        window = self._windows(origin, along, up, size, pose)
+        first_panel(self._directions, cos, sin, eye, origin, along, up, size, window, self._depth, self._met)
+        image = np.empty((*self._depth.shape[:2], 3), dtype=np.float32)
+        shade(
+            self._directions, cos, sin, eye, origin, along, up, size, texture, texels, levels, self._ray_rad,
+            light.ambient * light.level, lamps, self._depth, self._met, image,
+        )  # fmt: skip
+        return image
+
+    def _windows(
+        self, origin: FloatArray, along: FloatArray, up: FloatArray, size: FloatArray, pose: Pose2
+    ) -> npt.NDArray[np.int64]:
+        """Part of the image each panel can be in; all of it for one that reaches behind the camera or has no image."""
+        width, height = self.camera.size_px
+        a, b = along * size[:, :1], up * size[:, 1:]
+        corners = np.stack([origin, origin + a, origin + b, origin + a + b], axis=1)
+        robot = np.concatenate([pose.inverse().transform(corners[..., :2]), corners[..., 2:]], axis=-1)
+        camera = (robot - self.camera.viewpoint_m) @ self.camera.camera_to_robot
+        window = np.tile(np.array([0, height, 0, width], dtype=np.int64), (len(origin), 1))
+        pixels = self.camera.camera_ray_to_pixel(camera)
+        whole = (camera[..., 0] > _NEAREST_M).all(axis=1) & np.isfinite(pixels).all(axis=(1, 2))
+        # a curved lens bends edges outwards of their corners
+        margin = 2 + 0.05 * max(width, height) * any(self.camera.distortion)
+        low, high = pixels[whole].min(axis=1) - margin, pixels[whole].max(axis=1) + margin
+        window[whole] = np.stack([low[:, 1], high[:, 1] + 1, low[:, 0], high[:, 0] + 1], axis=1).astype(np.int64)
+        window[:, :2] = np.clip(window[:, :2], 0, height)
+        window[:, 2:] = np.clip(window[:, 2:], 0, width)
+        window[(camera[..., 0] <= _NEAREST_M).all(axis=1)] = 0
+        return window
+
+
+def loop_path(count: int, length_m: float = 10.0, *, shift_m: float = 0.0, turns: float = 1.0) -> list[Pose2]:
+    """Poses along an oval about the hall's middle, looking ahead.
+
+    Parameters
+    ----------
+    count : int
+        Number of poses.
+    length_m : float
+        Of one turn.
+    shift_m : float
+        Outwards of the oval.
+    turns : float
+        How far round it goes.
+    """
+    ratio = 0.75
+    angles = np.linspace(0, math.tau, 4097)
+    unit = np.hypot(np.sin(angles), ratio * np.cos(angles))
+    run = np.append(0, np.cumsum((unit[1:] + unit[:-1]) / 2 * np.diff(angles)))
+    semi = length_m / run[-1]
+    at = np.interp(np.remainder(np.linspace(0, turns, count), 1.0 + 1e-12) * run[-1], run, angles)
+    poses = []
+    for angle in at:
+        heading = math.atan2(ratio * math.cos(angle), -math.sin(angle))
+        x = semi * math.cos(angle) + shift_m * math.sin(heading)
+        y = ratio * semi * math.sin(angle) - shift_m * math.cos(heading)
+        poses.append(Pose2(float(x), float(y), heading))
+    return poses

@@ -1,0 +1,127 @@
+"""Runs through a hall as a rig of three cameras and a single camera take them: frames with truth, one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.camera import PinholeCamera, save_camera
+from robocup_vision.geometry import Pose2
+from robocup_vision.landmarks.projection import TrinocularRig
+from robocup_vision.landmarks.run_files import CAMERAS
+from sim2d.rendering.hall.hall import Hall, HallCamera, HallLight
+from sim2d.rendering.sensor import Sensor
+
+UInt8Array = npt.NDArray[np.uint8]
+
+# what the paper's Digiclops delivers: 320 x 240, cameras 99.6 mm apart; its field of view is not printed
+HALL_CAMERA = PinholeCamera((320, 240), (277.0, 277.0), (159.5, 119.5), 0.6, pan_rad=0.0, tilt_rad=0.0, roll_rad=0.0)
+HALL_RIG = TrinocularRig(HALL_CAMERA, 0.0996)
+HALL_SENSOR = Sensor(noise_sigma=2.0, blur_px=0.5)
+SUPERSAMPLE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class HallFrame:
+    """One moment: where the robot was and what each camera saw, (H, W, 3) uint8 BGR."""
+
+    pose: Pose2
+    images: tuple[UInt8Array, ...]
+
+
+def take(
+    hall: Hall,
+    cameras: Sequence[PinholeCamera],
+    poses: Sequence[Pose2],
+    seed: int,
+    *,
+    light: HallLight | None = None,
+    sensor: Sensor = HALL_SENSOR,
+    supersample: int = SUPERSAMPLE,
+    first: int = 0,
+) -> Iterator[HallFrame]:
+    """Take pictures along a path.
+
+    Parameters
+    ----------
+    hall : Hall
+        Where.
+    cameras : sequence of PinholeCamera
+        Of one robot, exposed together.
+    poses : sequence of Pose2
+        Of the robot.
+    seed : int
+        Of the sensor's noise; frame i depends on it and on `first` + i alone.
+    light : HallLight, optional
+        How the hall is lit.
+    sensor : Sensor
+        Of each camera.
+    supersample : int
+        Rays along each axis of a pixel.
+    first : int
+        Number of the first frame.
+    """
+    renderers = [HallCamera(camera, supersample) for camera in cameras]
+    for index, pose in enumerate(poses, start=first):
+        rng = np.random.default_rng([seed, index, 0xF0])
+        yield HallFrame(pose, tuple(sensor.expose(r.render(hall, pose, light), rng) for r in renderers))
+
+
+def write_run(folder: str | Path, rig: TrinocularRig, frames: Iterable[HallFrame], command: str) -> None:
+    """Write a run of three cameras to FOLDER/run: run.toml, camera.toml, truth.csv, right/, left/ and top/.
+
+    Raises
+    ------
+    ArgumentError
+        If the folder is not empty or cannot be written.
+    """
+    root = Path(folder)
+    if root.exists() and (not root.is_dir() or any(root.iterdir())):
+        raise ArgumentError(f"{root} is not an empty folder; nothing was written")
+    run = root / "run"
+    poses = []
+    for index, frame in enumerate(frames):
+        for camera, image in zip(CAMERAS, frame.images, strict=True):
+            _write_image(run / camera / f"{index:04d}.png", image)
+        poses.append(frame.pose)
+    save_camera(rig.right, run / "camera.toml")
+    start = ", ".join(f"{v:.9f}" for v in poses[0].array)
+    lines = [f"# made by: {command}", "format = 1", 'camera = "camera.toml"', f"baseline_m = {rig.baseline_m}"]
+    (run / "run.toml").write_text("\n".join([*lines, f"start = [{start}]"]) + "\n", encoding="utf-8")
+    _write_truth(run / "truth.csv", poses)
+
+
+def write_second_run(
+    folder: str | Path, field: str, camera: PinholeCamera, frames: Iterable[HallFrame], command: str
+) -> None:
+    """Write a run of one camera to FOLDER/dataset, for method "landmarks" with the map FOLDER/map.npz."""
+    root = Path(folder) / "dataset"
+    poses = []
+    for index, frame in enumerate(frames):
+        _write_image(root / "images" / f"{index:04d}.png", frame.images[0])
+        poses.append(frame.pose)
+    save_camera(camera, root / "camera.toml")
+    lines = [f"# made by: {command}", "format = 1", f'field = "{field}"', 'camera = "camera.toml"']
+    lines += ['method = "landmarks"', 'map = "../map.npz"', 'images = "images"', 'truth = "truth.csv"']
+    (root / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    _write_truth(root / "truth.csv", poses)
+
+
+def _write_image(path: Path, image: UInt8Array) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError(f"{path.parent} cannot be written ({error.strerror or error})") from None
+    if not cv2.imwrite(str(path), image):
+        raise ArgumentError(f"{path} cannot be written")
+
+
+def _write_truth(path: Path, poses: Sequence[Pose2]) -> None:
+    rows = [f"{k:04d}.png,{p.x_m:.6f},{p.y_m:.6f},{p.theta_rad:.6f}" for k, p in enumerate(poses)]
+    path.write_text("\n".join(["image,x_m,y_m,theta_rad", *rows]) + "\n", encoding="utf-8")

@@ -1,0 +1,1 @@
+"""What a match was worth: figures, match.json, film and report."""

@@ -1,0 +1,136 @@
+"""What a match was worth: score and possession, and each robot's figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sim2d.report.moment import RobotMoment
+from sim2d.report.robot_figures import FaultFigures, RobotFigures, RobotLog
+from sim2d.robot_link import RobotLimits
+from sim2d.sensors.faults import BodyFault, Fault
+from sim2d.world.state import Event, WorldState
+from sim2d.world.world import CONTROL_PERIOD_S
+
+# a robot has the ball if it is the nearest to it and no farther from touching it than this
+_REACH_M = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class MatchFigures:
+    """What a match was worth so far.
+
+    Parameters
+    ----------
+    seconds : float
+        Time played.
+    score : (int, int)
+        Goals of the side that attacks the goal at +x, and of the other.
+    goals : tuple of (float, int)
+        Time and scoring side, +1 or -1, of each.
+    possession : (float or None, float or None)
+        Share of each side in the time in which a robot had the ball; None if none ever had.
+    robots : tuple of RobotFigures
+        In order of their index.
+    faults : tuple of FaultFigures
+        What went wrong, by robots.
+    """
+
+    seconds: float
+    score: tuple[int, int]
+    goals: tuple[tuple[float, int], ...]
+    possession: tuple[float | None, float | None]
+    robots: tuple[RobotFigures, ...]
+    faults: tuple[FaultFigures, ...]
+
+
+class MatchLog:
+    """Counts a match as it is played.
+
+    Parameters
+    ----------
+    state : WorldState
+        At its beginning.
+    limits : RobotLimits
+        Of every robot.
+    ball_radius_m : float
+        Of the ball.
+    faults : sequence of Fault
+        What goes wrong.
+    """
+
+    def __init__(self, state: WorldState, limits: RobotLimits, ball_radius_m: float, faults: Sequence[Fault]) -> None:
+        self._reach_m = limits.radius_m + ball_radius_m + _REACH_M
+        self._robots = [
+            RobotLog(
+                r.index,
+                r.side,
+                r.number,
+                CONTROL_PERIOD_S,
+                limits.acceleration_mps2,
+                [f for f in faults if f.robot == r.index],
+            )
+            for r in state.robots
+        ]
+        self._carried = sorted((f.at_s, f.robot) for f in faults if isinstance(f, BodyFault) and f.carry_to is not None)
+        self._score = state.score
+        self._goals: list[tuple[float, int]] = []
+        self._had_ball = {1: 0, -1: 0}
+        self._periods = 0
+
+    def add(self, state: WorldState, robots: Sequence[RobotMoment]) -> None:
+        """Take in a control period: the truth when the senses were taken, and what came of them."""
+        while self._carried and self._carried[0][0] <= state.t_s + CONTROL_PERIOD_S / 2:
+            self._robots[self._carried.pop(0)[1]].put_down()
+        has_ball = self._holder(state)
+        if has_ball is not None:
+            self._had_ball[state.robots[has_ball].side] += 1
+        for robot, truth, log in zip(robots, state.robots, self._robots, strict=True):
+            if robot.stopped and log.stopped_s is None:
+                log.stopped_s, log.stopped_reason = state.t_s, robot.stopped
+            log.add(state.t_s, truth.pose, robot.belief.pose, robot.command, truth.index == has_ball)
+        self._periods += 1
+
+    def add_events(self, after: WorldState) -> None:
+        """Take in what happened during the control period that followed."""
+        self._score = after.score
+        for event in after.events:
+            self._add_event(event)
+
+    def _add_event(self, event: Event) -> None:
+        if event.kind == "goal":
+            self._goals.append((event.t_s, event.side))
+        for index in event.robots:
+            log = self._robots[index]
+            if event.kind == "kick":
+                log.kicks += 1
+            elif event.kind == "collision" and len(event.robots) > 1:
+                log.collisions += 1
+            elif event.kind == "collision":
+                log.wall_contacts += 1
+            elif event.kind == "carried_back":
+                log.put_down()
+
+    def _holder(self, state: WorldState) -> int | None:
+        if state.ball is None:
+            return None
+        x_m, y_m = state.ball.x_m, state.ball.y_m
+        distance_m, index = min(
+            (math.hypot(robot.pose.x_m - x_m, robot.pose.y_m - y_m), robot.index) for robot in state.robots
+        )
+        return index if distance_m <= self._reach_m else None
+
+    @property
+    def figures(self) -> MatchFigures:
+        """The figures so far."""
+        total = sum(self._had_ball.values())
+        share = (self._had_ball[1] / total, self._had_ball[-1] / total) if total else (None, None)
+        return MatchFigures(
+            self._periods * CONTROL_PERIOD_S,
+            self._score,
+            tuple(self._goals),
+            share,
+            tuple(log.figures for log in self._robots),
+            tuple(fault for log in self._robots for fault in log.fault_figures),
+        )

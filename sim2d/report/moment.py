@@ -1,0 +1,38 @@
+"""One control period of a match as a plain value: for figures, pictures and reports, never for a player."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sim2d.robot_link import Belief, Command, Senses
+from sim2d.world.state import WorldState
+
+
+@dataclass(frozen=True, slots=True)
+class RobotMoment:
+    """One robot in one control period.
+
+    Parameters
+    ----------
+    senses : Senses
+        What it sensed.
+    belief : Belief
+        What its player then believed.
+    command : Command
+        What its player then asked for.
+    stopped : str
+        Why its player was stopped; empty if it was not.
+    """
+
+    senses: Senses
+    belief: Belief
+    command: Command
+    stopped: str
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One control period of a match: the truth when the senses were taken, and each robot in order of its index."""
+
+    state: WorldState
+    robots: tuple[RobotMoment, ...]

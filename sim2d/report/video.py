@@ -1,0 +1,194 @@
+"""match.webm: the match from above with truth and belief, beside each robot's camera and what was seen in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import FrameError
+from field_models.field import Field
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.memory import MapPicture
+from robocup_vision.overlay import draw
+from robocup_vision.vision import Vision
+from sim2d.report.moment import Moment, RobotMoment
+from sim2d.report.top_view import SIDE_COLORS, Bgr, TopView
+from sim2d.world.state import RobotState, WorldState
+from sim2d.world.world import CONTROL_PERIOD_S
+
+UInt8Array = npt.NDArray[np.uint8]
+
+# every third control period is shown: drawing takes longer than playing
+_PERIODS_PER_FRAME = 3
+# the sensor's noise would make up two thirds of the file
+_SMOOTHING_PX = 0.8
+_TOP_WIDTH, _MIN_HEIGHT, _MIN_PANEL_HEIGHT = 760, 456, 180
+_LINE_HEIGHT = 22
+# of FREE, NO_GO and UNDECIDED cells
+_MAP_COLORS = np.array([(90, 160, 90), (60, 60, 200), (120, 120, 120)], dtype=np.uint8)
+_PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
+
+
+class MatchVideo:
+    """Writes a match as VP8 in a webm file; `problem` says in a line why it cannot, and then nothing is written.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    field : Field
+        The pitch.
+    camera : OmniCamera or PinholeCamera
+        Of the robots.
+    robots : int
+        Their number.
+    robot_radius_m : float
+        Their radius.
+    """
+
+    def __init__(
+        self, path: Path, field: Field, camera: OmniCamera | PinholeCamera, robots: int, robot_radius_m: float
+    ) -> None:
+        self._pictures = MatchPictures(field, camera, robots, robot_radius_m)
+        self._size_px = self._pictures.size_px
+        self._count = 0
+        self._writer = _open_writer(path, 1 / (_PERIODS_PER_FRAME * CONTROL_PERIOD_S), self._size_px)
+        self.problem = "" if self._writer.isOpened() else f"no {path.name}: this OpenCV cannot write VP8 video"
+
+    def add(self, moment: Moment) -> None:
+        """Take in a control period; every third becomes a picture."""
+        if not self.problem and self._count % _PERIODS_PER_FRAME == 0:
+            picture = self._pictures.draw(moment)
+            if (picture.shape[1], picture.shape[0]) != self._size_px:
+                # OpenCV would leave it out in silence
+                raise FrameError(f"a video picture must be {self._size_px}, got {picture.shape[1::-1]}")
+            self._writer.write(picture)
+        self._count += 1
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._writer.release()
+
+
+class MatchPictures:
+    """Draws moments of one match; see `MatchVideo`."""
+
+    def __init__(self, field: Field, camera: OmniCamera | PinholeCamera, robots: int, robot_radius_m: float) -> None:
+        rows = math.ceil(robots / 2)
+        self._columns = min(robots, 2)
+        height = max(_MIN_HEIGHT, rows * _MIN_PANEL_HEIGHT)
+        self._panel_height = (height // rows) // 2 * 2
+        height = self._panel_height * rows
+        self._view_height = self._panel_height - _LINE_HEIGHT
+        width, tall = camera.size_px
+        self._panel_width = round(self._view_height * width / tall / 2) * 2
+        self._head_height = 2 * _LINE_HEIGHT
+        self._top = TopView(field, (_TOP_WIDTH, height - self._head_height), robot_radius_m)
+        if isinstance(camera, PinholeCamera):
+            # a view of a camera on a neck is as seen from the head
+            camera = dataclasses.replace(camera, pan_rad=0.0, offset_m=(0.0, 0.0))
+        self._vision = Vision(field, camera)
+        self._name = field.name
+        self.size_px = (_TOP_WIDTH + self._columns * self._panel_width, height)
+
+    def draw(self, moment: Moment) -> UInt8Array:
+        """Return the picture (H, W, 3) of a moment, W and H as `size_px` says."""
+        width, height = self.size_px
+        canvas = np.full((height, width, 3), _PAPER, dtype=np.uint8)
+        canvas[self._head_height :, :_TOP_WIDTH] = self._top.draw(moment.state, moment.robots)
+        self._write_reasons(canvas, moment)
+        self._write_head(canvas, moment.state)
+        for index, (truth, robot) in enumerate(zip(moment.state.robots, moment.robots, strict=True)):
+            # one column a side where there are two
+            row, column = divmod(index, self._columns)
+            if self._columns == 2:
+                column, row = divmod(index, len(moment.robots) // 2)
+            left, top = _TOP_WIDTH + column * self._panel_width, row * self._panel_height
+            panel = canvas[top : top + self._panel_height, left : left + self._panel_width]
+            self._draw_panel(panel, truth, robot)
+        return canvas
+
+    def _draw_panel(self, panel: UInt8Array, truth: RobotState, robot: RobotMoment) -> None:
+        frame, view = robot.senses.frame, robot.belief.view
+        picture = None
+        if frame is not None:
+            picture = np.asarray(cv2.GaussianBlur(frame, (0, 0), _SMOOTHING_PX), dtype=np.uint8)
+            if view is not None and view.t_s == robot.senses.frame_t_s:
+                picture = draw(view, picture, self._vision)
+        if picture is not None:
+            size = (self._panel_width, self._view_height)
+            panel[_LINE_HEIGHT:] = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        else:
+            _write(panel, "no frame", (10, _LINE_HEIGHT + 30), _SOFT)
+        if view is not None and view.belief is not None and view.belief.free_map is not None:
+            _draw_map(panel, view.belief.free_map)
+        pose = robot.belief.pose
+        error = "lost"
+        if isinstance(pose, PoseEstimate):
+            error_m, error_rad = pose.pose.error_to(truth.pose)
+            error = f"{100 * error_m:.1f} cm, {math.degrees(error_rad):.1f} deg off"
+        _write(panel, error, (6, self._panel_height - 8), _INK)
+        for line, reason in enumerate(reversed(robot.belief.reasons), start=1):
+            _write(panel, f"{reason.topic}: {reason.choice}", (6, self._panel_height - 8 - 14 * line), _INK, 0.36)
+        cv2.circle(panel, (12, 11), 6, SIDE_COLORS[truth.side], -1, cv2.LINE_AA)
+        says = f"stopped: {robot.stopped}" if robot.stopped else robot.belief.intent
+        _write(panel, f"{truth.number}  {says}", (24, 16), _INK)
+
+    def _write_reasons(self, canvas: UInt8Array, moment: Moment) -> None:
+        """Write under the field why each robot that plans does what it does."""
+        lines = []
+        for truth, robot in zip(moment.state.robots, moment.robots, strict=True):
+            texts = [
+                reason.text if reason.topic == "gap" else f"{reason.topic}: {reason.text}"
+                for reason in robot.belief.reasons
+            ]
+            lines += [(SIDE_COLORS[truth.side], f"{truth.number}  " + "   ".join(texts))] if texts else []
+        for up, (color, text) in enumerate(reversed(lines)):
+            _write(canvas, text, (14, self.size_px[1] - 8 - 14 * up), color, 0.36)
+
+    def _write_head(self, canvas: UInt8Array, state: WorldState) -> None:
+        ours, theirs = state.score
+        doing = "kick-off" if state.phase == "kick_off" else "play"
+        _write(canvas, f"{self._name}   {state.t_s:6.1f} s   {ours} : {theirs}   {doing}", (14, 27), _INK, 0.55)
+        legend = "disc: truth   ring: belief, with its 95 % ellipse   cross: believed ball   small ring: track"
+        _write(canvas, legend, (330, 27), _SOFT, 0.38)
+
+
+def _draw_map(panel: UInt8Array, free_map: MapPicture) -> None:
+    """Draw the floor as remembered into the panel's upper right corner: x of the field to the right, y up."""
+    picture = _MAP_COLORS[free_map.state.T[::-1]]
+    side = panel.shape[0] // 3
+    corner = panel[_LINE_HEIGHT : _LINE_HEIGHT + side, -side:]
+    corner[:] = cv2.resize(picture, (side, side), interpolation=cv2.INTER_NEAREST)
+
+
+def _write(canvas: UInt8Array, text: str, place: tuple[int, int], color: Bgr, size: float = 0.42) -> None:
+    cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, color, 1, cv2.LINE_AA)
+
+
+def _open_writer(path: Path, frames_per_s: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
+    with _silence():
+        return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"VP80"), frames_per_s, size_px)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep off standard error the line that OpenCV writes there, whatever its log level, when it opens a webm file."""
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)

@@ -1,0 +1,1 @@
+"""What a robot in the simulator senses, with its faults."""

@@ -1,0 +1,145 @@
+"""The pictures of a match: what each robot's camera sees of one world state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models import COLOR_NAMES, Field
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.geometry import Pose2
+from sim2d.kernels.match_pixels import add_noise
+from sim2d.rendering.fast.frames import FastFrames
+from sim2d.rendering.pinhole import COARSE, render_pinhole
+from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
+from sim2d.rendering.sensor import Sensor
+from sim2d.robot_link import RobotLimits
+from sim2d.world.state import WorldState
+
+UInt8Array = npt.NDArray[np.uint8]
+
+MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
+MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
+MATCH_ROOM = Room(seed=4, distance_m=1.2)
+CARPET_MARGIN_M = 0.5  # beyond the floor polygon where nothing bounds it
+MARKERS_BGR = {1: COLOR_NAMES["yellow"], -1: COLOR_NAMES["blue"]}
+
+
+class MatchCamera:
+    """Takes the pictures of all robots of a match, which carry cameras of one make.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera or PinholeCamera
+        On every robot: a mirror camera with a known viewpoint height, or a pinhole one with a known tilt, on a head
+        that pans.
+    limits : RobotLimits
+        The robots' size.
+    rng : numpy.random.Generator
+        Source of the sensor's noise.
+    boxes : sequence of Box
+        Obstacles on the field.
+    sensor : Sensor
+        Lens and sensor.
+    light : Light
+        How the field is lit.
+    room : Room
+        What is seen beyond.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera | PinholeCamera,
+        limits: RobotLimits,
+        rng: np.random.Generator,
+        *,
+        boxes: Sequence[Box] = (),
+        sensor: Sensor = MATCH_SENSOR,
+        light: Light = MATCH_LIGHT,
+        room: Room = MATCH_ROOM,
+    ) -> None:
+        self.field, self.camera, self.limits = field, camera, limits
+        self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, light, room
+        self._rng = rng
+        self._fast: FastFrames | None = None
+        if isinstance(camera, OmniCamera):
+            self._fast = FastFrames(self._scene((), None), camera, sensor)
+            size = 3 * camera.size_px[0] * camera.size_px[1]
+            self._noise_starts = size
+            drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
+            self._noise = np.rint(drawn).astype(np.int16)
+
+    def scene(self, state: WorldState, index: int) -> Scene:
+        """Return the world as one robot sees it: everything but itself."""
+        return self._scene(self._robots(state, index), self._ball(state))
+
+    def _robots(self, state: WorldState, index: int) -> tuple[Robot, ...]:
+        radius_m, height_m = self.limits.radius_m, self.limits.height_m
+        return tuple(
+            Robot(r.pose.x_m, r.pose.y_m, radius_m, height_m, marker_bgr=MARKERS_BGR[r.side])
+            for r in state.robots
+            if r.index != index
+        )
+
+    def _ball(self, state: WorldState) -> Ball | None:
+        if state.ball is None:
+            return None
+        return Ball(state.ball.x_m, state.ball.y_m, self.field.ball_radius_m, COLOR_NAMES[self.field.ball_color])
+
+    def _scene(self, robots: tuple[Robot, ...], ball: Ball | None) -> Scene:
+        margin = 0.0 if self.field.is_bounded else CARPET_MARGIN_M
+        return Scene(self.field, self.boxes, robots, ball, self.light, self.room, margin)
+
+    def render(self, state: WorldState, index: int) -> UInt8Array:
+        """Take one robot's picture.
+
+        Parameters
+        ----------
+        state : WorldState
+            The truth.
+        index : int
+            Which robot.
+
+        Returns
+        -------
+        (H, W, 3) uint8
+            BGR frame, read-only.
+        """
+        robot = state.robots[index]
+        if self._fast is not None:
+            frame = self._blur(self._fast.draw(self._robots(state, index), self._ball(state), robot.pose))
+            if self.sensor.noise_sigma:
+                # noise is drawn once; every frame takes it from another place
+                start = int(self._rng.integers(self._noise_starts))
+                add_noise(frame.reshape(-1), self._noise[start : start + frame.size])
+        else:
+            assert isinstance(self.camera, PinholeCamera)
+            # a head that pans turns what it carries as the whole robot would, about its own axis
+            x, y = robot.pose.transform(self.camera.offset_m).tolist()
+            head = Pose2(x, y, robot.pose.theta_rad + robot.pan_rad)
+            camera = replace(self.camera, offset_m=(0.0, 0.0))
+            frame = self.sensor.expose(
+                render_pinhole(camera, self.scene(state, index), head, supersample=COARSE), self._rng
+            )
+        frame.flags.writeable = False
+        return frame
+
+    def _blur(self, frame: UInt8Array) -> UInt8Array:
+        sigma = self.sensor.blur_px
+        if not sigma:
+            return frame
+        beside = sigma * sigma / 2
+        if beside > 1 / 3:
+            return np.asarray(cv2.GaussianBlur(frame, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE), dtype=np.uint8)
+        # three cells of the same variance: OpenCV is fastest at those
+        narrow = math.sqrt(-0.5 / math.log(beside / (1 - 2 * beside)))
+        blurred = cv2.GaussianBlur(frame, (3, 3), narrow, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, dtype=np.uint8)

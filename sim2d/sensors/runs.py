@@ -1,0 +1,327 @@
+"""Drives among things of all heights under glare and shadows, seen by camera and range sensor, with truth.
+
+What maps of the free floor are learnt from and judged on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models import COLOR_NAMES, Field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.localization.filter.pose_filter import PoseFilter
+from robocup_vision.mapping.range_profile import RangeProfile, floor_profile
+from robocup_vision.vision import Vision
+from sim2d.rendering.mirror import MirrorRenderer
+from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow
+from sim2d.rendering.sensor import Sensor
+from sim2d.robot_link import Command, RobotLimits
+from sim2d.sensors.range_sensor import RangeSensor
+from sim2d.world.world import World
+
+Point = tuple[float, float]
+
+# the camera and the range sensor deliver every third control period
+PERIODS_A_FRAME = 3
+# bearings and rings of the floor's profile
+DIRECTIONS, RINGS = 120, 40
+FALLEN_HEIGHT_M = 0.06
+
+_CAMERA_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
+_SPEED_MPS, _ARRIVED_M = 0.4, 0.04
+_MOVER_SPEED_MPS = (0.3, 0.6)
+_ROOM_M = 0.04
+_MIN_LEG_M = 0.3
+_TRIES = 400
+# lamps hang so high, so far away; a mirror image of one on the floor is blurred by the carpet
+_LAMP_HEIGHT_M, _LAMP_AWAY_M = 2.5, (3.0, 12.0)
+_LAMP_SIGMA_M, _LAMP_AMPLITUDE = (0.04, 0.10), (50.0, 110.0)
+
+
+@dataclass(frozen=True, slots=True)
+class RunKind:
+    """What a run is disturbed by.
+
+    Parameters
+    ----------
+    lamps : int
+        Ceiling lamps whose reflections lie on the floor and move with the viewpoint.
+    sun_patches : int
+        Bright places that stay where they are.
+    shadow : bool
+        A hard shadow over part of the floor.
+    movers : int
+        Robots that drive to and fro.
+    boxes, fallen, robots : int
+        Things that stand: boxes, low ones (fallen robots), upright robots.
+    """
+
+    lamps: int = 0
+    sun_patches: int = 0
+    shadow: bool = False
+    movers: int = 0
+    boxes: int = 2
+    fallen: int = 2
+    robots: int = 1
+
+
+KINDS: dict[str, RunKind] = {
+    "plain": RunKind(),
+    "glare": RunKind(lamps=3, sun_patches=1),
+    "shadow": RunKind(shadow=True),
+    "glare_shadow": RunKind(lamps=2, sun_patches=1, shadow=True),
+    "movers": RunKind(movers=2, boxes=1, fallen=1, robots=0),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SensorFrame:
+    """What both sensors see at one moment, and the truth.
+
+    Parameters
+    ----------
+    t_s : float
+        When.
+    believed : Pose2 or None
+        The robot by camera and odometry, field frame; None while it is lost.
+    floor, scan : RangeProfile
+        What camera and range sensor see.
+    pose : Pose2
+        Truth: the robot.
+    scene : Scene
+        Truth: what stands, and the light as it is seen from here; without movers.
+    movers_m : (M, 3) float64
+        Truth: x, y and radius of what moves.
+    """
+
+    t_s: float
+    believed: Pose2 | None
+    floor: RangeProfile
+    scan: RangeProfile
+    pose: Pose2
+    scene: Scene
+    movers_m: FloatArray
+
+
+def map_vision(field: Field, camera: OmniCamera) -> Vision:
+    """Make a `Vision` whose free space is fine enough for a map."""
+    return Vision(field, camera, directions=DIRECTIONS, rings=RINGS)
+
+
+def sensor_run(
+    field: Field,
+    camera: OmniCamera,
+    kind: RunKind,
+    rng: np.random.Generator,
+    *,
+    frames: int,
+    scanner: RangeSensor | None = None,
+    vision: Vision | None = None,
+) -> Iterator[SensorFrame]:
+    """Drive about a random scene, and yield what the sensors see ten times a second.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera
+        With a known viewpoint height.
+    kind : RunKind
+        What stands there, and the disturbances.
+    rng : numpy.random.Generator
+        Source of everything.
+    frames : int
+        How many.
+    scanner : RangeSensor, optional
+        Its own defaults unless given.
+    vision : Vision, optional
+        From `map_vision`, to be used again: it forgets first.
+
+    Raises
+    ------
+    ArgumentError
+        If the field has no room.
+    """
+    scanner = scanner or RangeSensor()
+    vision = vision or map_vision(field, camera)
+    vision.forget()
+    limits = RobotLimits(radius_m=field.robot_radius_m)
+    layout = _Layout(field, limits.radius_m, rng)
+    scene = layout.scene(kind)
+    lanes = [layout.lane() for _ in range(kind.movers)]
+    start = layout.place()
+    lamps = [_lamp(rng) for _ in range(kind.lamps)]
+    renderer = MirrorRenderer(camera, 1)
+    starts = [Pose2(*start, rng.uniform(-math.pi, math.pi)), *(Pose2(*lane[0], 0.0) for lane in lanes)]
+    obstacles = (*scene.boxes, *(Box(r.x_m, r.y_m, 0.0, 2 * r.radius_m, 2 * r.radius_m) for r in scene.robots))
+    world = World.course(field, obstacles, starts, limits, rng)
+    speeds = rng.uniform(*_MOVER_SPEED_MPS, len(lanes)).tolist()
+    belief = PoseFilter()
+    target, turn_rps, ahead = layout.leg(start), 0.0, [1] * len(lanes)
+    for period in range(frames * PERIODS_A_FRAME):
+        state = world.state
+        if period:
+            belief.predict(world.odometry(0), state.t_s)
+        pose = state.robots[0].pose
+        if period % PERIODS_A_FRAME == 0:
+            movers = state.robots[1:]
+            lit = _with_reflections(scene, lamps, camera, pose)
+            others = tuple(Robot(m.pose.x_m, m.pose.y_m, limits.radius_m, limits.height_m) for m in movers)
+            seen = dataclasses.replace(lit, robots=(*lit.robots, *others))
+            frame = _CAMERA_SENSOR.expose(renderer.render(seen, pose), rng)
+            # it knows where it was put down
+            view = vision.look(frame, state.t_s, prior=belief.prior(state.t_s) if period else pose)
+            belief.update(view.pose, state.t_s)
+            known = belief.belief
+            yield SensorFrame(
+                state.t_s,
+                known.pose if known else None,
+                floor_profile(view, vision.grid),
+                scanner.scan(seen, pose, rng),
+                pose,
+                lit,
+                np.array([[r.x_m, r.y_m, r.radius_m] for r in others]).reshape(-1, 3),
+            )
+        if math.dist((pose.x_m, pose.y_m), target) < _ARRIVED_M:
+            target, turn_rps = layout.leg((pose.x_m, pose.y_m)), float(rng.uniform(-0.8, 0.8))
+        commands = {0: _towards(pose, target, _SPEED_MPS, turn_rps)}
+        for k, lane in enumerate(lanes):
+            mover = state.robots[k + 1].pose
+            if math.dist((mover.x_m, mover.y_m), lane[ahead[k]]) < _ARRIVED_M:
+                ahead[k] = 1 - ahead[k]
+            commands[k + 1] = _towards(mover, lane[ahead[k]], speeds[k], 0.0)
+        world.step(commands)
+
+
+class _Layout:
+    """Where things stand, and ways between them."""
+
+    def __init__(self, field: Field, radius_m: float, rng: np.random.Generator) -> None:
+        self.field, self.radius_m, self._rng = field, radius_m, rng
+        self._scene = Scene(field)
+        self._lanes: list[tuple[Point, Point]] = []
+        self._low, self._high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
+
+    def scene(self, kind: RunKind) -> Scene:
+        rng, field = self._rng, self.field
+        colors = list(BOX_COLORS.values())
+        for k in range(kind.boxes + kind.fallen + kind.robots):
+            if k < kind.boxes + kind.fallen:
+                size = rng.uniform(0.10, 0.18, 2) if k < kind.boxes else np.array([0.18, 0.12])
+                x, y = self._spot(float(np.hypot(*size)) / 2)
+                color = colors[int(rng.integers(len(colors)))] if k < kind.boxes else (45, 42, 40)
+                height_m = 0.13 if k < kind.boxes else FALLEN_HEIGHT_M
+                yaw, width_m, depth_m = float(rng.uniform(0, math.pi)), float(size[0]), float(size[1])
+                box = Box(x, y, yaw, width_m, depth_m, height_m, color)
+                self._scene = dataclasses.replace(self._scene, boxes=(*self._scene.boxes, box))
+            else:
+                robot = Robot(*self._spot(self.radius_m), self.radius_m)
+                self._scene = dataclasses.replace(self._scene, robots=(*self._scene.robots, robot))
+        ball = Ball(*self._spot(field.ball_radius_m), field.ball_radius_m, COLOR_NAMES[field.ball_color])
+        size_m = float((self._high - self._low).min())
+        shadow = None
+        if kind.shadow:
+            low = float(rng.uniform(-0.25, 0.1)) * size_m
+            shadow = Shadow(float(rng.uniform(-math.pi, math.pi)), low, low + float(rng.uniform(0.2, 0.5)) * size_m)
+        patches = []
+        for _ in range(kind.sun_patches):
+            x, y = rng.uniform(0.8 * self._low, 0.8 * self._high).tolist()
+            patches.append(Highlight(x, y, float(rng.uniform(0.04, 0.10)), float(rng.uniform(*_LAMP_AMPLITUDE))))
+        light = Light(0.95, 0.2, float(rng.uniform(-math.pi, math.pi)), 0.03, int(rng.integers(2**31)), shadow)
+        light = dataclasses.replace(light, highlights=tuple(patches))
+        room = Room(int(rng.integers(2**31)), float(rng.uniform(0.8, 2.0)))
+        self._scene = dataclasses.replace(self._scene, ball=ball, light=light, room=room)
+        return self._scene
+
+    def place(self) -> Point:
+        """Draw a place for a robot from which it can drive somewhere."""
+        for _ in range(_TRIES):
+            spot = self._spot(self.radius_m)
+            if self.leg(spot) != spot:
+                return spot
+        raise ArgumentError(f"field '{self.field.name}' has no room to drive")
+
+    def lane(self) -> tuple[Point, Point]:
+        """Draw a way on which a robot can drive to and fro."""
+        for _ in range(_TRIES):
+            start = self._spot(self.radius_m)
+            end = self.leg(start)
+            if end != start:
+                self._lanes.append((start, end))
+                return start, end
+        raise ArgumentError(f"field '{self.field.name}' has no room for a robot that drives to and fro")
+
+    def leg(self, start: Point) -> Point:
+        """Draw a place to which the straight way is free; `start` itself if there is none."""
+        for _ in range(_TRIES // 4):
+            x, y = self._rng.uniform(self._low, self._high).tolist()
+            length = math.dist(start, (x, y))
+            if length < _MIN_LEG_M:
+                continue
+            shares = np.linspace(0.0, 1.0, 2 + int(length / 0.06))[1:]
+            way = [(start[0] + s * (x - start[0]), start[1] + s * (y - start[1])) for s in shares.tolist()]
+            if all(self._clearance_m(point) > self.radius_m + _ROOM_M for point in reversed(way)):
+                return x, y
+        return start
+
+    def _spot(self, reach_m: float) -> Point:
+        for _ in range(_TRIES):
+            x, y = self._rng.uniform(self._low + reach_m, self._high - reach_m).tolist()
+            if self._clearance_m((x, y)) > reach_m + _ROOM_M:
+                return x, y
+        raise ArgumentError(f"field '{self.field.name}' has no room for all that shall stand on it")
+
+    def _clearance_m(self, point: Point) -> float:
+        if not self.field.contains(np.array([point])).all():
+            return 0.0
+        clearance = self._scene.clearance_m(*point)
+        ball = self._scene.ball
+        if ball is not None:
+            clearance = min(clearance, math.dist(point, (ball.x_m, ball.y_m)) - ball.radius_m)
+        for (ax, ay), (bx, by) in self._lanes:
+            dx, dy = bx - ax, by - ay
+            share = ((point[0] - ax) * dx + (point[1] - ay) * dy) / (dx * dx + dy * dy)
+            share = min(max(share, 0.0), 1.0)
+            clearance = min(clearance, math.dist(point, (ax + share * dx, ay + share * dy)) - self.radius_m)
+        return clearance
+
+
+def _towards(pose: Pose2, target: Point, speed_mps: float, turn_rps: float) -> Command:
+    x, y = pose.inverse().transform(target).tolist()
+    away = math.hypot(x, y)
+    speed = min(speed_mps, 2.0 * away) / max(away, 1e-9)
+    return Command(speed * x, speed * y, turn_rps)
+
+
+def _lamp(rng: np.random.Generator) -> tuple[float, float, float, float]:
+    """Place (x, y) of a lamp, and the size and strength of its reflection."""
+    away, direction = rng.uniform(*_LAMP_AWAY_M), rng.uniform(-math.pi, math.pi)
+    return (
+        away * math.cos(direction),
+        away * math.sin(direction),
+        float(rng.uniform(*_LAMP_SIGMA_M)),
+        float(rng.uniform(*_LAMP_AMPLITUDE)),
+    )
+
+
+def _with_reflections(
+    scene: Scene, lamps: list[tuple[float, float, float, float]], camera: OmniCamera, pose: Pose2
+) -> Scene:
+    """Scene with each lamp mirrored in the floor: where a ray from the viewpoint would be thrown to the lamp."""
+    if not lamps or camera.height_m is None:
+        return scene
+    share = camera.height_m / (camera.height_m + _LAMP_HEIGHT_M)
+    mirrored = tuple(
+        Highlight(pose.x_m + share * (x - pose.x_m), pose.y_m + share * (y - pose.y_m), sigma, amplitude)
+        for x, y, sigma, amplitude in lamps
+    )
+    return dataclasses.replace(
+        scene, light=dataclasses.replace(scene.light, highlights=(*scene.light.highlights, *mirrored))
+    )

@@ -1,0 +1,248 @@
+"""One robot's body: an omni-drive disc with dead time, limits and slipping wheels, a dribbler's mouth and a kicker."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+import pymunk
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2, wrap_angle
+from sim2d.robot_link import Command, RobotLimits
+from sim2d.world.ball_physics import BallBody
+from sim2d.world.state import RobotState
+
+MASS_KG = 2.5
+# wheels: systematic error of the odometry, drawn once, and slip that comes and goes
+GAIN_STD = 0.01
+SLIP_SHARE = 0.05
+SLIP_TURN_RAD_PER_M = 0.05
+SLIP_TIME_S = 0.1
+# mouth: half its width and its depth in ball radii; how the dribbler pulls
+MOUTH_HALF_WIDTH, MOUTH_DEPTH = 1.5, 0.5
+DRIBBLER_STIFFNESS_PS2, DRIBBLER_DAMPING_PS, DRIBBLER_GRIP_MPS2 = 900.0, 50.0, 6.0
+KICK_AGAIN_S = 0.5
+KICK_SPEED_STD, KICK_ANGLE_STD_RAD = 0.05, math.radians(1.5)
+PUSH_S = 0.2
+
+
+class RobotBody:
+    """A robot in a pymunk space.
+
+    Wheels follow the command within the limits (Sekimori et al. 2001, eq. 10, and the dead time); the body moves as the
+    wheels turn plus their slip, which odometry does not see. Contacts turn the wheels.
+
+    Parameters
+    ----------
+    space : pymunk.Space
+        Where it is added.
+    index, side, number : int
+        As in `RobotState`.
+    limits : RobotLimits
+        What it can do.
+    step_s : float
+        Length of a physics step.
+    collision_type : int
+        Of its shape.
+    rng : numpy.random.Generator
+        Draws its odometry's systematic error here.
+    """
+
+    def __init__(
+        self,
+        space: pymunk.Space,
+        index: int,
+        side: int,
+        number: int,
+        limits: RobotLimits,
+        step_s: float,
+        collision_type: int,
+        rng: np.random.Generator,
+    ) -> None:
+        self.index, self.side, self.number = index, side, number
+        self.limits = limits
+        self.body = pymunk.Body(MASS_KG, pymunk.moment_for_circle(MASS_KG, 0, limits.radius_m))
+        self.shape = pymunk.Circle(self.body, limits.radius_m)
+        self.shape.elasticity, self.shape.friction = 0.1, 0.1
+        self.shape.collision_type = collision_type
+        space.add(self.body, self.shape)
+        self._step_s = step_s
+        self._gain, self._turn_gain = (1 + GAIN_STD * rng.standard_normal(2)).tolist()
+        self._waiting: deque[Command] = deque([Command()] * round(limits.dead_time_s / step_s))
+        self.command = Command()
+        self._wheels = (0.0, 0.0, 0.0)  # forward, left, turn
+        self._slip = (0.0, 0.0, 0.0)
+        self._push = (0.0, 0.0, 0.0)  # field frame, turn
+        self._push_left = 0
+        self._set = (0.0, 0.0, 0.0)  # body velocity before contacts, field frame
+        self._slip_in_field = (0.0, 0.0, 0.0)
+        self._odometry = (0.0, 0.0, 0.0)
+        self._steps_to_kick = 0
+        self.pan_rad = 0.0
+
+    @property
+    def pose(self) -> Pose2:
+        """Field frame."""
+        x, y = self.body.position
+        return Pose2(x, y, self.body.angle)
+
+    @property
+    def state(self) -> RobotState:
+        """Where it is and how it moves."""
+        vx, vy = self.body.velocity
+        return RobotState(
+            self.index, self.side, self.number, self.pose, (vx, vy), self.body.angular_velocity, self.pan_rad
+        )
+
+    def place(self, pose: Pose2) -> None:
+        """Put it somewhere, at rest, as a hand would: odometry does not see it."""
+        self.body.position = (pose.x_m, pose.y_m)
+        self.body.angle = pose.theta_rad
+        self.body.velocity, self.body.angular_velocity = (0.0, 0.0), 0.0
+        self._wheels = self._slip = (0.0, 0.0, 0.0)
+        self._push_left = 0
+
+    def push(self, dx_m: float, dy_m: float, turn_rad: float) -> None:
+        """Shove it by a way (field frame) and an angle, wheels slipping: odometry does not see it."""
+        self._push = (dx_m / PUSH_S, dy_m / PUSH_S, turn_rad / PUSH_S)
+        self._push_left = round(PUSH_S / self._step_s)
+
+    def begin_period(self, period_s: float, drawn: tuple[float, float, float]) -> None:
+        """Start a control period: odometry from zero, new slip from three standard normal draws."""
+        self._odometry = (0.0, 0.0, 0.0)
+        kept = math.exp(-period_s / SLIP_TIME_S)
+        fresh = math.sqrt(1 - kept * kept)
+        speed = math.hypot(self._wheels[0], self._wheels[1])
+        sizes = (
+            SLIP_SHARE * speed,
+            SLIP_SHARE * speed,
+            math.hypot(SLIP_SHARE * self._wheels[2], SLIP_TURN_RAD_PER_M * speed),
+        )
+        a, b, c = (kept * s + fresh * size * z for s, size, z in zip(self._slip, sizes, drawn, strict=True))
+        self._slip = (a, b, c)
+
+    def drive(self, command: Command) -> None:
+        """Take a command, obey the one of a dead time ago, and set the body's velocity for a physics step."""
+        self._waiting.append(command)
+        self.command = now = self._waiting.popleft()
+        limits, dt = self.limits, self._step_s
+        forward, left, turn = self._wheels
+        want_f, want_l = now.forward_mps, now.left_mps
+        speed = math.hypot(want_f, want_l)
+        if speed > limits.speed_mps:
+            want_f, want_l = want_f * limits.speed_mps / speed, want_l * limits.speed_mps / speed
+        df, dl = want_f - forward, want_l - left
+        change, most = math.hypot(df, dl), limits.acceleration_mps2 * dt
+        if change > most:
+            df, dl = df * most / change, dl * most / change
+        max_turn = limits.turn_acceleration_rps2 * dt
+        want_turn = max(-limits.turn_rps, min(limits.turn_rps, now.turn_rps))
+        turn += max(-max_turn, min(max_turn, want_turn - turn))
+        forward, left = forward + df, left + dl
+        self._wheels = (forward, left, turn)
+
+        sf, sl, st = self._slip
+        angle = self.body.angle
+        c, s = math.cos(angle), math.sin(angle)
+        slip_x, slip_y, slip_turn = c * sf - s * sl, s * sf + c * sl, st
+        if self._push_left:
+            self._push_left -= 1
+            px, py, pt = self._push
+            slip_x, slip_y, slip_turn = slip_x + px, slip_y + py, slip_turn + pt
+        self._slip_in_field = (slip_x, slip_y, slip_turn)
+        self._set = (c * forward - s * left + slip_x, s * forward + c * left + slip_y, turn + slip_turn)
+        self.body.velocity = self._set[:2]
+        self.body.angular_velocity = self._set[2]
+        if now.pan_rad is not None:
+            want_pan = max(-limits.pan_limit_rad, min(limits.pan_limit_rad, now.pan_rad))
+            max_pan = limits.pan_rps * dt
+            self.pan_rad += max(-max_pan, min(max_pan, want_pan - self.pan_rad))
+
+    def feel(self) -> None:
+        """After a physics step: contacts turn the wheels, and the wheels count."""
+        self._steps_to_kick = max(self._steps_to_kick - 1, 0)
+        vx, vy = self.body.velocity
+        jx, jy = vx - self._set[0], vy - self._set[1]
+        hit = math.hypot(jx, jy)
+        angle = self.body.angle
+        forward, left, turn = self._wheels
+        if hit > 1e-9:
+            # a contact stops what slips towards it first, then the wheels
+            nx, ny = jx / hit, jy / hit
+            absorbed = min(hit, max(-(self._slip_in_field[0] * nx + self._slip_in_field[1] * ny), 0.0))
+            jx, jy = nx * (hit - absorbed), ny * (hit - absorbed)
+            c, s = math.cos(angle), math.sin(angle)
+            forward, left = forward + c * jx + s * jy, left - s * jx + c * jy
+        turn += self.body.angular_velocity - self._set[2]
+        self._wheels = (forward, left, turn)
+        x, y, theta = self._odometry
+        dt = self._step_s
+        middle = theta + turn * self._turn_gain * dt / 2
+        c, s = math.cos(middle) * self._gain * dt, math.sin(middle) * self._gain * dt
+        theta += turn * self._turn_gain * dt
+        self._odometry = (x + c * forward - s * left, y + s * forward + c * left, theta)
+
+    @property
+    def odometry(self) -> Pose2:
+        """Motion since the control period began, in the robot frame of then, as the wheels tell it."""
+        x, y, theta = self._odometry
+        return Pose2(x, y, wrap_angle(theta))
+
+    def holds(self, ball: BallBody) -> bool:
+        """Tell whether the ball interrupts the light barrier across the mouth."""
+        along, aside = self._in_robot(ball)
+        reach = self.limits.radius_m + ball.radius_m
+        in_depth = 0 < along <= reach + MOUTH_DEPTH * ball.radius_m
+        return in_depth and abs(aside) <= MOUTH_HALF_WIDTH * ball.radius_m
+
+    def handle(self, ball: BallBody, rng: np.random.Generator) -> float:
+        """Dribble or kick the ball if it lies in the mouth; return the speed of a kick, or 0."""
+        wanted = self.command.kick_mps
+        if not (self.command.dribble or wanted > 0) or not self.holds(ball):
+            return 0.0
+        angle = self.body.angle
+        c, s = math.cos(angle), math.sin(angle)
+        vx, vy = self.body.velocity
+        turn = self.body.angular_velocity
+        if wanted > 0 and not self._steps_to_kick:
+            self._steps_to_kick = round(KICK_AGAIN_S / self._step_s)
+            hard, askew = rng.standard_normal(2).tolist()
+            speed = min(wanted, self.limits.kick_speed_mps) * (1 + KICK_SPEED_STD * hard)
+            aim = angle + KICK_ANGLE_STD_RAD * askew
+            ball.kick(vx + speed * math.cos(aim), vy + speed * math.sin(aim))
+            return float(speed)
+        if self.command.dribble and not self._steps_to_kick:
+            along, aside = self._in_robot(ball)
+            seat = self.limits.radius_m + ball.radius_m
+            bx, by = ball.body.velocity
+            # velocity of the seat, which turns with the robot
+            off_x, off_y = bx - (vx - turn * s * seat), by - (vy + turn * c * seat)
+            to_f, to_l = seat - along, -aside
+            k, d = DRIBBLER_STIFFNESS_PS2, DRIBBLER_DAMPING_PS
+            ax = k * (c * to_f - s * to_l) - d * off_x
+            ay = k * (s * to_f + c * to_l) - d * off_y
+            pull = math.hypot(ax, ay)
+            kept = min(1.0, DRIBBLER_GRIP_MPS2 / pull) if pull else 0.0
+            ball.pull(ax * kept, ay * kept, self._step_s)
+        return 0.0
+
+    def _in_robot(self, ball: BallBody) -> tuple[float, float]:
+        (x, y), (bx, by) = self.body.position, ball.body.position
+        c, s = math.cos(self.body.angle), math.sin(self.body.angle)
+        return c * (bx - x) + s * (by - y), -s * (bx - x) + c * (by - y)
+
+
+def check_command(command: Command) -> None:
+    """Refuse a command that no robot can take.
+
+    Raises
+    ------
+    ArgumentError
+        If one of its numbers is not finite.
+    """
+    for name in ("forward_mps", "left_mps", "turn_rps", "kick_mps", "pan_rad"):
+        value = getattr(command, name)
+        if value is not None and not math.isfinite(value):
+            raise ArgumentError(f"a command's {name} must be finite, got {value}")

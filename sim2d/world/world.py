@@ -1,0 +1,234 @@
+"""The world of a match, seen from above: robots, ball, walls and rules in one pymunk space.
+
+Fixed steps and a fixed order of everything: the same seed and the same commands give the same run bit for bit, in any
+process on the same machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pymunk
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2
+from sim2d.kick_off import kick_off_pose
+from sim2d.rendering.scene import Box
+from sim2d.robot_link import Command, Phase, RobotLimits
+from sim2d.world.ball_physics import BallBody
+from sim2d.world.ground import add_ground
+from sim2d.world.referee import Referee
+from sim2d.world.robot_body import RobotBody, check_command
+from sim2d.world.state import BallState, Event, RobotState, WorldState
+
+__all__ = ["CONTROL_PERIOD_S", "BallState", "Event", "RobotState", "World", "WorldState"]
+
+CONTROL_PERIOD_S = 1 / 30  # between two commands
+STEPS = 10  # physics steps a period
+STEP_S = CONTROL_PERIOD_S / STEPS
+_FIXED, _BALL, _ROBOT = 1, 2, 3
+_STOP = Command()
+
+
+class World:
+    """A match's truth.
+
+    Robots are numbered 0 to 2n - 1, those of side +1 (attacking the goal at +x) first, and stand where a kick-off wants
+    them.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    players_per_side : int
+        At least 1.
+    limits : RobotLimits
+        What every robot can do.
+    rng : numpy.random.Generator
+        Source of all noise.
+
+    Raises
+    ------
+    ArgumentError
+        If `players_per_side` is not positive.
+    """
+
+    def __init__(self, field: Field, players_per_side: int, limits: RobotLimits, rng: np.random.Generator) -> None:
+        if players_per_side < 1:
+            raise ArgumentError(f"players_per_side must be at least 1, got {players_per_side}")
+        n = players_per_side
+        places = [(side, number) for side in (1, -1) for number in range(n)]
+        starts = [kick_off_pose(field, side, number, n, limits.radius_m) for side, number in places]
+        self._build(field, (), limits, rng, [(*place, start) for place, start in zip(places, starts, strict=True)])
+        self._ball: BallBody | None = BallBody(self._space, field.ball_radius_m, _BALL)
+        self._referee: Referee | None = Referee(field, limits)
+
+    @classmethod
+    def course(
+        cls, field: Field, boxes: Sequence[Box], starts: Sequence[Pose2], limits: RobotLimits, rng: np.random.Generator
+    ) -> World:
+        """Make a world without ball and rules: boxes as obstacles, and a robot at each start, all of side +1.
+
+        Parameters
+        ----------
+        field : Field
+            Its walls and goals stand as in a match.
+        boxes : sequence of Box
+            They do not move.
+        starts : sequence of Pose2
+            Where the robots begin.
+        limits : RobotLimits
+            What every robot can do.
+        rng : numpy.random.Generator
+            Source of all noise.
+        """
+        world = cls.__new__(cls)
+        world._build(field, boxes, limits, rng, [(1, k, start) for k, start in enumerate(starts)])
+        world._ball = world._referee = None
+        return world
+
+    def _build(
+        self,
+        field: Field,
+        boxes: Sequence[Box],
+        limits: RobotLimits,
+        rng: np.random.Generator,
+        robots: Sequence[tuple[int, int, Pose2]],
+    ) -> None:
+        self.field, self.limits, self.boxes = field, limits, tuple(boxes)
+        self._rng = rng
+        self._space = pymunk.Space()
+        self._space.iterations = 20
+        self._space.collision_slop = 1e-4  # pymunk thinks in pixels, this is metres
+        add_ground(self._space, field, boxes, _FIXED)
+        self._robots: list[RobotBody] = []
+        for index, (side, number, start) in enumerate(robots):
+            robot = RobotBody(self._space, index, side, number, limits, STEP_S, _ROBOT, rng)
+            robot.place(start)
+            self._robots.append(robot)
+        self._of_shape = {robot.shape: robot.index for robot in self._robots}
+        for other in (_FIXED, _ROBOT):
+            self._space.on_collision(_ROBOT, other, begin=self._note_collision)
+        self._periods = 0
+        self._events: list[Event] = []
+
+    @property
+    def t_s(self) -> float:
+        """Time since the start."""
+        return self._periods * CONTROL_PERIOD_S
+
+    @property
+    def state(self) -> WorldState:
+        """The truth."""
+        referee = self._referee
+        score = (referee.score[1], referee.score[-1]) if referee else (0, 0)
+        phase: Phase = referee.phase if referee else "play"
+        return WorldState(
+            self.t_s,
+            tuple(robot.state for robot in self._robots),
+            self._ball.state if self._ball else None,
+            score,
+            phase,
+            referee.kick_off_side if referee else 1,
+            tuple(self._events),
+        )
+
+    def step(self, commands: Mapping[int, Command]) -> None:
+        """Go on by one control period.
+
+        Parameters
+        ----------
+        commands : mapping of int to Command
+            By the robots' indices; one without a command stops.
+
+        Raises
+        ------
+        ArgumentError
+            If a command is not finite or its robot does not exist.
+        """
+        for index, command in commands.items():
+            self._robot(index)
+            check_command(command)
+        self._events = []
+        drawn = self._rng.standard_normal((len(self._robots), 3)).tolist()
+        for robot, (a, b, c) in zip(self._robots, drawn, strict=True):
+            robot.begin_period(CONTROL_PERIOD_S, (a, b, c))
+        given = [commands.get(robot.index, _STOP) for robot in self._robots]
+        for _ in range(STEPS):
+            self._physics_step(given)
+        self._periods += 1
+        self._apply_rules()
+
+    def _physics_step(self, commands: Sequence[Command]) -> None:
+        for robot, command in zip(self._robots, commands, strict=True):
+            robot.drive(command)
+        ball = self._ball
+        if ball is not None:
+            for robot in self._robots:
+                speed = robot.handle(ball, self._rng)
+                if speed:
+                    self._events.append(Event(self.t_s, "kick", (robot.index,), speed_mps=speed))
+            ball.rub(STEP_S)
+        self._space.step(STEP_S)
+        for robot in self._robots:
+            robot.feel()
+
+    def _apply_rules(self) -> None:
+        if self._referee is None or self._ball is None:
+            return
+        robots = [robot.state for robot in self._robots]
+        for ruling in self._referee.judge(self.t_s, robots, self._ball.state):
+            if ruling.event is not None:
+                self._events.append(ruling.event)
+            if ruling.ball_at is not None:
+                self._ball.place(*ruling.ball_at)
+            if ruling.robot_at is not None:
+                index, x, y = ruling.robot_at
+                self.place(index, Pose2(x, y, robots[index].pose.theta_rad))
+
+    def _note_collision(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        velocities = [shape.body.velocity if shape.body else (0.0, 0.0) for shape in arbiter.shapes]
+        (ax, ay), (bx, by) = velocities
+        normal = arbiter.normal
+        speed = abs((ax - bx) * normal.x + (ay - by) * normal.y)
+        robots = sorted(self._of_shape[shape] for shape in arbiter.shapes if shape in self._of_shape)
+        self._events.append(Event(self.t_s, "collision", tuple(robots), speed_mps=speed))
+
+    def odometry(self, index: int) -> Pose2:
+        """Motion during the last control period, in the robot frame at its beginning, as the wheels tell it."""
+        return self._robot(index).odometry
+
+    def ball_in_mouth(self, index: int) -> bool:
+        """Whether the ball interrupts the light barrier across a robot's mouth."""
+        return self._ball is not None and self._robot(index).holds(self._ball)
+
+    def place(self, index: int, pose: Pose2) -> None:
+        """Put a robot somewhere, at rest; it does not notice (kidnapped)."""
+        self._robot(index).place(pose)
+
+    def push(self, index: int, dx_m: float, dy_m: float, turn_rad: float = 0.0) -> None:
+        """Shove a robot by a way (field frame) and an angle within a fifth of a second; its wheels do not notice."""
+        if not all(math.isfinite(value) for value in (dx_m, dy_m, turn_rad)):
+            raise ArgumentError(f"a push must be finite, got {dx_m}, {dy_m}, {turn_rad}")
+        self._robot(index).push(dx_m, dy_m, turn_rad)
+
+    def place_ball(self, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0) -> None:
+        """Put the ball somewhere, rolling at a velocity.
+
+        Raises
+        ------
+        ArgumentError
+            If there is none.
+        """
+        if self._ball is None:
+            raise ArgumentError("this world has no ball")
+        self._ball.place(x_m, y_m, vx_mps, vy_mps)
+
+    def _robot(self, index: int) -> RobotBody:
+        if not 0 <= index < len(self._robots):
+            raise ArgumentError(f"there is no robot {index}: they are 0 to {len(self._robots) - 1}")
+        return self._robots[index]

@@ -1,0 +1,171 @@
+"""The whole calibration on rendered frames: near the truth from any start, and a reason where there is none."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from field_models.errors import ArgumentError, FrameError
+from robocup_vision import Vision
+from robocup_vision.calibration.not_calibrated import NotCalibrated
+from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni, guessed_cameras
+from robocup_vision.camera import OmniCamera, Tangent
+from robocup_vision.geometry import Pose2
+
+
+@pytest.fixture(scope="module")
+def from_rough(ssl_field, off_frames, rough_camera):
+    return calibrate_omni(ssl_field, off_frames, rough_camera)
+
+
+def test_a_rough_start_leads_to_the_true_camera(from_rough, true_camera, floor_error_m):
+    assert isinstance(from_rough, OmniCalibration)
+    assert floor_error_m(from_rough.camera, true_camera) < 2e-3
+    np.testing.assert_allclose(from_rough.camera.center_px, true_camera.center_px, atol=0.5)
+    np.testing.assert_allclose(from_rough.camera.tilt_rad, true_camera.tilt_rad, atol=5e-3)
+    assert from_rough.camera.usable_radius_px == true_camera.usable_radius_px
+
+
+def test_no_start_at_all_leads_there_too(ssl_field, off_frames, true_camera, floor_error_m):
+    result = calibrate_omni(ssl_field, off_frames[:4])
+    assert isinstance(result, OmniCalibration)
+    assert floor_error_m(result.camera, true_camera) < 2e-3
+    inner, outer = result.camera.usable_radius_px
+    assert 24 < inner < 32
+    assert 90 < outer < 112
+    assert any("assumed" in note for note in result.notes)
+
+
+def test_poses_come_with_it(from_rough, off_samples):
+    assert [frame.name for frame in from_rough.frames] == [f"frame {i}" for i in range(6)]
+    errors = [f.pose.error_to(s.pose, symmetric=True)[0] for f, s in zip(from_rough.frames, off_samples, strict=True)]
+    assert max(errors) < 0.02
+
+
+def test_a_robot_that_uses_it_is_located_better(ssl_field, from_rough, paper_camera, off_samples):
+    medians = []
+    for camera in (paper_camera, from_rough.camera):
+        vision = Vision(ssl_field, camera)
+        views = [vision.look(sample.frame) for sample in off_samples]
+        medians.append(
+            np.median(
+                [
+                    view.pose.pose.error_to(sample.pose, symmetric=True)[0] if view.pose else 1.0
+                    for view, sample in zip(views, off_samples, strict=True)
+                ]
+            )
+        )
+    assert medians[1] < 4e-3 < medians[0]
+
+
+def test_it_says_how_good_it_is(from_rough):
+    assert set(from_rough.std) == {"center_u_px", "center_v_px", "tilt_x_rad", "tilt_y_rad", "scale", "horizon"}
+    assert 0 < from_rough.std["center_u_px"] < 0.5
+    assert from_rough.choices[0].curve == "hyperboloid"
+    assert from_rough.choices[0].held_back_px < 0.2
+    assert any("trade off" in note for note in from_rough.notes)
+    assert any("no picture of a field tells them" in note for note in from_rough.notes)
+    residual = np.concatenate([frame.boundary_residual_px for frame in from_rough.frames])
+    assert np.median(np.abs(residual)) < 0.2
+    for frame in from_rough.frames:
+        assert len(frame.line_px) == len(frame.line_residual_px)
+
+
+def test_a_carpet_is_calibrated_by_its_lines(mirror_camera, paint_field, floor_error_m):
+    field = load_field("msl_6x4")
+    truth = dataclasses.replace(mirror_camera, center_px=(163.0, 116.0))
+    rng = np.random.default_rng(5)
+    poses = [Pose2(0.2, -0.1, 0.3), Pose2(-1.2, 0.6, 2.0), Pose2(1.4, -0.8, -1.0)]
+    frames = [paint_field(truth, field, pose, noise=3.0, rng=rng) for pose in poses]
+    start = dataclasses.replace(
+        truth, center_px=(159.5, 119.5), floor_range=Tangent(0.8 * 2.1456, 1.2 * 0.0114), usable_radius_px=(20.0, 105.0)
+    )
+    result = calibrate_omni(field, frames, start, names=["a", "b", "c"])
+    assert isinstance(result, OmniCalibration)
+    assert floor_error_m(result.camera, truth) < 5e-3
+    assert [frame.name for frame in result.frames] == ["a", "b", "c"]
+    assert all(len(frame.boundary_px) == 0 for frame in result.frames)
+
+
+def test_frames_that_are_of_no_use_are_left_out_by_name(ssl_field, off_frames, rough_camera):
+    class Broken(list):
+        def __getitem__(self, index):
+            if index == 1:
+                raise FrameError("b.png: is empty")
+            return super().__getitem__(index)
+
+    dark, small = np.zeros_like(off_frames[0]), np.ascontiguousarray(off_frames[0][:, :200])
+    frames = Broken([off_frames[0], off_frames[0], dark, small, *off_frames[1:4]])
+    result = calibrate_omni(ssl_field, frames, rough_camera, names=["a", "b.png", "c", "d", "e", "f", "g"])
+    assert isinstance(result, OmniCalibration)
+    assert [frame.name for frame in result.frames] == ["a", "e", "f", "g"]
+    left_out = [note for note in result.notes if note.startswith("left out")]
+    assert left_out == [
+        "left out b.png: is empty",
+        "left out c: too little of the floor's edge or of white lines in view",
+        "left out d: is 200x220, must be 256x220",
+    ]
+
+
+def test_at_most_so_many_frames_are_looked_at(ssl_field, off_frames, paper_camera):
+    seen = set()
+
+    class Watched(list):
+        def __getitem__(self, index):
+            seen.add(index)
+            return super().__getitem__(index)
+
+    calibrate_omni(ssl_field, Watched(off_frames * 20), paper_camera, max_frames=3)
+    assert seen == {0, 60, 119} or len(seen) == 3
+
+
+def test_images_without_a_field_are_refused(ssl_field, rough_camera):
+    rng = np.random.default_rng(6)
+    dark = np.zeros((220, 256, 3), dtype=np.uint8)
+    refused = calibrate_omni(ssl_field, [dark, dark], rough_camera)
+    assert isinstance(refused, NotCalibrated)
+    assert not refused
+    assert refused.reason == "no frame shows enough of the floor's edge or of white lines"
+    assert len(refused.notes) == 2
+    noise = rng.integers(0, 255, (3, 220, 256, 3), dtype=np.uint8)
+    assert isinstance(calibrate_omni(ssl_field, list(noise), rough_camera), NotCalibrated)
+
+
+@pytest.mark.parametrize("name", ["ssl_division_b", "msl_6x4"])
+@pytest.mark.parametrize("has_start", [True, False])
+def test_images_of_another_field_are_refused(off_frames, rough_camera, name, has_start):
+    refused = calibrate_omni(load_field(name), off_frames[:3], rough_camera if has_start else None)
+    assert isinstance(refused, NotCalibrated)
+    assert refused.reason
+
+
+def test_a_centre_beyond_the_bound_is_refused(ssl_field, off_frames, rough_camera):
+    far = dataclasses.replace(rough_camera, center_px=(185.0, 60.0))
+    assert isinstance(calibrate_omni(ssl_field, off_frames, far), NotCalibrated)
+
+
+def test_what_is_no_use_at_all_raises(ssl_field, off_frames, paper_camera):
+    with pytest.raises(ArgumentError, match="at least one frame is needed"):
+        calibrate_omni(ssl_field, [], paper_camera)
+    with pytest.raises(ArgumentError, match="max_frames must be at least 1, got 0"):
+        calibrate_omni(ssl_field, off_frames, paper_camera, max_frames=0)
+    bare = dataclasses.replace(load_field("msl_6x4"), lines=np.empty((0, 4)), arcs=np.empty((0, 5)))
+    with pytest.raises(ArgumentError, match="neither walls nor lines"):
+        calibrate_omni(bare, off_frames, paper_camera)
+    with pytest.raises(FrameError, match="is 200x220, must be 256x220"):
+        calibrate_omni(ssl_field, [np.zeros((220, 200, 3), dtype=np.uint8)], paper_camera)
+
+
+def test_guessed_cameras_know_their_field(ssl_field):
+    assert len(guessed_cameras(ssl_field, (256, 220))) == 1
+    field = load_field("msl_6x4")
+    cameras = guessed_cameras(field, (640, 480))
+    assert len(cameras) == 4
+    for camera in cameras:
+        assert isinstance(camera, OmniCamera)
+        assert camera.center_px == (319.5, 239.5)
+        q = camera.floor_range.inverse_range_per_m(camera.usable_radius_px[1])
+        assert q > 0
+    half_way_m = [1 / float(c.floor_range.inverse_range_per_m(c.usable_radius_px[1] / 2)) for c in cameras]
+    np.testing.assert_allclose(np.array(half_way_m) / field.length_m, [0.09, 0.15, 0.25, 0.4], rtol=0.05)

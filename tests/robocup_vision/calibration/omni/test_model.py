@@ -1,0 +1,147 @@
+"""Vectors and cameras: every curve goes there and back, and every family starts near what it starts from."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robocup_vision.calibration.omni.model import (
+    BENDS,
+    CENTER,
+    CURVES,
+    HORIZON,
+    SCALE,
+    TILT,
+    BentCurve,
+    CameraModel,
+    hyperboloid_of,
+    scale_and_horizon,
+    tangent_of,
+)
+from robocup_vision.camera import OmniCamera, Table, Tangent, load_camera, save_camera
+from sim2d.rendering.cameras import sekimori_camera
+
+USABLE = (26.0, 110.0)
+scales = st.floats(20.0, 1000.0)
+horizons = st.floats(60.0, 400.0)
+
+
+@given(scales, horizons, st.floats(0.3, 30.0))
+def test_hyperboloid_has_the_scale_and_horizon_asked_for(scale, horizon, root):
+    curve = hyperboloid_of(scale, horizon, root * horizon)
+    assert scale_and_horizon(curve, USABLE) == pytest.approx((scale, horizon), rel=1e-6)
+    assert curve.inverse_range_per_m(horizon) == pytest.approx(0.0, abs=1e-6 * scale / horizon)
+    assert curve.inverse_range_per_m(1e-3) == pytest.approx(scale / 1e-3, rel=1e-4)
+
+
+@given(scales, horizons)
+def test_tangent_has_the_scale_and_horizon_asked_for(scale, horizon):
+    assert scale_and_horizon(tangent_of(scale, horizon), USABLE) == pytest.approx((scale, horizon))
+
+
+def test_hyperboloid_of_a_far_root_is_a_paraboloid():
+    curve = hyperboloid_of(270.0, 114.0, 30 * 114.0)
+    radius = np.linspace(20, 110, 10)
+    np.testing.assert_allclose(curve.inverse_range_per_m(radius), 270 / radius * (1 - (radius / 114) ** 2), rtol=0.01)
+    assert curve.implied_height_m == pytest.approx(114 / (2 * 270), rel=0.01)
+
+
+def test_scale_and_horizon_of_a_table_are_those_of_the_curve_it_was_made_of():
+    curve = hyperboloid_of(270.0, 114.0, 900.0)
+    radius = np.linspace(15, 112, 80)
+    table = Table(radius, 1 / curve.inverse_range_per_m(radius))
+    assert scale_and_horizon(table, USABLE) == pytest.approx((270, 114), rel=0.02)
+
+
+def test_scale_and_horizon_of_a_table_without_a_horizon_are_finite():
+    table = Table(np.array([10.0, 50.0, 120.0]), np.array([0.1, 0.2, 0.3]))
+    scale, horizon = scale_and_horizon(table, USABLE)
+    assert scale > 0
+    assert horizon >= USABLE[1]
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_vector_and_camera_go_there_and_back(curve):
+    frame = dataclasses.replace(sekimori_camera(), tilt_rad=(0.01, -0.02), heading_rad=0.3, mirrored=True)
+    model = CameraModel(frame, curve)
+    vector = model.vector(frame)
+    assert len(vector) == model.size == len(model.names) == len(model.prior_std())
+    vector[CENTER] += (0.5, -1.0)
+    vector[SCALE] += 0.1
+    vector[HORIZON] -= 0.05
+    camera = model.camera(vector)
+    assert camera.center_px == (128.0, 108.5)
+    assert camera.tilt_rad == frame.tilt_rad
+    assert (camera.heading_rad, camera.mirrored, camera.size_px) == (0.3, True, (256, 220))
+    again = CameraModel(camera, curve).vector(camera)
+    np.testing.assert_allclose(
+        again[: 7 if curve == "hyperboloid" else 4], vector[: 7 if curve == "hyperboloid" else 4]
+    )
+
+
+def test_a_kept_curve_stays_as_it_is():
+    table = Table(np.array([20.0, 60.0, 110.0]), np.array([0.1, 0.4, 3.0]))
+    frame = OmniCamera((256, 220), (127.5, 109.5), (26.0, 105.0), table)
+    model = CameraModel(frame, "kept")
+    np.testing.assert_array_equal(model.vector(frame), [127.5, 109.5, 0.0, 0.0])
+    assert model.names == ("center u", "center v", "tilt x", "tilt y")
+    camera = model.camera(np.array([128.0, 110.0, 0.01, 0.0]))
+    assert camera.floor_range is table
+    assert camera.center_px == (128.0, 110.0)
+    assert camera.tilt_rad == (0.01, 0.0)
+    assert camera.height_m is not None
+
+
+def test_a_table_starts_as_the_hyperboloid_it_bends():
+    frame = sekimori_camera()
+    model = CameraModel(frame, "table")
+    radius = np.linspace(*frame.usable_radius_px, 9)
+    camera = model.camera(model.vector(frame))
+    np.testing.assert_allclose(
+        camera.floor_range.inverse_range_per_m(radius), frame.floor_range.inverse_range_per_m(radius), rtol=1e-9
+    )
+
+
+@given(st.lists(st.floats(-0.05, 0.05), min_size=BENDS, max_size=BENDS))
+def test_a_bent_curve_is_inverted(stretch):
+    curve = BentCurve(hyperboloid_of(270.0, 114.0, 500.0), np.linspace(*USABLE, BENDS), np.array(stretch))
+    radius = np.linspace(28, 100, 20)
+    np.testing.assert_allclose(curve.radius_px(curve.inverse_range_per_m(radius)), radius, atol=0.02)
+    assert curve.implied_height_m == curve.base.implied_height_m
+
+
+def test_a_written_table_passes_the_camera_file_s_checks(tmp_path):
+    frame = sekimori_camera()
+    model = CameraModel(frame, "table")
+    vector = model.vector(frame)
+    vector[7:] = 0.02 * np.sin(np.arange(BENDS))
+    written = model.written(vector)
+    assert isinstance(written.floor_range, Table)
+    save_camera(written, tmp_path / "camera.toml")
+    loaded = load_camera(tmp_path / "camera.toml")
+    pixels = written.polar_to_pixel(np.arange(6)[:, None], np.linspace(27, 105, 8)[None]).reshape(-1, 2)
+    np.testing.assert_allclose(loaded.pixel_to_floor(pixels), model.camera(vector).pixel_to_floor(pixels), rtol=0.01)
+
+
+def test_a_tangent_gets_a_height_so_that_it_may_tilt():
+    frame = OmniCamera((640, 480), (319.5, 239.5), (40.0, 190.0), Tangent(2.1, 0.0057))
+    model = CameraModel(frame, "tangent")
+    vector = model.vector(frame)
+    vector[TILT] = 0.01
+    assert model.camera(vector).height_m == pytest.approx(math.exp(vector[HORIZON] - vector[SCALE]) / 2)
+    assert model.written(vector).tilt_rad == (0.01, 0.01)
+
+
+def test_bounds_hold_centre_scale_and_horizon():
+    frame = sekimori_camera()
+    model = CameraModel(frame, "hyperboloid")
+    start = model.vector(frame)
+    low, high = model.bounds(start, 10.0, 0.5, 0.3)
+    np.testing.assert_allclose((high - low)[CENTER], 20.0)
+    assert (high - low)[SCALE] == pytest.approx(1.0)
+    assert (high - low)[HORIZON] == pytest.approx(0.6)
+    assert np.all(low < start)
+    assert np.all(start < high)

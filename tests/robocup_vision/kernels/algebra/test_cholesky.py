@@ -1,0 +1,24 @@
+"""Small systems solved in place agree with NumPy."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robocup_vision.kernels.algebra.cholesky import solve_symmetric
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_cholesky_agrees_with_numpy(seed):
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(8, 8))
+    matrix, right = half @ half.T + 0.1 * np.eye(8), rng.normal(size=8)
+    expected = np.linalg.solve(matrix, right)
+    assert solve_symmetric(matrix.copy(), right)
+    np.testing.assert_allclose(right, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_cholesky_refuses_an_indefinite_matrix():
+    assert not solve_symmetric(-np.eye(3), np.ones(3))

@@ -1,0 +1,331 @@
+"""The compiled outline fit against plain NumPy twins and against the camera's own geometry."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from strategies import PAPER_MIRROR, cameras, numbers
+
+from field_models import load_field
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor.walls import (
+    fit_each,
+    fit_walls,
+    hull_moments,
+    hull_radius,
+    predict_walls,
+    score_bank,
+    star_moments,
+    summarise_fit,
+)
+
+FIELD = load_field("ssl_2001")
+COUNT = 160
+ANGLES = np.arange(COUNT) * math.tau / COUNT
+COS, SIN = np.cos(ANGLES), np.sin(ANGLES)
+Q_STEP = 0.01
+RADIUS_OF_Q = PAPER_MIRROR.radius_px(np.arange(1000) * Q_STEP)
+seeds = st.integers(0, 2**32 - 1)
+places = st.builds(Pose2, numbers(-1.25, 1.25), numbers(-0.65, 0.65), numbers(-3.1, 3.1))
+
+
+def hull_twin(angles, radius):
+    """Farthest crossing of each ray with a segment between any two points: the hull, if the origin lies inside it."""
+    known = radius > 0
+    points = np.stack([np.cos(angles), np.sin(angles)], axis=1)[known] * radius[known, None]
+    first, second = (points[i] for i in np.triu_indices(len(points), 1))
+    out = np.zeros(len(angles))
+    for k, (c, s) in enumerate(zip(np.cos(angles), np.sin(angles), strict=True)):
+        a, b = (c * p[:, 1] - s * p[:, 0] for p in (first, second))
+        crosses = (np.minimum(a, b) <= 1e-9) & (np.maximum(a, b) >= -1e-9) & (np.abs(a - b) > 1e-9)
+        along = (first @ (c, s))[crosses], (second @ (c, s))[crosses]
+        t = a[crosses] / (a - b)[crosses]
+        out[k] = (along[0] + t * (along[1] - along[0])).max()
+    return out
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_hull_agrees_with_its_twin(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(8, 60))
+    angles = np.arange(count) * math.tau / count
+    radius = rng.uniform(20.0, 110.0, count)
+    radius[rng.random(count) < 0.4] = np.nan
+    known = np.flatnonzero(radius > 0)
+    assume(len(known) >= 3)
+    assume(np.diff(np.append(known, known[0] + count)).max() < count / 2)  # otherwise the origin lies outside
+    out = np.empty(count)
+    assert hull_radius(np.cos(angles), np.sin(angles), radius, out) == len(known)
+    np.testing.assert_allclose(out, hull_twin(angles, radius), rtol=1e-9)
+    assert (out[known] >= radius[known] - 1e-9).all()
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_hull_of_a_one_sided_outline_is_finite(seed):
+    rng = np.random.default_rng(seed)
+    radius = np.full(COUNT, np.nan)
+    first, length = rng.integers(0, COUNT), rng.integers(3, COUNT)
+    radius[(first + np.arange(length)) % COUNT] = rng.uniform(20.0, 110.0, length)
+    out = np.full(COUNT, np.nan)
+    assert hull_radius(COS, SIN, radius, out) == length
+    assert np.isfinite(out).all()
+
+
+def test_too_few_points_have_no_hull():
+    radius = np.full(COUNT, np.nan)
+    radius[:2] = 50.0
+    assert hull_radius(COS, SIN, radius, np.empty(COUNT)) == 2
+
+
+def moments_twin(corners):
+    """Sum over the triangles to the origin, by the three mid-point rule, which is exact for quadratic functions."""
+    following = np.roll(corners, -1, axis=0)
+    area = (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]) / 2
+    middles = np.stack([corners / 2, following / 2, (corners + following) / 2])
+    total = area.sum()
+    mean = (area[None, :, None] * middles / 3).sum(axis=(0, 1)) / total
+    second = np.einsum("k,tki,tkj->ij", area / 3, middles, middles) / total - np.outer(mean, mean)
+    return mean, second
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_star_moments_agree_with_numpy(seed):
+    rng = np.random.default_rng(seed)
+    range_m = rng.uniform(0.2, 2.0, COUNT)
+    mean, second = moments_twin(np.stack([COS, SIN], axis=1) * range_m[:, None])
+    x, y, axis = star_moments(COS, SIN, range_m)
+    np.testing.assert_allclose((x, y), mean, atol=1e-12)
+    direction = np.array([math.cos(axis), math.sin(axis)])
+    assert direction @ second @ direction == pytest.approx(np.linalg.eigvalsh(second)[1])
+
+
+@settings(deadline=None, max_examples=20)
+@given(places, seeds)
+def test_hull_moments_are_those_of_the_hull_on_the_floor(pose, seed):
+    radius = outline(pose, np.random.default_rng(seed))
+    first, step = 26.0, 0.25
+    q = PAPER_MIRROR.inverse_range_per_m(first + step * np.arange(345))
+    hull = np.empty(COUNT)
+    known = hull_radius(COS, SIN, radius, hull)
+    expected = star_moments(COS, SIN, 1.0 / np.interp(hull, first + step * np.arange(345), q))
+    found = hull_moments(COS, SIN, radius, first, step, q)
+    assert found[0] == known
+    np.testing.assert_allclose(found[1:], expected, rtol=1e-3, atol=1e-3)
+    assert hull_moments(COS, SIN, np.full(COUNT, np.nan), first, step, q) == (0, 0.0, 0.0, 0.0)
+
+
+def geometry(camera):
+    x, y, height = camera.viewpoint_m
+    return FIELD.walls, float(x), float(y), float(height), np.ascontiguousarray(camera.camera_to_robot.T)
+
+
+def predict(pose, camera):
+    q, wall = np.empty(COUNT), np.empty(COUNT, dtype=np.int64)
+    planes = np.empty((len(FIELD.walls), 4, 3))
+    predict_walls(pose.array if isinstance(pose, Pose2) else pose, *geometry(camera), COS, SIN, q, wall, planes)
+    return q, wall, planes
+
+
+def predict_twin(pose, camera):
+    """Where each bearing's upright half plane cuts each wall's foot, in three dimensions; the nearest counts."""
+    best = np.zeros(COUNT)
+    for x0, y0, x1, y1 in FIELD.walls:
+        robot = pose.inverse().transform([[x0, y0], [x1, y1]])
+        ends = (np.column_stack([robot, [0.0, 0.0]]) - camera.viewpoint_m) @ camera.camera_to_robot
+        aside = COS[:, None] * ends[:, 1] - SIN[:, None] * ends[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = aside[:, 0] / (aside[:, 0] - aside[:, 1])
+            foot = ends[0] + t[:, None] * (ends[1] - ends[0])
+            along = COS * foot[:, 0] + SIN * foot[:, 1]
+            q = np.where((t >= 0) & (t <= 1) & (along > 0), -foot[:, 2] / (along * camera.viewpoint_m[2]), 0.0)
+        best = np.maximum(best, q)
+    return best
+
+
+@settings(deadline=None, max_examples=40)
+@given(places, cameras())
+def test_predicted_walls_agree_with_geometry(pose, camera):
+    q, wall, _ = predict(pose, camera)
+    expected = predict_twin(pose, camera)
+    # a corner may round to either side of a bearing; nothing else may differ
+    assert (np.abs(q - expected) > 1e-9 * (1 + expected)).sum() <= 1
+    np.testing.assert_array_equal(wall >= 0, q > 0)
+
+
+@settings(deadline=None, max_examples=20)
+@given(places, cameras())
+def test_predicted_planes_have_the_derivatives_they_say(pose, camera):
+    q, wall, planes = predict(pose, camera)
+    for p in range(3):
+        step = np.zeros(3)
+        step[p] = 1e-6
+        ahead, behind = (predict(pose.array + sign * step, camera) for sign in (1, -1))
+        same = (wall >= 0) & (ahead[1] == wall) & (behind[1] == wall)
+        plane = planes[wall[same], 1 + p]
+        rate = plane[:, 0] * COS[same] + plane[:, 1] * SIN[same] - q[same] * plane[:, 2]
+        expected = (ahead[0] - behind[0])[same] / 2e-6
+        np.testing.assert_allclose(rate, expected, rtol=1e-3, atol=1e-3 * (1 + np.abs(expected).max()))
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds)
+def test_bank_scores_agree_with_numpy(seed):
+    rng = np.random.default_rng(seed)
+    bank, radius = rng.uniform(20, 110, (4, 20)), rng.uniform(20, 110, 20)
+    radius[rng.random(20) < rng.random()] = np.nan
+    known = radius > 0
+    weight = known / max(int(known.sum()), 1)
+    out = np.empty((4, 20))
+    score_bank(np.hstack([bank, bank]), np.nan_to_num(radius), weight, 12.0, out)
+    for shift in range(20):
+        off = np.abs(radius - np.roll(bank, shift, axis=1))
+        cost = np.where(np.isnan(off), np.nan, np.minimum(off, 12.0) / 12.0)
+        expected = np.nanmean(cost, axis=1) if known.any() else np.zeros(4)
+        np.testing.assert_allclose(out[:, shift], expected)
+
+
+def fit_twin(start, camera, radius, stride, scales, unit_px):
+    pose = start.copy()
+    for turn in range(len(scales) + 1):
+        scale = scales[min(turn, len(scales) - 1)]
+        coarse = 2 if stride == 1 and turn < len(scales) and scale > 2.5 * unit_px else 1
+        use = np.arange(COUNT)[:: stride * coarse]
+        use = use[radius[use] > 0]
+        q, wall, planes = predict(pose, camera)
+        met = use[wall[use] >= 0]
+        plane = planes[wall[met]]
+        place = np.minimum(q[met] / Q_STEP, len(RADIUS_OF_Q) - 2 + 0.999)
+        cell = place.astype(int)
+        slope = (RADIUS_OF_Q[cell + 1] - RADIUS_OF_Q[cell]) / Q_STEP
+        predicted = RADIUS_OF_Q[cell] + (q[met] - cell * Q_STEP) * slope
+        ray = np.stack([COS[met], SIN[met], -q[met]], axis=1)
+        turn_rate = slope * (plane[:, 0, 1] * COS[met] - plane[:, 0, 0] * SIN[met]) / predicted
+        oblique = 1 / np.hypot(1, turn_rate)
+        e = (radius[met] - predicted) * oblique
+        jacobian = (slope * oblique)[:, None] * np.einsum("kpi,ki->kp", plane[:, 1:], ray)
+        ratio = np.where(e < 0, e / scale, e / (3 * scale))
+        weight = 1 / (1 + ratio**2) ** 2
+        loss = (e / (2 * unit_px)) ** 2
+        cost = np.minimum(np.where(e < 0, 1.0, 2.0), loss).sum() + (len(use) - len(met))
+        information = (jacobian.T * weight) @ jacobian
+        pull = (weight * e)[:, None] * jacobian
+        if turn == len(scales):
+            whole = len(met) // 4 * 4
+            groups = pull[:whole].reshape(-1, 4, 3).sum(axis=1)
+            residual = np.full(COUNT, np.nan)
+            residual[met] = e
+            return cost / max(len(use), 1), pose, information, groups.T @ groups, residual, met, predicted
+        step = np.linalg.solve(information + 1e-6 * np.eye(3), pull.sum(axis=0))
+        pose = pose + step * min(1.0, 0.5 / max(np.hypot(*step[:2]), 1e-9), 0.5 / max(abs(step[2]), 1e-9))
+    raise AssertionError
+
+
+CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
+
+
+def outline(pose, rng, noise_px=0.2, hidden=0.2):
+    q, wall, _ = predict(pose, CAMERA)
+    radius = PAPER_MIRROR.radius_px(q) + rng.normal(0, noise_px, COUNT)
+    radius[(wall < 0) | (rng.random(COUNT) < hidden)] = np.nan
+    return radius
+
+
+def fit(starts, radius, stride, scales):
+    out = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(COUNT, np.nan), np.empty(COUNT)
+    cost = fit_walls(starts, *geometry(CAMERA), COS, SIN, radius, stride, Q_STEP, RADIUS_OF_Q, scales, 1.0, *out)
+    return cost, *out
+
+
+@settings(deadline=None, max_examples=25)
+@given(places, seeds)
+def test_fit_agrees_with_numpy(pose, seed):
+    rng = np.random.default_rng(seed)
+    radius, scales = outline(pose, rng), np.array([8.0, 5.0, 3.0, 2.0, 1.0])
+    start = pose.array + rng.normal(0, (0.05, 0.05, 0.05))
+    cost, found, information, scatter, residual, predicted = fit(start[None], radius, 1, scales)
+    twin = fit_twin(start, CAMERA, radius, 1, scales, 1.0)
+    np.testing.assert_allclose(found, twin[1], atol=1e-6)
+    assert cost == pytest.approx(twin[0], abs=1e-5)
+    np.testing.assert_allclose(information, twin[2], rtol=1e-3, atol=1e-2 * np.abs(twin[2]).max())
+    np.testing.assert_allclose(scatter, twin[3], rtol=1e-3, atol=1e-2 * np.abs(twin[3]).max())
+    np.testing.assert_allclose(residual, twin[4], atol=1e-3)
+    np.testing.assert_allclose(predicted[twin[5]], twin[6], atol=1e-3)
+
+
+@settings(deadline=None, max_examples=40)
+@given(places, seeds)
+def test_fit_finds_the_pose_an_outline_was_made_from(pose, seed):
+    rng = np.random.default_rng(seed)
+    start = pose.array + rng.normal(0, (0.02, 0.02, 0.03))
+    _, found, *_ = fit(start[None], outline(pose, rng, 0.05), 1, np.array([8.0, 5.0, 3.0, 2.0, 1.0, 1.0]))
+    distance, angle = Pose2(*found).error_to(pose)
+    assert distance < 0.005
+    assert angle < 0.01
+
+
+def test_the_best_of_several_starts_wins():
+    rng = np.random.default_rng(1)
+    pose = Pose2(0.3, -0.2, 0.7)
+    starts = np.array([[-1.0, 0.5, 2.0], [0.35, -0.15, 0.75], [1.0, 0.0, -2.0]])
+    radius, scales = outline(pose, rng), np.array([8.0, 4.0, 2.0, 1.0])
+    alone = [fit(start[None], radius, 3, scales) for start in starts]
+    best = min(alone, key=lambda found: found[0])
+    cost, found, *_ = fit(starts, radius, 3, scales)
+    assert cost == best[0]
+    np.testing.assert_array_equal(found, best[1])
+    assert Pose2(*found).error_to(pose)[0] < 0.01
+
+
+def test_each_start_is_fitted_by_itself():
+    rng = np.random.default_rng(3)
+    radius, scales = outline(Pose2(-0.4, 0.2, 2.0), rng), np.array([8.0, 4.0, 2.0])
+    starts = rng.normal(0, 0.3, (5, 3))
+    poses, costs = np.empty((5, 3)), np.empty(5)
+    fit_each(starts, *geometry(CAMERA), COS, SIN, radius, 3, Q_STEP, RADIUS_OF_Q, scales, 1.0, poses, costs)
+    for start, pose, cost in zip(starts, poses, costs, strict=True):
+        alone = fit(start[None], radius, 3, scales)
+        assert cost == alone[0]
+        np.testing.assert_array_equal(pose, alone[1])
+
+
+def test_a_fit_from_nowhere_still_says_how_bad_it_is():
+    radius = outline(Pose2(0.0, 0.0, 0.0), np.random.default_rng(2))
+    nan = fit(np.full((1, 3), np.nan), radius, 1, np.array([2.0, 1.0]))
+    assert nan[0] == 1.0  # no wall is met: every bearing counts in full
+    assert np.isnan(nan[4]).all()
+    nothing = fit(np.zeros((1, 3)), np.full(COUNT, np.nan), 1, np.array([2.0, 1.0]))
+    assert nothing[0] == 0.0
+    np.testing.assert_array_equal(nothing[1], np.zeros(3))
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds)
+def test_summary_agrees_with_numpy(seed):
+    rng = np.random.default_rng(seed)
+    residual = rng.normal(0, 1.5, 60)
+    residual[rng.random(60) < 0.3] = np.nan
+    rows = rng.normal(0, 10, (2, 8, 3))
+    information, scatter = (r.T @ r for r in rows)
+    out = np.empty((3, 3))
+    share, rms, along = summarise_fit(residual, 1.5, information, scatter, 1.5, 0.008, out)
+    seen = residual[np.isfinite(residual)]
+    fits = seen[np.abs(seen) < 1.5]
+    assert share == pytest.approx(len(fits) / len(seen))
+    assert rms == pytest.approx(math.sqrt(np.mean(fits**2)))
+    inverse = np.linalg.inv(information)
+    expected = inverse @ (1.5 * scatter + 0.008 * information) @ inverse
+    np.testing.assert_allclose(out, expected, rtol=1e-6, atol=1e-9 * expected.max())
+    assert along == pytest.approx(math.sqrt(np.linalg.eigvalsh(expected[:2, :2])[1]))
+
+
+def test_a_direction_that_nothing_fixes_has_an_infinite_deviation():
+    information = np.diag([100.0, 0.0, 50.0])
+    share, rms, along = summarise_fit(np.full(5, np.nan), 1.5, information, information, 1.5, 0.008, np.empty((3, 3)))
+    assert (share, rms) == (0.0, 0.0)
+    assert along == math.inf

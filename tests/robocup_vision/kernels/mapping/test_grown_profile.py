@@ -1,0 +1,106 @@
+"""The grown profile against its exact form, bearing by bearing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from steering_twins import BINS, RADIUS, around, grown, plain_bin, with_minima
+
+from robocup_vision.kernels.mapping import grown_profile as kernels
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def plain_growth(range_m, bearing):
+    """Smallest centre range at which the disc touches any sector's arc, along `bearing` (N,): no bins."""
+    bearing_rad = around(range_m.shape[0])
+    reach = np.maximum(range_m, RADIUS)
+    off = np.abs((np.subtract.outer(bearing, bearing_rad) + math.pi) % math.tau - math.pi)
+    off = np.maximum(off - math.pi / range_m.shape[0], 0.0)
+    beside = reach * np.sin(off)
+    touch = reach * np.cos(off) - np.sqrt(np.maximum(RADIUS**2 - beside**2, 0.0))
+    return np.where((off < math.pi / 2) & (beside <= RADIUS), touch, np.inf).min(axis=1)
+
+
+def profile_at(profile, bearing):
+    return profile[plain_bin(np.cos(bearing), np.sin(bearing))]
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.floats(-math.pi, math.pi), st.floats(1e-6, 10.0))
+def test_bins_agree_with_trigonometry(bearing, reach):
+    x, y = reach * math.cos(bearing), reach * math.sin(bearing)
+    index = kernels.profile_bin(x, y)
+    assert 0 <= index < BINS
+    # either side of an edge is right for a direction on the edge
+    assert index in {int(plain_bin(math.cos(b), math.sin(b))) for b in (bearing - 1e-9, bearing, bearing + 1e-9)}
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds, st.integers(3, 80))
+def test_sectors_reach_halfway_to_the_neighbours(seed, count):
+    rng = np.random.default_rng(seed)
+    # uneven spacings of at most 1.5 times the smallest: no gaps
+    gaps = rng.uniform(1.0, 1.45, count)
+    bearing = rng.uniform(-1, 1) + np.cumsum(gaps) * math.tau / gaps.sum()
+    sectors, sector_bins = np.empty((count, 4)), np.empty((count, 4), dtype=np.int64)
+    assert kernels.measure_sectors(bearing, sectors, sector_bins)
+    upper = 0.5 * (bearing + np.append(bearing[1:], bearing[0] + math.tau))
+    lower = np.append(upper[-1], upper[:-1])
+    expected = np.stack([np.cos(lower), np.sin(lower), np.cos(upper), np.sin(upper)], axis=1)
+    np.testing.assert_allclose(sectors, expected, atol=1e-12)
+    assert (sector_bins[:, 2:] == 1).all()
+    edge_bins = np.stack([plain_bin(np.cos(lower), np.sin(lower)), plain_bin(np.cos(upper), np.sin(upper))], axis=1)
+    assert (np.abs((sector_bins[:, :2] - edge_bins + BINS // 2) % BINS - BINS // 2) <= 1).all()
+
+
+@pytest.mark.parametrize("bearing", [[0.0, 2.0, 1.0], [0.0, 0.0, 1.0], [0.0, 3.0, 6.5], [0.0, 1.0, math.nan]])
+def test_bearings_that_do_not_ascend_within_a_turn_are_refused(bearing):
+    assert not kernels.measure_sectors(np.array(bearing), np.empty((3, 4)), np.empty((3, 4), dtype=np.int64))
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, st.sampled_from([3, 8, 32, 37, 64]))
+def test_grown_profile_is_never_beyond_and_hardly_before_the_exact_one(seed, count):
+    rng = np.random.default_rng(seed)
+    range_m = rng.uniform(0.02, 1.5, count)
+    profile, _, _, smallest = grown(range_m)
+    assert smallest == profile.min()
+    bearing = rng.uniform(-math.pi, math.pi, 40)
+    value = profile_at(profile, bearing)
+    assert (value <= plain_growth(range_m, bearing) + 1e-9).all()
+    # A bin holds the least within itself, and it is at most 2 * 4 / BINS wide in bearing.
+    beside = np.linspace(-8 / BINS, 8 / BINS, 33)
+    least = plain_growth(range_m, np.add.outer(bearing, beside).ravel()).reshape(40, 33).min(axis=1)
+    assert (value >= least - 1e-9 - 0.002).all()
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds)
+def test_groups_hold_the_least_of_themselves_and_their_neighbours(seed):
+    profile, *minima = grown(np.random.default_rng(seed).uniform(0.02, 1.5, 24))
+    for found, expected in zip(minima, with_minima(profile)[1:], strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_disc_touches_a_facing_obstacle_one_radius_before_it_and_a_wall_behind_blocks_nothing():
+    profile, *_ = grown(np.where(np.arange(64) == 0, 0.5, np.inf))
+    assert profile_at(profile, 0.0) == pytest.approx(0.41)
+    assert profile_at(profile, math.pi) == math.inf
+    touching, *_ = grown(np.where(np.arange(64) == 0, 0.05, np.inf))
+    assert profile_at(touching, 0.3) == 0.0
+    assert profile_at(touching, math.pi) == math.inf
+
+
+def test_unmeasured_bearings_block_themselves_only():
+    one, *_ = grown(np.where(np.arange(32) == 5, np.nan, np.inf))
+    middle = 5 * math.tau / 32
+    assert profile_at(one, middle) == 0.0
+    assert profile_at(one, middle + 0.2) == math.inf
+    pinhole, *_ = grown(np.full(9, np.inf), np.linspace(-0.4, 0.4, 9))
+    assert profile_at(pinhole, 0.0) == math.inf
+    assert profile_at(pinhole, 0.5) == profile_at(pinhole, math.pi) == 0.0

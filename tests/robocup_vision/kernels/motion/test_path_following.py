@@ -1,0 +1,214 @@
+"""Path following against plain NumPy: the path's points, the odometry's covariance, the worst clearance."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from steering_twins import plain_positions
+
+from robocup_vision.geometry import Pose2, compose_covariance
+from robocup_vision.kernels.motion import path_following as kernels
+
+seeds = st.integers(0, 2**32 - 1)
+PATH = np.array([[0.0, 0.0], [1.0, 0.2], [1.0, 0.2], [1.5, -0.4], [3.0, 0.0]])
+LENGTH = np.hypot(*np.diff(PATH, axis=0).T).sum()
+
+
+def fine_path(count=20001):
+    ends = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(PATH, axis=0).T))])
+    arcs = np.linspace(0.0, LENGTH, count)
+    return arcs, np.stack([np.interp(arcs, ends, PATH[:, k]) for k in (0, 1)], axis=1)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.floats(-1, 4), st.floats(-1, 1))
+def test_the_nearest_point_is_nearer_than_all_others(x, y):
+    arcs, points = fine_path()
+    away = np.hypot(*(points - (x, y)).T)
+    arc, nearest, length = kernels.nearest_on_path(PATH, (x, y))
+    assert length == pytest.approx(LENGTH)
+    assert nearest == pytest.approx(away.min(), abs=1e-4)
+    assert np.hypot(*(np.array(kernels.point_on_path(PATH, arc)) - (x, y))) == pytest.approx(nearest)
+    index = np.searchsorted(arcs, arc)
+    np.testing.assert_allclose(kernels.point_on_path(PATH, arc), points[min(index, len(points) - 1)], atol=2e-4)
+
+
+def test_the_command_leads_to_the_point_ahead_and_to_rest_at_the_end():
+    x, y = kernels.follow(PATH, (0.0, 0.1), 0.8, 0.3, 1.2)
+    ahead = np.array(kernels.point_on_path(PATH, kernels.nearest_on_path(PATH, (0.0, 0.1))[0] + 0.3)) - (0.0, 0.1)
+    assert math.hypot(x, y) == pytest.approx(0.8)
+    assert math.atan2(y, x) == pytest.approx(math.atan2(ahead[1], ahead[0]))
+    assert kernels.follow(PATH, (3.0, 0.0), 0.8, 0.3, 1.2) == (0.0, 0.0)
+    near = math.hypot(*kernels.follow(PATH, (2.99, 0.0), 0.8, 0.3, 1.2))
+    assert 0.0 < near <= 0.1
+    # past the end it comes back at a speed from which it can stop there
+    assert kernels.follow(PATH, (3.2, 0.0), 0.8, 0.3, 1.2)[0] < -0.3
+
+
+def test_a_robot_that_follows_arrives_at_rest():
+    place, velocity, pending = (0.0, 0.4), (0.0, 0.0), (0.0, 0.0)
+    fastest = 0.0
+    for _ in range(300):
+        target = kernels.follow(PATH, place, 1.0, 0.35, 2.0)
+        place, velocity = kernels.drive(place, velocity, pending, target, 2.0, 0.03, 1 / 30)
+        pending = target
+        fastest = max(fastest, math.hypot(*velocity))
+    np.testing.assert_allclose(place, PATH[-1], atol=0.003)
+    assert math.hypot(*velocity) < 0.02
+    assert 0.95 < fastest <= 1.0 + 1e-9
+
+
+@settings(deadline=None, max_examples=50)
+@given(seeds)
+def test_a_period_is_the_dead_time_with_the_old_command_and_the_rest_with_the_new(seed):
+    place, velocity, pending, target = map(tuple, np.random.default_rng(seed).uniform(-1, 1, (4, 2)))
+    by_old = plain_positions(place, velocity, pending, 1.5, np.array([0.0, 0.0199999, 0.02]))
+    then = (by_old[2] - by_old[1]) / 1e-7
+    found, moving = kernels.drive(place, velocity, pending, target, 1.5, 0.02, 0.05)
+    by_new = plain_positions(tuple(by_old[2]), tuple(then), target, 1.5, np.array([0.03, 0.0299999]))
+    np.testing.assert_allclose(found, by_new[0], atol=1e-5)
+    np.testing.assert_allclose(moving, (by_new[0] - by_new[1]) / 1e-7, atol=1e-4)
+
+
+@settings(deadline=None, max_examples=50)
+@given(seeds)
+def test_the_spread_is_that_of_composed_poses(seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(0, 0.1, (3, 3))
+    covariance, moved = root @ root.T, rng.uniform(-1, 1, 2)
+    way = math.hypot(*moved)
+    along = Pose2(0.0, 0.0, math.atan2(moved[1], moved[0]))
+    slip = np.diag([(0.05 * way) ** 2, (0.2 * way) ** 2, 0.0])
+    turned = compose_covariance(along, np.zeros((3, 3)), Pose2(way, 0.0, 0.0), slip)
+    # odometry in the field's directions: the heading only turns the way
+    expected = compose_covariance(Pose2(0, 0, 0), covariance, Pose2(*moved, 0.0), turned)
+    xx, xy, yy = kernels.spread(covariance, (0.05, 0.2), tuple(moved))
+    np.testing.assert_allclose([[xx, xy], [xy, yy]], expected[:2, :2], atol=1e-12)
+
+
+def plain_clearance(
+    path, place, velocity, pending, covariance, speed, ahead, acceleration, dead, period, looks, slip, discs
+):
+    """Both parts, straight from their definition, three deviations."""
+
+    def toward(disc, where, doubt):
+        way = np.subtract(disc[:2], where)
+        away = np.hypot(*way)
+        both = np.add(doubt, [[disc[3], disc[4]], [disc[4], disc[5]]])
+        return away, math.sqrt(way @ both @ way) / away
+
+    def turned(vector, angle):
+        return tuple(Pose2(0.0, 0.0, angle).transform(vector))
+
+    given = []
+    for disc in discs:
+        away, deviation = toward(disc, place, covariance[:2, :2])
+        given.append(max(disc[2] + 3 * deviation - away, 0.0))
+    here, moving, obeyed, least, at_look = place, velocity, pending, math.inf, None
+    for step in range(1000):
+        target = kernels.follow(path, here, speed, ahead, acceleration)
+        if at_look is not None:
+            target = (0.0, 0.0)
+        here, moving = kernels.drive(here, moving, obeyed, target, acceleration, dead, period)
+        obeyed, moved = target, np.subtract(here, place)
+        xx, xy, yy = kernels.spread(covariance, slip, tuple(moved))
+        doubt = np.array([[xx, xy], [xy, yy]])
+        for disc, more in zip(discs, given, strict=True):
+            away, deviation = toward(disc, here, doubt)
+            least = min(least, more + away - disc[2] - 3 * deviation)
+        if at_look is not None and moving == (0.0, 0.0):
+            break
+        if step + 1 == max(1, round(looks / period)):
+            at_look = (
+                here,
+                moving,
+                obeyed,
+                doubt,
+                covariance[:2, 2] + covariance[2, 2] * np.array([-moved[1], moved[0]]),
+            )
+    here, moving, obeyed, doubt, with_heading = at_look
+    values, vectors = np.linalg.eigh(doubt)
+    for sign, k in itertools.product((-1, 1), (0, 1)):
+        far, axis = math.sqrt(values[k]), sign * vectors[:, k]
+        worst, turn = tuple(here + 3 * far * axis), 3 * with_heading @ axis / far
+        worst_moving, worst_obeyed = turned(moving, turn), turned(obeyed, turn)
+        back, step = False, 0
+        while not (back and worst_moving == (0.0, 0.0)):
+            back = back or kernels.nearest_on_path(path, worst)[1] <= 0.01 or step * period >= 3.0
+            target = (0.0, 0.0) if back else kernels.follow(path, worst, speed, ahead, acceleration)
+            worst, worst_moving = kernels.drive(worst, worst_moving, worst_obeyed, target, acceleration, dead, period)
+            worst_obeyed, step = target, step + 1
+            for disc, more in zip(discs, given, strict=True):
+                away, of_disc = toward(disc, worst, np.zeros((2, 2)))
+                least = min(least, more + away - disc[2] - 3 * (math.hypot(far, of_disc) - far))
+    return least
+
+
+NUMBERS = (0.4, 1.5, 0.03, 1 / 30, 0.5)
+SLIP = (0.05, 0.1)
+STRAIGHT = np.array([[0.0, 0.0], [3.0, 0.0]])
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds)
+def test_the_least_clearance_is_that_of_its_definition(seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(0, 0.03, (3, 3))
+    place, velocity = tuple(rng.uniform(-0.1, 0.1, 2)), tuple(rng.uniform(-0.5, 0.5, 2))
+    discs = np.array([(*rng.uniform((0, -0.9), (2.5, 0.9)), 0.18, 4e-4, 1e-4, 2e-4) for _ in range(2)])
+    given_ones = PATH, place, velocity, velocity, root @ root.T, rng.uniform(0.2, 1.2), *NUMBERS, SLIP
+    found, which = kernels.min_clearance(*given_ones, discs, 3.0)
+    plain = plain_clearance(*given_ones, discs)
+    if plain < 0.0:
+        # the first part that is short settles it
+        assert plain - 1e-9 <= found < 0.0
+    else:
+        assert found == pytest.approx(plain, abs=1e-9)
+        assert kernels.min_clearance(*given_ones, discs[which : which + 1], 3.0)[0] == pytest.approx(found)
+
+
+def between_posts(doubt, posts, x=0.0, speed=0.8, slip=SLIP):
+    """Clearance of a straight way between posts of 1 cm of doubt."""
+    discs = np.array([(*post, 0.18, 1e-4, 0.0, 1e-4) for post in posts])
+    moving = (speed, 0.0)
+    return kernels.min_clearance(STRAIGHT, (x, 0.0), moving, moving, doubt, speed, *NUMBERS, slip, discs, 3.0)[0]
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds)
+def test_more_doubt_of_place_or_heading_never_makes_room(seed):
+    rng = np.random.default_rng(seed)
+    posts = [(1.2, side * rng.uniform(0.3, 0.6)) for side in (-1, 1)]
+    x, speed = rng.uniform(0.0, 0.9), rng.uniform(0.3, 1.2)
+    small = rng.uniform(0.005, 0.03, 3)
+    room = between_posts(np.diag(small**2), posts, x, speed)
+    for more in ([2, 1, 1], [1, 2, 1], [1, 1, 3]):
+        assert between_posts(np.diag((small * more) ** 2), posts, x, speed) <= room + 1e-9 or room < 0.0
+
+
+def test_doubt_along_the_way_does_not_hide_that_across():
+    """The longer axis lies along the path; the posts of the gap are across, where only the return leads to."""
+    posts = [(1.5, -0.24), (1.5, 0.24)]
+    vague, sharp = (between_posts(np.diag([0.035, aside, 1e-3]) ** 2, posts, slip=(0.0, 0.0)) for aside in (0.03, 1e-3))
+    assert vague < sharp - 0.3
+
+
+def test_a_heading_that_goes_along_with_the_place_counts_twice():
+    """Off to one side and turned to that side is worse than off and turned back."""
+    posts = [(1.3, -0.5), (1.3, 0.5)]
+    off = np.array([[1e-4, 0.0, 0.0], [0.0, 9e-4, 0.0], [0.0, 0.0, 0.0064]])
+    along = off.copy()
+    along[1, 2] = along[2, 1] = 0.95 * 0.03 * 0.08
+    assert between_posts(along, posts) < between_posts(off, posts) - 0.01
+
+
+def test_without_discs_there_is_no_end_of_room():
+    nothing = kernels.min_clearance(
+        PATH, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), np.eye(3), 1.0, *NUMBERS, SLIP, np.empty((0, 6)), 3.0
+    )
+    assert nothing == (math.inf, -1)

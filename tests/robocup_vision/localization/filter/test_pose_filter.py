@@ -1,0 +1,293 @@
+"""The pose filter: odometry carries, frames correct, late ones count for when they were taken; no way is special."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pose_frames import DT, STD, STEP, STILL, noisy, random_drive, run, seeds, told
+from strategies import numbers, poses
+
+from field_models.errors import ArgumentError
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.pose_filter import FrameErrors, OdometryNoise, PoseFilter
+
+
+def test_nothing_is_believed_before_the_first_frame():
+    filter_ = PoseFilter()
+    filter_.predict(STILL, 0.0)
+    filter_.update(NotLocated("dark"), 0.0)
+    assert not filter_.belief
+    assert "no frame has told a pose yet" in filter_.belief.reason
+    assert filter_.prior(0.0) is None
+
+
+@settings(deadline=None, max_examples=30)
+@given(poses(1.5), seeds, st.sampled_from([0.8, 1.0, 1.2]))
+def test_belief_stays_with_a_driving_robot_though_odometry_is_a_fifth_off(start, seed, scale):
+    filter_, truth, _ = run(start, 60, np.random.default_rng(seed), scale=scale)
+    offset = filter_.belief.pose.array - truth.array
+    offset[2] = math.remainder(offset[2], math.tau)
+    assert filter_.belief.candidates == (filter_.belief.pose,)
+    assert math.hypot(*offset[:2]) < 0.03
+    assert abs(offset[2]) < 0.05
+    # and it knows how well it knows: 25 is beyond one in ten thousand
+    assert offset @ np.linalg.solve(filter_.belief.covariance, offset) < 25.0
+
+
+@settings(deadline=None, max_examples=30)
+@given(poses(1.5), seeds)
+def test_without_frames_odometry_carries_the_belief_and_its_doubt_grows(start, seed):
+    filter_, _, t_s = run(start, 1, np.random.default_rng(seed))
+    before, step = filter_.belief, Pose2(0.01, -0.02, 0.05)
+    place = before.pose
+    for k in range(30):
+        filter_.predict(step, t_s + (k + 1) * DT)
+        place = place.compose(step)
+    after = filter_.belief
+    np.testing.assert_allclose(after.pose.array, place.array, atol=1e-9)
+    assert np.all(after.std > before.std)
+    assert np.linalg.eigvalsh(after.covariance).min() > 0
+
+
+@settings(deadline=None, max_examples=30)
+@given(poses(1.5), st.lists(st.tuples(numbers(-0.03, 0.03), numbers(-0.03, 0.03), numbers(-0.2, 0.2)), min_size=4))
+def test_a_late_frame_counts_for_when_it_was_taken(start, steps):
+    steps = [Pose2(*step) for step in steps[:12]]
+    filter_, truth, places = PoseFilter(), start, [start]
+    filter_.predict(STILL, 0.0)
+    filter_.update(told(start), 0.0)
+    for k, step in enumerate(steps):
+        filter_.predict(step, (k + 1) * DT)
+        truth = truth.compose(step)
+        places.append(truth)
+    for late in (1, 3):
+        index = len(steps) - late
+        np.testing.assert_allclose(filter_.prior(index * DT).array[:2], places[index].array[:2], atol=1e-6)
+        filter_.update(told(places[index]), index * DT)
+        assert filter_.belief.pose.error_to(truth) == pytest.approx((0.0, 0.0), abs=1e-6)
+    # halfway between two steps; and from before anything is remembered
+    between = filter_.prior((len(steps) - 0.5) * DT)
+    assert sum(between.error_to(places[-2])) <= sum(places[-1].error_to(places[-2])) + 1e-6
+    unchanged = filter_.belief.pose
+    filter_.update(told(Pose2(9.0, 9.0, 0.0)), -5.0)
+    assert filter_.belief.pose == unchanged
+
+
+def test_a_robot_too_long_without_frames_is_lost_and_found_again_by_the_next():
+    filter_, truth, t_s = run(Pose2(0.0, 0.0, 0.0), 5, np.random.default_rng(1))
+    for _ in range(400):
+        t_s += DT
+        filter_.predict(Pose2(0.2, 0.0, 0.3), t_s)
+    assert not filter_.belief
+    assert "too long" in filter_.belief.reason
+    assert filter_.prior(t_s) is None
+    place = Pose2(0.5, -0.2, 2.0)
+    filter_.update(told(place), t_s)
+    assert filter_.belief.pose == place
+    filter_.forget()
+    assert not filter_.belief
+    assert truth != place
+
+
+def test_what_is_not_finite_never_enters():
+    filter_, _, t_s = run(Pose2(0.1, 0.2, 0.3), 5, np.random.default_rng(1))
+    before = filter_.belief.pose
+    filter_.update(told(Pose2(math.nan, 0.0, 0.0)), t_s)
+    filter_.update(told(Pose2(0.0, 0.0, 0.0), std=np.array([math.nan, 1.0, 1.0])), t_s)
+    filter_.update(told(Pose2(0.0, 0.0, 0.0)), math.nan)
+    assert filter_.belief.pose == before
+    with pytest.raises(ArgumentError, match="odometry and its time must be finite"):
+        filter_.predict(Pose2(math.nan, 0.0, 0.0), t_s + DT)
+    with pytest.raises(ArgumentError, match="time must not run backwards"):
+        filter_.predict(STILL, t_s - DT)
+
+
+def drive(frames, steps, *, filter_=None, late=()):
+    """Feed odometry, and frames (index of their step, estimate) in the order given, those of `late` at the end."""
+    filter_ = filter_ or PoseFilter()
+    for index, step in enumerate(steps):
+        filter_.predict(step, index * DT)
+        for at, estimate in frames:
+            if at == index:
+                filter_.update(estimate, at * DT)
+    for at, estimate in late:
+        filter_.update(estimate, at * DT)
+    return filter_
+
+
+def assert_same(left, right, *, move=None, turn=None):
+    """Both say the same, the second after a motion of the field."""
+    assert len(left) == len(right)
+    # hypotheses of the same probability come in any order
+    for one in left:
+        place = one.pose if move is None else move(one.pose)
+        other = min(right, key=lambda h: sum(h.pose.error_to(place)))
+        assert other.probability == pytest.approx(one.probability, abs=1e-9)
+        assert other.pose.error_to(place) == pytest.approx((0.0, 0.0), abs=1e-9)
+        expected = one.covariance if turn is None else turn @ one.covariance @ turn.T
+        np.testing.assert_allclose(other.covariance, expected, atol=1e-12, rtol=1e-7)
+
+
+@settings(deadline=None, max_examples=15)
+@given(seeds)
+def test_frames_turned_by_half_make_a_belief_turned_by_half(seed):
+    steps, frames = random_drive(np.random.default_rng(seed))
+    straight = drive(frames, steps).hypotheses
+    turned = drive([(at, estimate.half_turn()) for at, estimate in frames], steps).hypotheses
+    assert_same(straight, turned, move=Pose2.half_turn, turn=np.diag([-1.0, -1.0, 1.0]))
+
+
+@settings(deadline=None, max_examples=15)
+@given(seeds, numbers(-3.1, 3.1))
+def test_no_direction_of_the_field_is_special(seed, angle):
+    steps, frames = random_drive(np.random.default_rng(seed))
+    by = Pose2(0.0, 0.0, angle)
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def turned(estimate):
+        poses_ = tuple(by.compose(pose) for pose in estimate.candidates)
+        return PoseEstimate(poses_[0], turn @ estimate.covariance @ turn.T, 0.9, 0.3, poses_)
+
+    skewed = [(at, PoseEstimate(e.pose, e.covariance + 1e-5, 0.9, 0.3, e.candidates)) for at, e in frames]
+    assert_same(
+        drive(skewed, steps).hypotheses,
+        drive([(at, turned(e)) for at, e in skewed], steps).hypotheses,
+        move=by.compose,
+        turn=turn,
+    )
+
+
+@settings(deadline=None, max_examples=15)
+@given(poses(1.0), numbers(-0.5, 0.5), numbers(-0.5, 0.5), seeds)
+def test_no_place_of_the_field_is_special_to_frames_that_tell_the_half(start, dx, dy, seed):
+    rng = np.random.default_rng(seed)
+    errors = STD * rng.standard_normal((15, 3))
+
+    def believed(x, y):
+        truth, frames, steps = Pose2(start.x_m + x, start.y_m + y, start.theta_rad), [], [STILL]
+        for index, error in enumerate(errors):
+            frames.append((index, told(Pose2(*(truth.array + error)))))
+            steps.append(STEP)
+            truth = truth.compose(STEP)
+        return drive(frames, steps).belief
+
+    here, there = believed(0.0, 0.0), believed(dx, dy)
+    assert there.pose.error_to(Pose2(here.pose.x_m + dx, here.pose.y_m + dy, here.pose.theta_rad))[0] < 1e-9
+    np.testing.assert_allclose(there.covariance, here.covariance, rtol=1e-7)
+
+
+@settings(deadline=None, max_examples=12)
+@given(seeds)
+def test_the_order_in_which_frames_come_does_not_matter(seed):
+    rng = np.random.default_rng(seed)
+    steps, frames = random_drive(rng)
+    frames += [(at, told(noisy(estimate.pose, rng))) for at, estimate in frames[::5]]
+    # between two steps, too
+    frames = [(at + float(rng.choice([0.0, 0.3, 0.7])), estimate) for at, estimate in frames]
+    results = []
+    for _ in range(3):
+        results.append(drive([], steps, late=frames).hypotheses)
+        rng.shuffle(frames)
+    assert_same(results[0], results[1])
+    assert_same(results[0], results[2])
+
+
+@settings(deadline=None, max_examples=15)
+@given(seeds)
+def test_a_late_frame_is_worth_what_it_would_have_been_in_time(seed):
+    rng = np.random.default_rng(seed)
+    steps, frames = random_drive(rng)
+    # the first founds the belief; before it nothing is
+    late = [frame for frame in frames[1:] if rng.random() < 0.5]
+    punctual = [frame for frame in frames if not any(frame is other for other in late)]
+    assert_same(drive(frames, steps).hypotheses, drive(punctual, steps, late=late[::-1]).hypotheses)
+
+
+def test_frames_before_the_first_odometry_count_and_those_of_the_future_are_of_now():
+    truth = Pose2(0.4, 0.3, 1.0)
+    filter_ = PoseFilter()
+    filter_.update(told(truth), 5.0)
+    assert filter_.belief.pose == truth
+    filter_.update(told(truth), 4.0)
+    filter_.predict(Pose2(0.5, 0.0, 0.0), 4.9)
+    assert filter_.belief.pose == truth
+    filter_.update(told(truth), 100.0)
+    filter_.predict(STEP, 5.0)
+    assert filter_.belief.pose.error_to(truth.compose(STEP)) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_a_step_of_odometry_is_as_uncertain_in_pieces():
+    start = Pose2(0.1, -0.2, 0.7)
+    stds = []
+    for pieces in (1, 2, 7):
+        filter_ = PoseFilter()
+        filter_.predict(STILL, 0.0)
+        filter_.update(told(start), 0.0)
+        for k in range(pieces):
+            filter_.predict(Pose2(0.3 / pieces, 0.1 / pieces, 0.0), (k + 1) * 0.3 / pieces)
+        stds.append(filter_.belief.std)
+    # the heading's doubt, which comes during the step, bends the way a little more when it is cut
+    for std in stds[1:]:
+        np.testing.assert_allclose(std[:2], stds[0][:2], rtol=0.02)
+        assert std[2] == pytest.approx(stds[0][2], rel=1e-9)
+
+
+@pytest.mark.parametrize("lasting_share", [0.0, 0.5, 0.9])
+def test_covariance_is_honest_when_errors_last_as_long_as_was_said(lasting_share):
+    rng = np.random.default_rng(4)
+    nees = []
+    for _ in range(12):
+        filter_ = PoseFilter(
+            frames=FrameErrors(lasting_share=lasting_share),
+            odometry=OdometryNoise(slip_share=1e-3, push_m=1e-4, push_rad=1e-4),
+        )
+        lasting = rng.standard_normal(3)
+        truth = Pose2(*rng.uniform(-1.0, 1.0, 2), rng.uniform(-3, 3))
+        for k in range(30):
+            filter_.predict(STILL, k * DT)
+            white = rng.standard_normal(3)
+            error = STD * (math.sqrt(lasting_share) * lasting + math.sqrt(1 - lasting_share) * white)
+            filter_.update(told(Pose2(*(truth.array + error))), k * DT)
+        offset = filter_.belief.pose.array - truth.array
+        offset[2] = math.remainder(offset[2], math.tau)
+        nees.append(offset @ np.linalg.solve(filter_.belief.covariance, offset))
+        # a robot that stands does not learn what its frames get wrong together
+        assert filter_.belief.std[0] >= 0.99 * math.sqrt(lasting_share) * STD[0]
+    # a mean of 12 is chi squared with 36 degrees of freedom, over 12: 99.8 % lie within
+    assert 1.3 < np.mean(nees) < 5.5
+
+
+def test_the_same_calls_give_the_same_belief_bit_for_bit():
+    steps, frames = random_drive(np.random.default_rng(9))
+    first, second = (drive(frames, steps).hypotheses for _ in range(2))
+    assert [(h.pose, h.probability) for h in first] == [(h.pose, h.probability) for h in second]
+    assert all(np.array_equal(a.covariance, b.covariance) for a, b in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize("name", ["slip_share", "slip_s", "push_m", "push_rad", "shove_per_s", "kidnap_per_s"])
+@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
+def test_odometry_noise_of_no_sense_is_refused(name, value):
+    with pytest.raises(ArgumentError, match=f"{name} of the odometry must"):
+        OdometryNoise(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("lasting_share", 1.0),
+        ("lasting_share", -0.1),
+        ("lasting_m", 0.0),
+        ("outlier_rate", 0.0),
+        ("half_error_rate", 0.5),
+        ("spell_s", math.nan),
+    ],
+)
+def test_frame_errors_of_no_sense_are_refused(name, value):
+    with pytest.raises(ArgumentError, match=f"{name} of the frames must"):
+        FrameErrors(**{name: value})

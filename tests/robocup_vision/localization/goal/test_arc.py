@@ -1,0 +1,86 @@
+"""The arc of cameras that see a far goal alike: on exact samples with known noise."""
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.localization.goal.arc import HeldArc, follow_arc, turned
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, edge_segments
+from robocup_vision.localization.goal.fit import covariance_of, fit, goal_model, weigh
+from robocup_vision.localization.goal.geometry import HEADING, foot_points, goal_shape, project
+from sim2d.rendering.goal.scenes import ers7_camera
+
+SHAPE = goal_shape(load_field("four_legged_2007"))
+MODEL = goal_model(SHAPE, ers7_camera(208, 160), 0.15)
+TRUTH = np.array([-2.0, 0.9, -0.19, 0.02, 0.01, 0.185, 0.0, 0.0])
+
+
+def samples(rng, noise_px=0.06):
+    edge, uv = [], []
+    for e, ends in enumerate(edge_segments(SHAPE, TRUTH)):
+        a, b = project(MODEL.view, TRUTH, ends)
+        normal = np.array([a[1] - b[1], b[0] - a[0]]) / np.hypot(*(b - a))
+        shift = noise_px * rng.standard_normal() * normal
+        edge += [e] * 12
+        uv += [a + t * (b - a) + shift for t in np.linspace(0.02, 0.98, 12)]
+    feet = project(MODEL.view, TRUTH, foot_points(SHAPE, TRUTH, FOOT_OFFSETS).reshape(-1, 3))
+    count = len(FOOT_OFFSETS)
+    return weigh(
+        EdgeSamples(
+            np.array(edge),
+            np.array(uv),
+            np.repeat([0, 1], count),
+            np.tile(np.arange(count), 2),
+            feet,
+            np.tile([0.0, 1.0], (2 * count, 1)),
+            np.full(len(edge) + 2 * count, 0.02),
+            np.full(6, 12),
+        )
+    )
+
+
+def test_the_arc_s_spread_covers_what_one_point_s_covariance_does_not():
+    rng = np.random.default_rng(4)
+    squares, naive = [], []
+    for _ in range(25):
+        seen = samples(rng)
+        p, _, information = fit(MODEL, seen, TRUTH + 0.01, np.full(8, 0.3))
+        covariance = covariance_of(MODEL, information)
+        std = float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+        arc = follow_arc(MODEL, seen, p, std)
+        assert np.all(np.diff(arc.unknowns[:, HEADING]) > 0)
+        assert arc.share.sum() == pytest.approx(1.0)
+        off = (p - TRUTH)[:3]
+        squares.append(off @ np.linalg.solve(arc.covariance_about(p)[:3, :3], off))
+        naive.append(off @ np.linalg.solve(covariance[:3, :3], off))
+        # somewhere on it the truth is
+        at_truth = np.interp(TRUTH[HEADING], arc.unknowns[:, HEADING], arc.unknowns[:, 1])
+        assert at_truth == pytest.approx(TRUTH[1], abs=0.1)
+    assert np.mean(squares) < 6.0 < np.mean(naive)
+
+
+def test_what_is_held_has_no_variance():
+    seen = samples(np.random.default_rng(0))
+    _, _, information = fit(MODEL, seen, TRUTH, np.full(4, 0.3))
+    held = np.isinf(MODEL.weight)
+    assert held.any()
+    assert not covariance_of(MODEL, information)[held].any()
+
+
+def test_turning_keeps_the_goal_where_it_is_seen():
+    p = turned(MODEL, TRUTH, 0.2)
+    assert p[HEADING] == pytest.approx(TRUTH[HEADING] + 0.2)
+    middle = np.array([[SHAPE.line_x_m, 0.0, 0.2]])
+    np.testing.assert_allclose(project(MODEL.view, p, middle), project(MODEL.view, TRUTH, middle), atol=1e-9)
+
+
+def test_a_place_off_the_arc_costs_its_square():
+    arc = HeldArc(MODEL, samples(np.random.default_rng(1)), TRUTH)
+    at, cost = arc.camera(np.zeros(3))
+    assert at[HEADING] == TRUTH[HEADING]
+    off, more = arc.camera(np.array([0.0, 2.0, 1.0]))
+    assert more == pytest.approx(cost + 5.0)
+    assert off[HEADING] == pytest.approx(at[HEADING])
+    tight, all_of_it = arc.rest(np.zeros(3)), arc.rest(np.zeros(1))
+    assert np.trace(tight) < np.trace(all_of_it)
+    assert tight[HEADING, HEADING] == pytest.approx(0.0, abs=1e-15)

@@ -1,0 +1,238 @@
+"""The goal localiser on rendered frames and, where they are at hand, on photographs of a Nao's goal."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import ArgumentError, FrameError, load_field
+from robocup_vision.camera import load_camera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
+from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.search import GoalSearch
+from robocup_vision.perception.goal_region import Strip
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
+
+FIELD = load_field("four_legged_2007")
+WHITE_FIELD = load_field("spl_2020")
+CLEAN = GOAL_CONDITIONS["clean_416x320"]
+PHOTOS = Path(__file__).resolve().parents[5] / "shared" / "real" / "goal_spl"
+
+
+@pytest.fixture(scope="module")
+def clean():
+    places = paper_places(FIELD)
+    return list(sample_goal(FIELD, CLEAN, 3, 66, places=places, indices=[6, 12, 20, 33], supersample=3))
+
+
+@pytest.fixture(scope="module")
+def localizer():
+    return GoalLocalizer(FIELD, CLEAN.camera)
+
+
+def test_clean_frames_are_located(clean, localizer):
+    for sample in clean:
+        estimate = localizer.locate(sample.frame)
+        assert estimate
+        distance, angle = estimate.pose.error_to(sample.pose)
+        assert distance < 0.05
+        assert angle < np.radians(1)
+        assert len(estimate.candidates) == 1
+        offset = estimate.pose.array - sample.pose.array
+        assert offset @ np.linalg.solve(estimate.covariance, offset) < 16.3  # 99.9 % of 3 degrees of freedom
+
+
+def test_shading_alone_moves_no_edge(clean):
+    goal_alone = GoalLocalizer(FIELD, CLEAN.camera, use_lines=False)
+    for sample in clean:
+        sight = goal_alone.look(sample.frame)
+        assert sight.lines is None
+        distance = np.hypot(FIELD.length_m / 2 - sample.pose.x_m, sample.pose.y_m)
+        assert sight.estimate().pose.error_to(sample.pose)[0] < 0.01 * distance
+
+
+def test_lines_make_a_far_goal_exact():
+    places = paper_places(FIELD)
+    localizer = GoalLocalizer(FIELD, GOAL_CONDITIONS["mild_glare_416x320"].camera)
+    for sample in sample_goal(
+        FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 7, 66, places=places, indices=[53, 55], supersample=3
+    ):
+        sight = localizer.look(sample.frame)
+        assert sight.lines is not None
+        assert sight.estimate().pose.error_to(sample.pose)[0] < 0.05
+
+
+@pytest.mark.parametrize("nearer_m", [0.6, 0.7, 1.5, 3.0])
+def test_posts_may_look_as_unlike_as_one_can_stand_behind_the_other(nearer_m):
+    search = GoalSearch(FIELD, CLEAN.camera)
+    thick_px = 2 * search.shape.radius_m * CLEAN.camera.focal_px[0]
+
+    def post(at_px, away_m):
+        half = 0.5 * thick_px / away_m
+        return Strip((at_px - half, 0.0), (at_px + half, 0.0), 100.0, 240.0, 245.0, 20.0)
+
+    left, apart_px = post(90.0, nearer_m), 16 * thick_px / (2 * nearer_m + 0.8) / 3
+    right = post(90.0 + apart_px, nearer_m + 0.8)
+    assert search._pairs([left, right], 3) == [(left, right)]
+    # no goal is as wide as that
+    behind = post(90.0 + apart_px, 2.4 * nearer_m + 1.0)
+    assert search._pairs([left, behind], 3) == []
+
+
+def test_a_panel_of_nearly_the_same_hue_may_touch_a_post(localizer):
+    sample = next(sample_goal(FIELD, CLEAN, 8, 66, places=paper_places(FIELD), indices=[31], supersample=3))
+    estimate = localizer.locate(sample.frame)
+    assert estimate
+    assert estimate.pose.error_to(sample.pose)[0] < 0.05
+
+
+@pytest.mark.parametrize(
+    ("condition", "seed", "index"),
+    [
+        ("clean_416x320", 10, 61),
+        ("clean_416x320", 9, 12),
+        ("clean_416x320", 22, 19),
+        ("heavy_glare_416x320", 9, 60),
+        ("heavy_glare_416x320", 9, 61),
+    ],
+)
+def test_posts_washed_white_or_before_their_own_hue_are_found(condition, seed, index):
+    places = paper_places(FIELD)
+    sample = next(
+        sample_goal(FIELD, GOAL_CONDITIONS[condition], seed, 66, places=places, indices=[index], supersample=3)
+    )
+    estimate = GoalLocalizer(FIELD, GOAL_CONDITIONS[condition].camera).locate(sample.frame)
+    assert estimate
+    assert estimate.pose.error_to(sample.pose)[0] < 0.2
+
+
+def test_a_far_goal_alone_says_how_little_it_knows():
+    condition = GOAL_CONDITIONS["mild_glare_208x160"]
+    localizer = GoalLocalizer(FIELD, condition.camera, use_lines=False)
+    squares = []
+    for sample in sample_goal(
+        FIELD, condition, 7, 66, places=paper_places(FIELD), indices=[54, 55, 60, 64, 65], supersample=2
+    ):
+        estimate = localizer.locate(sample.frame)
+        offset = estimate.pose.array - sample.pose.array
+        squares.append(offset @ np.linalg.solve(estimate.covariance, offset))
+    assert np.median(squares) < 16.3  # 99.9 % of 3 degrees of freedom
+
+
+def test_tilt_roll_and_height_are_by_products(clean, localizer):
+    sight = localizer.look(clean[0].frame)
+    assert sight
+    camera = clean[0].camera
+    assert sight.unknowns[[TILT, ROLL]] == pytest.approx([camera.tilt_rad, camera.roll_rad], abs=0.02)
+    assert sight.unknowns[HEIGHT] == pytest.approx(camera.height_m, abs=0.01)
+
+
+def test_the_goal_s_colour_tells_the_side(localizer):
+    samples = list(sample_goal(FIELD, CLEAN, 8, 6, supersample=3))
+    assert {sample.goal.side for sample in samples} == {1, -1}
+    for sample in samples:
+        estimate = localizer.locate(sample.frame)
+        if estimate:
+            assert np.sign(np.cos(estimate.pose.theta_rad)) == sample.goal.side
+
+
+@pytest.mark.parametrize("method", ["paper", "angles"])
+def test_the_paper_s_method_comes_near(clean, method):
+    reference = GoalLocalizer(FIELD, CLEAN.camera, method=method)
+    errors = []
+    for sample in clean:
+        estimate = reference.locate(sample.frame)
+        errors.append(estimate.pose.error_to(sample.pose)[0] if estimate else np.inf)
+    assert np.median(errors) < 0.6
+    assert min(errors) < 0.2
+
+
+def test_frames_without_a_whole_goal_are_refused_with_a_reason(localizer):
+    views = ("no_goal", "half_goal", "goal_behind_robot", "orange_wall")
+    for sample in sample_goal(FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 4, 8, views=views, supersample=2):
+        estimate = localizer.locate(sample.frame)
+        assert not estimate
+        assert "goal" in estimate.reason
+
+
+def test_an_empty_frame_is_refused(localizer):
+    assert "no goal" in localizer.locate(np.zeros((320, 416, 3), np.uint8)).reason
+
+
+def test_half_a_goal_needs_a_prior(localizer):
+    located = 0
+    for sample in sample_goal(FIELD, CLEAN, 11, 8, views=("half_goal",), supersample=2):
+        prior = Pose2(sample.pose.x_m + 0.1, sample.pose.y_m - 0.1, sample.pose.theta_rad + 0.03)
+        estimate = localizer.locate(sample.frame, prior)
+        if estimate:
+            located += 1
+            assert estimate.pose.error_to(sample.pose)[0] < 0.6
+    assert located >= 2
+
+
+def test_white_goals_have_two_candidates_and_a_prior_chooses():
+    condition = GOAL_CONDITIONS["white_640x480"]
+    localizer = GoalLocalizer(WHITE_FIELD, condition.camera)
+    located = 0
+    for sample in sample_goal(WHITE_FIELD, condition, 0, 4, supersample=2):
+        estimate = localizer.locate(sample.frame)
+        if not estimate:
+            continue
+        located += 1
+        assert len(estimate.candidates) == 2
+        assert estimate.pose.error_to(sample.pose, symmetric=True)[0] < 0.2
+        chosen = localizer.locate(sample.frame, prior=sample.pose)
+        assert chosen.pose.error_to(sample.pose)[0] < 0.2
+    assert located >= 2
+
+
+def test_bad_arguments_are_named(localizer):
+    with pytest.raises(
+        FrameError, match=r"frame must be uint8 \(320, 416, 3\) as camera.toml says, got uint8 \(10, 10, 3\)"
+    ):
+        localizer.locate(np.zeros((10, 10, 3), np.uint8))
+    with pytest.raises(FrameError, match="got NoneType"):
+        localizer.locate(None)
+    with pytest.raises(ArgumentError, match="method must be 'edges', 'paper' or 'angles', got 'magic'"):
+        GoalLocalizer(FIELD, CLEAN.camera, method="magic")
+    with pytest.raises(ArgumentError, match="those of 'spl_2020' are white"):
+        GoalLocalizer(WHITE_FIELD, CLEAN.camera, method="paper")
+    with pytest.raises(ArgumentError, match="no goals of posts"):
+        GoalLocalizer(load_field("ssl_2001"), CLEAN.camera)
+
+
+@pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
+@pytest.mark.parametrize("focal_share", [1.0, 0.97, 1.03])
+def test_photographs_of_a_white_goal(focal_share):
+    camera = load_camera(PHOTOS / "camera.toml")
+    fu, fv = camera.focal_px
+    camera = PinholeCamera(camera.size_px, (fu * focal_share, fv * focal_share), camera.center_px, camera.height_m)
+    localizer = GoalLocalizer(WHITE_FIELD, camera)
+    errors = []
+    for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
+        name, x, y, _, sees = line.split(",")
+        estimate = localizer.locate(cv2.imread(str(PHOTOS / "images" / name)))
+        if not estimate:
+            assert sees == "one post"
+            continue
+        error = min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in estimate.candidates)
+        assert error < (0.20 if sees == "whole goal" else 0.5)
+        if sees == "whole goal":
+            errors.append(error)
+    assert len(errors) == 3
+    assert np.mean(errors) < 0.10
+
+
+@pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
+def test_a_white_goal_alone_is_right_or_refused():
+    localizer = GoalLocalizer(WHITE_FIELD, load_camera(PHOTOS / "camera.toml"), use_lines=False)
+    for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
+        name, x, y, *_ = line.split(",")
+        estimate = localizer.locate(cv2.imread(str(PHOTOS / "images" / name)))
+        if not estimate:
+            assert "goal" in estimate.reason
+            continue
+        assert min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in estimate.candidates) < 0.3

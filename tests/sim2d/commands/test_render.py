@@ -1,0 +1,127 @@
+"""`robocup-vision render` from its words to the folder it writes."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import shlex
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from field_models.toml_file import read_toml
+from robocup_vision.camera import load_camera, save_camera
+from sim2d.commands.render import add_render_parser, run_render
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.dataset import write_dataset
+from sim2d.rendering.random_scenes import CONDITIONS, Condition, sample
+
+SSL = load_field("ssl_2001")
+SMALL = "sekimori:128x110"
+
+
+def render(*words: str | Path) -> int:
+    parser = argparse.ArgumentParser()
+    add_render_parser(parser.add_subparsers())
+    return run_render(parser.parse_args(["render", *map(str, words)]))
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "truth.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_dataset_holds_pictures_and_their_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out = tmp_path / "data"
+    assert (
+        render(
+            "--field", "ssl_2001", "--camera", SMALL, "--count", 4, "--seed", 3, "--obstacles", 1, 2, "--ball", 0.5, out
+        )
+        == 0
+    )
+    assert "4 images of ssl_2001" in capsys.readouterr().out
+    settings = read_toml(out / "dataset.toml")
+    assert settings == {
+        "format": 1,
+        "field": "ssl_2001",
+        "camera": "camera.toml",
+        "images": "images",
+        "truth": "truth.csv",
+        "symmetry": "point",
+    }
+    camera = load_camera(out / "camera.toml")
+    assert camera.size_px == (128, 110)
+    rows = rows_of(out)
+    assert [row["image"] for row in rows] == ["0000.png", "0001.png", "0002.png", "0003.png"]
+    condition = Condition(obstacles=(1, 2), ball_share=0.5)
+    for row, drawn in zip(rows, sample(SSL, camera, condition, 3, 4), strict=True):
+        np.testing.assert_array_equal(cv2.imread(str(out / "images" / row["image"])), drawn.frame)
+        assert float(row["x_m"]) == pytest.approx(drawn.pose.x_m, abs=1e-6)
+        assert float(row["theta_rad"]) == pytest.approx(drawn.pose.theta_rad, abs=1e-6)
+        assert -math.pi <= float(row["theta_rad"]) <= math.pi
+        if drawn.scene.ball is None:
+            assert row["ball_x_m"] == row["ball_y_m"] == ""
+        else:
+            assert float(row["ball_y_m"]) == pytest.approx(drawn.scene.ball.y_m, abs=1e-6)
+
+
+def test_the_noted_command_makes_the_same_pictures(tmp_path: Path):
+    first, again = tmp_path / "first", tmp_path / "again"
+    words = "--condition bad_day --noise 3 --blur 0.5 --vignette 0.1 --cast 0.9 1 1.1 --gain 0.8 --tilt 0.3 -0.2"
+    words += " --center-offset 0.5 -0.25 --texture 0.05 --shadow --highlights 1 --spin 2 --jpeg 70 --light-gradient 0.1"
+    render("--field", "ssl_2001", "--camera", SMALL, "--count", 2, "--seed", 9, *words.split(), first)
+    noted = (first / "dataset.toml").read_text().splitlines()[0].removeprefix("# made by: robocup-vision render ")
+    assert noted.endswith(" OUT")
+    render(*shlex.split(noted)[:-1], again)
+    for name in ("0000.png", "0001.png"):
+        assert (first / "images" / name).read_bytes() == (again / "images" / name).read_bytes()
+    # the camera handed out knows nothing of the true one's tilt and centre
+    assert load_camera(first / "camera.toml").tilt_rad == (0.0, 0.0)
+
+
+def test_camera_from_a_file_and_field_from_a_file(tmp_path: Path):
+    save_camera(sekimori_camera(128, 110), tmp_path / "mirror.toml")
+    field = tmp_path / "own.toml"
+    field.write_text(
+        'format = 1\nname = "own"\nsource = "test"\nlength_m = 3.0\nwidth_m = 2.0\nline_width_m = 0.02\n'
+        '[boundary]\nkind = "walls"\nmargin_m = 0.1\nheight_m = 0.1\n'
+    )
+    render("--field", field, "--camera", tmp_path / "mirror.toml", "--count", 1, tmp_path / "out")
+    assert read_toml(tmp_path / "out" / "dataset.toml")["field"] == "field.toml"
+    assert (tmp_path / "out" / "field.toml").read_text() == field.read_text()
+
+
+def test_full_folder_is_refused_and_left_alone(tmp_path: Path):
+    (tmp_path / "precious.txt").write_text("mine")
+    with pytest.raises(ArgumentError, match="not an empty folder; nothing was written"):
+        render("--field", "ssl_2001", "--camera", SMALL, "--count", 1, tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["precious.txt"]
+    with pytest.raises(ArgumentError, match="not an empty folder"):
+        write_dataset(tmp_path / "precious.txt", "ssl_2001", sekimori_camera(), [])
+
+
+def test_subset_keeps_its_numbers(tmp_path: Path):
+    camera = sekimori_camera(128, 110)
+    drawn = sample(SSL, camera, CONDITIONS["nominal"], 1, 5, indices=[4, 2])
+    assert write_dataset(tmp_path / "some", "ssl_2001", camera, drawn) == 2
+    assert [row["image"] for row in rows_of(tmp_path / "some")] == ["0004.png", "0002.png"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--count", "0"], "--count must be at least 1, got 0"),
+        (["--seed", "-1"], "--seed must not be negative, got -1"),
+        (["--obstacles", "4", "2"], "obstacles must be 0 <= low <= high"),
+        (["--vignette", "2"], "vignette must be within 0 to 1"),
+    ],
+)
+def test_wrong_numbers_are_named_and_nothing_is_written(tmp_path: Path, words: list[str], message: str):
+    with pytest.raises(ArgumentError, match=message):
+        render("--field", "ssl_2001", "--camera", SMALL, *words, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,164 @@
+"""A match from the command line to its files: figures, film, report, and what is said where one cannot be made."""
+
+import json
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from sim2d_players import SMALL_CAMERA, FailsAt, Reckoner, Sleeper
+
+from field_models.errors import ArgumentError, FileError
+from robocup_vision import cli
+from sim2d.match import run as match_run
+from sim2d.match.run import MatchPlan, run_match
+from sim2d.report import html as match_report
+from sim2d.report import video as match_video
+from sim2d.sensors.faults import SenseFault
+
+SHORT = MatchPlan(players=1, seconds=0.1, ours=Sleeper, theirs=Sleeper, camera=SMALL_CAMERA)
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory):
+    faults = (SenseFault(0, "black", 0.2, 0.4), SenseFault(1, "dropped", 0.0, amount=0.5))
+    plan = MatchPlan(players=1, seconds=1.0, seed=2, ours=Reckoner, theirs=FailsAt, camera=SMALL_CAMERA, faults=faults)
+    out = tmp_path_factory.mktemp("match")
+    return run_match(plan, out), out
+
+
+def test_all_files_are_written(played):
+    summary, out = played
+    assert sorted(path.name for path in out.iterdir()) == ["match.json", "match.webm", "report.html"]
+    assert summary.notes == ()
+    values = json.loads((out / "match.json").read_text())
+    assert values["robots"][0]["within_5cm_3deg"] == 1.0
+    assert values["robots"][1]["stopped_reason"] == "RuntimeError: my own bug"
+    assert [fault["kind"] for fault in values["faults"]] == ["black", "dropped"]
+    assert values["faults"][1]["until_s"] is None
+
+
+def test_the_film_has_a_picture_for_every_third_period(played):
+    capture = cv2.VideoCapture(str(played[1] / "match.webm"))
+    pictures = []
+    while True:
+        read, picture = capture.read()
+        if not read:
+            break
+        pictures.append(picture)
+    assert len(pictures) == 10
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
+    assert int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") == b"VP80"
+    assert {picture.shape for picture in pictures} == {pictures[0].shape}
+    # something moves on the field, and robot 0's camera was black in between
+    panel = [picture[60:200, 800:900].mean() for picture in pictures]
+    assert np.ptp(panel) > 50
+    assert np.abs(pictures[0][60:, :700].astype(int) - pictures[-1][60:, :700]).max() > 60
+
+
+def test_the_report_tells_what_happened(played):
+    page = (played[1] / "report.html").read_text()
+    for text in ("0 : 0", "match.webm", "Robot 1 was stopped at 0.50 s: RuntimeError: my own bug", "black", "seed 2"):
+        assert text in page
+    assert page.count("data:image/png;base64") == 2
+
+
+def test_no_note_is_left_on_standard_error(tmp_path, capfd):
+    run_match(SHORT, tmp_path)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_film_that_cannot_be_written_is_one_note(tmp_path, monkeypatch):
+    class Nothing:
+        def __init__(self, *_):
+            pass
+
+        def isOpened(self):
+            return False
+
+        def release(self):
+            pass
+
+    monkeypatch.setattr(match_video, "_open_writer", Nothing)
+    monkeypatch.setattr(match_report, "missing_packages", lambda: ("jinja2",))
+    summary = run_match(SHORT, tmp_path)
+    assert summary.video is None
+    assert summary.report is None
+    assert [path.name for path in tmp_path.iterdir()] == ["match.json"]
+    assert summary.notes == (
+        "no match.webm: this OpenCV cannot write VP8 video",
+        "no report.html: jinja2 not installed (pip install 'robocup-vision[report]')",
+    )
+
+
+def test_files_of_an_earlier_match_do_not_stay(tmp_path):
+    (tmp_path / "report.html").write_text("old")
+    with pytest.raises(ArgumentError, match="players_per_side must be at least 1, got 0"):
+        run_match(MatchPlan(players=0), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_realtime_keeps_to_the_clock(tmp_path, monkeypatch):
+    slept = []
+    clock = iter(np.arange(1000) * 0.001)
+    monkeypatch.setattr(match_run.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(match_run.time, "sleep", slept.append)
+    assert run_match(SHORT, tmp_path, realtime=True).notes == ()
+    assert len(slept) == 3
+    assert slept == pytest.approx([k / 30 - 0.001 * k for k in (1, 2, 3)])
+
+
+def test_a_machine_that_is_too_slow_says_so(tmp_path, monkeypatch):
+    clock = iter(np.arange(1000) * 1.0)
+    monkeypatch.setattr(match_run.time, "monotonic", lambda: float(next(clock)))
+    notes = run_match(SHORT, tmp_path, realtime=True).notes
+    assert notes == ("this machine could not keep up with the clock: it fell 2.9 s behind",)
+
+
+@pytest.mark.slow
+def test_command_prints_a_table_and_repeats_its_file(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    files = []
+    for out in ("one", "two"):
+        assert cli.main(["match", "--players", "1", "--seconds", "0.5", "--seed", "4", "--out", out]) == 0
+        files.append(Path(out, "match.json").read_bytes())
+    assert files[0] == files[1]
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "ssl_2001, 1 against 1, 0.5 s, seed 4"
+    assert lines[1] == "score 0 : 0"
+    assert [line.split()[:2] for line in lines[2:5]] == [["robot", "side"], ["0", "+x"], ["1", "-x"]]
+    assert lines[5] == f"report: {os.path.join('one', 'report.html')}"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["--field", "nowhere"], "nowhere"),
+        (["--players", "0"], "players_per_side must be at least 1, got 0"),
+        (["--seconds", "-1"], "seconds must be positive, got -1.0"),
+        (["--seconds", "nan"], "seconds must be positive, got nan"),
+        (["--seed", "-3"], "seed must not be negative, got -3"),
+        (["--out", "file"], "file: cannot be written"),
+    ],
+)
+def test_mistakes_are_one_line(tmp_path, capsys, monkeypatch, arguments, problem):
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("in the way")
+    assert cli.main(["match", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith("robocup-vision match: ")
+    assert problem in err
+
+
+def test_a_report_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
+    class Unwritable(type(tmp_path)):
+        def write_text(self, text, **options):
+            if self.name == "report.html":
+                raise OSError(28, "No space left on device")
+            return super().write_text(text, **options)
+
+    monkeypatch.setattr(match_run, "Path", Unwritable)
+    with pytest.raises(FileError, match=r"report.html: cannot be written \(No space left on device\)"):
+        run_match(SHORT, tmp_path)

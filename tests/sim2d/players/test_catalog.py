@@ -1,0 +1,57 @@
+"""Players by name: the same team in every process, and files that say who played."""
+
+from __future__ import annotations
+
+import functools
+import json
+import pickle
+
+import pytest
+from sim2d_players import Reckoner, Sleeper
+
+from field_models.errors import ArgumentError
+from robocup_vision import cli
+from sim2d.match.run import MatchPlan
+from sim2d.match.tournament import play_plan
+from sim2d.players.built_in import BuiltInPlayer
+from sim2d.players.catalog import PLAYERS, player_factory, player_name
+
+
+@pytest.mark.parametrize("name", PLAYERS)
+def test_a_name_survives_the_way_to_another_process(name):
+    sent = pickle.loads(pickle.dumps(player_factory(name)))
+    assert player_name(sent) == name
+
+
+def test_teams_have_the_options_their_names_say(monkeypatch):
+    made = []
+    monkeypatch.setattr("sim2d.players.catalog.BuiltInPlayer", lambda setup, **options: made.append((setup, options)))
+    player_factory("memory")("setup")
+    player_factory("planning")("setup")
+    assert made == [("setup", {"remembers": True, "plans": False}), ("setup", {"remembers": True, "plans": True})]
+    assert player_factory("plain") is BuiltInPlayer
+
+
+def test_players_of_ones_own_are_called_by_their_class():
+    assert player_name(Reckoner) == "Reckoner"
+    assert player_name(functools.partial(Sleeper)) == "Sleeper"
+
+
+def test_an_unknown_name_is_told_with_those_there_are():
+    with pytest.raises(ArgumentError, match="there is no player 'clever', only plain, memory, planning"):
+        player_factory("clever")
+
+
+def test_a_match_says_who_played():
+    values = play_plan(MatchPlan(players=1, seconds=0.1, ours=Reckoner, theirs=Sleeper))
+    assert (values["ours"], values["theirs"]) == ("Reckoner", "Sleeper")
+    json.dumps(values)
+
+
+def test_the_command_takes_names(tmp_path, capsys):
+    assert cli.main(["match", "--ours", "nobody", "--out", str(tmp_path)]) == 2
+    assert (
+        capsys.readouterr().err == "robocup-vision match: there is no player 'nobody', only plain, memory, planning\n"
+    )
+    assert cli.main(["tournament", "--theirs", "nobody", "--out", str(tmp_path)]) == 2
+    assert "there is no player 'nobody'" in capsys.readouterr().err

@@ -1,0 +1,48 @@
+"""Driving: whom a robot pushes that has no safe way, with and without a plan of its way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robocup_vision.avoidance.moving_obstacles import MovingObstacle
+from robocup_vision.geometry import Pose2
+from robocup_vision.perception.free_space import FreeSpace
+from sim2d.players.motion import Motion
+from sim2d.players.tactics import Plan
+from sim2d.players.travel import Travel
+from sim2d.robot_link import RobotLimits
+
+LIMITS = RobotLimits()
+HEMMED_IN = FreeSpace(np.linspace(-math.pi, math.pi, 72, endpoint=False), np.full(72, 0.05))
+TARGET = (0.5, 0.0)
+PLANNED = Travel(TARGET, LIMITS.speed_mps, None, ())
+
+
+def forward_mps(travel, apart_m, bearing_rad=0.0, *, holding=True):
+    """Speed towards the target of a robot that has no safe way, one standing so far from its rim."""
+    plan = Plan("dribble" if holding else "fetch", TARGET, 0.0, close=not holding, holding=holding)
+    away = 2 * LIMITS.radius_m + apart_m
+    other = MovingObstacle(
+        away * math.cos(bearing_rad), away * math.sin(bearing_rad), 0.0, 0.0, LIMITS.radius_m, 0.01, 0.05
+    )
+    motion = Motion(LIMITS, np.random.default_rng(0))
+    return motion.drive(plan, Pose2(0.0, 0.0, 0.0), HEMMED_IN, 0.0, [other], travel).forward_mps
+
+
+def test_who_plans_pushes_nobody_and_who_does_not_pushes_on():
+    assert forward_mps(None, 0.01) == pytest.approx(0.25)
+    assert forward_mps(PLANNED, 0.01) <= 0.0
+    assert forward_mps(PLANNED, 0.01, holding=False) <= 0.0
+
+
+def test_others_are_kept_farther_off_a_ball_that_is_held():
+    assert forward_mps(PLANNED, 0.06) <= 0.0
+    assert forward_mps(PLANNED, 0.06, holding=False) == pytest.approx(0.25)
+    assert forward_mps(PLANNED, 0.15) == pytest.approx(0.25)
+
+
+def test_who_stands_aside_is_not_pushed_by_driving_on():
+    assert forward_mps(PLANNED, 0.01, math.pi / 2) == pytest.approx(0.25)

@@ -1,0 +1,177 @@
+"""Tactics: what each role decides in plain situations."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from field_models import load_field
+from robocup_vision.geometry import Pose2
+from robocup_vision.planning import ShotPlan
+from sim2d.players.tactics import Situation, Tactics
+from sim2d.robot_link import RobotLimits
+
+FIELD = load_field("ssl_2001")
+LIMITS = RobotLimits()
+
+
+def decide(number=1, players=2, **changes):
+    now = {
+        "pose": Pose2(-0.5, 0.0, 0.0),
+        "ball": (0.0, 0.0),
+        "ball_velocity_mps": (0.0, 0.0),
+        "in_mouth": False,
+        "held_s": 0.0,
+        "obstacles": (),
+        "phase": "play",
+        "kick_off": False,
+        "t_s": 5.0,
+    } | changes
+    return Tactics(FIELD, LIMITS, number, players).decide(Situation(**now))
+
+
+def test_the_attacker_fetches_the_ball_and_goes_round_it_where_it_lies_on_the_wrong_side():
+    assert decide().intent == "fetch"
+    assert decide(pose=Pose2(0.3, 0.0, math.pi)).intent == "get behind"
+    assert decide(pose=Pose2(0.3, 0.0, math.pi)).avoid_ball
+    # at a wall nobody gets behind it
+    assert decide(pose=Pose2(0.3, 0.6, math.pi), ball=(0.1, 0.74)).intent == "fetch"
+
+
+def test_a_held_ball_is_shot_where_the_way_is_free_and_turned_otherwise():
+    aimed = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True)
+    assert aimed.intent == "shoot"
+    assert aimed.kick_mps == LIMITS.kick_speed_mps
+    assert decide(pose=Pose2(0.6, 0.0, 2.0), in_mouth=True).intent == "dribble"
+    wall_of_robots = tuple((1.0, 0.1 * k) for k in range(-4, 5))
+    blocked = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True, obstacles=wall_of_robots)
+    assert blocked.kick_mps == 0.0
+    # but not held for ever
+    late = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True, held_s=3.5, obstacles=wall_of_robots)
+    assert late.kick_mps > 0.0
+    assert decide(pose=Pose2(-0.6, 0.6, 2.5), in_mouth=True, held_s=5.0).intent == "clear"
+
+
+def planned(action, place=(0.6, 0.0), heading_rad=0.0, chance=0.8):
+    return ShotPlan(action, place, heading_rad, chance, 0.3, "goal in 80%")
+
+
+def test_a_planned_shot_is_kicked_turned_for_or_gone_nearer_for():
+    pose = Pose2(0.5, 0.0, 0.2)
+    kick = decide(pose=pose, in_mouth=True, shot=planned("kick"))
+    assert (kick.intent, kick.kick_mps) == ("shoot", LIMITS.kick_speed_mps)
+    assert (kick.why.topic, kick.why.choice, kick.why.text) == ("shot", "kick", "goal in 80%")
+    nearer = decide(pose=pose, in_mouth=True, shot=planned("go nearer", (0.8, 0.2), 0.5))
+    assert (nearer.intent, nearer.heading_rad, nearer.kick_mps) == ("dribble", 0.5, 0.0)
+    # the ball, not the robot, shall be there
+    reach = LIMITS.radius_m + FIELD.ball_radius_m
+    assert math.dist(nearer.target, (0.8, 0.2)) == pytest.approx(reach)
+    before_wall = decide(pose=Pose2(0.2, 0.6, math.pi / 2), in_mouth=True, shot=planned("turn", (0.2, 0.7), 0.0))
+    assert before_wall.intent == "draw back"
+
+
+def test_a_shot_that_promises_nothing_and_a_ball_held_for_long_are_left_to_the_plain_rules():
+    pose = Pose2(0.6, 0.0, 0.0)
+    for changes in ({"shot": planned("kick", chance=0.01)}, {"shot": planned("turn"), "held_s": 3.5}):
+        plan = decide(pose=pose, in_mouth=True, **changes)
+        assert plan.why is None
+        assert plan.intent == "shoot"
+
+
+def test_before_a_wall_the_ball_is_drawn_back():
+    plan = decide(pose=Pose2(0.2, 0.6, math.pi / 2), in_mouth=True)
+    assert plan.intent == "draw back"
+    assert plan.target[1] < 0.6
+
+
+def test_the_keeper_stands_between_ball_and_goal_and_fetches_what_lies_before_it():
+    for y in (-0.5, 0.0, 0.5):
+        plan = decide(0, pose=Pose2(-1.2, 0.0, 0.0), ball=(0.5, y))
+        assert plan.intent == "keep"
+        assert plan.target[0] < -1.1
+        assert plan.target[1] * y >= 0.0
+    rolling = decide(0, pose=Pose2(-1.2, 0.0, 0.0), ball=(0.0, 0.0), ball_velocity_mps=(-1.0, 0.15))
+    assert rolling.target[1] == pytest.approx(0.15 * (FIELD.length_m / 2 - 1.3 * LIMITS.radius_m), abs=1e-6)
+    assert decide(0, pose=Pose2(-1.2, 0.0, 0.0), ball=(-1.0, 0.2)).intent == "fetch"
+    assert decide(1, ball=(-1.0, 0.2)).intent == "leave it to the keeper"
+    assert decide(0, pose=Pose2(-1.2, 0.0, 0.0), ball=None).intent == "keep"
+
+
+def test_further_players_take_the_ball_in_their_own_strip_only():
+    intents = [decide(number, 4, ball=(0.3, 0.6)).intent for number in (2, 3)]
+    assert sorted(intents) == ["fetch", "support"]
+    assert decide(ball=None).intent == "search"
+
+
+def test_at_a_kick_off_everybody_is_in_the_own_half_and_outside_the_circle_but_for_who_kicks_off():
+    for number in range(3):
+        plan = decide(number, 3, phase="kick_off")
+        assert plan.intent == "kick-off"
+        assert math.hypot(*plan.target) > 0.25 + LIMITS.radius_m
+        assert plan.target[0] < 0
+    assert math.hypot(*decide(1, 3, phase="kick_off", kick_off=True).target) < 0.25
+
+
+places = st.tuples(st.floats(-1.3, 1.3), st.floats(-0.7, 0.7))
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    st.sampled_from([(0, 1), (0, 2), (1, 2), (2, 3)]),
+    places,
+    st.floats(-3.0, 3.0),
+    st.none() | places,
+    st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)),
+    st.booleans(),
+    st.floats(0.0, 6.0),
+    st.lists(places, max_size=3),
+)
+def test_every_plan_is_a_place_on_the_floor(role, place, heading, ball, velocity, in_mouth, held_s, obstacles):
+    plan = decide(
+        *role,
+        pose=Pose2(*place, heading),
+        ball=ball,
+        ball_velocity_mps=velocity,
+        in_mouth=in_mouth,
+        held_s=held_s,
+        obstacles=tuple(obstacles),
+    )
+    assert FIELD.is_on_floor(*plan.target)
+    assert math.isfinite(plan.heading_rad)
+    assert 0.0 <= plan.kick_mps <= LIMITS.kick_speed_mps
+
+
+@pytest.mark.parametrize("ball", [(-1.1, -0.11), (-0.9, 0.3), (-1.0, 0.0), (-1.1, 0.15)])
+def test_the_keeper_blocks_a_ball_that_another_one_has(ball):
+    pose = Pose2(-1.25, 0.1, 0.0)
+    holder = (ball[0] + 0.1, ball[1])
+    plan = decide(0, pose=pose, ball=ball, others=(holder, (0.9, 0.9)))
+    assert plan.intent == "block"
+    assert (plan.why.topic, plan.why.choice) == ("shot", "block")
+    # between the ball and the goal, off the ball
+    assert -FIELD.length_m / 2 < plan.target[0] < ball[0]
+    assert math.dist(plan.target, ball) > LIMITS.radius_m + FIELD.ball_radius_m
+    # a ball that nobody is nearer to is fetched where it lies before the goal
+    assert decide(0, pose=pose, ball=ball, others=((0.9, 0.9),)).intent in ("fetch", "keep", "get behind")
+
+
+@pytest.mark.parametrize("y_m", [-0.6, -0.4, 0.4, 0.6])
+def test_the_keeper_stays_before_its_goal_where_the_ball_is_in_a_corner(y_m):
+    ball = (-1.33, y_m)
+    plan = decide(0, pose=Pose2(-1.25, 0.0, 0.0), ball=ball, others=((-1.25, y_m),))
+    assert plan.intent == "block"
+    assert abs(plan.target[1]) <= FIELD.goals[0].width_m / 2
+    assert plan.target[1] * y_m > 0
+
+
+def test_a_keeper_that_is_pressed_clears_the_ball_away_from_its_goal_only():
+    pose = Pose2(-1.2, 0.0, 0.3)
+    pressed = {"pose": pose, "in_mouth": True, "others": ((-0.99, 0.1),)}
+    assert (decide(0, **pressed).intent, decide(0, **pressed).kick_mps) == ("clear", LIMITS.kick_speed_mps)
+    assert decide(0, **pressed | {"others": ((0.5, 0.0),)}).intent != "clear"
+    assert decide(0, **pressed | {"pose": Pose2(-1.2, 0.0, math.pi)}).kick_mps == 0.0
+    # who is no keeper thinks of shots
+    assert decide(1, **pressed).intent != "clear"

@@ -1,0 +1,151 @@
+"""Faults spoil what they say, when they say it, and the built-in player gets over each of them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2
+from sim2d.match.match import Match
+from sim2d.robot_link import Senses
+from sim2d.sensors.faults import BodyFault, FaultySenses, SenseFault
+
+PERIOD_S = 1 / 30
+STEP = Pose2(0.02, -0.01, 0.1)
+
+
+def senses(index):
+    frame = np.full((2, 2, 3), index % 255 + 1, dtype=np.uint8)
+    return Senses(index * PERIOD_S, frame, index * PERIOD_S, STEP, False, "play", False, 0.01 * index)
+
+
+def spoil(*faults, count=60):
+    faulty = FaultySenses(faults, np.random.default_rng(3))
+    return [faulty.apply(senses(index)) for index in range(count)]
+
+
+def brightness(sensed):
+    return [None if one.frame is None else int(one.frame[0, 0, 0]) for one in sensed]
+
+
+def test_no_fault_changes_nothing():
+    for index, one in enumerate(spoil()):
+        expected = senses(index)
+        assert one.frame_t_s == expected.t_s
+        assert one.odometry == STEP
+        np.testing.assert_array_equal(one.frame, expected.frame)
+
+
+def test_frames_are_dropped_by_their_share_and_only_then():
+    sensed = spoil(SenseFault(0, "dropped", 1.0, 11.0, 0.3), count=360)
+    dropped = np.array([one.frame is None for one in sensed])
+    assert not dropped[:30].any()
+    assert not dropped[330:].any()
+    assert dropped[30:330].mean() == pytest.approx(0.3, abs=0.08)
+    assert all((one.frame is None) == (one.frame_t_s is None) for one in sensed)
+
+
+def test_frames_come_late_with_the_time_they_were_taken():
+    sensed = spoil(SenseFault(0, "delayed", 0.5, 1.0, 0.1))
+    # at its beginning nothing new comes for as long as the delay, at its end all that waits but the newest is lost
+    assert brightness(sensed)[:15] == list(range(1, 16))
+    assert brightness(sensed)[15:18] == [None] * 3
+    assert brightness(sensed)[18:30] == list(range(16, 28))
+    assert brightness(sensed)[30:] == list(range(31, 61))
+    for one in sensed[18:30]:
+        assert one.t_s - one.frame_t_s == pytest.approx(0.1)
+
+
+def test_a_frozen_camera_shows_its_last_good_frame_as_if_new():
+    sensed = spoil(SenseFault(0, "frozen", 0.5, 1.0))
+    assert brightness(sensed) == [*range(1, 16), *[15] * 15, *range(31, 61)]
+    assert [one.frame_t_s for one in sensed] == [one.t_s for one in sensed]
+
+
+def test_a_camera_frozen_from_the_start_shows_nothing():
+    sensed = spoil(SenseFault(0, "frozen", 0.0, 0.1), count=4)
+    assert brightness(sensed) == [None, None, None, 4]
+    assert sensed[0].frame_t_s is None
+
+
+def test_the_heads_pan_goes_with_the_frame():
+    late = spoil(SenseFault(0, "delayed", 0.5, 1.0, 0.1))
+    assert late[20].frame_pan_rad == pytest.approx(0.17)
+    assert late[16].frame_pan_rad is None
+    # of a frame that only seems new the joint is read anew
+    assert spoil(SenseFault(0, "frozen", 0.5, 1.0))[20].frame_pan_rad == pytest.approx(0.2)
+    both = spoil(SenseFault(0, "frozen", 0.5, 1.0), SenseFault(0, "delayed", 0.5, 1.0, 0.1))
+    assert both[20].frame_pan_rad == pytest.approx(0.2)
+    assert spoil(SenseFault(0, "dropped", amount=1.0))[3].frame_pan_rad is None
+
+
+def test_black_frames_are_black():
+    sensed = spoil(SenseFault(0, "black", 0.5, 1.0))
+    assert brightness(sensed) == [*range(1, 16), *[0] * 15, *range(31, 61)]
+    assert sensed[20].frame.shape == (2, 2, 3)
+
+
+def test_odometry_errs_by_its_share():
+    sensed = spoil(SenseFault(0, "odometry", 0.5, 1.0, -0.2))
+    assert sensed[14].odometry == sensed[30].odometry == STEP
+    assert sensed[20].odometry.array == pytest.approx(0.8 * STEP.array)
+
+
+def test_several_faults_at_once():
+    sensed = spoil(SenseFault(0, "odometry", 0.0, 1.0, 0.2), SenseFault(0, "black", 0.5))
+    assert brightness(sensed)[14:16] == [15, 0]
+    assert sensed[20].odometry.array == pytest.approx(1.2 * STEP.array)
+
+
+@pytest.mark.parametrize(
+    ("make", "problem"),
+    [
+        (lambda: SenseFault(0, "blurred"), "one of dropped, delayed, frozen, black, odometry, got 'blurred'"),
+        (lambda: SenseFault(0, "black", 2.0, 1.0), "must not end before it begins, got 2.0 to 1.0 s"),
+        (lambda: SenseFault(0, "black", -1.0), "must not end before it begins, got -1.0 to inf s"),
+        (lambda: SenseFault(0, "dropped", amount=1.3), "amount of 'dropped' must be within 0 to 1, got 1.3"),
+        (lambda: SenseFault(0, "delayed", amount=math.nan), "amount of 'delayed' must be within 0 to 10, got nan"),
+        (lambda: BodyFault(0, -1.0), "time must not be negative, got -1.0 s"),
+    ],
+)  # fmt: skip
+def test_impossible_faults_are_refused(make, problem):
+    with pytest.raises(ArgumentError, match=problem):
+        make()
+
+
+def test_body_faults_say_what_they_are():
+    assert BodyFault(0, 1.0, push_m=(0.1, 0.0)).kind == "pushed"
+    assert BodyFault(0, 1.0, turn_rad=0.5).kind == "turned"
+    carried = BodyFault(0, 1.0, carry_to=Pose2(0.0, 0.0, 0.0))
+    assert (carried.kind, carried.from_s, carried.until_s) == ("carried", 1.0, 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "fault",
+    [
+        SenseFault(0, "dropped", 1.0, 3.0, 0.3),
+        SenseFault(0, "delayed", 1.0, 3.0, 0.1),
+        SenseFault(0, "frozen", 1.0, 2.0),
+        SenseFault(0, "black", 1.0, 2.0),
+        SenseFault(0, "odometry", 1.0, 3.0, 0.2),
+        SenseFault(0, "odometry", 1.0, 3.0, -0.2),
+        BodyFault(0, 1.5, push_m=(0.1, 0.15)),
+        BodyFault(0, 1.5, turn_rad=math.radians(60.0)),
+        BodyFault(0, 1.5, carry_to=Pose2(-0.6, -0.5, 2.0)),
+    ],
+    ids=lambda fault: fault.kind,
+)
+def test_the_built_in_player_recovers_within_a_second(fault):
+    match = Match(load_field("ssl_2001"), 1, 11, faults=[fault])
+    for _ in match.play(fault.until_s + 2.0):
+        pass
+    figures = match.figures
+    assert figures.faults[0].kind == fault.kind
+    assert figures.faults[0].recovery_s is not None
+    assert figures.faults[0].recovery_s <= 1.0
+    assert figures.robots[0].stopped_reason == ""
+    if fault.kind in ("dropped", "delayed", "odometry"):
+        assert figures.robots[0].lost_share == 0.0

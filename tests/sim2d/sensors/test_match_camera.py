@@ -1,0 +1,157 @@
+"""Quick frames against the ray caster's, and the pictures of a match as a player's eyes get them."""
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision import Vision
+from robocup_vision.camera import OmniCamera, PinholeCamera, Tangent
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.mirror import MirrorRenderer
+from sim2d.rendering.scene import BOX_COLORS, Box
+from sim2d.robot_link import RobotLimits
+from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_SENSOR, MatchCamera
+from sim2d.world.world import BallState, RobotState, WorldState
+
+LIMITS = RobotLimits()
+CLEAN = replace(MATCH_SENSOR, noise_sigma=0.0)
+SEKIMORI = sekimori_camera()
+HIGH = OmniCamera(
+    size_px=(320, 240), center_px=(161.0, 118.5), usable_radius_px=(20.0, 118.0), floor_range=Tangent(0.9, 0.0125),
+    mirrored=True, heading_rad=0.7, offset_m=(0.03, -0.02), tilt_rad=(0.01, -0.02), viewpoint_height_m=0.7,
+)  # fmt: skip
+
+
+def world_state(robots, ball=(0.3, 0.1), pan=0.0):
+    """Return a state of robots at poses, those of even index on side +1."""
+    states = (RobotState(k, 1 - 2 * (k % 2), k // 2, Pose2(*r), (0.0, 0.0), 0.0, pan) for k, r in enumerate(robots))
+    return WorldState(0.0, tuple(states), BallState(*ball), (0, 0), "play", 1, ())
+
+
+def random_state(field, rng, count=4):
+    high = field.floor_polygon.max(axis=0) - 0.3
+    places = []
+    while len(places) <= count:
+        place = rng.uniform(-high, high)
+        if all(np.hypot(*(place - other)) > 0.25 for other in places):
+            places.append(place)
+    return world_state([(*place, rng.uniform(-3, 3)) for place in places[1:]], tuple(places[0]))
+
+
+@pytest.mark.parametrize(
+    ("name", "camera"),
+    [("ssl_2001", SEKIMORI), ("msl_6x4", HIGH), ("ssl_division_b", HIGH), ("four_legged_2007", HIGH)],
+)
+def test_frames_are_those_of_the_ray_caster(name, camera):
+    field = load_field(name)
+    boxes = (Box(0.5, 0.4, 0.3, color_bgr=BOX_COLORS["red"]), Box(-0.5, -0.3, 0.9, height_m=0.05))
+    eye = MatchCamera(field, camera, LIMITS, np.random.default_rng(0), boxes=boxes, sensor=CLEAN)
+    caster = MirrorRenderer(camera, 3)
+    u, v = np.meshgrid(np.arange(camera.size_px[0]), np.arange(camera.size_px[1]))
+    radius = np.hypot(u - camera.center_px[0], v - camera.center_px[1])
+    rim = (radius > camera.usable_radius_px[0] + 3) & (radius < camera.usable_radius_px[1] - 2)
+    rng = np.random.default_rng(8)
+    for _ in range(4):
+        state = random_state(field, rng)
+        quick = eye.render(state, 1)
+        slow = CLEAN.expose(caster.render(eye.scene(state, 1), state.robots[1].pose), rng)
+        difference = np.abs(quick.astype(int) - slow).max(axis=2)
+        low = rim & (cv2.erode(rim.astype(np.uint8), np.ones((3, 3), dtype=np.uint8)) > 0)
+        assert difference[radius < camera.usable_radius_px[0] - 3].max() <= 3  # its own body
+        assert np.median(difference[low]) <= 1
+        # edges across the bearing are not averaged, and the room behind is drawn in stripes
+        on_floor = low & (slow[..., 1] > 1.5 * slow[..., 0]) & (slow[..., 1] > 1.5 * slow[..., 2])
+        assert (difference[on_floor] > 12).mean() < 0.02
+        assert difference[on_floor].mean() < 1.2
+
+
+def test_a_place_is_told_from_them_as_well_as_from_the_ray_casters():
+    field = load_field("ssl_2001")
+    eye = MatchCamera(field, SEKIMORI, LIMITS, np.random.default_rng(0))
+    caster = MirrorRenderer(SEKIMORI, 3)
+    rng = np.random.default_rng(19)
+    errors = {"quick": [], "slow": []}
+    visions = {name: Vision(field, SEKIMORI) for name in errors}
+    for _ in range(25):
+        state = random_state(field, rng)
+        truth = state.robots[0].pose
+        frames = {
+            "quick": eye.render(state, 0),
+            "slow": MATCH_SENSOR.expose(caster.render(eye.scene(state, 0), truth), rng),
+        }
+        for name, frame in frames.items():
+            view = visions[name].look(frame)
+            assert view.pose
+            errors[name].append(view.pose.pose.error_to(truth))
+    quick, slow = (np.array(errors[name]) for name in ("quick", "slow"))
+    assert (quick[:, 0] < 0.05).all()
+    assert (quick[:, 1] < math.radians(3)).all()
+    assert np.median(quick[:, 0]) < 1.5 * np.median(slow[:, 0])
+
+
+def test_a_robot_does_not_see_itself_but_the_others():
+    field = load_field("ssl_2001")
+    eye = MatchCamera(field, SEKIMORI, LIMITS, np.random.default_rng(0), sensor=CLEAN)
+    alone = eye.render(world_state([(0.0, 0.0, 0.0)]), 0)
+    two = world_state([(0.0, 0.0, 0.0), (0.4, 0.0, 1.0)])
+    assert (eye.render(two, 0) != alone).any()
+    dark = (eye.render(two, 0).max(axis=2) < 60) & (alone.max(axis=2) > 60)
+    v, u = np.argwhere(dark).mean(axis=0)
+    assert v == pytest.approx(109.5, abs=2)
+    assert 165 < u < 225  # straight ahead is to the right
+
+
+def test_noise_is_repeated_by_a_seed_and_new_in_every_frame():
+    field, state = load_field("ssl_2001"), world_state([(0.2, 0.1, 0.4)])
+    eyes = [MatchCamera(field, SEKIMORI, LIMITS, np.random.default_rng(6)) for _ in range(2)]
+    first, again = (eye.render(state, 0) for eye in eyes)
+    second = eyes[0].render(state, 0)
+    assert (first == again).all()
+    bare = MatchCamera(field, SEKIMORI, LIMITS, np.random.default_rng(6), sensor=CLEAN).render(state, 0)
+    middling = (bare > 40) & (bare < 215)
+    noise = [(frame.astype(float) - bare)[middling] for frame in (first, second)]
+    assert noise[0].std() == pytest.approx(MATCH_SENSOR.noise_sigma, rel=0.03)
+    assert abs(noise[0].mean()) < 0.2
+    assert abs(np.corrcoef(*noise)[0, 1]) < 0.05
+    with pytest.raises(ValueError, match="read-only"):
+        first[0, 0, 0] = 0
+
+
+def test_a_head_that_pans_sees_what_a_turned_robot_sees():
+    field = load_field("four_legged_2007")
+    camera = PinholeCamera(
+        size_px=(104, 80), focal_px=(100.0, 100.0), center_px=(51.5, 39.5), height_m=0.2, tilt_rad=-0.1
+    )
+    eye = MatchCamera(field, camera, LIMITS, np.random.default_rng(0), sensor=CLEAN)
+    panned = eye.render(world_state([(0.5, 0.2, 0.3)], pan=0.4), 0)
+    turned = eye.render(world_state([(0.5, 0.2, 0.7)]), 0)
+    assert panned.shape == (80, 104, 3)
+    assert np.abs(panned.astype(int) - turned).max() <= 1
+    assert np.abs(panned.astype(int) - eye.render(world_state([(0.5, 0.2, 0.3)]), 0)).max() > 50
+
+
+def test_a_wide_blur_is_drawn_too():
+    field, state = load_field("ssl_2001"), world_state([(0.2, 0.1, 0.4)])
+    frames = [
+        MatchCamera(field, SEKIMORI, LIMITS, np.random.default_rng(0), sensor=replace(CLEAN, blur_px=blur)).render(
+            state, 0
+        )
+        for blur in (0.0, 0.7, 1.5)
+    ]
+    rough = [float(np.abs(np.diff(frame.astype(int), axis=1)).mean()) for frame in frames]
+    assert rough[0] > rough[1] > rough[2]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"light": replace(MATCH_LIGHT, texture=0.1)}, {"sensor": replace(CLEAN, jpeg_quality=80)}],
+)
+def test_what_a_match_is_not_drawn_with_is_refused(wrong):
+    with pytest.raises(ArgumentError, match="a match is drawn without texture"):
+        MatchCamera(load_field("ssl_2001"), SEKIMORI, LIMITS, np.random.default_rng(0), **wrong)
