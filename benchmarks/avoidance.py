@@ -24,9 +24,9 @@ import numpy as np
 from harness import Table, finish, parse_arguments, percent, verdict
 
 from field_models import load_field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance import Steering
 from robocup_vision.avoidance.steering import FreeRanges
-from robocup_vision.geometry import FloatArray
 from sim2d.match.courses import Drive, cube_course, drive_course, nearest_seen_m, pocket_course
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import RobotLimits

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models import Field
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.tracking import Detection, KnownFreeSpace, ReturnDetector
 from robocup_vision.vision import Vision

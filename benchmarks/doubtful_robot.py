@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion.path_following import drive, spread
 from robocup_vision.planning import Disc, MotionLimits, PathFollower, PoseNoise, SpeedPlan, SpeedPlanner
 

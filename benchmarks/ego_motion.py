@@ -24,7 +24,8 @@ import numpy as np
 from harness import Table, finish, parse_arguments, verdict
 
 from field_models import load_field
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 from robocup_vision.mapping import EgoMotion
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from doubtful_robot import DISC_STD_M, LIMITS, PATIENCE_S, PERIOD_S, PLAN_EVERY, PLANNER, RADIUS_M, DoubtfulRobot
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import Disc, Gap, PassageTimes, WidthSensor, choose_gap
 from robocup_vision.planning.gap import Point, gap_between
 

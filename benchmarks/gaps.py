@@ -29,7 +29,7 @@ import gap_choices
 import numpy as np
 from harness import Table, finish, parse_arguments, percent, verdict
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import (
     Gap,
     GatePlan,

@@ -12,8 +12,9 @@ import numpy as np
 from harness import Table, percent, verdict
 
 from field_models import load_field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, wrap_angle
+from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.goal.localizer import GoalLocalizer
 from robocup_vision.planning.gaze import Neck
 from robocup_vision.planning.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen

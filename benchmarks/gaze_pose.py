@@ -13,9 +13,10 @@ import numpy as np
 from harness import Table, percent, verdict
 
 from field_models import load_field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, compose_covariance, wrap_angle
+from robocup_vision.geometry import Pose2, compose_covariance, wrap_angle
 from robocup_vision.localization.filter.pose_filter import OdometryNoise, PoseFilter
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT, camera_rotation
 from robocup_vision.localization.goal.localizer import GoalLocalizer

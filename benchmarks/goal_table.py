@@ -18,7 +18,8 @@ import numpy.typing as npt
 from harness import Table, finish, parse_arguments, percent, verdict
 
 from field_models import load_field
-from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS
 from robocup_vision.localization.goal.geometry import (
     BAR_BOTTOM,

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion.path_following import drive, nearest_on_path
 from robocup_vision.planning import (
     Disc,

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from harness import Table, finish, parse_arguments, percent, verdict
 
 from field_models import load_field
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.kernels.mapping import occupancy as kernel
 from robocup_vision.mapping.occupancy import FREE, NO_GO, FreeSpaceMap
 from robocup_vision.mapping.range_profile import RangeProfile
@@ -31,8 +31,6 @@ from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Robot
 from sim2d.sensors.cell_truth import CellTruth
 from sim2d.sensors.runs import KINDS, SensorFrame, map_vision, sensor_run
-
-BoolArray = npt.NDArray[np.bool_]
 
 FIELD, CAMERA = "ssl_2001", sekimori_camera()
 LIGHTS = ("plain", "glare", "shadow", "glare_shadow")

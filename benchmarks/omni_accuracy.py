@@ -42,10 +42,11 @@ from harness import Table, finish, parse_arguments, percent, verdict
 
 from field_models import load_field
 from robocup_vision import NotLocated, PoseEstimate, Vision
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera
 from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.evaluation.scoring import FAIR_M, FAIR_RAD, Row, figures, pose_error
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.rendering.cameras import sekimori_camera

@@ -20,6 +20,7 @@ from harness import Table, finish, parse_arguments, verdict
 
 from field_models import load_field
 from robocup_vision import Vision
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.evaluation.scoring import pose_error
 from robocup_vision.geometry import Pose2
@@ -42,10 +43,8 @@ SHARE = 1 / 5
 HEADING_RAD = math.radians(5.0)
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 
-Frame = npt.NDArray[np.uint8]
 
-
-def pictures(place: int, count: int, seed: int) -> Iterator[tuple[Frame, Pose2]]:
+def pictures(place: int, count: int, seed: int) -> Iterator[tuple[UInt8Array, Pose2]]:
     """Yield frames and poses at one of the places."""
     colors = list(BOX_COLORS.values())
     boxes = tuple(Box(x, y, 0.2 * i, color_bgr=colors[i % len(colors)]) for i, (x, y) in enumerate(BOX_PLACES))
@@ -58,7 +57,7 @@ def pictures(place: int, count: int, seed: int) -> Iterator[tuple[Frame, Pose2]]
         yield condition.sensor.expose(renderer.render(scene, pose), rng), pose
 
 
-def errors(vision: Vision, frames: list[tuple[Frame, Pose2]]) -> npt.NDArray[np.float64]:
+def errors(vision: Vision, frames: list[tuple[UInt8Array, Pose2]]) -> npt.NDArray[np.float64]:
     """(N, 3) errors of the N located images: mm, mm, degrees."""
     rows = []
     for frame, pose in frames:

@@ -50,7 +50,8 @@ from pose_runs import (
 )
 
 from robocup_vision import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, wrap_angle
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.filter.pose_filter import FrameErrors, OdometryNoise, PoseFilter
 
 try:

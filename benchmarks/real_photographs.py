@@ -31,8 +31,9 @@ from harness import Table, finish, parse_arguments, verdict
 
 from field_models import load_field
 from robocup_vision import PoseEstimate, Vision, draw, load_camera
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.localizer import LineLocalizer
 from robocup_vision.localization.lines.nearby import locate_nearby

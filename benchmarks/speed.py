@@ -33,7 +33,7 @@ from doubtful_robot import (
 )
 from harness import Table, finish, parse_arguments, percent, verdict
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import Disc
 
 CONSTANT_MPS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5)

@@ -23,7 +23,7 @@ from tracking_peers import NearestNeighbours, Reports, StoneSoup
 from tracking_score import Score
 
 from field_models import load_field
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from robocup_vision.tracking import MovingObjects
 from robocup_vision.tracking.detections import in_field
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 
 Reports = list[tuple[int, FloatArray]]
 

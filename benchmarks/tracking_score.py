@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 
 # a report farther away than this from an object is not of it: less than two radii
 NEAR_M = 0.15

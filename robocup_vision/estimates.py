@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, Pose2, compose_covariance, half_turn_covariance, read_only
+from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.geometry import Pose2, compose_covariance, half_turn_covariance
 
 
 @dataclass(frozen=True, slots=True, eq=False)

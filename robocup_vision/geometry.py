@@ -8,20 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from robocup_vision.arrays import FloatArray
 
 
 def wrap_angle(angle_rad: float) -> float:
     """Return the same direction in (-pi, pi]."""
     wrapped = math.remainder(angle_rad, math.tau)
     return math.pi if wrapped <= -math.pi else wrapped
-
-
-def read_only(array: npt.ArrayLike) -> FloatArray:
-    """Return a float64 copy that nobody can write to, as every value type here holds."""
-    copy = np.array(array, dtype=np.float64)
-    copy.flags.writeable = False
-    return copy
 
 
 @dataclass(frozen=True, slots=True)

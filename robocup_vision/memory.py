@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.hypothesis import Hypothesis
@@ -23,8 +23,6 @@ from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector, Track
 from robocup_vision.view import View
-
-UInt8Array = npt.NDArray[np.uint8]
 
 _FLOOR = "floor"
 _NOWHERE = Pose2(0.0, 0.0, 0.0)

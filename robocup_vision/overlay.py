@@ -7,14 +7,12 @@ import textwrap
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
-from robocup_vision.geometry import FloatArray
 from robocup_vision.vision import View, Vision
 
-UInt8Array = npt.NDArray[np.uint8]
 Bgr = tuple[int, int, int]
 
 FIELD_COLOR: Bgr = (255, 255, 0)

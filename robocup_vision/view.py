@@ -8,12 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, read_only
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
@@ -24,7 +23,6 @@ from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 if TYPE_CHECKING:
     from robocup_vision.memory import Belief
 
-UInt8Array = npt.NDArray[np.uint8]
 
 # blocked samples in a row that make an obstacle
 _BLOCKED_RUN = 2

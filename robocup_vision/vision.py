@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-import numpy.typing as npt
-
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
@@ -26,7 +24,6 @@ if TYPE_CHECKING:
     from robocup_vision.calibration.online import OnlineCalibration
     from robocup_vision.memory import Memory
 
-UInt8Array = npt.NDArray[np.uint8]
 Method = Literal["floor", "field", "hull", "goal"]
 
 _NO_FLOOR = "this camera maps none of its pixels to the floor (is its tilt_rad known?)"

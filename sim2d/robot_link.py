@@ -10,16 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
-import numpy as np
-import numpy.typing as npt
-
 from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 
-UInt8Array = npt.NDArray[np.uint8]
 Phase = Literal["kick_off", "play"]
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.motion.moving_contact import COLUMNS
 
 # standard deviations that are kept clear of, and how much of them at most: beyond that there would be no way round

@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
 # a pixel, to which an edge is seen, and a period's lag are some such share of the range

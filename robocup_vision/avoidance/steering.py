@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance.moving_obstacles import MovingObstacle, moving_table, ranges_past
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.mapping import grown_profile
 from robocup_vision.kernels.motion import steering as kernel
 

@@ -13,15 +13,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import way_grid
-
-Float32Array = npt.NDArray[np.float32]
-UInt8Array = npt.NDArray[np.uint8]
 
 # shares of the robot's radius: a cell; what a gap seen from near must have to spare on each side; the priced seam
 _CELL, _SPARE, _SOFT = 0.2, 0.05, 0.5

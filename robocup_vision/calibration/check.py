@@ -15,11 +15,11 @@ from typing import Literal
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models.catalog import field_names, load_field
 from field_models.errors import FrameError
 from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
@@ -28,8 +28,6 @@ from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.progress import progress
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # images looked at, evenly spread, and those tried on other fields and with colours learnt anew
 _MAX_IMAGES, _MAX_TRIED = 24, 8

@@ -18,18 +18,16 @@ import numpy.typing as npt
 
 from field_models.errors import FrameError
 from field_models.field import Field, Goal
+from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array, read_only
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import Colors, build_color_table, colors_for, learn_colors
 from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
-
-UInt8Array = npt.NDArray[np.uint8]
-BoolArray = npt.NDArray[np.bool_]
 
 COLORED = ("ball", "goal_positive_x", "goal_negative_x")
 # of a picture without a camera file

@@ -12,19 +12,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.view import View
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # frames closer together than this tell the same: the newer one stays
 _SAME_PLACE_M, _SAME_HEADING_RAD = 0.1, math.radians(15.0)

@@ -16,10 +16,11 @@ import numpy as np
 
 from field_models.errors import FrameError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.fit import GoalModel, goal_model, residuals
 from robocup_vision.localization.goal.geometry import (
     BLOOM,

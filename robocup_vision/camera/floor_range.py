@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import FloatArray, read_only
 
 
 class FloorRange(Protocol):

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.camera.floor_range import FloorRange
-from robocup_vision.geometry import FloatArray, read_only
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import FloatArray, read_only
 
 DISTORTION_LENGTHS = (0, 4, 5, 8)
 _WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees

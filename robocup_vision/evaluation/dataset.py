@@ -18,9 +18,10 @@ from field_models.catalog import load_field
 from field_models.errors import ArgumentError, FileError, FrameError
 from field_models.field import Field
 from field_models.toml_file import StrictStruct, load_toml
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
 from robocup_vision.files.csv_table import read_csv
-from robocup_vision.files.images import IMAGE_SUFFIXES, ImageArray, read_image, read_mask
+from robocup_vision.files.images import IMAGE_SUFFIXES, read_image, read_mask
 from robocup_vision.files.video import count_video_frames, read_video
 from robocup_vision.geometry import Pose2
 
@@ -116,7 +117,7 @@ class Dataset:
         """Whether the frames come from a video, which can only be read from its beginning."""
         return self.path.is_file()
 
-    def read_frame(self, index: int) -> ImageArray:
+    def read_frame(self, index: int) -> UInt8Array:
         """Read one frame, (H, W, 3) uint8 BGR, of a folder of images.
 
         Raises
@@ -128,7 +129,7 @@ class Dataset:
             raise ArgumentError(f"{self.path}: frames of a video are read in order, by read_frames")
         return read_image(self.path / self.image_names[index], self.camera.size_px)
 
-    def read_frames(self) -> Iterator[ImageArray | FrameError]:
+    def read_frames(self) -> Iterator[UInt8Array | FrameError]:
         """Read all frames in order, one at a time; where one cannot be used, yield the error in its place."""
         if self.is_video:
             yield from read_video(self.path, len(self.image_names), self.camera.size_px)
@@ -323,7 +324,7 @@ def _times(path: Path | None, image_names: tuple[str, ...]) -> dict[str, FrameTi
     return times
 
 
-def _mask(path: Path | None, size_px: tuple[int, int]) -> ImageArray | None:
+def _mask(path: Path | None, size_px: tuple[int, int]) -> UInt8Array | None:
     if path is None:
         return None
     try:

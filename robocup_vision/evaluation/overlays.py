@@ -11,7 +11,7 @@ import heapq
 import cv2
 import numpy as np
 
-from robocup_vision.files.images import ImageArray
+from robocup_vision.arrays import UInt8Array
 
 WORST_COUNT = 8
 SPREAD_COUNT = 16
@@ -46,6 +46,6 @@ class WorstSoFar:
         return [(-negative, jpeg) for _, negative, jpeg in sorted(self._heap, reverse=True)]
 
 
-def encode_jpeg(image: ImageArray) -> bytes:
+def encode_jpeg(image: UInt8Array) -> bytes:
     """Encode a BGR image for a report."""
     return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()

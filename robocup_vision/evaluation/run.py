@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation import report
@@ -25,7 +26,6 @@ from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, spread_indices
 from robocup_vision.evaluation.result_files import prepare_folder, write_results, write_summary, write_trajectory
 from robocup_vision.evaluation.scoring import Figures, Row, figures, pose_error
-from robocup_vision.files.images import ImageArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.progress import progress
 
@@ -44,7 +44,7 @@ class ViewLike(Protocol):
 class VisionLike(Protocol):
     """What can be scored: `robocup_vision.Vision`, or a team's own localiser."""
 
-    def look(self, frame: ImageArray, t_s: float | None = None, odometry: Pose2 | None = None) -> ViewLike:
+    def look(self, frame: UInt8Array, t_s: float | None = None, odometry: Pose2 | None = None) -> ViewLike:
         """Look at one frame, (H, W, 3) uint8 BGR, with its time and the motion since the frame before if known."""
         ...
 
@@ -54,7 +54,7 @@ class VisionLike(Protocol):
 
 
 MakeVision = Callable[[Dataset], VisionLike]
-DrawOverlay = Callable[[Any, ImageArray, Any], ImageArray]
+DrawOverlay = Callable[[Any, UInt8Array, Any], UInt8Array]
 
 
 def make_default_vision(dataset: Dataset) -> VisionLike:
@@ -70,7 +70,7 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
     return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=method, mask=dataset.mask)
 
 
-def draw_default_overlay(view: Any, frame: ImageArray, vision: Any) -> ImageArray:
+def draw_default_overlay(view: Any, frame: UInt8Array, vision: Any) -> UInt8Array:
     """Draw a frame with what `Vision` or `LandmarkVision` saw in it."""
     from robocup_vision.landmarks.vision import LandmarkView, draw_landmarks
 
@@ -222,7 +222,7 @@ class _Looker:
         self._unused_odometry: Pose2 | None = Pose2(0.0, 0.0, 0.0)
         self._vision = plan.make_vision(plan.dataset)
 
-    def look(self, index: int, frame: ImageArray | FrameError) -> _Look:
+    def look(self, index: int, frame: UInt8Array | FrameError) -> _Look:
         """Look at one frame; whatever goes wrong becomes its row's reason."""
         image = self._dataset.image_names[index]
         row = Row(image, truth=self._dataset.truth.get(image))
@@ -265,7 +265,7 @@ class _Looker:
             error = pose_error(pose, row.truth, symmetric=self._dataset.symmetry == "point")
         return replace(row, estimate=pose, error=error)
 
-    def _picture(self, index: int, row: Row, view: ViewLike | None, frame: ImageArray) -> _Look:
+    def _picture(self, index: int, row: Row, view: ViewLike | None, frame: UInt8Array) -> _Look:
         is_worst = self._worst.admits(index, row.badness)
         if not self._plan.wants_overlays or not (is_worst or index in self._spread):
             return _Look(row)
@@ -306,7 +306,7 @@ def _start_worker(plan: _Plan) -> None:
     _worker = _Looker(plan)
 
 
-def _look_in_worker(index: int, frame: ImageArray | FrameError | None) -> _Look:
+def _look_in_worker(index: int, frame: UInt8Array | FrameError | None) -> _Look:
     assert _worker is not None
     if frame is None:
         try:

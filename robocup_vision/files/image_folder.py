@@ -7,13 +7,10 @@ from pathlib import Path
 from typing import overload
 
 import cv2
-import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import FileError, FrameError
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.files.images import IMAGE_SUFFIXES, read_image
-
-UInt8Array = npt.NDArray[np.uint8]
 
 
 class ImageFiles(Sequence[UInt8Array]):

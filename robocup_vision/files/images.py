@@ -15,15 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import FrameError
-
-ImageArray = npt.NDArray[np.uint8]
+from robocup_vision.arrays import UInt8Array
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _JPEG_START = b"\xff\xd8"
 
 
-def read_image(path: str | Path, size_px: tuple[int, int]) -> ImageArray:
+def read_image(path: str | Path, size_px: tuple[int, int]) -> UInt8Array:
     """Read a colour image of exactly the given size.
 
     Parameters
@@ -57,7 +56,7 @@ def read_image(path: str | Path, size_px: tuple[int, int]) -> ImageArray:
     return np.asarray(image, dtype=np.uint8)
 
 
-def read_mask(path: str | Path) -> ImageArray:
+def read_mask(path: str | Path) -> UInt8Array:
     """Read a mask as (H, W) uint8, 255 where any channel of the file is non-zero (an opaque alpha channel is not).
 
     Raises

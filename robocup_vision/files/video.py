@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from field_models.errors import FrameError
-from robocup_vision.files.images import ImageArray
+from robocup_vision.arrays import UInt8Array
 
 
 def count_video_frames(path: str | Path) -> tuple[int, int]:
@@ -27,7 +27,7 @@ def count_video_frames(path: str | Path) -> tuple[int, int]:
         capture.release()
 
 
-def read_video(path: str | Path, count: int, size_px: tuple[int, int]) -> Iterator[ImageArray | FrameError]:
+def read_video(path: str | Path, count: int, size_px: tuple[int, int]) -> Iterator[UInt8Array | FrameError]:
     """Yield `count` frames, (H, W, 3) uint8 BGR, or the error in place of one that cannot be used."""
     capture = cv2.VideoCapture(str(path))
     try:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray
-from robocup_vision.landmarks.features import Features, Floats, to_bytes
-from robocup_vision.landmarks.landmark_map import Indices, LandmarkMap
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
+from robocup_vision.landmarks.features import Features, to_bytes
+from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF
 from robocup_vision.landmarks.refinement import Sightings
 from robocup_vision.landmarks.stereo import StereoPoints
@@ -23,7 +23,7 @@ def _none(*shape: int) -> FloatArray:
     return np.empty((0, *shape))
 
 
-def _no_index() -> Indices:
+def _no_index() -> Int64Array:
     return np.empty(0, dtype=np.int64)
 
 
@@ -34,12 +34,12 @@ class DraftMap:
     positions_m: FloatArray = field(default_factory=lambda: _none(3))
     covariances: FloatArray = field(default_factory=lambda: _none(3, 3))
     noise: FloatArray = field(default_factory=_none)
-    seen: Indices = field(default_factory=_no_index)
-    missed: Indices = field(default_factory=_no_index)
-    last_frame: Indices = field(default_factory=_no_index)
-    view_landmark: Indices = field(default_factory=_no_index)
-    view_direction: Indices = field(default_factory=_no_index)
-    view_descriptors: Floats = field(default_factory=lambda: np.empty((0, 128), dtype=np.float32))
+    seen: Int64Array = field(default_factory=_no_index)
+    missed: Int64Array = field(default_factory=_no_index)
+    last_frame: Int64Array = field(default_factory=_no_index)
+    view_landmark: Int64Array = field(default_factory=_no_index)
+    view_direction: Int64Array = field(default_factory=_no_index)
+    view_descriptors: Float32Array = field(default_factory=lambda: np.empty((0, 128), dtype=np.float32))
     view_contrast: FloatArray = field(default_factory=_none)
     view_size_m: FloatArray = field(default_factory=_none)
     view_spacing_m: FloatArray = field(default_factory=_none)
@@ -49,7 +49,7 @@ class DraftMap:
     def __len__(self) -> int:
         return len(self.positions_m)
 
-    def add(self, positions_m: FloatArray, covariances: FloatArray, frame: int) -> Indices:
+    def add(self, positions_m: FloatArray, covariances: FloatArray, frame: int) -> Int64Array:
         """Add landmarks and return their indices."""
         count = len(positions_m)
         start = len(self)
@@ -61,7 +61,7 @@ class DraftMap:
         self.last_frame = np.append(self.last_frame, np.full(count, frame))
         return np.arange(start, start + count)
 
-    def look(self, landmarks: Indices, directions: Indices, features: Features, per_px: FloatArray) -> None:
+    def look(self, landmarks: Int64Array, directions: Int64Array, features: Features, per_px: FloatArray) -> None:
         """Note what landmarks look like: a direction already known is updated, a new one added.
 
         Parameters
@@ -92,7 +92,7 @@ class DraftMap:
         self.view_size_m = np.append(self.view_size_m, features.size_px[new] * per_px[new])
         self.view_spacing_m = np.append(self.view_spacing_m, features.spacing_px[new] * per_px[new])
 
-    def sight(self, landmarks: Indices, points: StereoPoints, frame: int) -> None:
+    def sight(self, landmarks: Int64Array, points: StereoPoints, frame: int) -> None:
         """Note that a frame saw landmarks (N,) as N stereo points."""
         old = self.sightings
         self.sightings = Sightings(

@@ -16,13 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import FrameError
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.landmarks.matching import best_two
-
-UInt8Array = npt.NDArray[np.uint8]
-Floats = npt.NDArray[np.float32]
-Indices = npt.NDArray[np.int64]
 
 RATIO = 0.7  # eq. 3
 # unit descriptors farther apart than this are of different things even where no rival is near: a right angle is 1.41
@@ -56,7 +52,7 @@ class Features:
     size_px: FloatArray
     spacing_px: FloatArray
     contrast: FloatArray
-    descriptors: Floats
+    descriptors: Float32Array
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -242,12 +238,12 @@ def ideal_pixels(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
     return np.asarray(-ray[:, 1:] / ray[:, :1] * camera.focal_px + camera.center_px)
 
 
-def to_bytes(descriptors: Floats) -> UInt8Array:
+def to_bytes(descriptors: Float32Array) -> UInt8Array:
     """Pack unit descriptors into bytes, a quarter of the memory."""
     return np.asarray(np.clip(np.rint(descriptors * BYTE_SCALE), 0, 255), dtype=np.uint8)
 
 
-def from_bytes(packed: UInt8Array) -> Floats:
+def from_bytes(packed: UInt8Array) -> Float32Array:
     """Unpack what `to_bytes` packed."""
     descriptors = packed.astype(np.float32)
     length = np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-9)
@@ -255,13 +251,13 @@ def from_bytes(packed: UInt8Array) -> Floats:
 
 
 def match(
-    first: Floats,
-    second: Floats,
+    first: Float32Array,
+    second: Float32Array,
     allowed: npt.NDArray[np.bool_],
     *,
     ratio: float = RATIO,
     best_claim_wins: bool = False,
-) -> tuple[Indices, Indices]:
+) -> tuple[Int64Array, Int64Array]:
     """Match descriptors by the ratio test, one to one.
 
     Parameters
@@ -279,7 +275,7 @@ def match(
     Returns
     -------
     (K,), (K,) int64
-        Indices of partners.
+        Int64Array of partners.
     """
     if not len(first) or not len(second):
         none = np.empty(0, dtype=np.int64)
@@ -294,7 +290,7 @@ def match(
 
 
 def match_by_loop(
-    first: Floats,
+    first: Float32Array,
     first_px: FloatArray,
     first_size: FloatArray,
     second: Features,
@@ -302,7 +298,7 @@ def match_by_loop(
     size_ratio: float,
     *,
     ratio: float = RATIO,
-) -> tuple[Indices, Indices]:
+) -> tuple[Int64Array, Int64Array]:
     """Match as `match` does, landmark by landmark, within `gate_px` of where each is expected; compiled."""
     best, nearest, runner_up = best_two(
         first,
@@ -319,8 +315,13 @@ def match_by_loop(
 
 
 def _accept(
-    best: Indices, nearest: Floats, runner_up: Floats, count: int, ratio: float, best_claim_wins: bool = False
-) -> tuple[Indices, Indices]:
+    best: Int64Array,
+    nearest: Float32Array,
+    runner_up: Float32Array,
+    count: int,
+    ratio: float,
+    best_claim_wins: bool = False,
+) -> tuple[Int64Array, Int64Array]:
     squared, second_squared = np.maximum(2 - 2 * nearest, 0), 2 - 2 * runner_up
     good = (nearest > -1) & (squared <= ratio**2 * second_squared) & (squared <= MAX_DISTANCE**2)
     rows = np.flatnonzero(good)

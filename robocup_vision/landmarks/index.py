@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.landmarks.index import views_in_frustum
 from robocup_vision.landmarks.landmark_map import DIRECTIONS, VIEW_REACH_RAD, Expected, LandmarkMap, nearest_views
 

@@ -17,13 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FileError
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
-from robocup_vision.landmarks.features import Floats, from_bytes
+from robocup_vision.landmarks.features import from_bytes
 from robocup_vision.landmarks.projection import project, to_camera
-
-UInt8Array = npt.NDArray[np.uint8]
-Indices = npt.NDArray[np.int64]
 
 FORMAT = 1
 DIRECTIONS = 36
@@ -67,10 +64,10 @@ class LandmarkMap:
     positions_m: FloatArray
     covariances: FloatArray
     noise: FloatArray
-    seen: Indices
-    missed: Indices
-    view_landmark: Indices
-    view_direction: Indices
+    seen: Int64Array
+    missed: Int64Array
+    view_landmark: Int64Array
+    view_direction: Int64Array
     view_descriptors: UInt8Array
     view_contrast: FloatArray
     view_size_m: FloatArray
@@ -136,7 +133,7 @@ class LandmarkMap:
         return np.asarray((self.seen + 0.5) / (self.seen + self.missed + 2.0))
 
     @cached_property
-    def view_unit(self) -> Floats:
+    def view_unit(self) -> Float32Array:
         """(V, D) float32: the views' descriptors as unit vectors."""
         return from_bytes(self.view_descriptors)
 
@@ -147,9 +144,9 @@ class Views(Protocol):
     @property
     def positions_m(self) -> FloatArray: ...  # noqa: D102
     @property
-    def view_landmark(self) -> Indices: ...  # noqa: D102
+    def view_landmark(self) -> Int64Array: ...  # noqa: D102
     @property
-    def view_direction(self) -> Indices: ...  # noqa: D102
+    def view_direction(self) -> Int64Array: ...  # noqa: D102
     @property
     def view_size_m(self) -> FloatArray: ...  # noqa: D102
     @property
@@ -174,8 +171,8 @@ class Expected:
         How large and how finely sampled it will appear.
     """
 
-    view: Indices
-    landmark: Indices
+    view: Int64Array
+    landmark: Int64Array
     pixels: FloatArray
     depth_m: FloatArray
     size_px: FloatArray
@@ -184,7 +181,7 @@ class Expected:
     def __len__(self) -> int:
         return len(self.view)
 
-    def take(self, index: npt.NDArray[np.intp] | Indices | npt.NDArray[np.bool_]) -> Expected:
+    def take(self, index: npt.NDArray[np.intp] | Int64Array | npt.NDArray[np.bool_]) -> Expected:
         """Return some of them, in this order."""
         return Expected(*(getattr(self, f.name)[index] for f in fields(self)))
 
@@ -206,7 +203,7 @@ def nearest_views(
     landmarks: Views,
     camera: PinholeCamera,
     pose: FloatArray,
-    views: npt.NDArray[np.intp] | Indices,
+    views: npt.NDArray[np.intp] | Int64Array,
     pixels: FloatArray,
     depth_m: FloatArray,
 ) -> Expected:
@@ -245,7 +242,7 @@ def viewpoint_in_field(camera: PinholeCamera, pose: FloatArray) -> FloatArray:
     return np.array([pose[0] + c * x - s * y, pose[1] + s * x + c * y, z])
 
 
-def direction_of(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> Indices:
+def direction_of(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> Int64Array:
     """Which of the 36 directions points (N, 3) of the field frame are seen in."""
     eye = viewpoint_in_field(camera, pose)
     bearing = np.arctan2(points_m[:, 1] - eye[1], points_m[:, 0] - eye[0])
@@ -298,7 +295,7 @@ def load_map(path: str | Path) -> LandmarkMap:
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         raise FileError(path, f"is damaged or no landmark map ({error})") from None
     for f in fields(LandmarkMap):
-        wanted = np.uint8 if f.type == "UInt8Array" else np.int64 if f.type == "Indices" else np.float64
+        wanted = np.uint8 if f.type == "UInt8Array" else np.int64 if f.type == "Int64Array" else np.float64
         if arrays[f.name].dtype != wanted:
             problem = f"must be of type {np.dtype(wanted)}"
             raise FileError(path, problem, key=f.name, value=str(arrays[f.name].dtype))

@@ -14,20 +14,20 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.landmarks.fit import descend
 from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, match_by_loop, near
 from robocup_vision.landmarks.index import MapIndex, kernel_camera
-from robocup_vision.landmarks.landmark_map import Expected, Indices, LandmarkMap, expect
+from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap, expect
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF, PoseFit, fit_pixels
 from robocup_vision.landmarks.projection import project, to_camera
 from robocup_vision.landmarks.relocate import Relocator
 from robocup_vision.landmarks.selection import Selection, TimeBudget, select
 from robocup_vision.landmarks.stereo import PIXEL_STD_PER_SPACING
 
-UInt8Array = npt.NDArray[np.uint8]
 Matching = Literal["loop", "product"]
 
 GATE_PX = 40.0  # eqs. 16 and 17, for images 320 wide
@@ -66,7 +66,7 @@ class Sight:
 
     pose: PoseEstimate | NotLocated
     expected: Expected
-    matched: Indices
+    matched: Int64Array
     pixels: FloatArray
     inliers: npt.NDArray[np.bool_]
     timings_s: dict[str, float]
@@ -250,7 +250,7 @@ class LandmarkLocalizer:
 
     def _match(
         self, expected: Expected, pixels: FloatArray, features: Features, gate_px: float, ratio: float
-    ) -> tuple[Indices, Indices]:
+    ) -> tuple[Int64Array, Int64Array]:
         unit = self.landmarks.view_unit[expected.view]
         gate = (gate_px, gate_px)
         if self._matching == "loop":
@@ -262,7 +262,7 @@ class LandmarkLocalizer:
         return project(self.camera, to_camera(self.camera, pose, self.landmarks.positions_m[expected.landmark]))
 
     def _fit(
-        self, start: FloatArray, expected: Expected, rows: Indices, features: Features, partners: Indices
+        self, start: FloatArray, expected: Expected, rows: Int64Array, features: Features, partners: Int64Array
     ) -> PoseFit:
         of = expected.landmark[rows]
         positions, covariances = self.landmarks.positions_m[of], self.landmarks.covariances[of]

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from field_models.errors import ArgumentError, FileError
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 
 # ellipses are drawn this many times as large as one standard deviation, or they would not be seen

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.landmarks.projection import pixel_by_point, point_by_pose, project, to_camera, world_to_camera
 
 # 99 % of right matches are within these (the paper's gate of 1 keeps a fifth of them)

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.landmarks.projection import TrinocularRig, world_to_camera
-
-Indices = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 # landmarks are eliminated this many at a time, which bounds the memory
 _CHUNK = 1500
@@ -38,12 +35,12 @@ class Sightings:
         Of each number.
     """
 
-    frame: Indices
-    landmark: Indices
+    frame: Int64Array
+    landmark: Int64Array
     measured_px: FloatArray
     std_px: FloatArray
 
-    def take(self, index: npt.NDArray[np.intp] | Indices | Flags) -> Sightings:
+    def take(self, index: npt.NDArray[np.intp] | Int64Array | BoolArray) -> Sightings:
         """Return some of them."""
         return Sightings(self.frame[index], self.landmark[index], self.measured_px[index], self.std_px[index])
 
@@ -78,7 +75,7 @@ def refine(
     poses: FloatArray,
     landmarks_m: FloatArray,
     sightings: Sightings,
-    fixed: Flags,
+    fixed: BoolArray,
     *,
     iterations: int = 5,
     tolerance_m: float = 1e-5,
@@ -94,7 +91,7 @@ def refine(
     landmarks_m : (L, 3) float64
         Where to start.
     sightings : Sightings
-        Indices are into `poses` and `landmarks_m`.
+        Int64Array are into `poses` and `landmarks_m`.
     fixed : (F,) bool
         Poses that stay. At least one must, or nothing says where the map lies.
     iterations : int
@@ -178,7 +175,7 @@ def _linearise(rig: TrinocularRig, poses: FloatArray, landmarks: FloatArray, s: 
     )
 
 
-def _sum_by(index: Indices, values: FloatArray, count: int) -> FloatArray:
+def _sum_by(index: Int64Array, values: FloatArray, count: int) -> FloatArray:
     flat = values.reshape(len(values), -1)
     columns = [np.bincount(index, weights=column, minlength=count) for column in flat.T]
     total: FloatArray = np.stack(columns, axis=-1).astype(np.float64)
@@ -192,7 +189,7 @@ def _landmark_inverses(system: _System, s: Sightings, count: int) -> FloatArray:
 
 
 def _blocks(
-    system: _System, s: Sightings, slot: Indices, fixed: Flags, count: int
+    system: _System, s: Sightings, slot: Int64Array, fixed: BoolArray, count: int
 ) -> list[tuple[int, int, FloatArray]]:
     """Cross parts as dense matrices (3 * free poses, 3 * landmarks), a chunk of landmarks at a time."""
     free = int((~fixed).sum())
@@ -209,7 +206,7 @@ def _blocks(
 
 
 def _reduce(
-    system: _System, s: Sightings, slot: Indices, fixed: Flags, count: int
+    system: _System, s: Sightings, slot: Int64Array, fixed: BoolArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Equations of the free poses alone, their right side, and the landmarks' inverse normal matrices."""
     free = int((~fixed).sum())

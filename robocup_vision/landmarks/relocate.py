@@ -8,9 +8,9 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
-from robocup_vision.geometry import FloatArray
 from robocup_vision.landmarks.features import MAX_DISTANCE, Features
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 

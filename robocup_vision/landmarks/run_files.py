@@ -20,10 +20,11 @@ import msgspec
 
 from field_models.errors import FileError
 from field_models.toml_file import StrictStruct, load_toml
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.files import load_camera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.files.csv_table import read_csv
-from robocup_vision.files.images import IMAGE_SUFFIXES, ImageArray, read_image
+from robocup_vision.files.images import IMAGE_SUFFIXES, read_image
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.projection import TrinocularRig
 
@@ -62,7 +63,7 @@ class MappingRun:
     start: Pose2
     odometry: dict[str, Pose2]
 
-    def read(self) -> Iterator[tuple[str, list[ImageArray]]]:
+    def read(self) -> Iterator[tuple[str, list[UInt8Array]]]:
         """Yield each moment's name and images, right, left and top.
 
         Raises

@@ -12,11 +12,11 @@ from typing import Literal
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.landmarks.fit import most_informative
 from robocup_vision.landmarks.index import kernel_camera
-from robocup_vision.landmarks.landmark_map import Expected, Indices, LandmarkMap
+from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap
 from robocup_vision.landmarks.stereo import PIXEL_STD_PER_SPACING
 
 Choice = Literal["informative", "cells", "frequency", "response", "random", "all"]
@@ -67,7 +67,7 @@ def select(
     *,
     at_most: int | None = None,
     rng: np.random.Generator | None = None,
-) -> Indices:
+) -> Int64Array:
     """Choose among the expected landmarks.
 
     Parameters
@@ -86,7 +86,7 @@ def select(
     Returns
     -------
     (K,) int64
-        Indices into `expected`; of "informative", the most telling first.
+        Int64Array into `expected`; of "informative", the most telling first.
     """
     count = how.at_most if at_most is None else at_most
     everything = np.arange(len(expected))
@@ -114,7 +114,7 @@ def select(
     return chosen[best]
 
 
-def delegates(expected: Expected, success: FloatArray, contrast: FloatArray, how: Selection) -> Indices:
+def delegates(expected: Expected, success: FloatArray, contrast: FloatArray, how: Selection) -> Int64Array:
     """Of each cell of the view frustum (eq. 23) the landmark of the highest success rate, then contrast."""
     spread = np.array([*expected.pixels.std(axis=0), expected.depth_m.std()])
     width = np.maximum(spread * (how.alpha, how.beta, how.gamma), (1.0, 1.0, 0.01))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray
-from robocup_vision.landmarks.features import Features, Indices, match
+from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.landmarks.features import Features, match
 from robocup_vision.landmarks.projection import TrinocularRig
 
 # the paper's 0.5 * d_s stands for quantisation, as if keypoints were not interpolated
@@ -39,7 +39,7 @@ class StereoPoints:
         Of the points (eq. 6).
     """
 
-    index: Indices
+    index: Int64Array
     features: Features
     measured_px: FloatArray
     std_px: FloatArray

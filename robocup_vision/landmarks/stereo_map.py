@@ -13,17 +13,16 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.draft import DraftMap
 from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, near
-from robocup_vision.landmarks.landmark_map import Indices, LandmarkMap, direction_of, expect
+from robocup_vision.landmarks.landmark_map import LandmarkMap, direction_of, expect
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo
 from robocup_vision.landmarks.projection import TrinocularRig, to_world, world_to_camera
 from robocup_vision.landmarks.refinement import Sightings, refine
 from robocup_vision.landmarks.stereo import StereoPoints, correspond
-
-UInt8Array = npt.NDArray[np.uint8]
 
 GATE_PX = (40.0, 20.0)  # for images 320 wide
 _DEPTH_RATIO = 1.25
@@ -251,7 +250,7 @@ class StereoMapper:
         )
         self._note(landmarks, points, which)
 
-    def _note(self, landmarks: Indices, points: StereoPoints, which: npt.NDArray[np.intp] | Indices) -> None:
+    def _note(self, landmarks: Int64Array, points: StereoPoints, which: npt.NDArray[np.intp] | Int64Array) -> None:
         camera, pose = self.rig.right, self._poses[-1]
         part = StereoPoints(
             points.index[which],

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -19,8 +20,6 @@ from robocup_vision.landmarks.features import check_frame
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.locate import LandmarkLocalizer, Sight
 from robocup_vision.landmarks.selection import Selection
-
-UInt8Array = npt.NDArray[np.uint8]
 
 _MIN_WIDTH = 640
 _GOOD, _BAD, _UNSEEN = (80, 220, 80), (60, 60, 255), (200, 160, 60)

@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.goal.colors import vote_goal_colors
 from robocup_vision.perception.color_table import Colors
 

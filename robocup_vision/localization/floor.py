@@ -15,9 +15,10 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.perception.polar_view import PolarView
 

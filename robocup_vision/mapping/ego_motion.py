@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, Pose2, compose_covariance, read_only
+from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.geometry import Pose2, compose_covariance
 from robocup_vision.kernels.mapping import range_profile
 
 # differences beyond this many standard deviations belong to something that moved, or came into view

@@ -14,16 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import BoolArray, FloatArray, Int8Array, Int32Array, UInt8Array
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.mapping import occupancy as kernel
 from robocup_vision.mapping.range_profile import RangeProfile, cones
 from robocup_vision.mapping.sensor_model import SensorModel, default_sensors
 from robocup_vision.perception.free_space import FreeSpace
-
-UInt8Array = npt.NDArray[np.uint8]
-Int8Array = npt.NDArray[np.int8]
-Int32Array = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
 
 FREE, NO_GO, UNDECIDED = 0, 1, 2
 

@@ -6,15 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import BoolArray, FloatArray, read_only
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.view import View
-
-BoolArray = npt.NDArray[np.bool_]
 
 # a gap between bearings of more than this many times their smallest spacing belongs to nobody
 _GAP = 1.5

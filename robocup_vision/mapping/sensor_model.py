@@ -15,10 +15,8 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, load_toml
+from robocup_vision.arrays import BoolArray, Int8Array
 from robocup_vision.kernels.mapping import occupancy as kernel
-
-Int8Array = npt.NDArray[np.int8]
-BoolArray = npt.NDArray[np.bool_]
 
 DEFAULT_FILE = Path(__file__).parent / "sensors.toml"
 

@@ -11,16 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray, read_only
 from robocup_vision.kernels.floor import ball as kernel
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_color import PaintColor
 from robocup_vision.perception.polar_view import PolarView
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # share of floor before and beside it, less what has its own colour
 _MIN_SCORE = 0.5

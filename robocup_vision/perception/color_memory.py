@@ -12,10 +12,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.field import Field
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array
 from robocup_vision.kernels.floor import colors as floor_colors
 from robocup_vision.kernels.floor import polar
 from robocup_vision.perception.color_table import (
@@ -29,9 +28,6 @@ from robocup_vision.perception.color_table import (
 from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS, FloorColor
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
-
-UInt8Array = npt.NDArray[np.uint8]
-Int8Array = npt.NDArray[np.int8]
 
 # the nearest floor's mean likelihood ratio below this share of what it was when learnt: something has changed
 _DRIFT_SHARE = 0.6

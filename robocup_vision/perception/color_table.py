@@ -20,7 +20,7 @@ import numpy.typing as npt
 from field_models.errors import FileError
 from field_models.field import COLOR_NAMES, Field
 from field_models.toml_file import StrictStruct, load_toml
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array, UInt16Array, read_only
 from robocup_vision.kernels.floor import colors as kernel
 from robocup_vision.perception.floor_color import (
     LEVELS,
@@ -29,10 +29,6 @@ from robocup_vision.perception.floor_color import (
     follow_floor_color,
     learn_floor_color,
 )
-
-UInt8Array = npt.NDArray[np.uint8]
-Int8Array = npt.NDArray[np.int8]
-UInt16Array = npt.NDArray[np.uint16]
 
 CLASS_NAMES = ("other", "floor", "line", "ball", "goal_positive_x", "goal_negative_x")
 

@@ -6,16 +6,13 @@ import math
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.ball import Ball, BallSearch
 from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # half the size of the smallest ball that is told
 _MIN_HALF_PX = 2.0

@@ -15,10 +15,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.floor import colors as kernel
-
-UInt8Array = npt.NDArray[np.uint8]
 
 RING_COLUMNS = 10
 RING_WEIGHT = 2.0

@@ -15,10 +15,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray, read_only
-
-UInt8Array = npt.NDArray[np.uint8]
 
 BEARINGS = 160
 COLUMNS = 144

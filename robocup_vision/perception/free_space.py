@@ -15,13 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array, read_only
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
-
-UInt8Array = npt.NDArray[np.uint8]
-Int32Array = npt.NDArray[np.int32]
 
 # how far the lens and the sampling spread an edge, pixels
 _BLUR_PX = 1.5

@@ -16,9 +16,8 @@ import numpy.typing as npt
 
 from field_models import COLOR_NAMES
 from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.kernels.goal.shine import fill_shine
-
-ByteImage = npt.NDArray[np.uint8]
 
 _MIN_SATURATION = 0.30  # a third of full paint: glare that leaves less is white for all we can tell
 _MIN_VALUE = 25  # of 255, below which hue is noise
@@ -55,7 +54,7 @@ def hue_families(field: Field) -> dict[str, tuple[float, float]]:
     return families
 
 
-def white_gains(image: ByteImage) -> npt.NDArray[np.float64]:
+def white_gains(image: UInt8Array) -> npt.NDArray[np.float64]:
     """Factors (3,) for B, G, R that make the image's bright end white."""
     coarse = image[::4, ::4].reshape(-1, 3)
     bright = np.array([np.partition(coarse[:, c], -len(coarse) // 20)[-len(coarse) // 20] for c in range(3)], float)
@@ -70,7 +69,7 @@ def halves(family: tuple[float, float]) -> tuple[tuple[float, float], tuple[floa
     return (low, middle + overlap), (middle - overlap, high)
 
 
-def paint_channels(image: ByteImage, color: str) -> tuple[ByteImage, ByteImage]:
+def paint_channels(image: UInt8Array, color: str) -> tuple[UInt8Array, UInt8Array]:
     """Two channels (H, W) in which paint of a named colour is bright: where it has kept its hue, and washed or not."""
     bgr = COLOR_NAMES[color]
     strong = [k for k in range(3) if 3 * bgr[k] > sum(bgr)]
@@ -81,7 +80,7 @@ def paint_channels(image: ByteImage, color: str) -> tuple[ByteImage, ByteImage]:
     return np.asarray(cv2.subtract(lit, rest), np.uint8), np.asarray(lit, np.uint8)
 
 
-def hue_modes(image: ByteImage, mask: ByteImage) -> list[tuple[float, float]]:
+def hue_modes(image: UInt8Array, mask: UInt8Array) -> list[tuple[float, float]]:
     """Hue intervals about each peak among a mask's pixels, where there are several: things touch in the picture."""
     _, hsv = _balanced(image)
     found = np.bincount(hsv[..., 0][mask > 0], minlength=180).astype(np.float64)
@@ -105,7 +104,7 @@ def hue_modes(image: ByteImage, mask: ByteImage) -> list[tuple[float, float]]:
     return list(itertools.pairwise(ends)) if cuts else []
 
 
-def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dict[str, ByteImage]:
+def hue_masks(image: UInt8Array, families: dict[str, tuple[float, float]]) -> dict[str, UInt8Array]:
     """Masks (H, W) uint8, 255 on paint, one for each hue family."""
     balanced, hsv = _balanced(image)
     masks = {}
@@ -122,7 +121,7 @@ def hue_masks(image: ByteImage, families: dict[str, tuple[float, float]]) -> dic
     return masks
 
 
-def parting(image: ByteImage, paint: ByteImage, other: ByteImage) -> npt.NDArray[np.float64] | None:
+def parting(image: UInt8Array, paint: UInt8Array, other: UInt8Array) -> npt.NDArray[np.float64] | None:
     """Colour direction (3,) in which paint is bright, and neither grey nor something of another hue, however lit.
 
     Parameters
@@ -140,14 +139,14 @@ def parting(image: ByteImage, paint: ByteImage, other: ByteImage) -> npt.NDArray
     return np.asarray(axis / np.linalg.norm(axis) * math.copysign(1.0, share)) if abs(share) > _PARTED else None
 
 
-def _balanced(image: ByteImage) -> tuple[ByteImage, ByteImage]:
+def _balanced(image: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
     """Return the image with its bright end made white, and its hue, saturation and value."""
     gains = white_gains(image)
     balanced = image if np.all(gains < 1.02) else np.asarray(cv2.LUT(image, _gain_table(gains)), np.uint8)
     return balanced, np.asarray(cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV), np.uint8)
 
 
-def _fill(mask: ByteImage, balanced: ByteImage) -> None:
+def _fill(mask: UInt8Array, balanced: UInt8Array) -> None:
     """Add the shine that paint encloses, along rows (posts), then along columns (the bar)."""
     u, v, width, height = cv2.boundingRect(mask)
     box = np.s_[v : v + height, u : u + width]
@@ -155,6 +154,6 @@ def _fill(mask: ByteImage, balanced: ByteImage) -> None:
         fill_shine(mask[box], balanced[box], _SHINE, mask.shape[1] // 8, upright)
 
 
-def _gain_table(gains: npt.NDArray[np.float64]) -> ByteImage:
+def _gain_table(gains: npt.NDArray[np.float64]) -> UInt8Array:
     ramp = np.arange(256)[:, None] * gains
     return np.minimum(np.rint(ramp), 255).astype(np.uint8).reshape(1, 256, 3)

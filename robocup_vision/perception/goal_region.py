@@ -12,11 +12,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.goal.edges import link_runs
 from robocup_vision.kernels.goal.strips import fit_strip, straight_line, summarize_chains
-
-ByteImage = npt.NDArray[np.uint8]
 
 _LEAN = 0.27  # the most a post may lean in the image: 15 degrees of roll and perspective
 _THINNEST_PX = 2.5
@@ -67,7 +65,7 @@ class Strip:
         return right - left
 
 
-def carpet_mask(image: ByteImage, excluded: ByteImage | None = None) -> ByteImage:
+def carpet_mask(image: UInt8Array, excluded: UInt8Array | None = None) -> UInt8Array:
     """Mask (H, W) uint8, 255 on green carpet: Otsu's threshold on 2G - R - B, shadows and sun patches included.
 
     Parameters
@@ -85,12 +83,12 @@ def carpet_mask(image: ByteImage, excluded: ByteImage | None = None) -> ByteImag
     return np.asarray(cv2.threshold(greenness, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1])
 
 
-def white_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def white_runs(image: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Find runs of white as `bright_runs` does: white paint is bright in all channels, and green carpet is not."""
     return bright_runs(np.asarray(cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2]), np.uint8), row_step)
 
 
-def bright_runs(image: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def bright_runs(image: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Bright stretches of one channel between a rising and a falling edge, in bands of rows.
 
     Returns
@@ -146,7 +144,7 @@ def _vertex(gradient: npt.NDArray[np.float32], row: npt.NDArray[np.int64], colum
     return np.asarray(np.clip((high - low) / (2 * bend), -0.5, 0.5), np.float64)
 
 
-def mask_runs(mask: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def mask_runs(mask: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Stretches of a mask in every `row_step`-th row, as `white_runs` gives them (contrast is 1)."""
     rows = mask[row_step // 2 :: row_step] > 0
     padded = np.zeros((rows.shape[0], rows.shape[1] + 2), np.int8)
@@ -165,7 +163,7 @@ def mask_runs(mask: ByteImage, row_step: int) -> tuple[FloatArray, FloatArray, F
 
 
 def strips(
-    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], row_step: int, carpet: ByteImage, *, certain: bool
+    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], row_step: int, carpet: UInt8Array, *, certain: bool
 ) -> list[Strip]:
     """Stack runs into upright strips, join the pieces of one post and see where each stands on the carpet.
 
@@ -232,7 +230,7 @@ def _join(
 def _strip(
     members: npt.NDArray[np.int64],
     runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    carpet: ByteImage,
+    carpet: UInt8Array,
     shortest: float,
 ) -> Strip | None:
     found = np.empty(8)
@@ -242,7 +240,7 @@ def _strip(
     return Strip((left_at, left_lean), (right_at, right_lean), top, bottom, foot, strength)
 
 
-def posts_under(bar: Strip, carpet: ByteImage) -> tuple[Strip, Strip] | None:
+def posts_under(bar: Strip, carpet: UInt8Array) -> tuple[Strip, Strip] | None:
     """Suppose posts at both ends of a bar, as thick as it is; None where no carpet begins below.
 
     Parameters

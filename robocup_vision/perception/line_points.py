@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
+from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.geometry import FloatArray, read_only
 from robocup_vision.kernels.lines.lines import floor_mask_by_tone, line_ridge_points
 
 # Image steps of the four axes a line may be crossed along, u right, v down.

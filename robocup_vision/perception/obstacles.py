@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.geometry import FloatArray, read_only
-
-UInt8Array = npt.NDArray[np.uint8]
 
 BEARINGS = 160
 RADII = 72

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
 from robocup_vision.perception.ball import Ball
@@ -17,8 +18,6 @@ from robocup_vision.perception.color_memory import ColorMemory
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
 _CERTAIN_NATS = 3.0

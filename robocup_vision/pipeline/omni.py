@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
 from robocup_vision.localization.baselines.floor_hull import HullLocalizer
 from robocup_vision.localization.field_half import GoalSide
@@ -23,8 +24,6 @@ from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSp
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
 from robocup_vision.pipeline.frames import Sight
 from robocup_vision.view import View
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # an edge is a colour difference of this many standard deviations of the noise
 _MIN_CONTRAST = 5.0

@@ -14,9 +14,10 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
 from robocup_vision.localization.goal.half_goal import PRIOR_STD_M, PRIOR_STD_RAD
 from robocup_vision.localization.goal.localizer import GoalLocalizer
@@ -31,8 +32,6 @@ from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSp
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.pipeline.frames import Sight
 from robocup_vision.view import View
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # an edge of the floor differs by this many times the floor's noise
 _MIN_CONTRAST = 5.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import FloatArray, read_only
 
 Point = tuple[float, float]
 

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.planning.gap import Gap, Point, WidthSensor
 from robocup_vision.planning.motion_limits import MotionLimits

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from field_models.errors import FileError
 from field_models.toml_file import StrictStruct, load_toml
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import FloatArray, read_only
 
 # what a look can tell: which goal it shows, or nothing
 POSITIVE, NEGATIVE, NOTHING = range(3)

@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.goal_color import is_chromatic
 from robocup_vision.planning.gaze import Neck
 from robocup_vision.planning.goal_evidence import (

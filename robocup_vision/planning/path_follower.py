@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
 from robocup_vision.planning.motion_limits import MotionLimits
 

@@ -15,9 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import BoolArray, FloatArray, read_only
 
-BoolGrid = npt.NDArray[np.bool_]
 Answer = Literal["look", "go", "blocked"]
 
 # a cell so much dearer that of two equally long paths the better known one is taken
@@ -100,8 +99,8 @@ class SelectiveLook:
 
     def choose(
         self,
-        free: BoolGrid,
-        no_go: BoolGrid,
+        free: BoolArray,
+        no_go: BoolArray,
         corner_m: tuple[float, float],
         robot_m: tuple[float, float],
         goal_m: tuple[float, float],
@@ -164,7 +163,7 @@ class SelectiveLook:
             raise ArgumentError(f"robot and goal must be on the map, got {place_m}")
         return i, j
 
-    def _given_up(self, robot_m: tuple[float, float], corner: FloatArray, shape: tuple[int, ...]) -> BoolGrid:
+    def _given_up(self, robot_m: tuple[float, float], corner: FloatArray, shape: tuple[int, ...]) -> BoolArray:
         """Cells that have been looked at from here as often as is worth it."""
         counts = np.zeros(shape, dtype=np.int64)
         i, j = np.ogrid[: shape[0], : shape[1]]
@@ -177,7 +176,7 @@ class SelectiveLook:
                 counts += np.abs(off) < self._half_view_rad
         return np.asarray(counts >= _MAX_LOOKS)
 
-    def _away_m(self, cells: BoolGrid) -> FloatArray:
+    def _away_m(self, cells: BoolArray) -> FloatArray:
         """Distance of each cell's middle from the nearest of some cells' middles; infinite without any."""
         if not cells.any():
             return np.full(cells.shape, np.inf)
@@ -189,7 +188,7 @@ class SelectiveLook:
         return np.asarray(np.hypot(i - start[0], j - start[1]) * self._cell_m)
 
     def _shortest(
-        self, passable: BoolGrid, near_unsure: BoolGrid, start: tuple[int, int], end: tuple[int, int]
+        self, passable: BoolArray, near_unsure: BoolArray, start: tuple[int, int], end: tuple[int, int]
     ) -> npt.NDArray[np.int64] | None:
         if not passable[end]:
             return None
@@ -204,7 +203,7 @@ class SelectiveLook:
             return None
 
     def _held_to(
-        self, cells: npt.NDArray[np.int64], passable: BoolGrid, corner: FloatArray, start: tuple[int, int]
+        self, cells: npt.NDArray[np.int64], passable: BoolArray, corner: FloatArray, start: tuple[int, int]
     ) -> npt.NDArray[np.int64]:
         """Keep to the path of before, from where the robot is on, while it can be gone and is hardly longer."""
         if self._path_m is None:
@@ -220,7 +219,7 @@ class SelectiveLook:
         return rest if _length_m(rest) <= (1 + _SWITCH_SHARE) * _length_m(cells) else cells
 
     def _first_unsure(
-        self, cells: npt.NDArray[np.int64], unsure: BoolGrid, no_go: BoolGrid, start: tuple[int, int]
+        self, cells: npt.NDArray[np.int64], unsure: BoolArray, no_go: BoolArray, start: tuple[int, int]
     ) -> tuple[int, int] | None:
         """Return the undecided cell that a robot on the path comes upon first, of those it can see from here."""
         reach = math.ceil(self._radius_m / self._cell_m)
@@ -239,7 +238,7 @@ class SelectiveLook:
         return None
 
 
-def is_in_sight(blocked: BoolGrid, start: tuple[int, int], cell: tuple[int, int]) -> bool:
+def is_in_sight(blocked: BoolArray, start: tuple[int, int], cell: tuple[int, int]) -> bool:
     """Whether no blocked cell lies on the straight line between two cells."""
     count = 2 * max(abs(cell[0] - start[0]), abs(cell[1] - start[1]), 1)
     along = np.linspace(0.0, 1.0, count + 1)[1:-1, None]

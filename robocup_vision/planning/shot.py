@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, wrap_angle
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import wrap_angle
 from robocup_vision.planning.gap import Disc, Point
 from robocup_vision.planning.motion_limits import MotionLimits
 

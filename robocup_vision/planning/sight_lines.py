@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, read_only
+from robocup_vision.arrays import FloatArray, read_only
 
 _HALF_ROOT = math.sqrt(0.5)
 

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 
 
 def sigma_points(pose: Pose2, covariance: npt.ArrayLike) -> FloatArray:

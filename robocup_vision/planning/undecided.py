@@ -11,16 +11,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray, Int16Array
 from robocup_vision.planning.gap import Point
 from robocup_vision.planning.motion_limits import MotionLimits
 from robocup_vision.planning.path_follower import checked_path
 from robocup_vision.planning.speed import SpeedPlan
-
-Int16Array = npt.NDArray[np.int16]
 
 # in `FloorToDecide.looks`
 FREE, BLOCKED = -1, 0

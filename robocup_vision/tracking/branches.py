@@ -6,12 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.tracking.shadows import Shadows
-
-IntArray = npt.NDArray[np.int64]
 
 # squared Mahalanobis distance of a detection that may still belong to a branch: chi-square, 2 degrees, 99.9 %
 _GATE = 13.8
@@ -50,14 +47,14 @@ class Branches:
         The last detections, newest first, by their running number; -1 where missed.
     """
 
-    tree: IntArray
+    tree: Int64Array
     mean: FloatArray
     covariance: FloatArray
     evidence: FloatArray
     odds: FloatArray
     coasted_s: FloatArray
-    missed: IntArray
-    history: IntArray
+    missed: Int64Array
+    history: Int64Array
 
     def __len__(self) -> int:
         return len(self.tree)
@@ -65,12 +62,12 @@ class Branches:
     @classmethod
     def begun(
         cls,
-        trees: IntArray,
+        trees: Int64Array,
         places_m: FloatArray,
         spreads: FloatArray,
         speed_mps: float,
         evidence: float,
-        detections: IntArray,
+        detections: Int64Array,
     ) -> Branches:
         """One branch for each tree that begins at a detection."""
         count = len(trees)
@@ -84,7 +81,7 @@ class Branches:
         first, zeros, never = np.full(count, evidence), np.zeros(count), np.zeros(count, dtype=np.int64)
         return cls(trees, mean, covariance, first, first.copy(), zeros, never, history)
 
-    def taken(self, chosen: IntArray) -> Branches:
+    def taken(self, chosen: Int64Array) -> Branches:
         """Those of the given indices, in their order."""
         return Branches(
             self.tree[chosen],
@@ -147,7 +144,7 @@ class Branches:
         self,
         places_m: FloatArray,
         spreads: FloatArray,
-        numbers: IntArray,
+        numbers: Int64Array,
         detection_probability: float,
         clutter_per_m2: float,
         view: Shadows,
@@ -233,7 +230,7 @@ class Branches:
             np.concatenate([np.full((count, 1), MISS, dtype=np.int64), self.history[:, :-1]], axis=1),
         )
 
-    def pruned(self, chosen: IntArray, most: int) -> Branches:
+    def pruned(self, chosen: Int64Array, most: int) -> Branches:
         """Keep the best of the chosen ones' trees: likely, agreed on what is long past, no two alike, not too many."""
         root = {int(self.tree[i]): int(self.history[i, -1]) for i in chosen}
         best = {int(self.tree[i]): float(self.evidence[i]) for i in chosen}

@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from field_models import Field
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import FloatArray, Pose2, read_only
+from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.geometry import Pose2
 from robocup_vision.perception.obstacles import Obstacle, find_obstacles
 
 # a return counts as inside when it is farther from the border than this many standard deviations of its place

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from robocup_vision.tracking.branches import MISS, Branches, IntArray
+from robocup_vision.arrays import Int64Array
+from robocup_vision.tracking.branches import MISS, Branches
 
 # steps of the search after which the best choice so far is taken
 _MAX_STEPS = 1000
 
 
-def choose_together(branches: Branches) -> IntArray:
+def choose_together(branches: Branches) -> Int64Array:
     """Return the indices (B,) of the most likely branches such that no two share a detection, at most one of each tree.
 
     A tree whose branches all see what more likely ones see has none. Trees that share no detection are chosen apart;

@@ -15,9 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, Int64Array, read_only
 from robocup_vision.avoidance.moving_obstacles import MovingObstacle
-from robocup_vision.geometry import FloatArray, Pose2, read_only
-from robocup_vision.tracking.branches import Branches, IntArray
+from robocup_vision.geometry import Pose2
+from robocup_vision.tracking.branches import Branches
 from robocup_vision.tracking.detections import Detection, in_field
 from robocup_vision.tracking.joint_choice import choose_together
 from robocup_vision.tracking.shadows import Shadows
@@ -202,7 +203,7 @@ class MovingObjects:
         self._branches = branches.joined(begun)
         return tuple(self._tracks(now))
 
-    def _unexplained(self, now: Branches, places_m: FloatArray, numbers: IntArray) -> IntArray:
+    def _unexplained(self, now: Branches, places_m: FloatArray, numbers: Int64Array) -> Int64Array:
         """Return detections that no tree has and no object believed in covers: one may be seen in several pieces."""
         believed = np.array([self._trees[number].believed for number in now.tree.tolist()], dtype=bool)
         away = np.linalg.norm(places_m[:, None] - now.mean[believed, :2], axis=-1)

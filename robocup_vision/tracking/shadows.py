@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

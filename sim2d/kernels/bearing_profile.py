@@ -10,12 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Floats = npt.NDArray[np.float32]
-Int32Array = npt.NDArray[np.int32]
-Doubles = npt.NDArray[np.float64]
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 
 # kinds of spans
 FLOOR, PAINT, BALL = 0, 1, 2
@@ -29,7 +26,7 @@ HEIGHT, BANDS, COLOR, TOP_COLOR, MARKER_COLOR, MARKER_GAP_M2, IS_EDGE = range(7)
 
 @njit(cache=True, nogil=True, inline="always")
 def _add(
-    bearing: int, near_m: float, far_m: float, thing: int, shade: float, count: Int32Array, entries: Floats
+    bearing: int, near_m: float, far_m: float, thing: int, shade: float, count: Int32Array, entries: Float32Array
 ) -> None:
     """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
     k = count[bearing]
@@ -48,13 +45,13 @@ def _add(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def meet_walls(
-    walls: Doubles,
+    walls: FloatArray,
     first: int,
-    eye: Doubles,
-    directions: Doubles,
+    eye: FloatArray,
+    directions: FloatArray,
     per_turn: int,
     count: Int32Array,
-    entries: Floats,
+    entries: Float32Array,
 ) -> None:
     """Enter upright sheets into the lists of the bearings that meet them.
 
@@ -104,14 +101,14 @@ def meet_walls(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def meet_cylinders(
-    cylinders: Doubles,
+    cylinders: FloatArray,
     first: int,
-    eye: Doubles,
+    eye: FloatArray,
     lamp_rad: float,
-    directions: Doubles,
+    directions: FloatArray,
     per_turn: int,
     count: Int32Array,
-    entries: Floats,
+    entries: Float32Array,
 ) -> None:
     """Enter upright cylinders, (C, 3) float64: x, y, radius (m), field frame; cylinder i is thing `first + i`.
 
@@ -143,13 +140,13 @@ def meet_cylinders(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def meet_boxes(
-    corners: Doubles,
+    corners: FloatArray,
     first: int,
-    eye: Doubles,
-    directions: Doubles,
+    eye: FloatArray,
+    directions: FloatArray,
     per_turn: int,
     count: Int32Array,
-    entries: Floats,
+    entries: Float32Array,
 ) -> None:
     """Enter upright boxes, (B, 4, 2) float64 corners, field frame (m), counter-clockwise.
 
@@ -194,7 +191,7 @@ def meet_boxes(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _room_wall(along: float, aside: float, c: float, s: float, eye: Doubles, radius_m: float) -> tuple[float, float]:
+def _room_wall(along: float, aside: float, c: float, s: float, eye: FloatArray, radius_m: float) -> tuple[float, float]:
     """Distance (m) of the round wall in a direction of the eye's frame, and its azimuth in turns, 0 to 1."""
     cos, sin = c * along - s * aside, s * along + c * aside
     toward = -(cos * eye[0] + sin * eye[1])
@@ -206,7 +203,15 @@ def _room_wall(along: float, aside: float, c: float, s: float, eye: Doubles, rad
 
 @njit(cache=True, nogil=True, inline="always")
 def _end_span(
-    k: int, n: int, end: float, kind: int, color: Doubles, light: float, ends: Floats, kinds: Int32Array, paint: Floats
+    k: int,
+    n: int,
+    end: float,
+    kind: int,
+    color: FloatArray,
+    light: float,
+    ends: Float32Array,
+    kinds: Int32Array,
+    paint: Float32Array,
 ) -> int:
     """Append a span to bearing k's stack of n unless it is hidden or the stack is full; return the new n."""
     if (n > 0 and end <= ends[k, n - 1]) or n == ends.shape[1] - 1:
@@ -220,21 +225,21 @@ def _end_span(
 @njit(cache=True, nogil=True, error_model="numpy")
 def stack_spans(
     count: Int32Array,
-    entries: Floats,
-    things: Doubles,
-    colors: Doubles,
-    directions: Doubles,
-    eye: Doubles,
+    entries: Float32Array,
+    things: FloatArray,
+    colors: FloatArray,
+    directions: FloatArray,
+    eye: FloatArray,
     height_m: float,
-    light: Doubles,
-    ground: Doubles,
-    room: Floats,
+    light: FloatArray,
+    ground: FloatArray,
+    room: Float32Array,
     room_rows_per_m: float,
     room_radius_m: float,
-    ball: Doubles,
-    ends: Floats,
+    ball: FloatArray,
+    ends: Float32Array,
     kinds: Int32Array,
-    paint: Floats,
+    paint: Float32Array,
     near_ball: Int32Array,
 ) -> None:
     """Turn each bearing's list into spans of slope, in ascending order.

@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
-from sim2d.kernels.bearing_profile import FLOOR, Doubles, Floats, Int32Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
+from sim2d.kernels.bearing_profile import FLOOR
 
 # unsigned indices need no check for negative ones
 ONE = np.uintp(1)
@@ -28,7 +29,7 @@ def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float
 
 
 @njit(cache=True, nogil=True)
-def floor_until(ends: Floats, kinds: Int32Array, height_m: float, farthest_m: float, until_m: Doubles) -> None:
+def floor_until(ends: Float32Array, kinds: Int32Array, height_m: float, farthest_m: float, until_m: FloatArray) -> None:
     """Tell for each bearing how far away the floor is seen at most, metres; parameters as in `stack_spans`."""
     for k in range(len(until_m)):
         until_m[k] = 0.0
@@ -52,7 +53,7 @@ def _cut(speed: float, room: float, low: float, high: float) -> tuple[float, flo
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _seek(low_m: float, i: int, start: int, stop: int, far_of: Floats) -> int:
+def _seek(low_m: float, i: int, start: int, stop: int, far_of: Float32Array) -> int:
     """First ray of a bearing that reaches beyond a distance, sought from ray i on."""
     limit = np.float32(low_m)
     i = min(max(i, start), stop)
@@ -65,15 +66,15 @@ def _seek(low_m: float, i: int, start: int, stop: int, far_of: Floats) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def mark_lines(
-    rays: Floats,
+    rays: Float32Array,
     first: Int32Array,
-    directions: Doubles,
-    eye: Doubles,
-    until_m: Doubles,
-    spread: Doubles,
+    directions: FloatArray,
+    eye: FloatArray,
+    until_m: FloatArray,
+    spread: FloatArray,
     half: float,
-    lines: Doubles,
-    share: Floats,
+    lines: FloatArray,
+    share: Float32Array,
     marked: Int32Array,
     count: int,
 ) -> int:
@@ -175,15 +176,15 @@ def mark_lines(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def mark_arcs(
-    rays: Floats,
+    rays: Float32Array,
     first: Int32Array,
-    directions: Doubles,
-    eye: Doubles,
-    until_m: Doubles,
-    spread: Doubles,
+    directions: FloatArray,
+    eye: FloatArray,
+    until_m: FloatArray,
+    spread: FloatArray,
     half: float,
-    arcs: Doubles,
-    share: Floats,
+    arcs: FloatArray,
+    share: Float32Array,
     marked: Int32Array,
     count: int,
 ) -> int:

@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from sim2d.kernels.bearing_profile import FLOOR, PAINT, Doubles, Floats, Int32Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int16Array, Int32Array, UInt8Array, UInt32Array
+from sim2d.kernels.bearing_profile import FLOOR, PAINT
 from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y
-
-Int16Array = npt.NDArray[np.int16]
-UInt8Array = npt.NDArray[np.uint8]
-UInt32Array = npt.NDArray[np.uint32]
 
 
 @njit(cache=True, nogil=True)
-def fill_carpet(floor: Floats, light: Doubles, eye: Doubles, color: Floats, body: UInt8Array, out: UInt8Array) -> None:
+def fill_carpet(
+    floor: Float32Array, light: FloatArray, eye: FloatArray, color: Float32Array, body: UInt8Array, out: UInt8Array
+) -> None:
     """Fill a frame with plain carpet, as if nothing stood or were painted on it.
 
     Parameters
@@ -48,7 +46,7 @@ def fill_carpet(floor: Floats, light: Doubles, eye: Doubles, color: Floats, body
 
 
 @njit(cache=True, nogil=True)
-def _light_ahead(light: Doubles, eye: Doubles) -> tuple[np.float32, np.float32, np.float32]:
+def _light_ahead(light: FloatArray, eye: FloatArray) -> tuple[np.float32, np.float32, np.float32]:
     """Level at the eye, and its change per metre along the eye's own axes."""
     c, s = math.cos(eye[2]), math.sin(eye[2])
     here = light[0] + light[1] * eye[0] + light[2] * eye[1]
@@ -57,12 +55,12 @@ def _light_ahead(light: Doubles, eye: Doubles) -> tuple[np.float32, np.float32, 
 
 @njit(cache=True, nogil=True)
 def paint_marked(
-    rays: Floats,
+    rays: Float32Array,
     pixels: UInt32Array,
-    light: Doubles,
-    eye: Doubles,
-    plain: Floats,
-    share: Floats,
+    light: FloatArray,
+    eye: FloatArray,
+    plain: Float32Array,
+    share: Float32Array,
     marked: Int32Array,
     count: int,
     out: UInt8Array,
@@ -93,20 +91,20 @@ def paint_marked(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def draw_pixels(
-    rays: Floats,
+    rays: Float32Array,
     pixels: UInt32Array,
     first: Int32Array,
-    directions: Doubles,
-    eye: Doubles,
+    directions: FloatArray,
+    eye: FloatArray,
     height_m: float,
     lamp_rad: float,
-    ends: Floats,
+    ends: Float32Array,
     kinds: Int32Array,
-    paint: Floats,
+    paint: Float32Array,
     near_ball: Int32Array,
-    ball: Doubles,
-    plain: Floats,
-    light: Doubles,
+    ball: FloatArray,
+    plain: Float32Array,
+    light: FloatArray,
     out: UInt8Array,
 ) -> None:
     """Draw what stands on the floor, and the ball's shade, over the painted carpet: along each bearing outwards.
@@ -208,7 +206,7 @@ def draw_pixels(
 
 @njit(cache=True, nogil=True)
 def ball_shade(
-    cos: float, sin: float, slope: float, eye: Doubles, height_m: float, ball: Doubles, lamp_rad: float
+    cos: float, sin: float, slope: float, eye: FloatArray, height_m: float, ball: FloatArray, lamp_rad: float
 ) -> float:
     """Shade of a ball where a ray (direction in the field frame, slope) meets it: light from above and the lamp."""
     dx, dy, dz = ball[0] - eye[0], ball[1] - eye[1], ball[2] - height_m

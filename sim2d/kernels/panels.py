@@ -8,14 +8,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-Floats = npt.NDArray[np.float32]
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 
 
 @njit(cache=True, nogil=True)
 def first_panel(
-    directions: Floats,
+    directions: Float32Array,
     cos: float,
     sin: float,
     eye: FloatArray,
@@ -23,8 +21,8 @@ def first_panel(
     along: FloatArray,
     up: FloatArray,
     size: FloatArray,
-    window: IntArray,
-    depth: Floats,
+    window: Int64Array,
+    depth: Float32Array,
     met: npt.NDArray[np.int16],
 ) -> None:
     """Find the rectangle each ray meets first; panels are seen from the front only.
@@ -84,7 +82,7 @@ def first_panel(
 
 @njit(cache=True, nogil=True)
 def shade(
-    directions: Floats,
+    directions: Float32Array,
     cos: float,
     sin: float,
     eye: FloatArray,
@@ -92,15 +90,15 @@ def shade(
     along: FloatArray,
     up: FloatArray,
     size: FloatArray,
-    texture: IntArray,
+    texture: Int64Array,
     texels: npt.NDArray[np.uint8],
-    levels: IntArray,
+    levels: Int64Array,
     ray_rad: float,
     ambient: float,
     lamps: FloatArray,
-    depth: Floats,
+    depth: Float32Array,
     met: npt.NDArray[np.int16],
-    image: Floats,
+    image: Float32Array,
 ) -> None:
     """Mean light of each pixel's rays: the panels' textures (trilinear) under ambient light and lamps.
 

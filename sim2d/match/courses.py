@@ -16,10 +16,11 @@ import numpy.typing as npt
 
 from field_models import Field
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance import SteadyFreeSpace, Wayfinder
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.camera import OmniCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.vision import Vision
 from sim2d.players.wheel_velocity import WheelVelocity

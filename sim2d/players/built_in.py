@@ -10,8 +10,8 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.avoidance.moving_obstacles import MovingObstacle
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.camera import PinholeCamera
@@ -32,8 +32,6 @@ from sim2d.players.shot import Shooter
 from sim2d.players.tactics import Plan, Situation, Tactics
 from sim2d.players.travel import Surroundings, Travel, TravelPlanner
 from sim2d.robot_link import Belief, Command, PlayerSetup, Reason, Senses
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # what was seen is driven by for so long; after that the robot stops until it sees again
 _SIGHT_S = 0.4

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.geometry import FloatArray
 from robocup_vision.mapping.occupancy import UNDECIDED
 from robocup_vision.memory import MapPicture
 from robocup_vision.planning import (

@@ -14,8 +14,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from robocup_vision.geometry import FloatArray
-from sim2d.rendering.rays import Floats
+from robocup_vision.arrays import Float32Array, FloatArray
 
 BackdropKind = Literal["plain", "hall", "orange"]
 
@@ -39,7 +38,7 @@ class Backdrop:
     kind: BackdropKind = "hall"
     seed: int = 0
 
-    def colors(self, x_m: Floats, y_m: Floats, z_m: Floats) -> Floats:
+    def colors(self, x_m: Float32Array, y_m: Float32Array, z_m: Float32Array) -> Float32Array:
         """Colours (N, 3) BGR of points on the room's wall, field frame, metres."""
         picture = _panorama(self)
         rows, columns = picture.shape[:2]
@@ -53,7 +52,7 @@ class Backdrop:
 
 
 @lru_cache(maxsize=4)
-def _panorama(backdrop: Backdrop) -> Floats:
+def _panorama(backdrop: Backdrop) -> Float32Array:
     """(H, W, 3) float32: the room's wall unrolled, azimuth to the right, height upwards."""
     rng = np.random.default_rng(backdrop.seed)
     rows, columns = round(HEIGHT_M / CELL_M), round(math.tau * DRAWN_RADIUS_M / CELL_M)
@@ -77,7 +76,7 @@ def _panorama(backdrop: Backdrop) -> Floats:
     return np.asarray(blurred, dtype=np.float32)
 
 
-def _block(picture: Floats, left: int, top: int, width: int, height: int, color: FloatArray) -> None:
+def _block(picture: Float32Array, left: int, top: int, width: int, height: int, color: FloatArray) -> None:
     bottom = min(max(top + height, 0), picture.shape[0])
     picture[max(top, 0) : bottom, left : left + width] = color
 
@@ -94,7 +93,7 @@ def _any_color(rng: np.random.Generator) -> FloatArray:
     return np.asarray(rng.uniform(20, 220, 3))
 
 
-def _draw_curtains(picture: Floats, rng: np.random.Generator) -> None:
+def _draw_curtains(picture: Float32Array, rng: np.random.Generator) -> None:
     rows, columns = picture.shape[:2]
     for _ in range(int(rng.integers(3, 9))):
         left, width = int(rng.integers(columns)), int(rng.integers(150, 700))
@@ -104,7 +103,7 @@ def _draw_curtains(picture: Floats, rng: np.random.Generator) -> None:
         picture[: rows - int(rng.integers(0, 12)), columns_here] = fold[:, None] * color
 
 
-def _draw_windows(picture: Floats, rng: np.random.Generator) -> None:
+def _draw_windows(picture: Float32Array, rng: np.random.Generator) -> None:
     rows, columns = picture.shape[:2]
     for _ in range(int(rng.integers(2, 7))):
         left, width = int(rng.integers(columns)), int(rng.integers(60, 200))
@@ -115,7 +114,7 @@ def _draw_windows(picture: Floats, rng: np.random.Generator) -> None:
             _block(picture, left + 4 + k * width // 2, top + 4, width // 2 - 8, height - 8, pane)
 
 
-def _draw_furniture(picture: Floats, rng: np.random.Generator) -> None:
+def _draw_furniture(picture: Float32Array, rng: np.random.Generator) -> None:
     rows, columns = picture.shape[:2]
     for _ in range(int(rng.integers(30, 70))):
         left, width = int(rng.integers(columns)), int(rng.integers(15, 170))
@@ -134,7 +133,7 @@ def _draw_furniture(picture: Floats, rng: np.random.Generator) -> None:
             _block(picture, left, rows - 2 * height, int(rng.integers(4, 60)), 2 * height, color)
 
 
-def _draw_people(picture: Floats, rng: np.random.Generator) -> None:
+def _draw_people(picture: Float32Array, rng: np.random.Generator) -> None:
     rows, columns = picture.shape[:2]
     for _ in range(int(rng.integers(4, 14))):
         at = int(rng.integers(30, columns - 30))

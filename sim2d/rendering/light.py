@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models import COLOR_NAMES, Field
+from robocup_vision.arrays import Float32Array
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.paint import LinePaint
-from sim2d.rendering.rays import Floats, RaySet
+from sim2d.rendering.rays import RaySet
 from sim2d.rendering.room import HEIGHT_M, ROWS_PER_M, room_panorama
 from sim2d.rendering.scene import Ball, Light, Scene
 from sim2d.rendering.surfaces import FLOOR, FirstHits
@@ -37,14 +38,14 @@ class TracedLight:
         Those that ended on the room's wall.
     """
 
-    light: Floats
+    light: Float32Array
     hits: FirstHits
-    x_m: Floats
-    y_m: Floats
+    x_m: Float32Array
+    y_m: Float32Array
     in_room: npt.NDArray[np.intp]
 
     @property
-    def per_pixel(self) -> Floats:
+    def per_pixel(self) -> Float32Array:
         """(P, 3) float32: mean light of each pixel's rays."""
         samples = self.light.reshape(-1, self.hits.rays.samples, 3)
         total = samples[:, 0].copy()
@@ -101,7 +102,7 @@ def _line_paint(field: Field) -> LinePaint:
 
 
 def _room_light(
-    scene: Scene, hits: FirstHits, cos: Floats, sin: Floats
+    scene: Scene, hits: FirstHits, cos: Float32Array, sin: Float32Array
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float32]]:
     """Rays that end on the room's round wall, and the light from there; their distances are set."""
     radius = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
@@ -122,7 +123,7 @@ def _room_light(
     return far, np.asarray(light * np.float32(scene.light.level))
 
 
-def _carpet_texture(light: Light, x: Floats, y: Floats, patch_m: Floats) -> Floats:
+def _carpet_texture(light: Light, x: Float32Array, y: Float32Array, patch_m: Float32Array) -> Float32Array:
     """Relative brightness of carpet at floor points: two octaves of value noise, the fine one averaged over a patch."""
     rng = np.random.default_rng([light.texture_seed, 0xCA57])
     tiles = rng.standard_normal((2, 256, 256), dtype=np.float32)
@@ -132,7 +133,7 @@ def _carpet_texture(light: Light, x: Floats, y: Floats, patch_m: Floats) -> Floa
     return np.asarray(1 + np.float32(light.texture * math.sqrt(0.5) * 1.5) * (smooth + fine))
 
 
-def _noise(tile: Floats, x: Floats, y: Floats, cell_m: float) -> Floats:
+def _noise(tile: Float32Array, x: Float32Array, y: Float32Array, cell_m: float) -> Float32Array:
     width = 1024  # OpenCV's maps may not be longer than 32767 along one side
     padding = -len(x) % width
     columns, rows = (
@@ -142,7 +143,7 @@ def _noise(tile: Floats, x: Floats, y: Floats, cell_m: float) -> Floats:
     return np.asarray(found.ravel()[: len(x)])
 
 
-def _shade_under_ball(light: Floats, hits: FirstHits, ball: Ball, eye: Pose2) -> None:
+def _shade_under_ball(light: Float32Array, hits: FirstHits, ball: Ball, eye: Pose2) -> None:
     """Darken the floor around a ball's foot, softly."""
     x, y = eye.inverse().transform([ball.x_m, ball.y_m])
     reach = 3 * ball.radius_m
@@ -157,7 +158,7 @@ def _shade_under_ball(light: Floats, hits: FirstHits, ball: Ball, eye: Pose2) ->
         light[part] *= (1 - gone)[:, None]
 
 
-def _illuminate(light: Floats, shade: Floats, scene: Scene, x: Floats, y: Floats) -> None:
+def _illuminate(light: Float32Array, shade: Float32Array, scene: Scene, x: Float32Array, y: Float32Array) -> None:
     lamp = scene.light
     gain = shade * np.float32(lamp.level)
     if lamp.gradient:

@@ -6,10 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
+from robocup_vision.arrays import Float32Array
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.light import trace_light
-from sim2d.rendering.rays import Floats, MirrorRays
+from sim2d.rendering.rays import MirrorRays
 from sim2d.rendering.scene import Scene
 
 BODY_BGR = (30.0, 28.0, 28.0)
@@ -40,7 +41,7 @@ class MirrorRenderer:
     def _coarse_rays(self) -> MirrorRays:
         return MirrorRays(self.camera, 2)
 
-    def render(self, scene: Scene, pose: Pose2, *, spin_rad: float = 0.0) -> Floats:
+    def render(self, scene: Scene, pose: Pose2, *, spin_rad: float = 0.0) -> Float32Array:
         """Render a frame.
 
         Parameters
@@ -67,14 +68,14 @@ class MirrorRenderer:
             total += self._trace(rays, scene, turned)
         return self._image(rays, total / np.float32(SPIN_POSES))
 
-    def _image(self, rays: MirrorRays, traced: Floats) -> Floats:
+    def _image(self, rays: MirrorRays, traced: Float32Array) -> Float32Array:
         height, width = rays.traced_share.shape
         image = rays.body_share[..., None] * np.array(BODY_BGR, dtype=np.float32)
         flat = image.reshape(height * width, 3)
         flat[rays.pixel_index] += traced * rays.traced_share.reshape(-1, 1)[rays.pixel_index]
         return np.asarray(image)
 
-    def _trace(self, rays: MirrorRays, scene: Scene, pose: Pose2) -> Floats:
+    def _trace(self, rays: MirrorRays, scene: Scene, pose: Pose2) -> Float32Array:
         """(P, 3) float32: mean light of each traced pixel's rays."""
         x, y = pose.transform(self.camera.offset_m)
         return trace_light(rays, scene, Pose2(float(x), float(y), pose.theta_rad)).per_pixel

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models import Field
-from sim2d.rendering.rays import Floats
+from robocup_vision.arrays import Float32Array
 
 CELLS_AT_MAX = 400_000
 
@@ -38,8 +38,14 @@ class LinePaint:
         self._near = near.reshape(len(y), len(x))
 
     def coverage(
-        self, x_m: Floats, y_m: Floats, cos: Floats, sin: Floats, radial_m: Floats, tangential_m: Floats
-    ) -> tuple[npt.NDArray[np.intp], Floats]:
+        self,
+        x_m: Float32Array,
+        y_m: Float32Array,
+        cos: Float32Array,
+        sin: Float32Array,
+        radial_m: Float32Array,
+        tangential_m: Float32Array,
+    ) -> tuple[npt.NDArray[np.intp], Float32Array]:
         """Painted share of rectangular patches of floor.
 
         Parameters
@@ -68,13 +74,13 @@ class LinePaint:
 
     def _coverage(
         self,
-        x: Floats,
-        y: Floats,
-        cos: Floats,
-        sin: Floats,
-        radial: Floats | np.float32,
-        tangential: Floats | np.float32,
-    ) -> Floats:
+        x: Float32Array,
+        y: Float32Array,
+        cos: Float32Array,
+        sin: Float32Array,
+        radial: Float32Array | np.float32,
+        tangential: Float32Array | np.float32,
+    ) -> Float32Array:
         share = np.zeros(len(x), dtype=np.float32)
         half = np.float32(self._half)
         for x0, y0, x1, y1 in self._lines.astype(np.float32):
@@ -103,7 +109,7 @@ class LinePaint:
         return share
 
 
-def _overlap(offset: Floats, half: np.float32, size: Floats) -> Floats:
+def _overlap(offset: Float32Array, half: np.float32, size: Float32Array) -> Float32Array:
     """Share of an interval of `size` around `offset` that lies within `half` of 0."""
     reach = np.maximum(size, np.float32(1e-6)) / 2
     covered = np.minimum(offset + reach, half) - np.maximum(offset - reach, -half)

@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import Float32Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.goal.light import Glare, SunPatch
 from sim2d.rendering.light import TracedLight, trace_light
-from sim2d.rendering.rays import Floats, RaySet, sample_offsets
+from sim2d.rendering.rays import RaySet, sample_offsets
 from sim2d.rendering.scene import Scene
 
 COARSE = 2  # rays a pixel along each axis before it is known where the edges are
@@ -61,7 +62,7 @@ def render_pinhole(
     glare: Sequence[Glare] = (),
     sun: Sequence[SunPatch] = (),
     supersample: int = 8,
-) -> Floats:
+) -> Float32Array:
     """Render a frame; each pixel is the mean over its area.
 
     Parameters
@@ -142,7 +143,7 @@ def _pixels_at_edges(traced: TracedLight, shape: tuple[int, int]) -> npt.NDArray
     return np.flatnonzero((spread > EDGE_CONTRAST).any(axis=2))
 
 
-def smear(image: Floats, length_px: float) -> Floats:
+def smear(image: Float32Array, length_px: float) -> Float32Array:
     """Blur an image along its rows as a camera does that pans by `length_px` pixels during the exposure."""
     if length_px <= 0:
         return image

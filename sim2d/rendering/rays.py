@@ -10,8 +10,6 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera
 
-Floats = npt.NDArray[np.float32]
-
 # how far the mirror's edge lies outside the usable radius, in pixels of a 256 x 220 image
 RIM_MARGIN = 4.0 / 112.0
 

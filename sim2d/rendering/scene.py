@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models import COLOR_NAMES, Field, Goal
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 
 Bgr = tuple[float, float, float]
 

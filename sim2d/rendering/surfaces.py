@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models import COLOR_NAMES
-from robocup_vision.geometry import FloatArray, Pose2
-from sim2d.rendering.rays import Floats, RaySet
+from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.rays import RaySet
 from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene, Wall
 
 FLOOR = 0  # number of the floor among the surfaces
@@ -204,12 +205,12 @@ class FirstHits:
             self._set(part, hit, distance, number)
             np.copyto(self.shade[part], np.float32(1), where=hit)
 
-    def _at_height(self, part: slice, height_m: float) -> Floats:
+    def _at_height(self, part: slice, height_m: float) -> Float32Array:
         """Distances at which rays come down to a height; far away for those that never do."""
         slope = np.minimum(self.rays.slope[part], np.float32(-1e-6))
         return np.asarray(np.float32(height_m - self.rays.height_m) / slope)
 
-    def _meet_segment(self, start: npt.ArrayLike, end: npt.ArrayLike) -> list[tuple[slice, Floats, bool]]:
+    def _meet_segment(self, start: npt.ArrayLike, end: npt.ArrayLike) -> list[tuple[slice, Float32Array, bool]]:
         """Distances (inf: missed) at which rays cross a segment in plan, and whether they come from its left."""
         a, b = self._to_eye.transform(np.array([start, end], dtype=np.float64))
         turn = float(a[0] * b[1] - a[1] * b[0])  # > 0: a, b counter-clockwise as seen from here
@@ -248,14 +249,14 @@ class FirstHits:
         bearing = math.atan2(y, x)
         return self.rays.window(bearing - half, bearing + half)
 
-    def _keep(self, part: slice, distance: Floats, height_m: float, number: int) -> None:
+    def _keep(self, part: slice, distance: Float32Array, height_m: float, number: int) -> None:
         with np.errstate(invalid="ignore"):
             up = self.rays.height_m + distance * self.rays.slope[part]
         hit = (distance < self.distance_m[part]) & (up <= np.float32(height_m))
         self._set(part, hit, distance, number)
         np.copyto(self.shade[part], np.float32(1), where=hit)
 
-    def _set(self, part: slice, hit: npt.NDArray[np.bool_], distance: Floats, number: int) -> None:
+    def _set(self, part: slice, hit: npt.NDArray[np.bool_], distance: Float32Array, number: int) -> None:
         np.copyto(self.distance_m[part], distance, where=hit)
         np.copyto(self.surface[part], np.uint16(number), where=hit)
 

@@ -6,17 +6,16 @@ import math
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models import COLOR_NAMES, Field
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Belief as MemoryBelief
 from sim2d.report.moment import RobotMoment
 from sim2d.robot_link import Belief
 from sim2d.world.state import BallState, RobotState, WorldState
 
-UInt8Array = npt.NDArray[np.uint8]
 Bgr = tuple[int, int, int]
 
 # of the sides that attack +x and -x

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import FrameError
 from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.memory import MapPicture
@@ -25,8 +25,6 @@ from sim2d.report.moment import Moment, RobotMoment
 from sim2d.report.top_view import SIDE_COLORS, Bgr, TopView
 from sim2d.world.state import RobotState, WorldState
 from sim2d.world.world import CONTROL_PERIOD_S
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # every third control period is shown: drawing takes longer than playing
 _PERIODS_PER_FRAME = 3

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import BoolArray, FloatArray
+from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from sim2d.rendering.scene import Scene
-
-BoolArray = npt.NDArray[np.bool_]
 
 # points along each side of a cell at which it is asked what covers it
 _POINTS = 5

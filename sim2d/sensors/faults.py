@@ -12,13 +12,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.geometry import Pose2
 from sim2d.robot_link import Senses
 
-UInt8Array = npt.NDArray[np.uint8]
 SenseFaultKind = Literal["dropped", "delayed", "frozen", "black", "odometry"]
 
 _KINDS = ("dropped", "delayed", "frozen", "black", "odometry")

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models import COLOR_NAMES, Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.match_pixels import add_noise
@@ -20,8 +20,6 @@ from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import RobotLimits
 from sim2d.world.state import WorldState
-
-UInt8Array = npt.NDArray[np.uint8]
 
 MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
 MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.geometry import Pose2, read_only
+from robocup_vision.arrays import read_only
+from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.range_profile import RangeProfile
 from sim2d.rendering.scene import Robot, Scene
 

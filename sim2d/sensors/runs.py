@@ -14,8 +14,9 @@ import numpy as np
 
 from field_models import COLOR_NAMES, Field
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.mapping.range_profile import RangeProfile, floor_profile
 from robocup_vision.vision import Vision

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from strategies import covariances, numbers, poses
 
-from robocup_vision.geometry import Pose2, compose_covariance, half_turn_covariance, read_only, wrap_angle
+from robocup_vision.arrays import read_only
+from robocup_vision.geometry import Pose2, compose_covariance, half_turn_covariance, wrap_angle
 
 IDENTITY = Pose2(0.0, 0.0, 0.0)
 

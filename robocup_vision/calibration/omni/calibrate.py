@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.choice import Chooser
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points, spread_px
@@ -34,13 +35,12 @@ from robocup_vision.calibration.omni.sightings import (
 from robocup_vision.calibration.omni.starts import Search
 from robocup_vision.camera.floor_range import Tangent
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.progress import progress
 
 __all__ = ["CalibratedFrame", "NotCalibrated", "OmniCalibration", "calibrate_omni", "guessed_cameras"]
 
-UInt8Array = npt.NDArray[np.uint8]
 
 # how far the centre may lie from the start's, of the image's smaller side
 _CENTER_REACH = 0.1

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
 from robocup_vision.calibration.omni.model import CURVES, TILT, CameraModel, Curve
-from robocup_vision.geometry import FloatArray
 
 # points are held back by sectors of the image about the camera's centre, every other one
 _SECTORS = 12

@@ -15,13 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.floor.calibration import floor_points
 from robocup_vision.kernels.lines.lines import nearest_lines
-
-Int64Array = npt.NDArray[np.int64]
 
 # steps of the numerical derivatives, in the vector's own units
 _STEP = 1e-4

@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.geometry import FloatArray
 
 Curve = Literal["hyperboloid", "tangent", "table"]
 CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.choice import Choice
 from robocup_vision.calibration.omni.fit import Fit
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 
 # numbers that trade off against one another more than this cannot be told apart
 _APART = 0.9

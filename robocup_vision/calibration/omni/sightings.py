@@ -9,18 +9,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import FrameError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.omni.fit import Points
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # a frame is of use with so many points of either kind
 MIN_BOUNDARY_POINTS, MIN_LINE_POINTS = 25, 40

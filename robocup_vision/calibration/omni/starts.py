@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit
 from robocup_vision.calibration.omni.model import HORIZON, SCALE, TILT, CameraModel
 from robocup_vision.calibration.omni.sightings import Sighting, points_of
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.floor import walls
 from robocup_vision.localization.floor import FloorLocalizer
 from robocup_vision.localization.lines.line_map import LineMap

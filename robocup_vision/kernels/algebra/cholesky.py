@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
+from robocup_vision.arrays import FloatArray
 
 
 @njit(cache=True, nogil=True)

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Int8Array = npt.NDArray[np.int8]
-Int32Array = npt.NDArray[np.int32]
-UInt8Array = npt.NDArray[np.uint8]
-UInt16Array = npt.NDArray[np.uint16]
+from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, UInt8Array, UInt16Array
 
 NEVER = 2**31 - 1
 

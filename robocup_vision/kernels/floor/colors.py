@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Int8Array = npt.NDArray[np.int8]
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array
 
 # rows of a density's numbers by brightness: R/G, B/G, inverse covariance (red, mixed, blue), logarithm of its peak
 RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK = range(6)

@@ -5,14 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Int8Array = npt.NDArray[np.int8]
-Int32Array = npt.NDArray[np.int32]
-Int64Array = npt.NDArray[np.int64]
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array
 
 BLOCKED, FLOOR, LINE, BALL = 0, 1, 2, 3
 

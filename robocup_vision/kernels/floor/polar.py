@@ -5,14 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Int8Array = npt.NDArray[np.int8]
-Int64Array = npt.NDArray[np.int64]
-UInt8Array = npt.NDArray[np.uint8]
-UInt16Array = npt.NDArray[np.uint16]
+from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array, UInt16Array
 
 # bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
 ONE = 32

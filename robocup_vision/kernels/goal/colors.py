@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import FloatArray, UInt8Array
 
 
 @njit(cache=True, nogil=True)

@@ -5,14 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.kernels.algebra.camera_axes import camera_axes
-
-FloatArray = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
-UInt8Array = npt.NDArray[np.uint8]
 
 _WASHED = 0.5
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.kernels.algebra.camera_axes import camera_axes
 from robocup_vision.kernels.algebra.cholesky import solve_symmetric
-
-FloatArray = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.algebra.camera_axes import camera_axes
 from robocup_vision.kernels.goal.edges import sample
 from robocup_vision.kernels.goal.fit import floor_residuals
-
-FloatArray = npt.NDArray[np.float64]
-UInt8Array = npt.NDArray[np.uint8]
 
 # grey levels that a line's middle must be brighter than its sides in one sample; samples along it are so far apart
 _MIN_RIDGE, _ALONG_STEP_PX = 6.0, 1.5

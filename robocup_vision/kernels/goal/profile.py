@@ -10,12 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 
 CHANNELS = 2
 MEMBERS = 3  # left post, right post, bar

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.kernels.algebra import cholesky
 from robocup_vision.kernels.goal.profile import CHANNELS, LANES, MEMBERS, OWN, PER_MEMBER, SHARED, TOUCHED, pixel_model
-
-FloatArray = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
 
 _MIN_BLUR_PX, _MAX_BLUR_PX = 0.35, 2.0
 _CUT = 2.5  # of Cauchy's weights, in standard deviations

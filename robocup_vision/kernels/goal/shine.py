@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import UInt8Array
 
 
 @njit(cache=True, nogil=True)

@@ -6,9 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 
 _ACROSS = np.linspace(0.15, 0.85, 7)  # of a foot: where carpet is looked for between the edges
 BRIGHTEST = 20.0

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+from robocup_vision.arrays import FloatArray, Int64Array
 
 
 @njit(cache=True, nogil=True)
@@ -186,7 +184,7 @@ def most_informative(
     success: FloatArray,
     information: FloatArray,
     count: int,
-) -> Indices:
+) -> Int64Array:
     """Choose landmarks greedily: each adds the most to the log determinant of the pose's information.
 
     Parameters

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+from robocup_vision.arrays import FloatArray, Int64Array
 
 
 @njit(cache=True, nogil=True)
@@ -24,11 +21,11 @@ def views_in_frustum(
     view_reach_rad: float,
     positions: FloatArray,
     bearings: FloatArray,
-    starts: Indices,
+    starts: Int64Array,
     columns: tuple[int, int],
     corner: FloatArray,
     cell_m: float,
-    found: Indices,
+    found: Int64Array,
     pixels: FloatArray,
     depth: FloatArray,
 ) -> int:

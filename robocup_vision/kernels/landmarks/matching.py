@@ -5,26 +5,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-Floats = npt.NDArray[np.float32]
-FloatArray = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 
 
 @njit(cache=True, nogil=True)
 def best_two(
-    first: Floats,
+    first: Float32Array,
     first_px: FloatArray,
     first_size: FloatArray,
-    second: Floats,
+    second: Float32Array,
     second_px: FloatArray,
     second_size: FloatArray,
     gate_u: float,
     gate_v: float,
     size_ratio: float,
-) -> tuple[Indices, Floats, Floats]:
+) -> tuple[Int64Array, Float32Array, Float32Array]:
     """Find each landmark's nearest and second nearest descriptor in a window around where it is expected.
 
     Parameters

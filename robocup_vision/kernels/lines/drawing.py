@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.kernels.algebra.camera_axes import camera_axes
-
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
 
 _STEP_PX = 0.8
 _REACH = 2

@@ -5,15 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
-Int64Array = npt.NDArray[np.int64]
-Int32Array = npt.NDArray[np.int32]
-UInt16Array = npt.NDArray[np.uint16]
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array, UInt16Array
 
 
 @njit(cache=True, nogil=True)

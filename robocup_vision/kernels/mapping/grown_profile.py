@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
+from robocup_vision.arrays import FloatArray, Int64Array
 
 # Bins of the grown profile (0.45 to 0.9 degrees) and the groups of them over which trajectories take long steps.
 # Constants of the compiler, because a division by them is then a shift.

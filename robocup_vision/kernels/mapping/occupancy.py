@@ -5,14 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
-Int8Array = npt.NDArray[np.int8]
-Int32Array = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
+from robocup_vision.arrays import BoolArray, Float32Array, FloatArray, Int8Array, Int32Array
 
 # what a profile says of a cell: nothing; something is there (the paper's event O); nothing is there (not O)
 SILENT, HIT, CROSSED = 0, 1, 2

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.kernels.algebra.cholesky import factor, solve_symmetric, substitute
-
-FloatArray = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
 
 # rows of the present profile, (3, J): inverse range at bearing j * 2 pi / J (1/m, NaN where none), its variance, and
 # its change from one bearing to the next

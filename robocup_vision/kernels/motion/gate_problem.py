@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
+from robocup_vision.arrays import FloatArray
 
 # what is done at a node, besides the viewpoints' numbers
 DETOUR = -1

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.motion.trajectories import predict_position, predict_velocity
 
-FloatArray = npt.NDArray[np.float64]
 Pair = tuple[float, float]
 
 # back on the path, metres; and when it is given up, seconds

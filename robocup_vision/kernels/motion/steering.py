@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.kernels.mapping.grown_profile import grow_profile, measure_sectors, profile_bin
 from robocup_vision.kernels.motion.moving_contact import moving_contact_then_stop, moving_contact_time
 from robocup_vision.kernels.motion.trajectories import contact_time, predict_position, predict_velocity
 
-FloatArray = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
 Pair = tuple[float, float]
 Limits = tuple[float, float, float, float, float, float, float]
 Outcome = tuple[int, int, float, float]

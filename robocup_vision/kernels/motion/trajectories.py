@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.mapping.grown_profile import BINS, COARSE, FINE, profile_bin
 
-FloatArray = npt.NDArray[np.float64]
 Pair = tuple[float, float]
 
 # The diamond angle turns at most as fast as the bearing, so a group is at least 4 / groups radians wide.

@@ -5,13 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
-UInt8Array = npt.NDArray[np.uint8]
-Int32Array = npt.NDArray[np.int32]
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array
 
 UNSEEN, FREE, BLOCKED = 0, 1, 2
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import (
     GoalAngles,
     GoalShape,
@@ -23,8 +23,6 @@ from robocup_vision.localization.goal.geometry import (
     position_from_angles,
     theoretical_angles,
 )
-
-ByteImage = npt.NDArray[np.uint8]
 
 GRID_M = 0.01  # paper, section 3.3 (1)
 _LOOSENING = 2.0
@@ -62,7 +60,7 @@ class GoalAxes:
         )
 
 
-def goal_region(mask: ByteImage) -> ByteImage | None:
+def goal_region(mask: UInt8Array) -> UInt8Array | None:
     """Largest connected region of a mask with its holes filled (section 3.2, 1 and 2), or None if there is none."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     if count < 2:
@@ -72,7 +70,7 @@ def goal_region(mask: ByteImage) -> ByteImage | None:
     return np.asarray(cv2.morphologyEx(region, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) * 255, dtype=np.uint8)
 
 
-def axes_by_regression(region: ByteImage) -> GoalAxes | None:
+def axes_by_regression(region: UInt8Array) -> GoalAxes | None:
     """Middle axes of posts and bar by regression (section 3.2, 3), or None where the region has not that shape.
 
     Rows with two runs are posts, columns between the posts with one run are the bar.
@@ -138,7 +136,7 @@ class PaperMethod:
         gamma, phi_right, phi_left = (float(a) for a in angles_between(right, left, bar))
         return GoalAngles(gamma, phi_right, phi_left), right, left
 
-    def locate(self, mask: ByteImage, *, closed_form: bool = False) -> PoseEstimate | NotLocated:
+    def locate(self, mask: UInt8Array, *, closed_form: bool = False) -> PoseEstimate | NotLocated:
         """Locate the camera from a mask of goal paint of the camera's size.
 
         Parameters

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, half_turn_covariance, read_only, wrap_angle
+from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 
 # no frame is better than a micrometre, nor a microradian
 _MIN_STD = 1e-6

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y

@@ -13,14 +13,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.kernels.lines.drawing import draw_lines
 from robocup_vision.localization.goal.arc import HeldArc
 from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.perception.goal_region import carpet_mask
-
-Float32Array = npt.NDArray[np.float32]
 
 _BLUR_PX = 0.75
 _APART_M = 0.07  # points of one line lie nearer together

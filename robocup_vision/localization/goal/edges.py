@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal.edges import goal_points, measure_edges, spread_samples
 from robocup_vision.localization.goal.geometry import (
     BAR_BOTTOM,

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal.fit import fit_goal, goal_residuals
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, Look, measure
 from robocup_vision.localization.goal.geometry import (

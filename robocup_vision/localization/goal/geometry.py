@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 
 # What a fit can vary, in this order everywhere: camera position, heading of the optical axis, tilt (up), roll, height,
 # logarithm of the focal length's true to stated ratio, and how far bright paint bleeds over its own edge in the image.

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.edges import Look
 from robocup_vision.localization.goal.fit import (
@@ -30,8 +30,6 @@ from robocup_vision.localization.goal.search import EDGE_ON_M, Candidate, GoalSe
 from robocup_vision.localization.goal.starts import strip_samples
 from robocup_vision.perception.goal_region import Strip
 
-ByteImage = npt.NDArray[np.uint8]
-
 PRIOR_STD_M, PRIOR_STD_RAD = 0.4, 0.15
 _MIN_SAMPLES = 6  # of a post or a bar
 _MAX_STRIPS = 6
@@ -39,7 +37,7 @@ _START_SCALES, _AGAIN_SCALES = np.full(8, 100.0), np.ones(3)
 _AROUND = np.ones((3, 3), np.uint8)
 
 
-def find_half_goal(search: GoalSearch, frame: ByteImage, prior: Pose2) -> Candidate | None:
+def find_half_goal(search: GoalSearch, frame: UInt8Array, prior: Pose2) -> Candidate | None:
     """Fit one post and the bar, or two posts without it, under a prior pose; None where less is in view.
 
     Parameters
@@ -74,7 +72,7 @@ def find_half_goal(search: GoalSearch, frame: ByteImage, prior: Pose2) -> Candid
 
 
 def _fit_one_post(
-    search: GoalSearch, frame: ByteImage, strip: Strip, post: int, held: GoalModel, look: Look
+    search: GoalSearch, frame: UInt8Array, strip: Strip, post: int, held: GoalModel, look: Look
 ) -> GoalFit | None:
     samples = strip_samples(search.camera, ((post, strip),))
     start = held.prior.copy()

@@ -11,13 +11,13 @@ from typing import Literal
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.baselines.goal_angles import PaperMethod
 from robocup_vision.localization.goal.arc import follow_arc
 from robocup_vision.localization.goal.edges import measure
@@ -39,7 +39,6 @@ from robocup_vision.localization.goal.with_lines import (
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.goal_color import hue_masks
 
-ByteImage = npt.NDArray[np.uint8]
 Method = Literal["edges", "paper", "angles"]
 
 _MAX_LINE_TRIALS = 2
@@ -126,7 +125,7 @@ class GoalLocalizer:
                 )
             self._paper = PaperMethod(self._search.shape, camera, np.abs(field.floor_polygon).max(axis=0))
 
-    def locate(self, frame: ByteImage, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
+    def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
         """Locate the camera.
 
         Parameters
@@ -150,7 +149,7 @@ class GoalLocalizer:
             return sight
         return sight.estimate(prior)
 
-    def look(self, frame: ByteImage, prior: Pose2 | None = None) -> GoalSight | NotLocated:
+    def look(self, frame: UInt8Array, prior: Pose2 | None = None) -> GoalSight | NotLocated:
         """Place the camera as `locate` does, with its tilt, roll and height and what was measured."""
         self._check(frame)
         candidates, reason = self._search.candidates(frame)
@@ -180,7 +179,7 @@ class GoalLocalizer:
             _goal_alone(part) if part is not None else NotLocated(f"{reason}; nor does enough of it bear out the prior")
         )
 
-    def _colored(self, frame: ByteImage, candidates: list[Candidate]) -> GoalSight:
+    def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> GoalSight:
         """Make a goal of a hue, which is certain, exact by its profiles, and by the lines where they bear it out."""
         best = candidates[0]
         rivals = [
@@ -198,7 +197,7 @@ class GoalLocalizer:
         assert alone is not None
         return _goal_alone(alone)
 
-    def _with_lines(self, frame: ByteImage, candidate: Candidate) -> GoalSight | None:
+    def _with_lines(self, frame: UInt8Array, candidate: Candidate) -> GoalSight | None:
         """Fit goal and lines together; None where lines do not bear the goal out."""
         assert self._lines is not None
         start, samples = candidate.fit.unknowns, candidate.fit.samples
@@ -221,7 +220,7 @@ class GoalLocalizer:
             return None
         return GoalSight(joined.unknowns, joined.covariance, candidate.sides, candidate.fit, joined)
 
-    def _both_posts_stand(self, frame: ByteImage, candidate: Candidate, unknowns: FloatArray) -> bool:
+    def _both_posts_stand(self, frame: UInt8Array, candidate: Candidate, unknowns: FloatArray) -> bool:
         """Whether both posts are near where the lines put them, as near as goals are built."""
         scale = math.exp(float(unknowns[LOG_FOCAL]))
         fu, fv = self.camera.focal_px
@@ -245,7 +244,7 @@ class GoalLocalizer:
             >= _TELLING_RIDGES
         )
 
-    def _by_lines(self, frame: ByteImage, prior: Pose2) -> GoalSight | None:
+    def _by_lines(self, frame: UInt8Array, prior: Pose2) -> GoalSight | None:
         """Lines alone, from where the camera is believed to be; its tilt is searched where it is unknown."""
         assert self._lines is not None
         model = loosened(self._search.white_model)
@@ -274,7 +273,7 @@ class GoalLocalizer:
             return None
         return GoalSight(joined.unknowns, joined.covariance, (1,), None, joined)
 
-    def _as_printed(self, paper: PaperMethod, frame: ByteImage) -> PoseEstimate | NotLocated:
+    def _as_printed(self, paper: PaperMethod, frame: UInt8Array) -> PoseEstimate | NotLocated:
         """Yako et al.: the colour with the larger region is the goal in view."""
         smooth = np.asarray(cv2.bilateralFilter(frame, 5, 30, 3), np.uint8)
         masks = hue_masks(smooth, self._search.families)
@@ -283,7 +282,7 @@ class GoalLocalizer:
         at_positive = any(goal.side > 0 for goal in self.field.goals if goal.color == color)
         return estimate if isinstance(estimate, NotLocated) or at_positive else estimate.half_turn()
 
-    def _check(self, frame: ByteImage) -> None:
+    def _check(self, frame: UInt8Array) -> None:
         width, height = self.camera.size_px
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
             got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__

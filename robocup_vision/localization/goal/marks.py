@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal.marks import line_marks, mark_stds, measure_ridges
 from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, follow_arc
 from robocup_vision.localization.goal.drawing import LineDrawing

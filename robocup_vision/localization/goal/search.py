@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models.field import COLOR_NAMES, Field
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal.strips import BRIGHTEST, mean_along
 from robocup_vision.localization.goal.edges import Look, from_ideal
 from robocup_vision.localization.goal.fit import (
@@ -52,8 +51,6 @@ from robocup_vision.perception.goal_region import (
     strips,
     white_runs,
 )
-
-ByteImage = npt.NDArray[np.uint8]
 
 # how far paint bleeds: the white of a goal in the sun by a pixel, paint of a hue hardly
 _BLOOM_STD_PX = {"white": 0.7, "hue": 0.15}
@@ -113,8 +110,8 @@ class Proposal(NamedTuple):
     sides: tuple[int, ...]
     found: list[Strip]
     pairs: list[tuple[Strip, Strip]]
-    paint: ByteImage
-    carpet: ByteImage
+    paint: UInt8Array
+    carpet: UInt8Array
     scale: int
     model: GoalModel
     look: Look
@@ -146,7 +143,7 @@ class GoalSearch:
         self.white_model = goal_model(self.shape, camera, _BLOOM_STD_PX["white"])
         self._has_white = any(not is_chromatic(goal.color) for goal in field.goals)
 
-    def candidates(self, frame: ByteImage) -> tuple[list[Candidate], str]:
+    def candidates(self, frame: UInt8Array) -> tuple[list[Candidate], str]:
         """Goals that may be in a frame, distinct ones, best first; and why there is none if there is none."""
         found: list[Candidate] = []
         reason = ""
@@ -195,7 +192,7 @@ class GoalSearch:
             return "what looks like one has no carpet before it"
         return None
 
-    def proposals(self, frame: ByteImage) -> Iterator[Proposal]:
+    def proposals(self, frame: UInt8Array) -> Iterator[Proposal]:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""
         if self.families:
             small, factor = self.reduced(frame)
@@ -212,7 +209,7 @@ class GoalSearch:
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 14)
             yield Proposal(sides, found, pairs, paint, carpet, 1, self.white_model, look)
 
-    def _last_resorts(self, frame: ByteImage, found: list[Candidate]) -> Iterator[Proposal]:
+    def _last_resorts(self, frame: UInt8Array, found: list[Candidate]) -> Iterator[Proposal]:
         """Yield what masks alone do not show; nothing once a goal is found.
 
         Clutter of a neighbouring hue touches a post, lamps wash it white: its edges are still there in the channels
@@ -238,7 +235,7 @@ class GoalSearch:
                 seen += of_part
             yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue), *_weakened(by_light)], factor)
 
-    def _under_bars(self, color: str, mask: ByteImage, carpet: ByteImage, hue: ByteImage, factor: int) -> Proposal:
+    def _under_bars(self, color: str, mask: UInt8Array, carpet: UInt8Array, hue: UInt8Array, factor: int) -> Proposal:
         """Propose posts where a bar ends, whether they are to be seen or not."""
         upside, nowhere = np.ascontiguousarray(hue.T), np.zeros_like(carpet.T)
         lying = [
@@ -252,7 +249,7 @@ class GoalSearch:
                 pairs.append((enlarged(posts[0], factor), enlarged(posts[1], factor)))
         return self._pooled(color, mask, carpet, [], factor)._replace(pairs=pairs[:6])
 
-    def reduced(self, frame: ByteImage) -> tuple[ByteImage, int]:
+    def reduced(self, frame: UInt8Array) -> tuple[UInt8Array, int]:
         """Return the frame at about `_SEARCH_WIDTH_PX`, and the factor it was reduced by."""
         factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
         if factor == 1:
@@ -260,14 +257,14 @@ class GoalSearch:
         small = cv2.resize(frame, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
         return np.asarray(small, np.uint8), factor
 
-    def _colored(self, color: str, mask: ByteImage, carpet: ByteImage, factor: int) -> Proposal:
+    def _colored(self, color: str, mask: UInt8Array, carpet: UInt8Array, factor: int) -> Proposal:
         return self._pooled(color, mask, carpet, strips(mask_runs(mask, 2), 2, carpet, certain=True), factor)
 
     def _pooled(
         self,
         color: str,
-        mask: ByteImage,
-        carpet: ByteImage,
+        mask: UInt8Array,
+        carpet: UInt8Array,
         found: list[Strip],
         factor: int,
         apart: FloatArray | None = None,
@@ -300,7 +297,7 @@ class GoalSearch:
         pairs.sort(key=lambda pair: -pair[0])
         return [(a, b) for _, a, b in pairs[:most]]
 
-    def _fits(self, frame: ByteImage, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
+    def _fits(self, frame: UInt8Array, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
         """Fits to a pair of strips, best first: for each row the bar may be in, from several obliquenesses."""
         model, look = proposal.model, proposal.look
         samples = strip_samples(self.camera, ((0, left), (1, right)))

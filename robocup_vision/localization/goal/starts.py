@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal.strips import mean_along
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel

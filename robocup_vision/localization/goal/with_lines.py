@@ -14,8 +14,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.goal.marks import measure_ridges
 from robocup_vision.localization.goal.edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel, residuals

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import INLIER_PX, MIN_SEARCH_POINTS
 from robocup_vision.perception.line_points import LinePoints

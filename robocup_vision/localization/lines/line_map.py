@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.lines.lines import nearest_lines
 
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robocup_vision.geometry import FloatArray, Pose2, wrap_angle
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.lines.lines import refine_line_poses, score_pose_grid
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LinePoints

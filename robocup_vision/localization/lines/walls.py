@@ -13,14 +13,12 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import FloatArray
 from robocup_vision.kernels.floor import polar
 from robocup_vision.localization.lines.localizer import LineLocalizer
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.line_points import LinePoints
-
-UInt8Array = npt.NDArray[np.uint8]
 
 
 def localizer_by_walls(field: Field, camera: PinholeCamera) -> LineLocalizer:

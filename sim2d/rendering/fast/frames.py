@@ -11,12 +11,12 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models import COLOR_NAMES
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera import OmniCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from sim2d.kernels.bearing_profile import meet_boxes, meet_cylinders, meet_walls, stack_spans
 from sim2d.kernels.floor_lines import floor_until, mark_arcs, mark_lines
 from sim2d.kernels.match_pixels import draw_pixels, fill_carpet, paint_marked
@@ -26,8 +26,6 @@ from sim2d.rendering.room import ROWS_PER_M, room_panorama
 from sim2d.rendering.scene import Ball, Bgr, Robot, Scene, Wall
 from sim2d.rendering.sensor import Sensor, vignette_gain
 from sim2d.rendering.surfaces import LAMP_DIRECTION_RAD, face_light
-
-UInt8Array = npt.NDArray[np.uint8]
 
 ENTRIES, SPANS = 12, 32  # most things along a bearing, and most spans they make
 MARKER_SHARE = 0.3  # of a robot's radius

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from field_models import Field
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 
 
 def line_rows(field: Field) -> FloatArray:

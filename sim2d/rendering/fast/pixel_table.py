@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera
-from robocup_vision.geometry import FloatArray
 from sim2d.kernels.floor_lines import GAIN, X, Y
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import MirrorRays

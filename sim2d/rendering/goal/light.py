@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from field_models import Goal
-from robocup_vision.geometry import FloatArray
+from robocup_vision.arrays import FloatArray
 from sim2d.rendering.light import TracedLight
 from sim2d.rendering.surfaces import FLOOR
 

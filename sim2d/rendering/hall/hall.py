@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from sim2d.kernels.panels import first_panel, shade
 from sim2d.rendering.hall import textures as hall_textures
-from sim2d.rendering.rays import Floats, sample_offsets
+from sim2d.rendering.rays import sample_offsets
 
-UInt8Array = npt.NDArray[np.uint8]
 Vector = tuple[float, float, float]
 
 _LEVELS = 9
@@ -255,7 +255,7 @@ class HallCamera:
         self._depth = np.empty(shape, dtype=np.float32)
         self._met = np.empty(shape, dtype=np.int16)
 
-    def render(self, hall: Hall, pose: Pose2, light: HallLight | None = None) -> Floats:
+    def render(self, hall: Hall, pose: Pose2, light: HallLight | None = None) -> Float32Array:
         """Render the hall from a pose of the robot (of the camera itself, where its offset and pan are 0).
 
         Returns

@@ -8,17 +8,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera, save_camera
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.projection import TrinocularRig
 from robocup_vision.landmarks.run_files import CAMERAS
 from sim2d.rendering.hall.hall import Hall, HallCamera, HallLight
 from sim2d.rendering.sensor import Sensor
-
-UInt8Array = npt.NDArray[np.uint8]
 
 # what the paper's Digiclops delivers: 320 x 240, cameras 99.6 mm apart; its field of view is not printed
 HALL_CAMERA = PinholeCamera((320, 240), (277.0, 277.0), (159.5, 119.5), 0.6, pan_rad=0.0, tilt_rad=0.0, roll_rad=0.0)

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import UInt8Array
 
 _PICTURES = (
     "astronaut.png",

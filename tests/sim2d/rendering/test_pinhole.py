@@ -13,8 +13,9 @@ from strategies import numbers
 
 from field_models import load_field
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.geometry import FloatArray, Pose2
+from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.goal.light import Glare, Member, SunPatch
 from sim2d.rendering.goal.scenes import ers7_camera

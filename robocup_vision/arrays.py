@@ -1,0 +1,27 @@
+"""Names of the array types that annotations use, and read-only copies for immutable values.
+
+Kernels, values and estimators name the same few element types; each name stands here once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+BoolArray = npt.NDArray[np.bool_]
+Int8Array = npt.NDArray[np.int8]
+Int16Array = npt.NDArray[np.int16]
+Int32Array = npt.NDArray[np.int32]
+Int64Array = npt.NDArray[np.int64]
+UInt8Array = npt.NDArray[np.uint8]
+UInt16Array = npt.NDArray[np.uint16]
+UInt32Array = npt.NDArray[np.uint32]
+Float32Array = npt.NDArray[np.float32]
+FloatArray = npt.NDArray[np.float64]
+
+
+def read_only(array: npt.ArrayLike) -> FloatArray:
+    """Return a float64 copy that nobody can write to, as every value type here holds."""
+    copy = np.array(array, dtype=np.float64)
+    copy.flags.writeable = False
+    return copy
