@@ -12,6 +12,9 @@ from hypothesis import settings
 # with --import-mode=importlib pytest puts no test folder on the path
 sys.path.insert(0, str(Path(__file__).parent))
 
+# fixtures that tests of several folders use: calibrated and miscalibrated frames, and a short run for landmark maps
+pytest_plugins = ["miscalibrated_frames", "short_landmark_run"]
+
 settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeat"))
