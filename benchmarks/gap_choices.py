@@ -18,7 +18,7 @@ from doubtful_robot import DISC_STD_M, LIMITS, PATIENCE_S, PERIOD_S, PLAN_EVERY,
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import Disc, Gap, PassageTimes, WidthSensor, choose_gap
-from robocup_vision.planning.gap import Point, gap_between
+from robocup_vision.planning.gaps.gap import Point, gap_between
 
 GOAL_M = (4.0, 0.0)
 # when a rule is asked again: at each look; once the gap is known to be blocked; once no speed has been safe for long

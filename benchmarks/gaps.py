@@ -37,8 +37,8 @@ from robocup_vision.planning import (
     MotionLimits,
     WidthSensor,
 )
-from robocup_vision.planning.gap import Point
-from robocup_vision.planning.gaps import GateTables
+from robocup_vision.planning.gaps.gap import Point
+from robocup_vision.planning.gaps.gate_planner import GateTables
 
 CONFIRMED, LOOK_S, FAILURE_S, LOOKS = 0.95, 0.2, 2.0, 3
 ROBOT_M = 0.18

@@ -16,9 +16,9 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.goal.localizer import GoalLocalizer
-from robocup_vision.planning.gaze import Neck
-from robocup_vision.planning.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen
-from robocup_vision.planning.sight_lines import Blocker
+from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen
+from robocup_vision.planning.gaze.pose_gaze import Neck
+from robocup_vision.planning.gaze.sight_lines import Blocker
 from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.sensors.goal_evidence import draw_scene

@@ -20,9 +20,9 @@ from robocup_vision.geometry import Pose2, compose_covariance, wrap_angle
 from robocup_vision.localization.filter.pose_filter import OdometryNoise, PoseFilter
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT, camera_rotation
 from robocup_vision.localization.goal.localizer import GoalLocalizer
-from robocup_vision.planning.field_landmarks import field_landmarks
-from robocup_vision.planning.gaze import DETECTORS, GOAL_DETECTORS, Neck, PoseGaze
-from robocup_vision.planning.sight_lines import Blocker, clear_share
+from robocup_vision.planning.gaze.field_landmarks import field_landmarks
+from robocup_vision.planning.gaze.pose_gaze import DETECTORS, GOAL_DETECTORS, Neck, PoseGaze
+from robocup_vision.planning.gaze.sight_lines import Blocker, clear_share
 from robocup_vision.vision import Vision
 from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import render_pinhole

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from harness import Table, verdict
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.planning.selective_look import SelectiveLook, is_in_sight
+from robocup_vision.planning.gaze.selective_look import SelectiveLook, is_in_sight
 
 LENGTH_M, WIDTH_M, CELL_M = 5.4, 3.6, 0.06
 SHAPE = (round(LENGTH_M / CELL_M), round(WIDTH_M / CELL_M))

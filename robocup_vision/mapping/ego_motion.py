@@ -17,7 +17,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2, compose_covariance
-from robocup_vision.kernels.mapping import range_profile
+from robocup_vision.kernels.mapping import ego_motion as kernels
 
 # differences beyond this many standard deviations belong to something that moved, or came into view
 _GATE_SIGMAS = 4.0
@@ -80,11 +80,11 @@ class _Profile:
     def smooth(cls, inverse: FloatArray, std: FloatArray) -> _Profile:
         variance = std**2
         present = np.empty((3, len(inverse)))
-        range_profile.smooth(inverse, variance, _REACH, *present)
+        kernels.smooth(inverse, variance, _REACH, *present)
         thing = np.empty(len(inverse), dtype=np.int64)
-        things = range_profile.part(present[range_profile.VALUE], present[range_profile.VARIANCE], thing)
+        things = kernels.part(present[kernels.VALUE], present[kernels.VARIANCE], thing)
         known = thing >= 0
-        shares = present[range_profile.VARIANCE, known] / variance[known]
+        shares = present[kernels.VARIANCE, known] / variance[known]
         return cls(present, thing, things, float(shares.mean()) if known.any() else 1.0)
 
 
@@ -100,7 +100,7 @@ class _Past:
     def at(self, t_s: float) -> FloatArray:
         """(J, 4) with how far each point may have moved by then."""
         points = self.points.copy()
-        points[:, range_profile.MOVED_VARIANCE] = self.may_move * (_MOVER_MPS * (t_s - self.t_s)) ** 2
+        points[:, kernels.MOVED_VARIANCE] = self.may_move * (_MOVER_MPS * (t_s - self.t_s)) ** 2
         return points
 
 
@@ -217,12 +217,12 @@ class EgoMotion:
         return motion
 
     def _in_frame_of_first(self, profile: _Profile, t_s: float) -> _Past:
-        range_m = 1.0 / profile.present[range_profile.VALUE]
+        range_m = 1.0 / profile.present[kernels.VALUE]
         points = np.zeros((self.bearings, 4))
         points[:, :2] = self._pose.transform(self._rays * range_m[:, None])
-        points[:, range_profile.RANGE_VARIANCE] = profile.present[range_profile.VARIANCE] * range_m**4
+        points[:, kernels.RANGE_VARIANCE] = profile.present[kernels.VARIANCE] * range_m**4
         width = np.empty(profile.things)
-        range_profile.widths(points, profile.thing, width)
+        kernels.widths(points, profile.thing, width)
         return _Past(t_s, points, np.append(width < _MOVER_M, False)[profile.thing], profile.thing)
 
     def _chosen(self) -> list[_Past]:
@@ -251,7 +251,7 @@ class EgoMotion:
 
         def refine(pose: FloatArray) -> tuple[int, float]:
             rules = _GATES, _MIN_SHARE, profile.worth, 2 * _REACH + 1
-            used, share = range_profile.refine(
+            used, share = kernels.refine(
                 profile.present, past, thing, pose, predicted.array, information, *rules, normal
             )
             return int(used), float(share)
@@ -279,7 +279,7 @@ class EgoMotion:
         points = past.reshape(-1, 4)
         points = points[np.isfinite(points[:, 0])]
         thinned = np.ascontiguousarray(points[:: max(1, len(points) // _SEARCH_POINTS)])
-        best: int = range_profile.search(present, thinned, poses, 2.0 * _GATE_SIGMAS)
+        best: int = kernels.search(present, thinned, poses, 2.0 * _GATE_SIGMAS)
         return np.array(poses[best])
 
 

@@ -19,9 +19,9 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FreeSpace
-from robocup_vision.planning.gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
-from robocup_vision.planning.shot import ShotPlan
-from robocup_vision.planning.sight_lines import Blocker
+from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
+from robocup_vision.planning.gaze.sight_lines import Blocker
+from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.tracking import Track
 from robocup_vision.view import View
 from robocup_vision.vision import Vision

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from field_models.field import Field
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.planning.cover import cover_goal
-from robocup_vision.planning.shot import ShotPlan
+from robocup_vision.planning.shots.goal_cover import cover_goal
+from robocup_vision.planning.shots.shot_planner import ShotPlan
 from sim2d.kick_off import kick_off_pose
 from sim2d.players.ball_memory import TAKEN_REACHES
 from sim2d.robot_link import Phase, Reason, RobotLimits

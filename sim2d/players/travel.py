@@ -29,8 +29,8 @@ from robocup_vision.planning import (
     SpeedPlanner,
     WidthSensor,
 )
-from robocup_vision.planning.passage import PassageTimes, choose_gap
-from robocup_vision.planning.undecided import FREE, FloorToDecide, UndecidedSpeed, safe_speed_mps
+from robocup_vision.planning.gaps.gap_choice import PassageTimes, choose_gap
+from robocup_vision.planning.speed.undecided_floor import FREE, FloorToDecide, UndecidedSpeed, safe_speed_mps
 from robocup_vision.tracking import Track
 from sim2d.players.opponent_row import Key, Row, in_way, row_across, unit
 from sim2d.robot_link import Reason, RobotLimits

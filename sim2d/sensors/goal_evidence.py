@@ -1,6 +1,6 @@
 """How often the goal localiser finds goals and tells them apart, counted on rendered pictures from all over a field.
 
-The planner of looks (robocup_vision.planning.goal_question) goes by these counts.
+The planner of looks (robocup_vision.planning.gaze.goal_question) goes by these counts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.localizer import GoalLocalizer
-from robocup_vision.planning.goal_evidence import CORNERS
+from robocup_vision.planning.gaze.goal_evidence import CORNERS
 from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.rendering.scene import Light, Robot, Room, Scene
 from sim2d.sensors.match_camera import CARPET_MARGIN_M, MATCH_SENSOR

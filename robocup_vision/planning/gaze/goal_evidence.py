@@ -90,7 +90,7 @@ def load_goal_evidence(path: str | Path | None = None) -> GoalEvidence:
     FileError
         If the file is missing or wrong.
     """
-    where = Path(str(files("robocup_vision.planning") / "goal_evidence.toml")) if path is None else Path(path)
+    where = Path(str(files("robocup_vision.planning.gaze") / "goal_evidence.toml")) if path is None else Path(path)
     described = load_toml(where, _EvidenceFile)
     if described.format != 1:
         raise FileError(where, "is not a format this version reads", key="format", value=described.format)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.mapping import range_profile as kernels
+from robocup_vision.kernels.mapping import ego_motion as kernels
 
 seeds = st.integers(0, 2**32 - 1)
 GATE, WORTH, BLOCK = 4.0, 0.3, 5

@@ -18,9 +18,9 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.planning.field_landmarks import Kind, field_landmarks
-from robocup_vision.planning.sight_lines import Blocker, clear_share
-from robocup_vision.planning.sigma_points import sigma_points
+from robocup_vision.planning.gaze.field_landmarks import Kind, field_landmarks
+from robocup_vision.planning.gaze.sight_lines import Blocker, clear_share
+from robocup_vision.planning.gaze.sigma_points import sigma_points
 
 Criterion = Literal["position", "volume"]
 

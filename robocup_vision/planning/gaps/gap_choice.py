@@ -16,8 +16,8 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
-from robocup_vision.planning.gap import Disc, Gap, Point
-from robocup_vision.planning.speed import SpeedPlanner
+from robocup_vision.planning.gaps.gap import Disc, Gap, Point
+from robocup_vision.planning.speed.speed_planner import SpeedPlanner
 
 # the table's widths, robot widths; how far before and after a gap it still counts, metres
 _NARROWEST, _WIDEST, _WIDTHS, _WAY_M = 1.0, 6.0, 41, 1.5

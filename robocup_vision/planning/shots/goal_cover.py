@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import wrap_angle
-from robocup_vision.planning.gap import Point
+from robocup_vision.planning.gaps.gap import Point
 
 
 @dataclass(frozen=True, slots=True)

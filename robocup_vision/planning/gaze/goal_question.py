@@ -21,8 +21,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.goal_color import is_chromatic
-from robocup_vision.planning.gaze import Neck
-from robocup_vision.planning.goal_evidence import (
+from robocup_vision.planning.gaze.goal_evidence import (
     CORNERS,
     NEGATIVE,
     NOTHING,
@@ -30,8 +29,9 @@ from robocup_vision.planning.goal_evidence import (
     GoalEvidence,
     load_goal_evidence,
 )
-from robocup_vision.planning.sight_lines import Blocker, clear_share
-from robocup_vision.planning.sigma_points import sigma_points
+from robocup_vision.planning.gaze.pose_gaze import Neck
+from robocup_vision.planning.gaze.sight_lines import Blocker, clear_share
+from robocup_vision.planning.gaze.sigma_points import sigma_points
 
 Answer = Literal["look", "decided", "undecidable"]
 

@@ -16,7 +16,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.motion import gate_problem
-from robocup_vision.planning.gap import Gap, Point, WidthSensor
+from robocup_vision.planning.gaps.gap import Gap, Point, WidthSensor
 from robocup_vision.planning.motion_limits import MotionLimits
 
 # cells of the width's distribution, over so many standard deviations to either side

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from field_models.errors import FileError
-from robocup_vision.planning.goal_evidence import CORNERS, GoalEvidence, load_goal_evidence
+from robocup_vision.planning.gaze.goal_evidence import CORNERS, GoalEvidence, load_goal_evidence
 
 GOOD = """
 format = 1

@@ -16,7 +16,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import wrap_angle
-from robocup_vision.planning.gap import Disc, Point
+from robocup_vision.planning.gaps.gap import Disc, Point
 from robocup_vision.planning.motion_limits import MotionLimits
 
 # places in the mouth that are aimed at; places nearer to it that are thought of: ways, metres, and directions, radians

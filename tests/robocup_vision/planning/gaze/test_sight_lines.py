@@ -8,7 +8,7 @@ from hypothesis import given
 from strategies import numbers
 
 from field_models.errors import ArgumentError
-from robocup_vision.planning.sight_lines import Blocker, clear_share
+from robocup_vision.planning.gaze.sight_lines import Blocker, clear_share
 
 EYE = (0.0, 0.0, 0.2)
 SURE = 1e-10 * np.eye(2)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.planning.selective_look import SelectiveLook, is_in_sight
+from robocup_vision.planning.gaze.selective_look import SelectiveLook, is_in_sight
 
 CELL_M, RADIUS_M, HALF_VIEW_RAD = 0.1, 0.15, math.radians(10)
 SHAPE = (40, 20)

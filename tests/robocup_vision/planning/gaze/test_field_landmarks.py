@@ -6,7 +6,7 @@ from hypothesis import given
 from strategies import built_in_fields
 
 from field_models import load_field
-from robocup_vision.planning.field_landmarks import field_landmarks
+from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 
 
 def _places(name: str, kind: str) -> set[tuple[float, float]]:

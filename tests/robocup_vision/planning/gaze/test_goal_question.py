@@ -13,10 +13,10 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance
-from robocup_vision.planning.gaze import Neck
-from robocup_vision.planning.goal_evidence import CORNERS, GoalEvidence
-from robocup_vision.planning.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen
-from robocup_vision.planning.sight_lines import Blocker
+from robocup_vision.planning.gaze.goal_evidence import CORNERS, GoalEvidence
+from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen
+from robocup_vision.planning.gaze.pose_gaze import Neck
+from robocup_vision.planning.gaze.sight_lines import Blocker
 
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera((208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, tilt_rad=-0.2, roll_rad=0.0)
