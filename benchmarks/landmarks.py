@@ -31,8 +31,8 @@ from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.landmarks.features import Features, OrbExtractor, SiftExtractor
 from robocup_vision.landmarks.landmark_map import LandmarkMap, expect
 from robocup_vision.landmarks.locate import LandmarkLocalizer, Sight
+from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
 from robocup_vision.landmarks.selection import Selection
-from robocup_vision.landmarks.stereo_map import StereoMapper
 from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
 

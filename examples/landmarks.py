@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 
 from robocup_vision.landmarks.landmark_map import load_map, save_map
-from robocup_vision.landmarks.stereo_map import StereoMapper
+from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
 from robocup_vision.landmarks.vision import LandmarkVision, draw_landmarks
 from sim2d.rendering.hall.hall import HallLight, loop_path, make_hall
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, take

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 from robocup_vision.landmarks.landmark_map import LandmarkMap
-from robocup_vision.landmarks.stereo_map import MapStep, StereoMapper
+from robocup_vision.landmarks.mapping.stereo_mapper import MapStep, StereoMapper
 from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
 

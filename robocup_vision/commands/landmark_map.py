@@ -46,8 +46,8 @@ def run_map(args: argparse.Namespace) -> int:
 
 def _build(args: argparse.Namespace) -> int:
     from robocup_vision.landmarks.landmark_map import save_map
-    from robocup_vision.landmarks.run_files import load_run
-    from robocup_vision.landmarks.stereo_map import StereoMapper
+    from robocup_vision.landmarks.mapping.run_files import load_run
+    from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
     from robocup_vision.progress import progress
 
     run = load_run(args.run_folder)

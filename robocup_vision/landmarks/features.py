@@ -25,6 +25,8 @@ RATIO = 0.7  # eq. 3
 MAX_DISTANCE = 0.75
 # descriptors are stored in bytes; a unit vector's largest entries are near 0.4 after SIFT's own clipping
 BYTE_SCALE = 512.0
+# the paper's 0.5 * d_s stands for quantisation, as if keypoints were not interpolated
+PIXEL_STD_PER_SPACING = 0.5
 # side of the tiles that `extract_near` looks at, and how much of their rim it leaves out
 TILE_PX = 56
 TILE_MARGIN_PX = 5

@@ -19,14 +19,21 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.landmarks.fit import descend
-from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, match_by_loop, near
+from robocup_vision.landmarks.features import (
+    PIXEL_STD_PER_SPACING,
+    Extractor,
+    Features,
+    SiftExtractor,
+    match,
+    match_by_loop,
+    near,
+)
 from robocup_vision.landmarks.index import MapIndex, kernel_camera
 from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap, expect
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF, PoseFit, fit_pixels
 from robocup_vision.landmarks.projection import project, to_camera
 from robocup_vision.landmarks.relocate import Relocator
 from robocup_vision.landmarks.selection import Selection, TimeBudget, select
-from robocup_vision.landmarks.stereo import PIXEL_STD_PER_SPACING
 
 Matching = Literal["loop", "product"]
 

@@ -15,9 +15,9 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.landmarks.fit import most_informative
+from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING
 from robocup_vision.landmarks.index import kernel_camera
 from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap
-from robocup_vision.landmarks.stereo import PIXEL_STD_PER_SPACING
 
 Choice = Literal["informative", "cells", "frequency", "response", "random", "all"]
 CHOICES: tuple[Choice, ...] = ("informative", "cells", "frequency", "response", "random", "all")

@@ -2,10 +2,10 @@
 
 1. Points: the floor's edge and the white lines of each frame, taken through the start, or through a guess.
 2. Starts: curves of several horizons and scales, poses by the localisers, a short fit from each; the best few go on to
-   the end, with weights that narrow from far off down to the points' own accuracy (`omni_starts`).
+   the end, with weights that narrow from far off down to the points' own accuracy (`starts`).
 3. The points are taken again through the camera found, the poses looked for anew over the whole field, and all is
-   fitted once more (`omni_fit`).
-4. The family of curves, and whether the tilt may move, are chosen by points held back (`omni_choice`).
+   fitted once more (`fit`).
+4. The family of curves, and whether the tilt may move, are chosen by points held back (`choice`).
 """
 
 from __future__ import annotations

@@ -11,9 +11,11 @@ from strategies import numbers
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.kernels.landmarks.fit import descend, most_informative
 from robocup_vision.landmarks.index import kernel_camera
+from robocup_vision.landmarks.mapping.refinement import Sightings, refine
+from robocup_vision.landmarks.mapping.rig import TrinocularRig
+from robocup_vision.landmarks.mapping.stereo import place
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF, fit_pixels, fit_stereo
 from robocup_vision.landmarks.projection import (
-    TrinocularRig,
     pixel_by_point,
     point_by_pose,
     project,
@@ -21,8 +23,6 @@ from robocup_vision.landmarks.projection import (
     to_world,
     world_to_camera,
 )
-from robocup_vision.landmarks.refinement import Sightings, refine
-from robocup_vision.landmarks.stereo import place
 
 CAMERA = PinholeCamera(
     (320, 240), (277.0, 270.0), (159.5, 119.5), 0.6, offset_m=(0.05, -0.03), pan_rad=0.2, tilt_rad=0.1, roll_rad=0.02

@@ -9,9 +9,9 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.landmarks.features import Features, to_bytes
 from robocup_vision.landmarks.landmark_map import LandmarkMap
+from robocup_vision.landmarks.mapping.refinement import Sightings
+from robocup_vision.landmarks.mapping.stereo import StereoPoints
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF
-from robocup_vision.landmarks.refinement import Sightings
-from robocup_vision.landmarks.stereo import StereoPoints
 
 # two landmarks that look like this much the same (distance of unit descriptors) may be one
 _SAME_LOOK = 0.45

@@ -6,7 +6,7 @@ import pytest
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
-from robocup_vision.landmarks.stereo_map import StereoMapper
+from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
 from sim2d.rendering.hall.runs import HALL_RIG
 
 

@@ -16,13 +16,14 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.landmarks.draft import DraftMap
 from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, near
 from robocup_vision.landmarks.landmark_map import LandmarkMap, direction_of, expect
+from robocup_vision.landmarks.mapping.draft import DraftMap
+from robocup_vision.landmarks.mapping.refinement import Sightings, refine
+from robocup_vision.landmarks.mapping.rig import TrinocularRig
+from robocup_vision.landmarks.mapping.stereo import StereoPoints, correspond
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo
-from robocup_vision.landmarks.projection import TrinocularRig, to_world, world_to_camera
-from robocup_vision.landmarks.refinement import Sightings, refine
-from robocup_vision.landmarks.stereo import StereoPoints, correspond
+from robocup_vision.landmarks.projection import to_world, world_to_camera
 
 GATE_PX = (40.0, 20.0)  # for images 320 wide
 _DEPTH_RATIO = 1.25

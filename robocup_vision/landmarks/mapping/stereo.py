@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
-from robocup_vision.landmarks.features import Features, match
-from robocup_vision.landmarks.projection import TrinocularRig
+from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING, Features, match
+from robocup_vision.landmarks.mapping.rig import TrinocularRig
 
-# the paper's 0.5 * d_s stands for quantisation, as if keypoints were not interpolated
-PIXEL_STD_PER_SPACING = 0.5
 # off the epipolar line, and between both disparities, in standard deviations of the difference
 _MAX_OFF = 3.0
 # "within one level of scale": neighbouring levels of an octave differ by 2^(1/3)

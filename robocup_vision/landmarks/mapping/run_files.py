@@ -26,7 +26,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.files.csv_table import read_csv
 from robocup_vision.files.images import IMAGE_SUFFIXES, read_image
 from robocup_vision.geometry import Pose2
-from robocup_vision.landmarks.projection import TrinocularRig
+from robocup_vision.landmarks.mapping.rig import TrinocularRig
 
 CAMERAS = ("right", "left", "top")
 
