@@ -58,8 +58,9 @@ class Detector:
     alone_share: float | None = None
 
 
-# as the goal localiser sees posts, and the line localiser crossings, in rendered 208 x 160 pictures (benchmarks/gaze.py
-# measures them anew); what this project has no detector for is taken to be seen as whole goals are
+# as the goal localiser sees posts, and the line localiser crossings, in rendered 208 x 160 pictures
+# (benchmarks/planning/gaze_pose.py measures them anew); what this project has no detector for is taken
+# to be seen as whole goals are
 DETECTORS: Mapping[Kind, Detector] = {
     "post": Detector(0.3, 0.92, 6.0, alone_share=0.5),
     "goal corner": Detector(0.3, 0.92, 6.0),

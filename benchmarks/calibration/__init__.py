@@ -1,0 +1,1 @@
+"""Cameras and colours calibrated by images."""

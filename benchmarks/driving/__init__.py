@@ -1,0 +1,1 @@
+"""Robots that drive by what their camera shows."""

@@ -1,0 +1,75 @@
+"""Median time of a goal frame over the field, by stages, as a ratio to cv2.cvtColor(BGR2HSV) on one thread."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable
+from functools import partial
+
+import cv2
+import numpy as np
+
+from benchmarks.harness import Table, finish, parse_arguments, verdict
+from field_models import load_field
+from robocup_vision.localization.goal.fit import refine
+from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.search import GoalSearch
+from robocup_vision.perception.goal_color import hue_masks
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
+
+FIELD = load_field("four_legged_2007")
+MAX_RATIO = 25.0
+
+
+def median_s(call: Callable[[], object], repeats: int) -> float:
+    """Median time of a call, seconds of this thread: others on the machine do not count."""
+    call()
+    times = []
+    for _ in range(repeats):
+        start = time.thread_time()
+        call()
+        times.append(time.thread_time() - start)
+    return float(np.median(times))
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    cv2.setNumThreads(1)
+    repeats = 3 if arguments.quick else 9
+    all_ok = True
+    for name in ("clean_416x320", "heavy_glare_416x320", "mild_glare_208x160", "white_640x480"):
+        field = load_field("spl_2020") if name.startswith("white") else FIELD
+        condition = GOAL_CONDITIONS[name]
+        places = None if name.startswith("white") else paper_places(FIELD)
+        indices = list(range(2, 66, 8 if arguments.quick else 4)) if places else list(range(4))
+        samples = list(sample_goal(field, condition, arguments.seed, 66, places=places, indices=indices, supersample=3))
+        localizer, search = GoalLocalizer(field, condition.camera), GoalSearch(field, condition.camera)
+        table = Table(("stage                ", "ms", "x cvtColor", "verdict"), name)
+        frames = [s.frame for s in samples]
+        unit = float(np.median([median_s(lambda f=f: cv2.cvtColor(f, cv2.COLOR_BGR2HSV), 5 * repeats) for f in frames]))
+        stages: list[tuple[str, Callable[[np.ndarray], object]]] = []
+        if search.families:
+            stages.append(("masks of both hues", lambda f, s=search: hue_masks(s.reduced(f)[0], s.families)))
+        stages.append(("masks, posts, pairs", lambda f, s=search: list(itertools.islice(s.proposals(f), 2))))
+        stages.append(("goal search", search.candidates))
+        stages.append(("whole locate()", localizer.locate))
+        for stage, call in stages:
+            typical = float(np.median([median_s(lambda f=f, call=call: call(f), repeats) for f in frames]))
+            judged = stage == "whole locate()" and name == "clean_416x320"
+            ok = typical / unit <= MAX_RATIO
+            all_ok &= ok or not judged
+            table.row(stage, 1e3 * typical, typical / unit, verdict(ok) if judged else None)
+        found = search.candidates(frames[0])[0]
+        if found:
+            c = found[0]
+            look = next(iter(search.proposals(frames[0]))).look
+            refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, look)
+            once = median_s(refining, repeats)
+            table.row("one refinement", 1e3 * once, once / unit, None)
+    finish(arguments.check, all_ok)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Poses from a map of landmarks."""

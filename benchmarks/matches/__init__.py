@@ -1,0 +1,1 @@
+"""Simulated matches: localisation, time, shots, and a side that plans."""

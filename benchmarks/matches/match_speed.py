@@ -1,0 +1,116 @@
+"""Speed of simulated matches on one core: rendering as a ratio to cv2.cvtColor(BGR2HSV), and matches to real time.
+
+Rendering: 256 x 220 frames of ssl_2001 with four robots and a ball at random, none alike, drawn through lens and blur
+without the sensor's noise, and with it; each beside a conversion of such a frame to HSV, one thread. Ratios are of
+medians.
+
+Matches: two against two on ssl_2001, every robot with its own mirror camera of 256 x 220 at 30 Hz and the built-in
+player; no film, no report. Simulated seconds over the processor's seconds, in one thread: what one core needs if
+nothing else runs on it; wall-clock seconds stand beside. The first second of play is left out, because colours are
+learnt and compiled code is loaded in it.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from time import perf_counter, process_time
+
+# before NumPy is loaded
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ[_variable] = "1"
+
+import cv2  # noqa: E402
+import numpy as np  # noqa: E402
+
+from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
+from field_models import load_field  # noqa: E402
+from robocup_vision.geometry import Pose2  # noqa: E402
+from sim2d.match.arena import Arena  # noqa: E402
+from sim2d.players.built_in import BuiltInPlayer  # noqa: E402
+from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
+from sim2d.robot_link import RobotLimits  # noqa: E402
+from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera  # noqa: E402
+from sim2d.world.world import CONTROL_PERIOD_S, World  # noqa: E402
+
+FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera(256, 220)
+MAX_BARE, MAX_NOISY = 6.0, 20.0
+MIN_REAL_TIME = 2.0
+
+
+def measure_rendering(count: int, seed: int) -> bool:
+    """Print the ratios of drawing a frame; tell whether they are reached."""
+    rng = np.random.default_rng(seed)
+    world = World(FIELD, 2, RobotLimits(), rng)
+    eyes = {
+        "before noise": MatchCamera(FIELD, CAMERA, RobotLimits(), rng, sensor=replace(MATCH_SENSOR, noise_sigma=0.0)),
+        "with noise": MatchCamera(FIELD, CAMERA, RobotLimits(), rng),
+    }
+    seconds: dict[str, list[float]] = {name: [] for name in (*eyes, "cvtColor")}
+    for i in range(count + 5):
+        for robot in range(4):
+            world.place(robot, Pose2(rng.uniform(-1.2, 1.2), rng.uniform(-0.65, 0.65), rng.uniform(-3.1, 3.1)))
+        world.place_ball(rng.uniform(-1.3, 1.3), rng.uniform(-0.7, 0.7))
+        state = world.state
+        for name, eye in eyes.items():
+            begin = perf_counter()
+            frame = eye.render(state, 0)
+            drawn = perf_counter()
+            cv2.cvtColor(frame, cv2.COLOR_BGR2HSV)
+            if i >= 5:  # compiled code is loaded before
+                seconds[name].append(drawn - begin)
+                seconds["cvtColor"].append(perf_counter() - drawn)
+    hsv = float(np.median(seconds["cvtColor"]))
+    table = Table(("one frame   ", "ms    ", "ratio ", "target", "verdict"), f"Rendering, {count} frames")
+    all_ok = True
+    for name, most in zip(eyes, (MAX_BARE, MAX_NOISY), strict=True):
+        median = float(np.median(seconds[name]))
+        ok = median / hsv <= most
+        all_ok &= ok
+        table.row(name, f"{1e3 * median:.3f}", f"{median / hsv:.2f}", f"{most:g}", verdict(ok))
+    table.row("cvtColor", f"{1e3 * hsv:.3f}", "1", None, None)
+    return all_ok
+
+
+def measure_match(simulated_s: float, seed: int) -> bool:
+    """Print how much faster than real time a match runs, and its stages; tell whether it is fast enough."""
+    arena = Arena(FIELD, 2, seed, camera=CAMERA)
+    players = [BuiltInPlayer(arena.setup(index)) for index in range(4)]
+    stages: dict[str, float] = {}
+    began = perf_counter()
+    for period in range(round((simulated_s + 1.0) / CONTROL_PERIOD_S)):
+        if period * CONTROL_PERIOD_S >= 1.0 and not stages:
+            stages = {"pictures and senses": 0.0, "players": 0.0, "physics": 0.0}
+            began = perf_counter()
+        begin = process_time()
+        senses = arena.senses()
+        sensed = process_time()
+        commands = {index: player.act(own) for index, (player, own) in enumerate(zip(players, senses, strict=True))}
+        decided = process_time()
+        arena.step(commands)
+        end = process_time()
+        for name, spent in zip(stages, (sensed - begin, decided - sensed, end - decided), strict=False):
+            stages[name] += spent
+    total = sum(stages.values())
+    wall = perf_counter() - began
+    title = f"4 robots, {simulated_s:g} s of play in {total:.2f} s of one core ({wall:.2f} s on the wall clock)"
+    table = Table(("stage                ", "ms a period", "share %"), title)
+    for name, spent in stages.items():
+        table.row(name, 1e3 * spent / simulated_s * CONTROL_PERIOD_S, f"{100 * spent / total:.0f}")
+    ok = simulated_s / total >= MIN_REAL_TIME
+    print(f"\n{simulated_s / total:.2f} times real time (target {MIN_REAL_TIME:g}) {verdict(ok)}")
+    return ok
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    cv2.setNumThreads(1)
+    frames, simulated_s = (200, 10.0) if arguments.quick else (3000, 180.0) if arguments.full else (1000, 60.0)
+    all_ok = measure_rendering(frames, arguments.seed)
+    all_ok &= measure_match(simulated_s, arguments.seed)
+    finish(arguments.check, all_ok)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What is estimated over time: the pose, free space, the own motion, the other robots."""

@@ -1,0 +1,477 @@
+"""The pose filter in the 2D simulation, on real frames: against the last single estimate plus odometry, and an EKF.
+
+WANDERING: runs of 20 s on ssl_2001 with four robots that drive from place to place, turning, at 0.2 to 0.9 m/s, with
+halts; the frames of one are rendered 30 times a second (256 x 220, noise sigma 18, blur 0.9 px) and looked at by
+`Vision`, each alone. All methods get the same poses, covariances and odometry, and are judged at each control step from
+1 s on. "single": the newest frame's candidate nearest to what the one before led to, carried by odometry. "EKF":
+filterpy's, with the same odometry noise and covariances, each frame taken as it comes (a late one carried on by
+odometry). "ratio": RMS of the position to that of "single"; the target is that of the first condition, and where
+frames are few or late all methods share the error of the odometry since the last. NEES: 3 degrees of freedom. "flips":
+runs in which the belief is ever nearer to the half turn of the truth than to the truth. Conditions, all made from the
+same frames:
+- every frame
+- 30 % missing: at random; 3 Hz: one frame in ten
+- late: all by 100 ms; out of order: by 0 to 200 ms at random
+- odometry off: a fifth too much in every second run, a fifth too little in the others
+- open halves: one frame in twenty tells the half, in spells of 0.1 s, one spell in fifty wrongly; the others are open,
+  first candidate at random; before the first frame all know about where the robot stands
+- outliers: one frame in fifty begins a spell (0.1 s) that shows another place, the same for the whole spell
+
+KIDNAPPED: a robot that drives is carried elsewhere, turned by 0.5 to 3 rad, or pushed by 0.25 m in 0.2 s, unfelt, every
+4 s. Recovery: from then (a push's end) until the belief is within 5 cm and 3 degrees and stays there for half a second.
+"single" believes every frame, so it recovers at once, and follows every outlier as readily.
+
+SYNTHETIC: the errors of frames drawn by the filter's model, with a share of their variance that lasts for some metres,
+to see what NEES a wrong guess of that share costs.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.worlds.pose_runs import (
+    KIDNAP_EVERY_S,
+    KINDS,
+    RUN_S,
+    WARM_S,
+    Arrival,
+    Step,
+    arrivals,
+    record,
+    synthetic_steps,
+    with_odometry,
+)
+from robocup_vision import NotLocated, PoseEstimate
+from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
+from robocup_vision.localization.filter.pose_filter import FrameErrors, OdometryNoise, PoseFilter
+
+try:
+    from filterpy.kalman import ExtendedKalmanFilter
+except ImportError:
+    ExtendedKalmanFilter = None
+
+WORKERS = 2
+# runs of wandering, of kidnapping, synthetic ones of each kind
+QUICK, DEFAULT, FULL = (4, 3, 4), (20, 10, 20), (200, 40, 100)
+MAX_RATIO, NEES_BOUNDS, MAX_RECOVERY_S = 0.6, (1.5, 6.0), 1.0
+NEES_95 = 7.815
+NEAR_M, NEAR_RAD, STAYS_S = 0.05, math.radians(3.0), 0.5
+CONDITIONS = (
+    "every frame",
+    "30 % missing",
+    "3 Hz",
+    "100 ms late",
+    "out of order",
+    "odometry off",
+    "open halves",
+    "outliers",
+)
+KIDNAPPED_CONDITIONS = ("every frame", "30 % missing", "100 ms late")
+LASTING = tuple((share, way_m) for way_m in (0.5, 5.0) for share in (0.0, 0.2, 0.5, 0.9))
+METHODS = ("single", "EKF", "filter")
+
+
+class Follower(Protocol):
+    """What is compared."""
+
+    def expect(self, pose: Pose2) -> None:
+        """Say where the robot stands, about."""
+
+    def predict(self, odometry: Pose2, t_s: float) -> None:
+        """Take a step of odometry."""
+
+    def update(self, estimate: PoseEstimate, t_s: float) -> None:
+        """Take a frame's pose."""
+
+    @property
+    def belief(self) -> PoseEstimate | NotLocated:
+        """Where the robot is now."""
+
+
+class Single:
+    """The last single estimate, carried on by odometry."""
+
+    def __init__(self) -> None:
+        self._clock = PoseFilter()
+        self._pose: Pose2 | None = None
+        self._covariance = np.zeros((3, 3))
+
+    def expect(self, pose: Pose2) -> None:
+        """Begin there."""
+        self._pose = pose
+
+    def predict(self, odometry: Pose2, t_s: float) -> None:
+        """Carry it."""
+        self._clock.predict(odometry, t_s)
+        if self._pose is not None:
+            self._pose = self._pose.compose(odometry)
+
+    def update(self, estimate: PoseEstimate, t_s: float) -> None:
+        """Forget what was before."""
+        motion = self._clock.motion_since(t_s)
+        if motion is None:
+            return
+        self._pose, self._covariance = nearest(estimate, motion, self._pose)
+
+    @property
+    def belief(self) -> PoseEstimate | NotLocated:
+        """The pose, with the covariance the frame gave."""
+        if self._pose is None:
+            return NotLocated("no frame yet")
+        return PoseEstimate(self._pose, self._covariance, 0.0, 0.0)
+
+
+class Ekf:
+    """filterpy's extended Kalman filter over the pose, odometry as its control."""
+
+    def __init__(self) -> None:
+        self._clock, self._noise = PoseFilter(), OdometryNoise()
+        self._filter = None
+        self._t_s = 0.0
+        self._expected: Pose2 | None = None
+
+    def expect(self, pose: Pose2) -> None:
+        """Take the first frame's candidate nearest to it."""
+        self._expected = pose
+
+    def predict(self, odometry: Pose2, t_s: float) -> None:
+        """Carry it."""
+        self._clock.predict(odometry, t_s)
+        if self._filter is not None:
+            ekf = self._filter
+            theta = float(ekf.x[2])
+            c, s = math.cos(theta), math.sin(theta)
+            jacobian = np.eye(3)
+            jacobian[:2, 2] = (-s * odometry.x_m - c * odometry.y_m, c * odometry.x_m - s * odometry.y_m)
+            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            moved = Pose2(*ekf.x).compose(odometry)
+            ekf.F = jacobian
+            ekf.Q = turn @ white_noise(self._noise, odometry, t_s - self._t_s) @ turn.T
+            ekf.predict_x = lambda u=0: setattr(ekf, "x", moved.array)
+            ekf.predict()
+        self._t_s = t_s
+
+    def update(self, estimate: PoseEstimate, t_s: float) -> None:
+        """Correct it."""
+        motion = self._clock.motion_since(t_s)
+        if motion is None:
+            return
+        if self._filter is None:
+            pose, covariance = nearest(estimate, motion, self._expected)
+            self._filter = ExtendedKalmanFilter(3, 3)
+            self._filter.x, self._filter.P = pose.array, covariance
+            return
+        pose, covariance = nearest(estimate, motion, Pose2(*self._filter.x))
+        self._filter.update(pose.array, lambda x: np.eye(3), lambda x: x, R=covariance, residual=_residual)
+
+    @property
+    def belief(self) -> PoseEstimate | NotLocated:
+        """Its state."""
+        if self._filter is None:
+            return NotLocated("no frame yet")
+        return PoseEstimate(Pose2(*self._filter.x), self._filter.P, 0.0, 0.0)
+
+
+def white_noise(noise: OdometryNoise, motion: Pose2, seconds: float) -> FloatArray:
+    """Covariance (3, 3) of a step's odometry, with errors as independent as add up to what lasting slip does."""
+    slip = noise.slip(motion)
+    return 2 * noise.slip_s / max(seconds, 0.01) * slip @ slip + noise.push(seconds)
+
+
+def _residual(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.array([a[0] - b[0], a[1] - b[1], wrap_angle(a[2] - b[2])])
+
+
+def nearest(estimate: PoseEstimate, motion: Pose2, near: Pose2 | None) -> tuple[Pose2, FloatArray]:
+    """Return the candidate nearest to a pose, carried by a motion, and its covariance."""
+    poses = [pose.compose(motion) for pose in estimate.candidates]
+    index = 0 if near is None else min(range(len(poses)), key=lambda k: sum(poses[k].error_to(near)))
+    is_turned = sum(estimate.candidates[index].error_to(estimate.pose.half_turn())) < 1e-6
+    return poses[index], half_turn_covariance(estimate.covariance) if is_turned else estimate.covariance
+
+
+FOLLOWERS: dict[str, Callable[[], Follower]] = {
+    "single": Single,
+    "EKF": Ekf,
+    "filter": PoseFilter,
+}
+
+
+@dataclass
+class Tally:
+    """Squares and counts over many runs."""
+
+    moments: int = 0
+    lost: int = 0
+    squares_m2: float = 0.0
+    squares_rad2: float = 0.0
+    nees: list[FloatArray] | None = None
+    flips: int = 0
+
+    def add(self, other: Tally) -> None:
+        """Count another one's too."""
+        self.moments += other.moments
+        self.lost += other.lost
+        self.squares_m2 += other.squares_m2
+        self.squares_rad2 += other.squares_rad2
+        self.flips += other.flips
+        self.nees = (self.nees or []) + (other.nees or [])
+
+    @property
+    def rms_m(self) -> float:
+        """Of the position, metres."""
+        return math.sqrt(self.squares_m2 / max(self.moments, 1))
+
+    @property
+    def rms_rad(self) -> float:
+        """Of the heading, radians."""
+        return math.sqrt(self.squares_rad2 / max(self.moments, 1))
+
+    @property
+    def all_nees(self) -> FloatArray:
+        """Over all moments."""
+        return np.concatenate(self.nees) if self.nees else np.array([math.nan])
+
+
+def follow(follower: Follower, steps: list[Step], coming: list[Arrival]) -> list[PoseEstimate | NotLocated]:
+    """Run one method; what it believes at each step."""
+    beliefs, at = [], 0
+    if steps:
+        x, y, theta = (steps[0].truth.array + np.array([0.1, -0.1, 0.2])).tolist()
+        follower.expect(Pose2(x, y, theta))
+    for index, step in enumerate(steps):
+        follower.predict(step.odometry, step.t_s)
+        while at < len(coming) and coming[at].index <= index:
+            follower.update(coming[at].estimate, coming[at].t_s)
+            at += 1
+        beliefs.append(follower.belief)
+    return beliefs
+
+
+def judge(steps: list[Step], beliefs: list[PoseEstimate | NotLocated]) -> Tally:
+    """Compare beliefs with the truth, from 1 s on."""
+    tally, nees, flipped = Tally(), [], False
+    for step, belief in zip(steps, beliefs, strict=True):
+        if step.t_s < WARM_S:
+            continue
+        if not isinstance(belief, PoseEstimate):
+            tally.lost += 1
+            continue
+        error = _residual(belief.pose.array, step.truth.array)
+        tally.moments += 1
+        tally.squares_m2 += float(error[:2] @ error[:2])
+        tally.squares_rad2 += float(error[2] ** 2)
+        nees.append(float(error @ np.linalg.solve(belief.covariance, error)))
+        turned = belief.pose.half_turn()
+        flipped |= sum(turned.error_to(step.truth)) < sum(belief.pose.error_to(step.truth))
+    tally.flips, tally.nees = int(flipped), [np.array(nees)]
+    return tally
+
+
+def wander(task: tuple[int, int]) -> dict[tuple[str, str], Tally]:
+    """One run under all conditions, by all methods."""
+    seed, run = task
+    steps, _ = record(seed, run, RUN_S, kidnaps=False)
+    return judge_all(steps, seed, run)
+
+
+def judge_all(steps: list[Step], seed: int, run: int) -> dict[tuple[str, str], Tally]:
+    """All conditions and methods on one run."""
+    results = {}
+    for number, condition in enumerate(CONDITIONS):
+        coming = arrivals(steps, condition, np.random.default_rng([seed, run, 2, number]))
+        felt = with_odometry(steps, 0.8 if run % 2 else 1.2) if condition == "odometry off" else steps
+        for method in METHODS:
+            if method == "EKF" and ExtendedKalmanFilter is None:
+                continue
+            results[condition, method] = judge(steps, follow(FOLLOWERS[method](), felt, coming))
+    return results
+
+
+def kidnap(task: tuple[int, int]) -> dict[tuple[str, str, str], list[float]]:
+    """Recovery times of one run by kind, condition and method."""
+    seed, run = task
+    steps, done = record(seed, run, RUN_S + KIDNAP_EVERY_S, kidnaps=True)
+    return recoveries(steps, done, seed, run)
+
+
+def recoveries(
+    steps: list[Step], done: list[tuple[float, str]], seed: int, run: int
+) -> dict[tuple[str, str, str], list[float]]:
+    """See `kidnap`."""
+    found: dict[tuple[str, str, str], list[float]] = {}
+    times = np.array([step.t_s for step in steps])
+    for number, condition in enumerate(KIDNAPPED_CONDITIONS):
+        coming = arrivals(steps, condition, np.random.default_rng([seed, run, 4, number]))
+        for method in METHODS:
+            if method == "EKF" and ExtendedKalmanFilter is None:
+                continue
+            beliefs = follow(FOLLOWERS[method](), steps, coming)
+            near = np.array([_is_near(belief, step.truth) for step, belief in zip(steps, beliefs, strict=True)])
+            for from_s, kind in done:
+                recovery_s = math.inf
+                for t_s in times[(times >= from_s - 1e-6) & (times <= from_s + 3.0)]:
+                    if near[(times >= t_s - 1e-6) & (times <= t_s + STAYS_S)].all():
+                        recovery_s = float(t_s - from_s)
+                        break
+                found.setdefault((kind, condition, method), []).append(recovery_s)
+    return found
+
+
+def _is_near(belief: PoseEstimate | NotLocated, truth: Pose2) -> bool:
+    if not isinstance(belief, PoseEstimate):
+        return False
+    position, turn = belief.pose.error_to(truth)
+    return position <= NEAR_M and turn <= NEAR_RAD
+
+
+def synthesize(task: tuple[int, int, float, float]) -> dict[str, Tally]:
+    """All methods on one synthetic run."""
+    seed, run, lasting_share, lasting_m = task
+    steps = synthetic_steps(lasting_share, lasting_m, np.random.default_rng([seed, run, 3]))
+    coming = arrivals(steps, "every frame", np.random.default_rng(0))
+    methods = [method for method in METHODS if method != "EKF" or ExtendedKalmanFilter is not None]
+    return {method: judge(steps, follow(FOLLOWERS[method](), steps, coming)) for method in methods}
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    wandering, kidnapped, synthetic = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
+    if ExtendedKalmanFilter is None:
+        print("filterpy: not installed")
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
+        all_ok = print_wandering(list(pool.map(wander, [(arguments.seed, run) for run in range(wandering)])))
+        all_ok &= print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run) for run in range(kidnapped)])))
+        tasks = [(arguments.seed, run, *lasting) for lasting in LASTING for run in range(synthetic)]
+        all_ok &= print_synthetic(synthetic, list(pool.map(synthesize, tasks)))
+    finish(arguments.check, all_ok)
+
+
+def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
+    """Print a row for each condition and method; tell whether the filter's are as wanted."""
+    table = Table(
+        (
+            "condition   ",
+            "method",
+            "RMS mm",
+            "RMS deg",
+            "ratio",
+            "NEES mean",
+            "median",
+            "in 95 %",
+            "flips",
+            "lost %",
+            "",
+        ),
+        f"wandering: {len(results)} runs of {RUN_S:g} s; wanted of ours: ratio at most {MAX_RATIO} by every frame, "
+        f"NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}, no flips",
+    )
+    all_ok = True
+    for condition in CONDITIONS:
+        tallies = {}
+        for method in METHODS:
+            tallies[method] = Tally()
+            for result in results:
+                tallies[method].add(result.get((condition, method), Tally()))
+        for method, tally in tallies.items():
+            label = condition if method == METHODS[0] else ""
+            if not tally.moments:
+                table.row(label, method, "none", *[None] * 8)
+                continue
+            nees, ratio = tally.all_nees, tally.rms_m / tallies["single"].rms_m
+            mean = float(nees.mean())
+            ok = NEES_BOUNDS[0] <= mean <= NEES_BOUNDS[1] and not tally.flips and not tally.lost
+            ok &= ratio <= MAX_RATIO or condition != CONDITIONS[0]
+            all_ok &= ok or method != "filter"
+            table.row(
+                label,
+                method,
+                1e3 * tally.rms_m,
+                math.degrees(tally.rms_rad),
+                ratio,
+                mean,
+                float(np.median(nees)),
+                percent(float(np.mean(nees <= NEES_95))),
+                str(tally.flips),
+                percent(tally.lost / (tally.lost + tally.moments)),
+                verdict(ok) if method == "filter" else "",
+            )
+    return all_ok
+
+
+def print_kidnapped(results: list[dict[tuple[str, str, str], list[float]]]) -> bool:
+    """Print a row for each kind and condition; tell whether the filter recovers in time."""
+    table = Table(
+        ("kidnapped", "frames      ", "times", "filter, median s", "worst s", "EKF, worst s", "single, worst s", ""),
+        f"kidnapped: {len(results)} runs; wanted: every recovery of the filter within {MAX_RECOVERY_S:g} s",
+    )
+    all_ok = True
+    for kind in KINDS:
+        for condition in KIDNAPPED_CONDITIONS:
+            by_method = {
+                method: [t for result in results for t in result.get((kind, condition, method), [])]
+                for method in METHODS
+            }
+            times = by_method["filter"]
+            if not times:
+                continue
+            ok = max(times) <= MAX_RECOVERY_S
+            all_ok &= ok
+            table.row(
+                kind if condition == KIDNAPPED_CONDITIONS[0] else "",
+                condition,
+                len(times),
+                float(np.median(times)),
+                max(times),
+                max(by_method["EKF"], default=None),
+                max(by_method["single"]),
+                verdict(ok),
+            )
+    return all_ok
+
+
+def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> bool:
+    """Print NEES by how long errors truly last; tell whether the filter's is as wanted."""
+    guess = FrameErrors()
+    table = Table(
+        ("lasting share", "for m", "method", "RMS mm", "ratio", "NEES mean", "in 95 %", ""),
+        f"synthetic: {runs} runs of {RUN_S:g} s each; the filter's guess is {guess.lasting_share:g} for "
+        f"{guess.lasting_m:g} m; wanted: NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}",
+    )
+    all_ok = True
+    for number, (share, way_m) in enumerate(LASTING):
+        tallies = {method: Tally() for method in results[0]}
+        for result in results[number * runs : (number + 1) * runs]:
+            for method, tally in result.items():
+                tallies[method].add(tally)
+        for method, tally in tallies.items():
+            nees = tally.all_nees
+            mean = float(nees.mean())
+            ok = NEES_BOUNDS[0] <= mean <= NEES_BOUNDS[1]
+            all_ok &= ok or method != "filter"
+            table.row(
+                f"{share:g}" if method == METHODS[0] else "",
+                f"{way_m:g}" if method == METHODS[0] else "",
+                method,
+                1e3 * tally.rms_m,
+                tally.rms_m / tallies["single"].rms_m,
+                mean,
+                percent(float(np.mean(nees <= NEES_95))),
+                verdict(ok) if method == "filter" else "",
+            )
+    return all_ok
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The mirror camera's frame: accuracy, time, and the paper's table."""

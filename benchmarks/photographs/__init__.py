@@ -1,0 +1,1 @@
+"""Photographs of real robots, which are no part of this project."""

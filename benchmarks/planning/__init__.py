@@ -1,0 +1,1 @@
+"""Decisions under uncertainty: where to look, which gap, how fast."""

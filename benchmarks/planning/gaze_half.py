@@ -1,0 +1,204 @@
+"""Where to look to tell a pose from its half turn: least expected entropy beside a sweep and goals first.
+
+Miura and Shirai 2004, section 4.2. A pose or its half turn, each as likely. Looks are rendered frames and what the goal
+localiser says of them without a prior, until 0.1 nat is left. Rules are compared on the questions that all of them
+answered. The chances that the planner goes by were counted on other pictures.
+"""
+
+from __future__ import annotations
+
+import math
+from argparse import Namespace
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from field_models import load_field
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
+from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen
+from robocup_vision.planning.gaze.pose_gaze import Neck
+from robocup_vision.planning.gaze.sight_lines import Blocker
+from sim2d.match.arena import camera_for
+from sim2d.rendering.pinhole import COARSE, render_pinhole
+from sim2d.sensors.goal_evidence import draw_scene
+from sim2d.sensors.match_camera import MATCH_SENSOR
+
+FIELD = load_field("four_legged_2007")
+CAMERA = replace(camera_for(FIELD), pan_rad=0.0)
+assert isinstance(CAMERA, PinholeCamera)
+# who does not know the half turns on the spot to find out: head and body reach all round
+NECK = Neck(limit_rad=math.pi)
+STD = np.array([0.15, 0.15, 0.08])
+TRACKED_SHARE, TRACK_STD_M = 0.8, 0.08
+MAX_LOOKS = 9
+# a sweep's stops overlap by a third of the view, so that a goal is whole in one of them
+STOPS = np.linspace(-math.pi, math.pi, 10)[:-1]
+RULES = ("expected entropy", "sweep", "goal first", "nearest goal first")
+MAX_OF_SWEEP, MAX_OF_GOAL_FIRST, MIN_RIGHT = 0.5, 0.85, 0.98
+
+
+@dataclass(frozen=True)
+class Believed:
+    """A hypothesis as the pose filter gives it."""
+
+    pose: Pose2
+    covariance: FloatArray
+    probability: float
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One question: looks taken, whether it was answered, and rightly."""
+
+    looks: int
+    answered: bool
+    right: bool
+
+
+class Case:
+    """A place, what is believed of it, and what each look there shows."""
+
+    def __init__(self, seed: list[int]) -> None:
+        self._seed, rng = seed, np.random.default_rng(seed)
+        half = np.array([FIELD.length_m, FIELD.width_m]) / 2 - 0.3
+        self.pose = Pose2(*rng.uniform(-half, half), float(rng.uniform(-math.pi, math.pi)))
+        self._scene = draw_scene(FIELD, (self.pose.x_m, self.pose.y_m), rng)
+        believed = Pose2(*(self.pose.array + rng.normal(0, STD)))
+        covariance = np.diag(STD**2)
+        self.turned = bool(rng.random() < 0.5)
+        first = believed.half_turn() if self.turned else believed
+        self.poses = [(first, covariance), (first.half_turn(), half_turn_covariance(covariance))]
+        # tracked beside the robot, so they lie where the first hypothesis has them
+        to_belief = first.compose(self.pose.inverse())
+        self.blockers = [
+            Blocker(
+                *to_belief.transform(rng.normal((r.x_m, r.y_m), TRACK_STD_M)),
+                r.radius_m,
+                np.eye(2) * TRACK_STD_M**2,
+                r.height_m,
+            )
+            for r in self._scene.robots
+            if rng.random() < TRACKED_SHARE
+        ]
+        self._localizer = GoalLocalizer(FIELD, CAMERA)
+        self._shown: dict[tuple[float, int], int] = {}
+
+    def hypotheses(self, share: FloatArray) -> list[Believed]:
+        """Poses with their probabilities."""
+        return [Believed(p, c, float(s)) for (p, c), s in zip(self.poses, share, strict=True)]
+
+    def look(self, pan_rad: float, count: int) -> int:
+        """Which goal the count-th look at a pan shows: the same to every rule."""
+        if (pan_rad, count) not in self._shown:
+            rng = np.random.default_rng([*self._seed, round(pan_rad * 1000) % 100_000, count])
+            head = self.pose.compose(Pose2(0.0, 0.0, pan_rad))
+            frame = MATCH_SENSOR.expose(render_pinhole(CAMERA, self._scene, head, supersample=COARSE), rng)
+            self._shown[pan_rad, count] = goal_seen(FIELD, self._localizer.locate(frame))
+        return self._shown[pan_rad, count]
+
+    def goal_pans(self) -> list[float]:
+        """Pans towards the goals, the opponent's first."""
+        to_goals = [self.poses[0][0].inverse().transform((goal.line_x_m, 0.0)) for goal in FIELD.goals]
+        return [wrap_angle(math.atan2(y, x)) for x, y in to_goals]
+
+    def goal_ranges(self) -> list[float]:
+        """Distances of the goals."""
+        return [math.dist((self.poses[0][0].x_m, self.poses[0][0].y_m), (g.line_x_m, 0.0)) for g in FIELD.goals]
+
+
+def ask_all(seed: list[int]) -> dict[str, Asked]:
+    """Ask one question under every rule."""
+    cv2.setNumThreads(1)
+    case = Case(seed)
+    return {rule: ask(case, rule) for rule in RULES}
+
+
+def ask(case: Case, rule: str) -> Asked:
+    """Ask one question under one rule."""
+    question = GoalQuestion(FIELD, CAMERA, NECK)
+    share, pan, looks = np.array([0.5, 0.5]), 0.0, 0
+    looked: list[float] = []
+    order = case.goal_pans()
+    if rule == "nearest goal first" and case.goal_ranges()[1] < case.goal_ranges()[0]:
+        order = order[::-1]
+    while looks < MAX_LOOKS and entropy_nat(share) > ENOUGH_NAT:
+        hypotheses = case.hypotheses(share)
+        if rule == "expected entropy":
+            chosen = question.choose(hypotheses, pan, case.blockers)
+            if chosen.pan_rad is None:
+                break
+            pan = chosen.pan_rad
+        elif rule == "sweep":
+            pan = float(STOPS[looks % len(STOPS)])
+        else:
+            pan = order[looks % 2]
+        share = question.saw(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
+        looked.append(pan)
+        looks += 1
+    answered = entropy_nat(share) <= ENOUGH_NAT
+    return Asked(looks, answered, bool(answered and int(np.argmax(share)) == int(case.turned)))
+
+
+def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
+    """Print the table; tell whether every acceptance row is ok."""
+    runs = 60 if arguments.quick else 1200 if arguments.full else 600
+    told_all = list(pool.map(ask_all, [[arguments.seed, 11, i] for i in range(runs)], chunksize=10))
+    asked = {rule: [told[rule] for told in told_all] for rule in RULES}
+    # rules are compared where each has an answer: without one, a count of looks says when patience ended
+    common = [i for i in range(runs) if all(asked[r][i].answered for r in RULES)]
+    table = Table(
+        ("rule              ", "answered %", "right % of these", "looks", "ratio", "looks of all", "target", "verdict"),
+        f"half of the field, {runs} questions, {len(common)} answered under every rule",
+    )
+    looks = {r: float(np.mean([asked[r][i].looks for i in common])) for r in RULES}
+    ours, all_ok = looks["expected entropy"], True
+    for rule, told in asked.items():
+        answered = [a for a in told if a.answered]
+        right = sum(a.right for a in answered) / max(len(answered), 1)
+        ratio = ours / looks[rule]
+        target, text = "", ""
+        if rule == "expected entropy":
+            target, ok = f"right >= {MIN_RIGHT:.0%}", right >= MIN_RIGHT
+        elif rule == "sweep":
+            target, ok = f"ratio <= {MAX_OF_SWEEP}", ratio <= MAX_OF_SWEEP
+        else:
+            target, ok = f"ratio <= {MAX_OF_GOAL_FIRST}", ratio <= MAX_OF_GOAL_FIRST
+        judged = rule != "nearest goal first"
+        if judged:
+            all_ok &= ok
+            text = verdict(ok)
+        table.row(
+            rule,
+            percent(len(answered) / runs),
+            percent(right),
+            looks[rule],
+            ratio,
+            float(np.mean([a.looks for a in told])),
+            target if judged else "",
+            text,
+        )
+    white = load_field("spl_2020")
+    pose = Pose2(1.0, 0.5, 0.3)
+    same = GoalQuestion(white, CAMERA, NECK).choose(
+        [Believed(p, np.diag(STD**2), 0.5) for p in (pose, pose.half_turn())]
+    )
+    all_ok &= same.answer == "undecidable"
+    print(f"white goals on both sides: {same.reason}, after 0 looks: {verdict(same.answer == 'undecidable')}")
+    return all_ok
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    with ProcessPoolExecutor(2) as pool:
+        finish(arguments.check, measure(arguments, pool))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,408 @@
+"""Where to look for the own pose: the planned gaze beside a fixed sweep, by landmarks and by rendered frames.
+
+Miura and Shirai 2004, section 6.1. A dog walks among five others and pans its head. Landmarks are measured as the
+detectors of the first table measure them, and followed by a Kalman filter of bearings and elevations; then the same
+with rendered frames, the goal localiser and PoseFilter themselves. RMS and |P|^(1/6) are medians over runs; both must
+hold the targets. A frame is lost where the position errs by over 0.5 m.
+"""
+
+from __future__ import annotations
+
+import math
+from argparse import Namespace
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from field_models import load_field
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2, compose_covariance, wrap_angle
+from robocup_vision.localization.filter.pose_filter import OdometryNoise, PoseFilter
+from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT, camera_rotation
+from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.planning.gaze.field_landmarks import field_landmarks
+from robocup_vision.planning.gaze.pose_gaze import DETECTORS, GOAL_DETECTORS, Neck, PoseGaze
+from robocup_vision.planning.gaze.sight_lines import Blocker, clear_share
+from robocup_vision.vision import Vision
+from sim2d.match.arena import camera_for
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Robot, Scene
+from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR
+
+FIELD = load_field("four_legged_2007")
+CAMERA = replace(camera_for(FIELD), pan_rad=0.0)
+assert isinstance(CAMERA, PinholeCamera)
+NECK = Neck(limit_rad=1.4, speed_rps=8.0, std_rad=0.01)
+FRAME_S, RUN_S = 1 / 15, 20.0
+WALK_MPS, TURN_RPS = 0.3, 1.5
+OTHERS, OTHER_RADIUS_M, OTHER_HEIGHT_M = 5, 0.15, 0.28
+TRACKED_SHARE, TRACK_STD_M = 0.8, 0.08
+ODOMETRY_SHARE, PUSH = 0.2, np.array([0.02, 0.02, 0.05])
+# the same as the filter of frames is told it: a slip that lasts for a run
+ODOMETRY = OdometryNoise(slip_share=ODOMETRY_SHARE / 2, slip_s=RUN_S, push_m=PUSH[0], push_rad=PUSH[2])
+LOST_M = 0.5
+RULES = ("planned", "planned, |P|", "fixed sweep")
+MAX_RMS, MAX_SPREAD = 0.95, 0.85
+RENDERED_S, RENDERED_FRAME_S = 6.0, 0.1
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A dog's way: true poses and odometry by frames, and where the others are."""
+
+    poses: list[Pose2]
+    odometry: list[Pose2]
+    others: FloatArray
+    tracked: FloatArray
+    seed: list[int]
+
+
+def draw_walk(seed: Sequence[int], seconds: float, frame_s: float) -> Walk:
+    """Walk from waypoint to waypoint; the others stroll."""
+    rng = np.random.default_rng(list(seed))
+    half = np.array([FIELD.length_m / 2 - 0.3, FIELD.width_m / 2 - 0.2])
+    pose = Pose2(*rng.uniform(-half, half), float(rng.uniform(-math.pi, math.pi)))
+    target = rng.uniform(-half, half)
+    others = rng.uniform(-half, half, (OTHERS, 2))
+    aims = rng.uniform(-half, half, (OTHERS, 2))
+    tracked = rng.random(OTHERS) < TRACKED_SHARE
+    poses, odometry, places = [pose], [Pose2(0, 0, 0)], [others.copy()]
+    slip = rng.normal(0, ODOMETRY_SHARE / 2, 3)
+    for _ in range(round(seconds / frame_s)):
+        bearing = wrap_angle(math.atan2(target[1] - pose.y_m, target[0] - pose.x_m) - pose.theta_rad)
+        turn = max(-TURN_RPS, min(TURN_RPS, 4 * bearing)) * frame_s
+        ahead = WALK_MPS * frame_s * max(0.0, math.cos(bearing))
+        told = Pose2(ahead, 0.0, turn)
+        pushed = rng.normal(0, 1, 3) * PUSH * math.sqrt(frame_s)
+        pose = pose.compose(
+            Pose2(ahead * (1 + slip[0]) + pushed[0], ahead * slip[1] + pushed[1], turn * (1 + slip[2]) + pushed[2])
+        )
+        if math.hypot(target[0] - pose.x_m, target[1] - pose.y_m) < 0.3:
+            target = rng.uniform(-half, half)
+        for k in range(OTHERS):
+            way = aims[k] - others[k]
+            others[k] += way / max(np.hypot(*way), 1e-6) * 0.2 * frame_s
+            if np.hypot(*way) < 0.2:
+                aims[k] = rng.uniform(-half, half)
+            off = others[k] - (pose.x_m, pose.y_m)
+            if np.hypot(*off) < 0.4:  # they keep their distance
+                others[k] = (pose.x_m, pose.y_m) + off / max(np.hypot(*off), 1e-6) * 0.4
+        poses.append(pose)
+        odometry.append(told)
+        places.append(others.copy())
+    return Walk(poses, odometry, np.array(places), tracked, list(seed))
+
+
+def drift_of(step: Pose2, frame_s: float) -> FloatArray:
+    """Covariance (3, 3) of an odometry step in the robot's frame, as `PoseFilter` takes it."""
+    way = (ODOMETRY_SHARE * math.hypot(step.x_m, step.y_m)) ** 2
+    return np.diag([way, way, (ODOMETRY_SHARE * step.theta_rad) ** 2] + PUSH**2 * frame_s)
+
+
+class LandmarkFilter:
+    """A Kalman filter of bearings and elevations of known landmarks, whose neck error a frame's landmarks share."""
+
+    def __init__(self, pose: Pose2, covariance: FloatArray) -> None:
+        self.pose, self.covariance = pose, covariance
+
+    def predict(self, step: Pose2, noise: FloatArray) -> None:
+        """Move by odometry."""
+        self.covariance = compose_covariance(self.pose, self.covariance, step, noise)
+        self.pose = self.pose.compose(step)
+
+    def update(self, marks: FloatArray, measured: FloatArray, std_rad: FloatArray) -> None:
+        """Take in bearings and elevations (N, 2), robot frame, of landmarks (N, 3)."""
+        way = marks[:, :2] - (self.pose.x_m, self.pose.y_m)
+        away = np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.05)
+        up = marks[:, 2] - CAMERA.height_m
+        n = len(marks)
+        rows = np.zeros((2 * n, 3))
+        rows[:n, 0], rows[:n, 1], rows[:n, 2] = way[:, 1] / away**2, -way[:, 0] / away**2, -1.0
+        rows[n:, :2] = (up / (away**2 + up**2) / away)[:, None] * way
+        bearing = measured[:, 0] - (np.arctan2(way[:, 1], way[:, 0]) - self.pose.theta_rad)
+        off = np.concatenate(
+            [np.remainder(bearing + math.pi, math.tau) - math.pi, measured[:, 1] - np.arctan2(up, away)]
+        )
+        noise = np.diag(np.tile(std_rad**2, 2))
+        noise[:n, :n] += NECK.std_rad**2
+        noise[n:, n:] += NECK.std_rad**2
+        gain = np.linalg.solve(rows @ self.covariance @ rows.T + noise, rows @ self.covariance).T
+        self.pose = Pose2(*(self.pose.array + gain @ off))
+        rest = np.eye(3) - gain @ rows
+        self.covariance = rest @ self.covariance @ rest.T + gain @ noise @ gain.T
+
+
+def blockers_of(walk: Walk, k: int, rng: np.random.Generator) -> list[Blocker]:
+    """Those of the others that are tracked, where the tracker has them."""
+    places = walk.others[k] + rng.normal(0, TRACK_STD_M, walk.others[k].shape)
+    covariance = np.eye(2) * TRACK_STD_M**2
+    return [Blocker(x, y, OTHER_RADIUS_M, covariance, OTHER_HEIGHT_M) for x, y in places[walk.tracked]]
+
+
+MARKS = field_landmarks(FIELD)
+PLACES = np.array([[m.x_m, m.y_m, m.height_m] for m in MARKS])
+MARK_STD_RAD = np.array([DETECTORS[m.kind].std_px / CAMERA.focal_px[0] for m in MARKS])
+MARK_FOUND = np.array([DETECTORS[m.kind].found_share for m in MARKS])
+MARK_ALONE = np.array([d.found_share if (d := DETECTORS[m.kind]).alone_share is None else d.alone_share for m in MARKS])
+# of a post's foot and top those of the goal's other post
+PARTNER = np.array(
+    [
+        next((k for k, o in enumerate(MARKS) if m.kind == "post" and o == replace(m, y_m=-m.y_m)), i)
+        for i, m in enumerate(MARKS)
+    ]
+)
+MARK_FARTHEST_M = np.array([DETECTORS[m.kind].farthest_m for m in MARKS])
+
+
+def see_landmarks(
+    pose: Pose2, pan_rad: float, others: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Landmarks (N, 3) that a frame shows, their bearings and elevations (N, 2), and standard deviations (N,)."""
+    eye = (pose.x_m, pose.y_m, CAMERA.height_m)
+    way = PLACES - eye
+    rotation = camera_rotation(pose.theta_rad + pan_rad, CAMERA.tilt_rad, 0.0)
+    pixels = CAMERA.camera_ray_to_pixel(way @ rotation)
+    with np.errstate(invalid="ignore"):
+        seen = ((pixels >= 0) & (pixels <= np.array(CAMERA.size_px) - 1)).all(axis=1)
+    seen &= np.hypot(way[:, 0], way[:, 1]) < MARK_FARTHEST_M
+    exact = 1e-8 * np.eye(2)
+    hidden = clear_share(eye, PLACES, [Blocker(x, y, OTHER_RADIUS_M, exact, OTHER_HEIGHT_M) for x, y in others]) < 0.5
+    seen &= ~hidden
+    seen &= rng.random(len(MARKS)) < np.where(seen[PARTNER], MARK_FOUND, MARK_ALONE)
+    away = np.hypot(way[seen, 0], way[seen, 1])
+    true = np.column_stack([np.arctan2(way[seen, 1], way[seen, 0]) - pose.theta_rad, np.arctan2(way[seen, 2], away)])
+    std = MARK_STD_RAD[seen]
+    noise = rng.standard_normal(true.shape) * std[:, None] + rng.normal(0, NECK.std_rad, 2)
+    return PLACES[seen], true + noise, std
+
+
+@dataclass(frozen=True)
+class RunScore:
+    """One run: RMS of the position (m), mean |P|^(1/6), shares of frames lost and of frames that showed nothing."""
+
+    rms_m: float
+    spread: float
+    lost: float
+    empty: float
+
+
+def landmark_run(job: tuple[list[int], str]) -> RunScore:
+    """Follow one walk by landmarks under one rule."""
+    seed, rule = job
+    walk = draw_walk(seed, RUN_S, FRAME_S)
+    rng = np.random.default_rng([*seed, 1])
+    start = np.array([0.15, 0.15, 0.1])
+    first = Pose2(*(walk.poses[0].array + start * rng.standard_normal(3)))
+    track = LandmarkFilter(first, np.diag(start**2))
+    criterion = "volume" if rule.endswith("|P|") else "position"
+    gaze = PoseGaze(FIELD, CAMERA, NECK, frame_s=FRAME_S, criterion=criterion)
+    pan, errors, spreads, empty = 0.0, [], [], 0
+    for k in range(1, len(walk.poses)):
+        noise = drift_of(walk.odometry[k], FRAME_S)
+        track.predict(walk.odometry[k], noise)
+        marks, measured, std = see_landmarks(walk.poses[k], pan, walk.others[k], rng)
+        if len(marks):
+            track.update(marks, measured, std)
+        empty += not len(marks)
+        t_s = k * FRAME_S
+        blockers = blockers_of(walk, k, rng)
+        wanted = 0.0
+        if rule.startswith("planned"):
+            gaze.saw(len(marks) > 0, pan)
+            belief = PoseEstimate(track.pose, track.covariance, 1.0, 0.0)
+            wanted = gaze.choose(belief, t_s, pan, blockers, noise / FRAME_S).pan_rad
+        elif rule == "fixed sweep":
+            wanted = NECK.sweep(t_s)
+        pan = NECK.turned(pan, wanted, FRAME_S)
+        errors.append(track.pose.error_to(walk.poses[k])[0])
+        spreads.append(max(float(np.linalg.det(track.covariance)), 0.0) ** (1 / 6))
+    error = np.array(errors)
+    return RunScore(
+        float(np.sqrt(np.mean(error**2))), float(np.mean(spreads)), float((error > LOST_M).mean()), empty / len(error)
+    )
+
+
+def rendered_run(job: tuple[list[int], str]) -> RunScore:
+    """Follow one shorter walk by rendered frames, the goal localiser and `PoseFilter`, under one rule."""
+    cv2.setNumThreads(1)
+    seed, rule = job
+    walk = draw_walk(seed, RENDERED_S, RENDERED_FRAME_S)
+    rng = np.random.default_rng([*seed, 2])
+    locate = GoalLocalizer(FIELD, CAMERA)
+    believed = PoseFilter(odometry=ODOMETRY)
+    believed.predict(Pose2(0, 0, 0), 0.0)
+    start = np.array([0.15, 0.15, 0.1])
+    first = Pose2(*(walk.poses[0].array + start * rng.standard_normal(3)))
+    believed.update(PoseEstimate(first, np.diag(start**2), 1.0, 0.0), 0.0)
+    gaze = PoseGaze(
+        FIELD, CAMERA, NECK, frame_s=RENDERED_FRAME_S, horizon_s=5 * RENDERED_FRAME_S, detectors=GOAL_DETECTORS
+    )
+    pan, errors, spreads, empty = 0.0, [], [], 0
+    for k in range(1, len(walk.poses)):
+        t_s = k * RENDERED_FRAME_S
+        believed.predict(walk.odometry[k], t_s)
+        head = walk.poses[k].compose(Pose2(0.0, 0.0, pan + float(rng.normal(0, NECK.std_rad))))
+        others = tuple(Robot(float(x), float(y), OTHER_RADIUS_M, OTHER_HEIGHT_M) for x, y in walk.others[k])
+        scene = Scene(FIELD, (), others, None, MATCH_LIGHT, MATCH_ROOM, 0.5)
+        frame = MATCH_SENSOR.expose(render_pinhole(CAMERA, scene, head, supersample=2), rng)
+        prior, mount = believed.prior(t_s), Pose2(0.0, 0.0, pan)
+        seen = locate.locate(frame, None if prior is None else prior.compose(mount))
+        if seen:
+            back = mount.inverse()
+            turned = seen.covariance + np.diag([0.0, 0.0, NECK.std_rad**2])
+            seen = replace(
+                seen,
+                pose=seen.pose.compose(back),
+                covariance=turned,
+                candidates=tuple(c.compose(back) for c in seen.candidates),
+            )
+            believed.update(seen, t_s)
+        empty += not seen
+        belief = believed.belief
+        blockers = blockers_of(walk, k, rng)
+        wanted = 0.0
+        if rule == "planned":
+            gaze.saw(bool(seen), pan)
+            wanted = gaze.choose(
+                belief, t_s, pan, blockers, drift_of(walk.odometry[k], RENDERED_FRAME_S) / RENDERED_FRAME_S
+            ).pan_rad
+        elif rule == "fixed sweep":
+            wanted = NECK.sweep(t_s)
+        pan = NECK.turned(pan, wanted, RENDERED_FRAME_S)
+        errors.append(belief.pose.error_to(walk.poses[k])[0] if belief else math.nan)
+        spreads.append(float(np.linalg.det(belief.covariance)) ** (1 / 6) if belief else math.nan)
+    error = np.array(errors)
+    lost = float((~(error <= LOST_M)).mean())
+    return RunScore(float(np.sqrt(np.nanmean(error**2))), float(np.nanmean(spreads)), lost, empty / len(error))
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One frame under a prior: what was in view, and pixel errors of what was located by posts and by lines."""
+
+    posts: int
+    crossings: int
+    by_posts_px: FloatArray | None
+    by_lines_px: FloatArray | None
+
+
+def sighting(seed: list[int]) -> Sighting:
+    """Look at one rendered frame with both localisers, from a prior that errs by 0.1 m and 0.05 rad."""
+    cv2.setNumThreads(1)
+    rng = np.random.default_rng(seed)
+    pose = Pose2(*rng.uniform((-2.4, -1.6, -math.pi), (2.4, 1.6, math.pi)))
+    scene = Scene(FIELD, (), (), None, MATCH_LIGHT, MATCH_ROOM, 0.5)
+    frame = MATCH_SENSOR.expose(render_pinhole(CAMERA, scene, pose, supersample=2), rng)
+    std = np.array([0.1, 0.1, 0.05])
+    prior = PoseEstimate(Pose2(*(pose.array + rng.normal(0, std))), np.diag(std**2), 1.0, 0.0)
+    true = project(pose, CAMERA.tilt_rad or 0.0, 0.0, CAMERA.height_m)
+    with np.errstate(invalid="ignore"):
+        seen = ((true >= 0) & (true <= np.array(CAMERA.size_px) - 1)).all(axis=1)
+    away = np.hypot(PLACES[:, 0] - pose.x_m, PLACES[:, 1] - pose.y_m)
+    feet = seen & (PLACES[:, 2] == 0) & np.array([m.kind == "post" for m in MARKS])
+    crossings = seen & (away < MARK_FARTHEST_M) & np.array([m.kind == "crossing" for m in MARKS])
+    by_posts = by_lines = None
+    sight = GoalLocalizer(FIELD, CAMERA).look(frame, prior.pose)
+    if not isinstance(sight, NotLocated):
+        found = sight.estimate(prior.pose).pose
+        if found.error_to(pose)[0] < LOST_M:
+            p = sight.unknowns
+            by_posts = (project(found, p[TILT], p[ROLL], p[HEIGHT]) - true)[feet]
+    found_by_lines = Vision(FIELD, CAMERA, method="field").look(frame, prior=prior).pose
+    if found_by_lines and found_by_lines.pose.error_to(pose)[0] < LOST_M:
+        by_lines = (project(found_by_lines.pose, CAMERA.tilt_rad or 0.0, 0.0, CAMERA.height_m) - true)[crossings]
+    return Sighting(int(feet.sum()), int(crossings.sum()), by_posts, by_lines)
+
+
+def project(pose: Pose2, tilt_rad: float, roll_rad: float, height_m: float) -> FloatArray:
+    """Pixels (L, 2) of all landmarks for a camera at a pose."""
+    way = PLACES - (pose.x_m, pose.y_m, height_m)
+    return CAMERA.camera_ray_to_pixel(way @ camera_rotation(pose.theta_rad, tilt_rad, roll_rad))
+
+
+def detectors(arguments: Namespace, pool: ProcessPoolExecutor) -> None:
+    """Print what the real detectors see, beside what the planner takes them to see."""
+    count = 60 if arguments.quick else 160
+    seen = list(pool.map(sighting, [[arguments.seed, 7, i] for i in range(count)], chunksize=8))
+    table = Table(
+        ("in view            ", "frames", "found %", "assumed", "px", "assumed"),
+        "detectors on rendered frames, with a prior",
+    )
+    post, crossing = DETECTORS["post"], DETECTORS["crossing"]
+    for name, of, key, share, std in (
+        ("both posts of a goal", [s for s in seen if s.posts == 2], "by_posts_px", post.found_share, post.std_px),
+        ("one post", [s for s in seen if s.posts == 1], "by_posts_px", post.alone_share, post.std_px),
+        ("crossings, by lines", [s for s in seen if s.crossings], "by_lines_px", crossing.found_share, crossing.std_px),
+    ):
+        errors = [e for s in of if (e := getattr(s, key)) is not None]
+        px = 1.48 * float(np.median(np.abs(np.vstack(errors)))) if errors else None
+        table.row(name, len(of), percent(len(errors) / len(of)), percent(share), px, std)
+
+
+def compare(table: Table, scores: dict[str, list[RunScore]], *, judged: bool) -> bool:
+    """Print each rule beside the fixed sweep; tell whether the planned gaze holds what is asked of it."""
+    middle = {
+        rule: [float(np.median([getattr(s, key) for s in runs])) for key in ("rms_m", "spread")]
+        for rule, runs in scores.items()
+    }
+    lost, empty = (
+        {rule: float(np.mean([getattr(s, k) for s in runs])) for rule, runs in scores.items()}
+        for k in ("lost", "empty")
+    )
+    all_ok = True
+    for rule in scores:
+        ratios = [got / base for got, base in zip(middle[rule], middle["fixed sweep"], strict=True)]
+        text = ""
+        if judged and rule == "planned":
+            ok = ratios[0] <= MAX_RMS and ratios[1] <= MAX_SPREAD and lost[rule] <= lost["fixed sweep"]
+            all_ok &= ok
+            text = verdict(ok)
+        table.row(
+            rule,
+            len(scores[rule]),
+            middle[rule][0],
+            ratios[0],
+            middle[rule][1],
+            ratios[1],
+            percent(lost[rule]),
+            percent(empty[rule]),
+            text,
+        )
+    return all_ok
+
+
+def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
+    """Print the tables; tell whether every acceptance row is ok."""
+    detectors(arguments, pool)
+    columns = ("rule          ", "runs", "RMS m", "ratio", "|P|^1/6", "ratio", "lost %", "nothing seen %", "verdict")
+    runs = 24 if arguments.quick else 400 if arguments.full else 120
+    table = Table(
+        columns, f"pose by landmarks as measured above (targets: ratios {MAX_RMS} and {MAX_SPREAD}, lost no more)"
+    )
+    scores = {
+        r: list(pool.map(landmark_run, [([arguments.seed, i], r) for i in range(runs)], chunksize=4)) for r in RULES
+    }
+    all_ok = compare(table, scores, judged=True)
+    runs = 4 if arguments.quick else 120 if arguments.full else 40
+    table = Table(columns, "pose by rendered frames, the goal localiser and PoseFilter (the same targets)")
+    rules = ("planned", "fixed sweep")
+    rendered = {r: list(pool.map(rendered_run, [([arguments.seed, i], r) for i in range(runs)])) for r in rules}
+    # a few runs tell nothing
+    return compare(table, rendered, judged=not arguments.quick) and all_ok
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    with ProcessPoolExecutor(2) as pool:
+        finish(arguments.check, measure(arguments, pool))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The scenes and robots that the programs simulate."""
