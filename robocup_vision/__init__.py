@@ -12,17 +12,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from robocup_vision.avoidance.steering import Steering, SteeringCommand
     from robocup_vision.avoidance.wayfinder import Wayfinder
+    from robocup_vision.belief import Belief
     from robocup_vision.camera.files import load_camera
     from robocup_vision.estimates import NotLocated, PoseEstimate
     from robocup_vision.geometry import Pose2
-    from robocup_vision.memory import Belief, Memory
+    from robocup_vision.memory import Memory
     from robocup_vision.overlay import draw
     from robocup_vision.perception.color_table import load_colors
     from robocup_vision.vision import View, Vision
 
 # loaded when first asked for, so that the command's --help answers at once
 _HOMES = {
-    "Belief": "memory",
+    "Belief": "belief",
     "Memory": "memory",
     "NotLocated": "estimates",
     "Pose2": "geometry",

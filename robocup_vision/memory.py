@@ -6,22 +6,21 @@ masked from the map, and both are told from the pose that is believed, not from 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.belief import Belief, MapPicture, Track
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import Hypothesis
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.perception.free_space import FreeSpaceGrid
-from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector, Track
+from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
 from robocup_vision.view import View
 
 _FLOOR = "floor"
@@ -32,50 +31,6 @@ _RANGE_STD, _LONGEST_M = (0.01, 0.05), 1.3
 _MASK_MARGIN_M = 0.05
 # where the pose is off from where odometry has led to by more than corrections amount to, memory is of another place
 _JUMP_M, _JUMP_RAD = 0.25, 0.35
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MapPicture:
-    """The map at one moment.
-
-    Parameters
-    ----------
-    state : (N, N) uint8
-        `mapping.occupancy.FREE`, NO_GO or UNDECIDED; first index along x of the field frame.
-    corner_m : (float, float)
-        Lowest corner of cell (0, 0), field frame.
-    cell_m : float
-        Side of a cell.
-    """
-
-    state: UInt8Array
-    corner_m: tuple[float, float]
-    cell_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class Belief:
-    """What is believed after a frame, from all frames so far.
-
-    Parameters
-    ----------
-    t_s : float
-        When.
-    pose : PoseEstimate or NotLocated
-        The robot on the field.
-    hypotheses : tuple of Hypothesis
-        Where it may be, with probabilities, most probable first.
-    tracks : tuple of Track
-        Who moves on the field; empty unless asked for.
-    free_map : MapPicture or None
-        Which floor is free; None unless asked for, or while the pose is not known.
-    """
-
-    t_s: float
-    pose: PoseEstimate | NotLocated
-    hypotheses: tuple[Hypothesis, ...]
-    tracks: tuple[Track, ...]
-    free_map: MapPicture | None
 
 
 class Memory:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.belief import Belief
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
@@ -19,10 +19,6 @@ from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.perception.obstacles import Obstacle, find_obstacles
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
-
-if TYPE_CHECKING:
-    from robocup_vision.memory import Belief
-
 
 # blocked samples in a row that make an obstacle
 _BLOCKED_RUN = 2

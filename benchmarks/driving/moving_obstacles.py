@@ -21,7 +21,8 @@ import numpy as np
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.worlds.crowd import LONGEST_M, Sensor
 from field_models import Field, load_field
-from robocup_vision.avoidance import MovingObstacle, SteadyFreeSpace, Steering
+from robocup_vision.avoidance import SteadyFreeSpace, Steering
+from robocup_vision.belief import MovingObstacle
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector

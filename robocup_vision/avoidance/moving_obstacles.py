@@ -4,54 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 
 import numpy as np
 
-from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
+from robocup_vision.belief import MovingObstacle
 from robocup_vision.kernels.motion.moving_contact import COLUMNS
 
 # standard deviations that are kept clear of, and how much of them at most: beyond that there would be no way round
 _STDS, _MAX_DOUBT_M = 1.0, 0.05
 # a return so far before or behind a moving obstacle's rim is still of it
 _RIM_M = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class MovingObstacle:
-    """A disc that goes on as it does, robot frame.
-
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its middle now.
-    vx_mps, vy_mps : float
-        Velocity over ground, in the directions of the robot frame.
-    radius_m : float
-        Its own.
-    std_m, velocity_std_mps : float
-        Standard deviation of place and velocity, in the worst direction.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is not finite, or radius or deviation is negative.
-    """
-
-    x_m: float
-    y_m: float
-    vx_mps: float
-    vy_mps: float
-    radius_m: float
-    std_m: float = 0.0
-    velocity_std_mps: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in (f.name for f in fields(self)):
-            value = getattr(self, name)
-            if not math.isfinite(value) or (name not in ("x_m", "y_m", "vx_mps", "vy_mps") and value < 0):
-                raise ArgumentError(f"a moving obstacle's {name} is out of range: {value!r}")
 
 
 def moving_table(moving: Sequence[MovingObstacle], robot_radius_m: float) -> FloatArray:

@@ -16,7 +16,8 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
-from robocup_vision.avoidance.moving_obstacles import MovingObstacle, moving_table, ranges_past
+from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
+from robocup_vision.belief import MovingObstacle
 from robocup_vision.kernels.mapping import grown_profile
 from robocup_vision.kernels.motion import steering as kernel
 

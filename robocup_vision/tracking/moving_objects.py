@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import FloatArray, Int64Array, read_only
-from robocup_vision.avoidance.moving_obstacles import MovingObstacle
+from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.belief import Track
 from robocup_vision.geometry import Pose2
 from robocup_vision.tracking.branches import Branches
 from robocup_vision.tracking.detections import Detection, in_field
@@ -27,67 +27,8 @@ from robocup_vision.tracking.shadows import Shadows
 _FIRST, _BELIEVED, _FORGOTTEN = -3.0, 4.0, -3.0
 # unseen: an object is gone after so long on average, and its velocity forgotten
 _LIFETIME_S, _STEADY_S = 100.0, 1.5
-_PLACE, _VELOCITY = slice(0, 2), slice(2, 4)
 # a report is right within this share of the object's width
 _NEAR_SHARE = 2 / 3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Track:
-    """An object that has been followed for a while.
-
-    Parameters
-    ----------
-    number : int
-        Its own number, for as long as it is followed.
-    x_m, y_m, vx_mps, vy_mps : float
-        Place and velocity in the field frame.
-    covariance : (4, 4) float64
-        Of these, m and m/s.
-    probability : float
-        That it is there, within two thirds of its width.
-    frames : int
-        Number of frames it has been followed.
-    missed : int
-        Frames in a row, up to this one, in which it was not seen.
-    """
-
-    number: int
-    x_m: float
-    y_m: float
-    vx_mps: float
-    vy_mps: float
-    covariance: FloatArray
-    probability: float
-    frames: int
-    missed: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", read_only(self.covariance))
-
-    def place_after(self, seconds: float) -> tuple[float, float]:
-        """Where it is so long after the track's frame if it goes on as it goes, field frame."""
-        return self.x_m + seconds * self.vx_mps, self.y_m + seconds * self.vy_mps
-
-    def as_obstacle(self, robot: Pose2, radius_m: float, seconds: float = 0.0) -> MovingObstacle:
-        """Return what `Steering.steer` takes.
-
-        Parameters
-        ----------
-        robot : Pose2
-            The robot in the field frame now.
-        radius_m : float
-            The object's.
-        seconds : float
-            Since the track's frame.
-        """
-        x, y = robot.inverse().transform(self.place_after(seconds)).tolist()
-        c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
-        vx, vy = c * self.vx_mps + s * self.vy_mps, c * self.vy_mps - s * self.vx_mps
-        place, velocity = (
-            math.sqrt(float(np.linalg.eigvalsh(self.covariance[part, part])[-1])) for part in (_PLACE, _VELOCITY)
-        )
-        return MovingObstacle(x, y, vx, vy, radius_m, place, velocity)
 
 
 @dataclass(slots=True)

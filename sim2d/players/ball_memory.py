@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robocup_vision.belief import Track
 from robocup_vision.perception.free_space import FreeSpace
-from robocup_vision.tracking import Track
 
 Point = tuple[float, float]
 

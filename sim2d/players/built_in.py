@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.avoidance.moving_obstacles import MovingObstacle
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
+from robocup_vision.belief import MovingObstacle, Track
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -22,7 +22,6 @@ from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
 from robocup_vision.planning.gaze.sight_lines import Blocker
 from robocup_vision.planning.shots.shot_planner import ShotPlan
-from robocup_vision.tracking import Track
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 from sim2d.kick_off import kick_off_pose

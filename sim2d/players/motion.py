@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robocup_vision.avoidance import Steering
-from robocup_vision.avoidance.moving_obstacles import MovingObstacle
+from robocup_vision.belief import MovingObstacle
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.players.tactics import Plan

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from field_models.field import Field
+from robocup_vision.belief import MapPicture
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
-from robocup_vision.memory import MapPicture
 from robocup_vision.planning import Defender, Disc, MotionLimits, ShotPlan, ShotPlanner
 from sim2d.players.motion import HOLDING_MPS, HOLDING_RPS, PERIOD_S
 from sim2d.players.tactics import KEEPER_RADII

@@ -15,9 +15,9 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
+from robocup_vision.belief import MapPicture, Track
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.mapping.occupancy import UNDECIDED
-from robocup_vision.memory import MapPicture
 from robocup_vision.planning import (
     Disc,
     Gap,
@@ -31,7 +31,6 @@ from robocup_vision.planning import (
 )
 from robocup_vision.planning.gaps.gap_choice import PassageTimes, choose_gap
 from robocup_vision.planning.speed.undecided_floor import FREE, FloorToDecide, UndecidedSpeed, safe_speed_mps
-from robocup_vision.tracking import Track
 from sim2d.players.opponent_row import Key, Row, in_way, row_across, unit
 from sim2d.robot_link import Reason, RobotLimits
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.belief import Belief as MemoryBelief
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.memory import Belief as MemoryBelief
 from sim2d.report.moment import RobotMoment
 from sim2d.robot_link import Belief
 from sim2d.world.state import BallState, RobotState, WorldState

@@ -16,9 +16,9 @@ import numpy as np
 from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.belief import MapPicture
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.memory import MapPicture
 from robocup_vision.overlay import draw
 from robocup_vision.vision import Vision
 from sim2d.report.moment import Moment, RobotMoment

@@ -13,6 +13,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 
@@ -23,25 +24,6 @@ _FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
 # a motion takes at least this share of the time that slip lasts
 _MIN_TIMES = 1e-4
 _POSE, _LASTING, _SLIP = slice(0, 3), slice(3, 6), slice(6, 9)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis:
-    """A guess at where the robot is now.
-
-    Parameters
-    ----------
-    pose : Pose2
-        The robot in the field frame.
-    covariance : (3, 3) float64
-        Of (x_m, y_m, theta_rad), in m, m and rad.
-    probability : float
-        Those of all hypotheses sum to 1.
-    """
-
-    pose: Pose2
-    covariance: FloatArray
-    probability: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,16 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
+from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import (
-    FrameErrors,
-    Hypothesis,
-    OdometryNoise,
-    Place,
-    Reading,
-    pose_offset,
-)
+from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise, Place, Reading, pose_offset
 
 # squared Mahalanobis distance that one frame in a thousand exceeds, with 3 degrees of freedom
 _GATE = 16.27

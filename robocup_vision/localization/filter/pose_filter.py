@@ -10,9 +10,10 @@ import math
 from dataclasses import dataclass, replace
 
 from field_models.errors import ArgumentError
+from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import FrameErrors, Hypothesis, OdometryNoise
+from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.mixture import Mixture
 
 __all__ = ["FrameErrors", "Hypothesis", "OdometryNoise", "PoseFilter"]

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance import MovingObstacle, Steering
+from robocup_vision.avoidance import Steering
 from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
+from robocup_vision.belief import MovingObstacle
 
 RADIUS = 0.09
 BEARING = np.arange(128) * math.tau / 128 - math.pi

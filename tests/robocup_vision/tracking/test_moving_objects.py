@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
+from robocup_vision.belief import Track
 from robocup_vision.geometry import Pose2
-from robocup_vision.tracking import Detection, MovingObjects, Track
+from robocup_vision.tracking import Detection, MovingObjects
 from robocup_vision.tracking.branches import Branches
 from robocup_vision.tracking.shadows import Shadows
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from robocup_vision.belief import Track
 from robocup_vision.perception.free_space import FreeSpace
-from robocup_vision.tracking import Track
 from sim2d.players.ball_memory import BallMemory, HiddenBall, block_ball, is_in_sight
 
 BEARING = (np.arange(64) + 0.5) * math.tau / 64

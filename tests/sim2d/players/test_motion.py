@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robocup_vision.avoidance.moving_obstacles import MovingObstacle
+from robocup_vision.belief import MovingObstacle
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.players.motion import Motion

@@ -10,11 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
+from robocup_vision.belief import MapPicture, Track
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE, UNDECIDED
-from robocup_vision.memory import MapPicture
-from robocup_vision.tracking import Track
 from sim2d.players.shot import Shooter
 from sim2d.players.travel import Surroundings
 from sim2d.robot_link import RobotLimits

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from field_models import load_field
+from robocup_vision.belief import MapPicture, Track
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE, UNDECIDED
-from robocup_vision.memory import MapPicture
-from robocup_vision.tracking import Track
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory
 from sim2d.players.travel import Surroundings, TravelPlanner

@@ -1,0 +1,173 @@
+"""What is believed over time: pose hypotheses, tracked objects and the map, as plain values that pass between rooms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+
+# position and velocity in a track's state
+_PLACE, _VELOCITY = slice(0, 2), slice(2, 4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """One pose that the robot may have now.
+
+    Parameters
+    ----------
+    pose : Pose2
+        The robot in the field frame.
+    covariance : (3, 3) float64
+        Of (x_m, y_m, theta_rad), in m, m and rad.
+    probability : float
+        Those of all hypotheses sum to 1.
+    """
+
+    pose: Pose2
+    covariance: FloatArray
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class MovingObstacle:
+    """A disc that goes on as it does, robot frame.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its middle now.
+    vx_mps, vy_mps : float
+        Velocity over ground, in the directions of the robot frame.
+    radius_m : float
+        Its own.
+    std_m, velocity_std_mps : float
+        Standard deviation of place and velocity, in the worst direction.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is not finite, or radius or deviation is negative.
+    """
+
+    x_m: float
+    y_m: float
+    vx_mps: float
+    vy_mps: float
+    radius_m: float
+    std_m: float = 0.0
+    velocity_std_mps: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in (f.name for f in fields(self)):
+            value = getattr(self, name)
+            if not math.isfinite(value) or (name not in ("x_m", "y_m", "vx_mps", "vy_mps") and value < 0):
+                raise ArgumentError(f"a moving obstacle's {name} is out of range: {value!r}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """An object that has been followed for a while.
+
+    Parameters
+    ----------
+    number : int
+        Its own number, for as long as it is followed.
+    x_m, y_m, vx_mps, vy_mps : float
+        Place and velocity in the field frame.
+    covariance : (4, 4) float64
+        Of these, m and m/s.
+    probability : float
+        That it is there, within two thirds of its width.
+    frames : int
+        Number of frames it has been followed.
+    missed : int
+        Frames in a row, up to this one, in which it was not seen.
+    """
+
+    number: int
+    x_m: float
+    y_m: float
+    vx_mps: float
+    vy_mps: float
+    covariance: FloatArray
+    probability: float
+    frames: int
+    missed: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+    def place_after(self, seconds: float) -> tuple[float, float]:
+        """Where it is so long after the track's frame if it goes on as it goes, field frame."""
+        return self.x_m + seconds * self.vx_mps, self.y_m + seconds * self.vy_mps
+
+    def as_obstacle(self, robot: Pose2, radius_m: float, seconds: float = 0.0) -> MovingObstacle:
+        """Return what `Steering.steer` takes.
+
+        Parameters
+        ----------
+        robot : Pose2
+            The robot in the field frame now.
+        radius_m : float
+            The object's.
+        seconds : float
+            Since the track's frame.
+        """
+        x, y = robot.inverse().transform(self.place_after(seconds)).tolist()
+        c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
+        vx, vy = c * self.vx_mps + s * self.vy_mps, c * self.vy_mps - s * self.vx_mps
+        place, velocity = (
+            math.sqrt(float(np.linalg.eigvalsh(self.covariance[part, part])[-1])) for part in (_PLACE, _VELOCITY)
+        )
+        return MovingObstacle(x, y, vx, vy, radius_m, place, velocity)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapPicture:
+    """The map at one moment.
+
+    Parameters
+    ----------
+    state : (N, N) uint8
+        `mapping.occupancy.FREE`, NO_GO or UNDECIDED; first index along x of the field frame.
+    corner_m : (float, float)
+        Lowest corner of cell (0, 0), field frame.
+    cell_m : float
+        Side of a cell.
+    """
+
+    state: UInt8Array
+    corner_m: tuple[float, float]
+    cell_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What is believed after a frame, from all frames so far.
+
+    Parameters
+    ----------
+    t_s : float
+        When.
+    pose : PoseEstimate or NotLocated
+        The robot on the field.
+    hypotheses : tuple of Hypothesis
+        Where it may be, with probabilities, most probable first.
+    tracks : tuple of Track
+        Who moves on the field; empty unless asked for.
+    free_map : MapPicture or None
+        Which floor is free; None unless asked for, or while the pose is not known.
+    """
+
+    t_s: float
+    pose: PoseEstimate | NotLocated
+    hypotheses: tuple[Hypothesis, ...]
+    tracks: tuple[Track, ...]
+    free_map: MapPicture | None
