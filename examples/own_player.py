@@ -5,7 +5,7 @@ import math
 from robocup_vision import Vision
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from sim2d.match.run import MatchPlan, run_match
-from sim2d.robot_link import Belief, Command, PlayerSetup, Senses
+from sim2d.robot_link import Command, PlayerSetup, PlayerStatus, Senses
 
 
 class Chaser:
@@ -30,7 +30,7 @@ class Chaser:
             return Command(0.1, turn_rps=1.5 * off_rad, dribble=True, kick_mps=2.0 * (abs(off_rad) < 0.2))
         return Command(1.5 * ball.x_m, 1.5 * ball.y_m, 4.0 * math.atan2(ball.y_m, ball.x_m), dribble=True)
 
-    belief = property(lambda self: Belief(self.filter.belief, None, "chase", self.view))  # for the film
+    status = property(lambda self: PlayerStatus(self.filter.belief, None, "chase", self.view))  # for the film
 
 
 if __name__ == "__main__":

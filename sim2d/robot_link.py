@@ -165,8 +165,8 @@ class Reason:
 
 
 @dataclass(frozen=True, slots=True)
-class Belief:
-    """What a player says it believes: for reports and videos, the game never uses it.
+class PlayerStatus:
+    """What a player reports of itself, for films and reports. The match does not use it.
 
     Parameters
     ----------
@@ -209,8 +209,8 @@ class Player(Protocol):
         ...
 
     @property
-    def belief(self) -> Belief:
-        """What it believes after the last `act`."""
+    def status(self) -> PlayerStatus:
+        """Estimates and plans after the last `act`."""
         ...
 
 

@@ -12,7 +12,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from sim2d.kick_off import kick_off_pose
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.robot_link import Belief, Command
+from sim2d.robot_link import Command, PlayerStatus
 
 SMALL_CAMERA = sekimori_camera(64, 56)
 
@@ -31,8 +31,8 @@ class Reckoner:
         return Command(forward_mps=0.3, turn_rps=1.5)
 
     @property
-    def belief(self):
-        return Belief(PoseEstimate(self.pose, np.eye(3) * 1e-4, 1.0, 0.0), None, "circle", None)
+    def status(self):
+        return PlayerStatus(PoseEstimate(self.pose, np.eye(3) * 1e-4, 1.0, 0.0), None, "circle", None)
 
 
 class Sleeper:
@@ -45,8 +45,8 @@ class Sleeper:
         return Command()
 
     @property
-    def belief(self):
-        return Belief(NotLocated("asleep"), None, "sleep", None)
+    def status(self):
+        return PlayerStatus(NotLocated("asleep"), None, "sleep", None)
 
 
 class FailsAt(Sleeper):
@@ -84,15 +84,15 @@ class Exits(FailsAt):
         raise SystemExit(3)
 
 
-class BelievesNan(Sleeper):
+class ReportsNan(Sleeper):
     @property
-    def belief(self):
-        return Belief(PoseEstimate(Pose2(math.nan, 0.0, 0.0), np.eye(3), 1.0, 0.0), None, "", None)
+    def status(self):
+        return PlayerStatus(PoseEstimate(Pose2(math.nan, 0.0, 0.0), np.eye(3), 1.0, 0.0), None, "", None)
 
 
-class BelievesWords(Sleeper):
+class ReportsWords(Sleeper):
     @property
-    def belief(self):
+    def status(self):
         return "somewhere"
 
 

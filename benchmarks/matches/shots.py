@@ -57,7 +57,7 @@ def kicks_of(plan: MatchPlan) -> tuple[list[tuple[float, bool]], list[bool]]:
     seen: list[bool] = []
     for moment in match.play(plan.seconds):
         for robot in moment.robots:
-            view = robot.belief.view
+            view = robot.status.view
             if robot.senses.ball_in_mouth and view is not None:
                 seen.append(view.ball is not None)
         state = arena.state

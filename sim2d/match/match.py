@@ -15,7 +15,7 @@ from sim2d.match.arena import Arena, Camera
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.report.match_figures import MatchFigures, MatchLog
 from sim2d.report.moment import Moment, RobotMoment
-from sim2d.robot_link import Belief, Command, Player, PlayerFactory, PlayerSetup, RobotLimits, Senses
+from sim2d.robot_link import Command, Player, PlayerFactory, PlayerSetup, PlayerStatus, RobotLimits, Senses
 from sim2d.sensors.faults import Fault
 from sim2d.world.robot_body import check_command
 from sim2d.world.world import CONTROL_PERIOD_S
@@ -108,11 +108,11 @@ class _Seat:
         if self._player is not None:
             try:
                 command = _checked(self._player.act(senses))
-                return RobotMoment(senses, _checked_belief(self._player.belief), command, "")
+                return RobotMoment(senses, _checked_status(self._player.status), command, "")
             except (Exception, SystemExit) as error:
                 self._stop(error)
         return RobotMoment(
-            senses, Belief(NotLocated("its player was stopped"), None, "stopped", None), Command(), self._stopped
+            senses, PlayerStatus(NotLocated("its player was stopped"), None, "stopped", None), Command(), self._stopped
         )
 
     def _stop(self, error: BaseException) -> None:
@@ -144,9 +144,9 @@ def _checked(command: object) -> Command:
     return plain
 
 
-def _checked_belief(belief: object) -> Belief:
-    if not isinstance(belief, Belief):
-        raise TypeError(f"the belief is a {type(belief).__name__}, no Belief")
-    if belief.pose and not all(map(math.isfinite, belief.pose.pose.array)):
-        raise ArgumentError(f"the believed pose must be finite, got {belief.pose.pose}")
-    return belief
+def _checked_status(status: object) -> PlayerStatus:
+    if not isinstance(status, PlayerStatus):
+        raise TypeError(f"the status is a {type(status).__name__}, no PlayerStatus")
+    if status.pose and not all(map(math.isfinite, status.pose.pose.array)):
+        raise ArgumentError(f"the status' pose must be finite, got {status.pose.pose}")
+    return status

@@ -30,7 +30,7 @@ class BallMemory:
         self._velocity: Point = (0.0, 0.0)
         self._seen_s = -math.inf
 
-    def see(self, place: Point, t_s: float) -> None:
+    def update(self, place: Point, t_s: float) -> None:
         """Take in a sighting (field frame, metres) of a time (seconds)."""
         gap_s = t_s - self._seen_s
         if self._place is not None and 0.0 < gap_s <= _LONGEST_GAP_S:
@@ -74,7 +74,7 @@ class HiddenBall:
         self._reach_m = reach_m
         self._carrier: int | None = None
 
-    def see(self, ball: Point, tracks: Sequence[Track], age_s: float) -> None:
+    def update(self, ball: Point, tracks: Sequence[Track], age_s: float) -> None:
         """Take in where the ball is seen, and who is followed, as of `age_s` ago."""
         away = {track.number: math.dist(track.place_after(age_s), ball) for track in tracks}
         nearest = min(away, key=away.__getitem__, default=None)

@@ -30,7 +30,7 @@ from sim2d.players.motion import PERIOD_S, Motion
 from sim2d.players.shot import Shooter
 from sim2d.players.tactics import Plan, Situation, Tactics
 from sim2d.players.travel import Surroundings, Travel, TravelPlanner
-from sim2d.robot_link import Belief, Command, PlayerSetup, Reason, Senses
+from sim2d.robot_link import Command, PlayerSetup, PlayerStatus, Reason, Senses
 
 # what was seen is driven by for so long; after that the robot stops until it sees again
 _SIGHT_S = 0.4
@@ -111,8 +111,8 @@ class BuiltInPlayer:
         self._gaze_s = -math.inf
 
     @property
-    def belief(self) -> Belief:
-        """What it believes after the last `act`."""
+    def status(self) -> PlayerStatus:
+        """Estimates and plans after the last `act`."""
         place = None if self._last_t_s is None else self._ball.place(self._last_t_s)
         travel, gaze = self._travel, self._gaze
         reasons = () if travel is None else travel.reasons
@@ -120,7 +120,7 @@ class BuiltInPlayer:
             reasons += (self._why,)
         if gaze is not None:
             reasons += (Reason("gaze", "planned" if gaze.planned else "sweep", gaze.reason),)
-        return Belief(
+        return PlayerStatus(
             self._filter.belief,
             place,
             self._intent,
@@ -135,7 +135,7 @@ class BuiltInPlayer:
     def act(self, senses: Senses) -> Command:
         """Return what the robot shall do until the next senses come."""
         self._travel = self._why = None
-        self._feel(senses)
+        self._update(senses)
         self._look(senses)
         command = self._decide(senses)
         pan = self._turn_head(senses.t_s) if self._head is not None else None
@@ -144,12 +144,12 @@ class BuiltInPlayer:
             return Command(pan_rad=pan)
         return dataclasses.replace(command, pan_rad=pan)
 
-    def _feel(self, senses: Senses) -> None:
+    def _update(self, senses: Senses) -> None:
         odometry = senses.odometry
         if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad))):
             odometry = _NOWHERE
         self._filter.predict(odometry, senses.t_s)
-        self._motion.feel(odometry, senses.t_s)
+        self._motion.update(odometry, senses.t_s)
         self._last_t_s = senses.t_s
         if not senses.ball_in_mouth:
             self._held_since_s = None
@@ -187,9 +187,9 @@ class BuiltInPlayer:
             ball = (
                 belief.pose.compose(motion.inverse()).compose(mount).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
             )
-            self._ball.see((ball.x_m, ball.y_m), frame_t_s)
+            self._ball.update((ball.x_m, ball.y_m), frame_t_s)
             if self._hidden is not None:
-                self._hidden.see((ball.x_m, ball.y_m), *self._tracks(frame_t_s))
+                self._hidden.update((ball.x_m, ball.y_m), *self._tracks(frame_t_s))
 
     def _decide(self, senses: Senses) -> Command:
         belief = self._filter.belief
@@ -212,7 +212,7 @@ class BuiltInPlayer:
         things = [seen_from.compose(Pose2(o.x_m, o.y_m, 0.0)) for o in self._view.obstacles if o.range_m > nearest]
         if senses.ball_in_mouth:
             mouth = pose.compose(Pose2(self._reach_m, 0.0, 0.0))
-            self._ball.see((mouth.x_m, mouth.y_m), senses.t_s)
+            self._ball.update((mouth.x_m, mouth.y_m), senses.t_s)
         ball = self._ball.place(senses.t_s)
         if ball is not None and self._ball.age_s(senses.t_s) > _MISSED_S:
             there = pose.inverse().transform(ball)

@@ -69,7 +69,7 @@ class Motion:
         """What was commanded last, robot frame."""
         return self._wheels.pending_mps
 
-    def feel(self, odometry: Pose2, t_s: float) -> None:
+    def update(self, odometry: Pose2, t_s: float) -> None:
         """Take in the motion since the last call."""
         c, s = math.cos(odometry.theta_rad), math.sin(odometry.theta_rad)
         x, y = self._drift[0] + odometry.x_m, self._drift[1] + odometry.y_m

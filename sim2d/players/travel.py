@@ -303,12 +303,12 @@ class TravelPlanner:
         known = self._speeds.plan(
             path, around.robot.pose, around.robot.covariance, around.velocity_mps, before, around.pending_mps
         )
-        speed, why = _said(known, "opponents")
+        speed, why = _paced(known, "opponents")
         floor = self._floor(around)
         if floor is not None:
             unknown = self._undecided.plan(path, floor)
             if unknown.speed_mps < speed:
-                speed, why = _said(unknown, "undecided floor")
+                speed, why = _paced(unknown, "undecided floor")
         return speed, why
 
     def _floor(self, around: Surroundings) -> FloorToDecide | None:
@@ -345,7 +345,7 @@ def _passage_times(limits: RobotLimits) -> PassageTimes:
     return PassageTimes(_speed_planner(limits), limits.radius_m, _OTHERS_STD_M)
 
 
-def _said(plan: SpeedPlan, what: str) -> tuple[float, Reason]:
+def _paced(plan: SpeedPlan, what: str) -> tuple[float, Reason]:
     if not plan.safe or plan.speed_mps < _CREEP_MPS:
         return _CREEP_MPS, Reason("speed", f"creep: {what}", plan.reason)
     if plan.reason.startswith("full speed"):

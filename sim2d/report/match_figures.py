@@ -89,7 +89,7 @@ class MatchLog:
         for robot, truth, log in zip(robots, state.robots, self._robots, strict=True):
             if robot.stopped and log.stopped_s is None:
                 log.stopped_s, log.stopped_reason = state.t_s, robot.stopped
-            log.add(state.t_s, truth.pose, robot.belief.pose, robot.command, truth.index == has_ball)
+            log.add(state.t_s, truth.pose, robot.status.pose, robot.command, truth.index == has_ball)
         self._periods += 1
 
     def add_events(self, after: WorldState) -> None:

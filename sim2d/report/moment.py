@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim2d.robot_link import Belief, Command, Senses
+from sim2d.robot_link import Command, PlayerStatus, Senses
 from sim2d.world.state import WorldState
 
 
@@ -16,8 +16,8 @@ class RobotMoment:
     ----------
     senses : Senses
         What it sensed.
-    belief : Belief
-        What its player then believed.
+    status : PlayerStatus
+        What its player reported then.
     command : Command
         What its player then asked for.
     stopped : str
@@ -25,7 +25,7 @@ class RobotMoment:
     """
 
     senses: Senses
-    belief: Belief
+    status: PlayerStatus
     command: Command
     stopped: str
 

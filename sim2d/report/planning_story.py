@@ -65,10 +65,10 @@ class PlanningStory:
         if is_sampled:
             self.t_s.append(moment.state.t_s)
         for index, robot in enumerate(moment.robots):
-            belief = robot.belief
+            status = robot.status
             if is_sampled:
-                self.speed_mps[index].append(math.nan if belief.speed_mps is None else belief.speed_mps)
-            now = {(reason.topic, reason.choice): reason.text for reason in belief.reasons}
+                self.speed_mps[index].append(math.nan if status.speed_mps is None else status.speed_mps)
+            now = {(reason.topic, reason.choice): reason.text for reason in status.reasons}
             self._counts[index].update(now.keys())
             self._times[index].update(now.keys() - self._before[index])
             for key, text in now.items():

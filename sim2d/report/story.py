@@ -39,7 +39,7 @@ class MatchStory:
             for index, (truth, robot) in enumerate(zip(moment.state.robots, moment.robots, strict=True)):
                 self.x_m[index].append(truth.pose.x_m)
                 self.y_m[index].append(truth.pose.y_m)
-                pose = robot.belief.pose
+                pose = robot.status.pose
                 error_m = pose.pose.error_to(truth.pose)[0] if isinstance(pose, PoseEstimate) else math.nan
                 self.error_m[index].append(error_m)
         self._periods += 1

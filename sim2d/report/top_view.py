@@ -9,11 +9,11 @@ import numpy as np
 
 from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.belief import Belief as MemoryBelief
+from robocup_vision.belief import Belief
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from sim2d.report.moment import RobotMoment
-from sim2d.robot_link import Belief
+from sim2d.robot_link import PlayerStatus
 from sim2d.world.state import BallState, RobotState, WorldState
 
 Bgr = tuple[int, int, int]
@@ -63,17 +63,17 @@ class TopView:
             self._draw_ball(canvas, state.ball)
         for truth, robot in zip(state.robots, robots, strict=False):
             color = SIDE_COLORS[truth.side]
-            if isinstance(robot.belief.pose, PoseEstimate):
-                self._draw_belief(canvas, robot.belief.pose, color)
-                if robot.belief.view is not None and robot.belief.view.belief is not None:
-                    self._draw_memory(canvas, robot.belief.view.belief, color)
-                self._draw_plan(canvas, robot.belief, robot.belief.pose.pose)
+            if isinstance(robot.status.pose, PoseEstimate):
+                self._draw_belief(canvas, robot.status.pose, color)
+                if robot.status.view is not None and robot.status.view.belief is not None:
+                    self._draw_memory(canvas, robot.status.view.belief, color)
+                self._draw_plan(canvas, robot.status, robot.status.pose.pose)
             else:
                 cv2.putText(
                     canvas, "?", self._whole(truth.pose.x_m, truth.pose.y_m), cv2.FONT_HERSHEY_SIMPLEX, 0.8, _INK, 2
                 )
-            if robot.belief.ball_in_field is not None:
-                place = self._whole(*robot.belief.ball_in_field)
+            if robot.status.ball_in_field is not None:
+                place = self._whole(*robot.status.ball_in_field)
                 cv2.drawMarker(canvas, place, color, cv2.MARKER_TILTED_CROSS, 9, 1, cv2.LINE_AA)
         return canvas
 
@@ -124,7 +124,7 @@ class TopView:
         around = (axes @ (_ELLIPSE_SIGMAS * np.sqrt(np.maximum(spread, 0.0))[:, None] * circle)).T
         self._path(canvas, Pose2(pose.x_m, pose.y_m, 0.0).transform(around), _INK, 1)
 
-    def _draw_memory(self, canvas: UInt8Array, belief: MemoryBelief, color: Bgr) -> None:
+    def _draw_memory(self, canvas: UInt8Array, belief: Belief, color: Bgr) -> None:
         """Draw who is believed to move and to where, and the places where the robot might be instead."""
         radius = round(0.35 * self._radius_m * self._px_per_m * (1 << _SHIFT))
         for track in belief.tracks:
@@ -137,14 +137,14 @@ class TopView:
                 cv2.circle(canvas, here, 2 * radius, color, 1, cv2.LINE_AA, _SHIFT)
                 self._draw_heading(canvas, rival.pose, 0.0, 0.7, color, 1)
 
-    def _draw_plan(self, canvas: UInt8Array, belief: Belief, pose: Pose2) -> None:
+    def _draw_plan(self, canvas: UInt8Array, status: PlayerStatus, pose: Pose2) -> None:
         """Draw the way to the next waypoint, the gap that is taken, and where the head looks."""
-        if belief.waypoint_in_field is not None:
-            self._path(canvas, np.array([(pose.x_m, pose.y_m), belief.waypoint_in_field]), _PLAN, 1)
-        if belief.gap_in_field is not None:
-            self._path(canvas, np.array(belief.gap_in_field), _PLAN, 2)
-        if belief.gaze_rad is not None:
-            head = Pose2(pose.x_m, pose.y_m, pose.theta_rad + belief.gaze_rad)
+        if status.waypoint_in_field is not None:
+            self._path(canvas, np.array([(pose.x_m, pose.y_m), status.waypoint_in_field]), _PLAN, 1)
+        if status.gap_in_field is not None:
+            self._path(canvas, np.array(status.gap_in_field), _PLAN, 2)
+        if status.gaze_rad is not None:
+            head = Pose2(pose.x_m, pose.y_m, pose.theta_rad + status.gaze_rad)
             for start in np.arange(1.5, _GAZE_RADII, 1.0).tolist():
                 self._path(
                     canvas, head.transform(self._radius_m * np.array([[start, 0.0], [start + 0.5, 0.0]])), _PLAN, 1

@@ -117,7 +117,7 @@ class MatchPictures:
         return canvas
 
     def _draw_panel(self, panel: UInt8Array, truth: RobotState, robot: RobotMoment) -> None:
-        frame, view = robot.senses.frame, robot.belief.view
+        frame, view = robot.senses.frame, robot.status.view
         picture = None
         if frame is not None:
             picture = np.asarray(cv2.GaussianBlur(frame, (0, 0), _SMOOTHING_PX), dtype=np.uint8)
@@ -130,16 +130,16 @@ class MatchPictures:
             _write(panel, "no frame", (10, _LINE_HEIGHT + 30), _SOFT)
         if view is not None and view.belief is not None and view.belief.free_map is not None:
             _draw_map(panel, view.belief.free_map)
-        pose = robot.belief.pose
+        pose = robot.status.pose
         error = "lost"
         if isinstance(pose, PoseEstimate):
             error_m, error_rad = pose.pose.error_to(truth.pose)
             error = f"{100 * error_m:.1f} cm, {math.degrees(error_rad):.1f} deg off"
         _write(panel, error, (6, self._panel_height - 8), _INK)
-        for line, reason in enumerate(reversed(robot.belief.reasons), start=1):
+        for line, reason in enumerate(reversed(robot.status.reasons), start=1):
             _write(panel, f"{reason.topic}: {reason.choice}", (6, self._panel_height - 8 - 14 * line), _INK, 0.36)
         cv2.circle(panel, (12, 11), 6, SIDE_COLORS[truth.side], -1, cv2.LINE_AA)
-        says = f"stopped: {robot.stopped}" if robot.stopped else robot.belief.intent
+        says = f"stopped: {robot.stopped}" if robot.stopped else robot.status.intent
         _write(panel, f"{truth.number}  {says}", (24, 16), _INK)
 
     def _write_reasons(self, canvas: UInt8Array, moment: Moment) -> None:
@@ -148,7 +148,7 @@ class MatchPictures:
         for truth, robot in zip(moment.state.robots, moment.robots, strict=True):
             texts = [
                 reason.text if reason.topic == "gap" else f"{reason.topic}: {reason.text}"
-                for reason in robot.belief.reasons
+                for reason in robot.status.reasons
             ]
             lines += [(SIDE_COLORS[truth.side], f"{truth.number}  " + "   ".join(texts))] if texts else []
         for up, (color, text) in enumerate(reversed(lines)):

@@ -160,7 +160,7 @@ class RobotBody:
             max_pan = limits.pan_rps * dt
             self.pan_rad += max(-max_pan, min(max_pan, want_pan - self.pan_rad))
 
-    def feel(self) -> None:
+    def finish_step(self) -> None:
         """After a physics step: contacts turn the wheels, and the wheels count."""
         self._steps_to_kick = max(self._steps_to_kick - 1, 0)
         vx, vy = self.body.velocity

@@ -175,7 +175,7 @@ class World:
             ball.rub(STEP_S)
         self._space.step(STEP_S)
         for robot in self._robots:
-            robot.feel()
+            robot.finish_step()
 
     def _apply_rules(self) -> None:
         if self._referee is None or self._ball is None:

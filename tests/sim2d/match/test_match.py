@@ -10,12 +10,12 @@ import pytest
 from object_graph import reachable
 from sim2d_players import (
     SMALL_CAMERA,
-    BelievesNan,
-    BelievesWords,
     Exits,
     FailsAt,
     NeverBorn,
     Reckoner,
+    ReportsNan,
+    ReportsWords,
     SaysInfinity,
     SaysNan,
     SaysNothing,
@@ -44,7 +44,7 @@ def play(match, seconds):
     return list(match.play(seconds))
 
 
-def test_every_period_has_senses_beliefs_and_commands():
+def test_every_period_has_senses_status_and_commands():
     match = small_match()
     moments = play(match, 1.0)
     assert len(moments) == 30
@@ -71,7 +71,7 @@ def test_own_kick_off_is_told_to_one_side():
     assert [robot.senses.kick_off for robot in moment.robots] == [True, False]
 
 
-def test_belief_is_compared_with_the_truth():
+def test_status_is_compared_with_the_truth():
     match = small_match()
     play(match, 2.0)
     ours, theirs = match.figures.robots
@@ -94,8 +94,8 @@ def test_belief_is_compared_with_the_truth():
         (SaysNothing, "TypeError: the command is a NoneType, no Command", 0.5),
         (SaysWords, "ValueError: could not convert string to float: 'fast'", 0.5),
         (Exits, "SystemExit: 3", 0.5),
-        (BelievesWords, "TypeError: the belief is a str, no Belief", 0.0),
-        (BelievesNan, "ArgumentError: the believed pose must be finite, got Pose2(x_m=nan, ", 0.0),
+        (ReportsWords, "TypeError: the status is a str, no PlayerStatus", 0.0),
+        (ReportsNan, "ArgumentError: the status' pose must be finite, got Pose2(x_m=nan, ", 0.0),
         (NeverBorn, "ValueError: no way", 0.0),
     ],
 )
@@ -108,7 +108,7 @@ def test_a_player_that_fails_is_stopped_alone(player, reason, stopped_s):
     assert theirs.stopped_s == pytest.approx(stopped_s)
     assert theirs.stopped_reason.startswith(reason)
     assert moments[-1].robots[1].command == Command()
-    assert not moments[-1].robots[1].belief.pose
+    assert not moments[-1].robots[1].status.pose
     values = match_json("ssl_2001", 1, 0, match.figures)
     assert values["robots"][1]["stopped_reason"] == theirs.stopped_reason
     json.dumps(values, allow_nan=False)

@@ -19,13 +19,13 @@ def test_a_rolling_ball_has_a_velocity_and_an_unseen_one_is_forgotten():
     memory = BallMemory()
     assert memory.place(0.0) is None
     for k in range(20):
-        memory.see((0.03 * k, 0.0), k / 30)
+        memory.update((0.03 * k, 0.0), k / 30)
     assert memory.velocity_mps == (pytest.approx(0.9, abs=0.01), 0.0)
     assert memory.place(1.0) == (pytest.approx(0.57), 0.0)
     assert memory.age_s(1.0) == pytest.approx(1.0 - 19 / 30)
     assert memory.place(9.0) is None
     # seen elsewhere later, it has not rolled there
-    memory.see((-1.0, 0.0), 2.0)
+    memory.update((-1.0, 0.0), 2.0)
     assert memory.velocity_mps == (0.0, 0.0)
     memory.miss()
     assert memory.place(2.0) is None
@@ -33,8 +33,8 @@ def test_a_rolling_ball_has_a_velocity_and_an_unseen_one_is_forgotten():
 
 def test_a_ball_that_jumps_did_not_roll():
     memory = BallMemory()
-    memory.see((0.0, 0.0), 0.0)
-    memory.see((1.0, 0.0), 1 / 30)
+    memory.update((0.0, 0.0), 0.0)
+    memory.update((1.0, 0.0), 1 / 30)
     assert memory.velocity_mps == (0.0, 0.0)
 
 
@@ -59,7 +59,7 @@ def track(number, x_m, y_m, vx_mps=0.0):
 def test_a_ball_goes_out_of_sight_behind_who_had_it():
     hidden = HiddenBall(0.11)
     assert hidden.place((0.0, 0.0), [track(4, 0.5, 0.0)], 0.0) is None
-    hidden.see((0.52, 0.1), [track(4, 0.5, 0.0), track(7, 0.9, 0.9)], 0.0)
+    hidden.update((0.52, 0.1), [track(4, 0.5, 0.0), track(7, 0.9, 0.9)], 0.0)
     later = [track(4, 0.5, 0.5, vx_mps=0.2), track(7, 0.9, 0.9)]
     place, velocity = hidden.place((0.0, 0.0), later, 0.5)
     there = math.hypot(0.6, 0.5)
@@ -67,5 +67,5 @@ def test_a_ball_goes_out_of_sight_behind_who_had_it():
     assert velocity == (0.2, 0.0)
     # who is no longer followed hides nothing
     assert hidden.place((0.0, 0.0), later[1:], 0.0) is None
-    hidden.see((0.0, 0.5), later, 0.0)
+    hidden.update((0.0, 0.5), later, 0.0)
     assert hidden.place((0.0, 0.0), later, 0.0) is None

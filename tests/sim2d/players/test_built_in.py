@@ -75,8 +75,8 @@ def test_two_against_two_know_where_they_are():
     _, rows, _, team = play(6.0, players=2, seed=3)
     assert right(rows).mean() >= 0.95
     assert right(rows[rows[:, 0] > 2.0]).mean() >= 0.99
-    assert team[0].belief.intent
-    assert team[1].belief.view is not None
+    assert team[0].status.intent
+    assert team[1].status.view is not None
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -172,12 +172,12 @@ def test_odometry_that_is_no_number_never_leaves_it():
 
 def test_before_anything_is_seen_it_waits():
     player = BuiltInPlayer(PlayerSetup(FIELD, CAMERA, LIMITS, 1, 0, 1, 0))
-    assert player.belief.ball_in_field is None
+    assert player.status.ball_in_field is None
     command = player.act(Senses(0.0, None, None, Pose2(0.0, 0.0, 0.0), False, "play", False))
     assert command == Command()
-    assert player.belief.intent == "wait"
-    assert not player.belief.pose
-    assert player.belief.view is None
+    assert player.status.intent == "wait"
+    assert not player.status.pose
+    assert player.status.view is None
 
 
 def test_the_same_seed_plays_the_same_match():
@@ -197,7 +197,7 @@ def test_a_head_that_pans_finds_its_place_by_the_goals():
     assert np.median(rows[known, 2]) < 0.05
     # the head turns all the time, and farther between two frames than this
     assert np.percentile(rows[known, 3], 90) < math.radians(2)
-    assert all(player.belief.view is not None for player in team)
+    assert all(player.status.view is not None for player in team)
 
 
 def test_what_a_turning_head_sees_is_seen_from_where_it_was():
@@ -210,7 +210,7 @@ def test_what_a_turning_head_sees_is_seen_from_where_it_was():
     def believed(*pan_rad):
         player = BuiltInPlayer(PlayerSetup(field, camera, LIMITS, 1, 0, 1, 0))
         player.act(Senses(0.0, frame, 0.0, Pose2(0.0, 0.0, 0.0), False, "play", False, *pan_rad))
-        return player.belief.pose.pose
+        return player.status.pose.pose
 
     assert believed(0.55).error_to(truth) == pytest.approx((0.0, 0.0), abs=0.05)
     # without the joint's word the head counts as straight ahead
@@ -225,17 +225,17 @@ def test_players_that_remember_follow_the_others_and_know_the_floor():
     for moment in match.play(plan.seconds):
         for index, robot in enumerate(moment.robots[:2]):
             others = [truth.pose for truth in moment.state.robots if truth.index != index]
-            tracks = robot.belief.view.belief.tracks
+            tracks = robot.status.view.belief.tracks
             off_m.extend(min(math.hypot(p.x_m - t.x_m, p.y_m - t.y_m) for p in others) for t in tracks)
     assert len(off_m) > 90
     assert np.mean(np.array(off_m) < 0.1) > 0.9
-    belief = robot.belief.view.belief
+    belief = robot.status.view.belief
     assert (belief.free_map.state == FREE).sum() * belief.free_map.cell_m**2 > 0.5
     assert moment.robots[2].belief.view.belief.free_map is None
     # the film shows more of those who remember
     plain = tuple(
         dataclasses.replace(
-            r, belief=dataclasses.replace(r.belief, view=dataclasses.replace(r.belief.view, belief=None))
+            r, status=dataclasses.replace(r.status, view=dataclasses.replace(r.status.view, belief=None))
         )
         for r in moment.robots
     )

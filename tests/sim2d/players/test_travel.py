@@ -150,9 +150,9 @@ def test_a_planning_team_plays_and_says_why():
     for moment in match.play(6.0):
         ours, theirs = moment.robots[:2], moment.robots[2:]
         assert not any(robot.stopped for robot in moment.robots)
-        assert all(not robot.belief.reasons for robot in theirs)
-        topics |= {reason.topic for robot in ours for reason in robot.belief.reasons}
-        seen += [robot.belief for robot in ours if robot.belief.waypoint_in_field is not None]
+        assert all(not robot.status.reasons for robot in theirs)
+        topics |= {reason.topic for robot in ours for reason in robot.status.reasons}
+        seen += [robot.status for robot in ours if robot.status.waypoint_in_field is not None]
     assert topics == {"gap", "speed", "shot"}
     assert all(0 < belief.speed_mps <= LIMITS.speed_mps for belief in seen)
 
@@ -175,10 +175,10 @@ def test_a_head_that_turns_looks_where_the_plan_says():
     match = Match(load_field("four_legged_2007"), 1, 3, ours=player_factory("planning"))
     robots = [moment.robots[0] for moment in match.play(3.0)]
     assert not any(robot.stopped for robot in robots)
-    planned = [robot for robot in robots if robot.belief.gaze_rad is not None]
+    planned = [robot for robot in robots if robot.status.gaze_rad is not None]
     assert planned
     for robot in planned:
-        reason = next(reason for reason in robot.belief.reasons if reason.topic == "gaze")
-        assert robot.command.pan_rad == pytest.approx(robot.belief.gaze_rad)
+        reason = next(reason for reason in robot.status.reasons if reason.topic == "gaze")
+        assert robot.command.pan_rad == pytest.approx(robot.status.gaze_rad)
         assert reason.choice == ("sweep" if reason.text.startswith("sweep") else "planned")
-    assert any(reason.choice == "planned" for robot in planned for reason in robot.belief.reasons)
+    assert any(reason.choice == "planned" for robot in planned for reason in robot.status.reasons)

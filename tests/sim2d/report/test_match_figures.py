@@ -9,7 +9,7 @@ from robocup_vision.geometry import Pose2
 from sim2d.report.match_figures import MatchLog
 from sim2d.report.match_file import match_json, write_json
 from sim2d.report.moment import RobotMoment
-from sim2d.robot_link import Belief, Command, RobotLimits, Senses
+from sim2d.robot_link import Command, PlayerStatus, RobotLimits, Senses
 from sim2d.sensors.faults import BodyFault
 from sim2d.world.state import BallState, Event, RobotState, WorldState
 
@@ -23,7 +23,7 @@ def state(index, ball=(0.0, 0.0), at=(-0.5, 0.5), events=(), score=(0, 0)):
 
 def robot(index, stopped=""):
     senses = Senses(index / 30, None, None, ODOMETRY, False, "play", False)
-    return RobotMoment(senses, Belief(NotLocated("asleep"), None, "", None), Command(), stopped)
+    return RobotMoment(senses, PlayerStatus(NotLocated("asleep"), None, "", None), Command(), stopped)
 
 
 def new_log(faults=()):

@@ -24,13 +24,13 @@ class Reasoner(Reckoner):
     """Slow from 0.2 s to 0.4 s, at full speed before and after, and silent from 0.6 s on."""
 
     @property
-    def belief(self):  # noqa: D102
+    def status(self):  # noqa: D102
         now = self.senses[-1].t_s
         if now > 0.59:
-            return super().belief
+            return super().status
         slow = 0.19 < now < 0.39
         return dataclasses.replace(
-            super().belief,
+            super().status,
             reasons=(ROUND, SLOW if slow else FULL, GAZE),
             waypoint_in_field=(0.2, -0.3),
             gap_in_field=((0.2, -0.1), (0.2, -0.6)),
