@@ -1,25 +1,27 @@
-"""Image files read strictly: what a decoder would quietly patch up (a missing half, a grey or 16-bit image) is refused.
+"""Image files read strictly: a truncated file and a grey or 16-bit image are refused, not repaired in silence.
 
-OpenCV returns the part of a truncated PNG or JPEG that it could decode, with the rest grey or black; a localiser scored
-on such an image would be scored on nothing. So the file's own structure is checked before it is decoded.
+OpenCV returns the part of a truncated PNG or JPEG that it could decode, with the rest grey or black. A localiser must
+not be scored on such an image, so Pillow, which refuses it, reads the file first. OpenCV then decodes the pixels: its
+arrays keep 16 bits and alpha channels, which are refused by name.
 """
 
 from __future__ import annotations
 
-import struct
-import zlib
+import io
 from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from PIL import Image, UnidentifiedImageError
 
 from field_models.errors import FrameError
 from robocup_vision.arrays import UInt8Array
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_JPEG_START = b"\xff\xd8"
+_SIGNATURES = {b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8": "JPEG", b"BM": "BMP"}
+# a PNG's last chunk is empty, so its bytes are the same in every file; Pillow does not read its checksum
+_PNG_END = b"\x00\x00\x00\x00IEND\xaeB`\x82"
 
 
 def read_image(path: str | Path, size_px: tuple[int, int]) -> UInt8Array:
@@ -91,51 +93,19 @@ def _decode(path: str | Path) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
 def _damage(data: bytes) -> str | None:
     if not data:
         return "is empty"
-    if data.startswith(_PNG_SIGNATURE):
-        return _png_damage(data)
-    if data.startswith(_JPEG_START):
-        return _jpeg_damage(data)
-    if data.startswith(b"BM"):
-        return _bmp_damage(data)
-    return "is neither a PNG, a JPEG nor a BMP file"
+    kind = next((kind for signature, kind in _SIGNATURES.items() if data.startswith(signature)), None)
+    if kind is None:
+        return "is neither a PNG, a JPEG nor a BMP file"
+    try:
+        with Image.open(io.BytesIO(data), formats=[kind]) as image:
+            # a PNG's checksums tell any damage; a JPEG or BMP must be decoded to its end
+            image.verify() if kind == "PNG" else image.load()
+    except Exception as error:  # Pillow's readers raise errors of many kinds
+        return f"is a truncated or damaged {kind} ({_reason(error)})"
+    if kind == "PNG" and _PNG_END not in data:
+        return "is a truncated or damaged PNG (its end is missing)"
+    return None
 
 
-def _png_damage(data: bytes) -> str | None:
-    at = len(_PNG_SIGNATURE)
-    while at + 12 <= len(data):
-        (length,) = struct.unpack_from(">I", data, at)
-        kind = data[at + 4 : at + 8]
-        end = at + 8 + length
-        if end + 4 > len(data):
-            break
-        if zlib.crc32(data[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
-            return f"is a damaged PNG (chunk {kind.decode('latin-1')!r} fails its checksum)"
-        if kind == b"IEND":
-            return None
-        at = end + 4
-    return "is a truncated PNG (its end is missing)"
-
-
-def _jpeg_damage(data: bytes) -> str | None:
-    at = len(_JPEG_START)
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        marker = data[at + 1]
-        if marker == 0xFF:  # fill byte
-            at += 1
-            continue
-        at += 2 + struct.unpack_from(">H", data, at + 2)[0]
-        # an embedded thumbnail has an end marker of its own, so only one behind the scan's start counts
-        if marker == 0xDA:
-            return None if data.find(b"\xff\xd9", at) >= 0 else "is a truncated JPEG (its end is missing)"
-    return "is a truncated or damaged JPEG (no image data)"
-
-
-def _bmp_damage(data: bytes) -> str | None:
-    if len(data) < 54:
-        return "is a truncated BMP (its header is incomplete)"
-    offset, header = struct.unpack_from("<II", data, 10)
-    width, height, _, bits, compression = struct.unpack_from("<iiHHI", data, 18)
-    if header < 40 or compression not in (0, 3):
-        return None
-    row = (abs(width) * bits + 31) // 32 * 4
-    return None if len(data) >= offset + row * abs(height) else "is a truncated BMP (its end is missing)"
+def _reason(error: Exception) -> str:
+    return "its header cannot be read" if isinstance(error, UnidentifiedImageError) else str(error)

@@ -78,7 +78,7 @@ def test_nothing_is_dropped(folder: Path, fake: ModuleType, tmp_path: Path) -> N
         "too dark to see",
         "internal error: RuntimeError: a bug, in two lines",
         "internal error: ValueError: the estimate is not finite or has a negative variance",
-        "is a truncated PNG (its end is missing)",
+        "is a truncated or damaged PNG (Truncated File Read)",
         "",
     ]
     assert rows[3]["ms"] == ""

@@ -36,18 +36,18 @@ def test_any_truncation_is_refused(tmp_path_factory: pytest.TempPathFactory, kin
     data = encode(kind)
     path = tmp_path_factory.mktemp("cut") / f"a{kind}"
     path.write_bytes(data[: min(int(len(data) * share), len(data) - 2)])
-    with pytest.raises(FrameError, match=r"^a\.\w+: is (truncated|a truncated|empty|neither)"):
+    with pytest.raises(FrameError, match=r"^a\.\w+: is (a truncated or damaged|empty|neither)"):
         read_image(path, (WIDTH, HEIGHT))
 
 
 @settings(deadline=None, max_examples=40)
-@given(at=st.floats(0.2, 0.9), flip=st.integers(1, 255))
+@given(at=st.floats(0.01, 0.9999), flip=st.integers(1, 255))
 def test_a_damaged_png_is_refused(tmp_path_factory: pytest.TempPathFactory, at: float, flip: int) -> None:
     data = bytearray(encode(".png"))
     data[int(at * len(data))] ^= flip
     path = tmp_path_factory.mktemp("bent") / "a.png"
     path.write_bytes(data)
-    with pytest.raises(FrameError, match=r"^a\.png: is a (damaged|truncated) PNG"):
+    with pytest.raises(FrameError, match=r"^a\.png: is a truncated or damaged PNG"):
         read_image(path, (WIDTH, HEIGHT))
 
 
@@ -71,8 +71,11 @@ def test_other_images_are_refused(tmp_path: Path, image: np.ndarray, problem: st
     [
         (b"", "is empty"),
         (b"GIF89a", "is neither a PNG, a JPEG nor a BMP file"),
-        (b"\xff\xd8\xff\xff\xff", r"is a truncated or damaged JPEG \(no image data\)"),
-        (b"BM" + struct.pack("<IIIIiiHHI", 60, 0, 54, 12, 9, 9, 1, 24, 0) + bytes(22), "is not an image"),
+        (b"\xff\xd8\xff\xff\xff", r"is a truncated or damaged JPEG \(its header cannot be read\)"),
+        (
+            b"BM" + struct.pack("<IIIIiiHHI", 60, 0, 54, 12, 9, 9, 1, 24, 0) + bytes(22),
+            r"is a truncated or damaged BMP \(.+\)",
+        ),
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, data: bytes, problem: str) -> None:
@@ -86,7 +89,7 @@ def test_a_thumbnail_does_not_hide_a_truncation(tmp_path: Path) -> None:
     thumbnail = encode(".jpg", COLOR[:8, :8].copy())
     app1 = b"\xff\xe1" + struct.pack(">H", 2 + len(thumbnail)) + thumbnail
     (tmp_path / "a.jpg").write_bytes(data[:2] + app1 + data[2:-2])
-    with pytest.raises(FrameError, match="truncated JPEG"):
+    with pytest.raises(FrameError, match="truncated or damaged JPEG"):
         read_image(tmp_path / "a.jpg", (WIDTH, HEIGHT))
     (tmp_path / "a.jpg").write_bytes(data[:2] + app1 + data[2:])
     assert read_image(tmp_path / "a.jpg", (WIDTH, HEIGHT)).shape == COLOR.shape
