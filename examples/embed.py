@@ -18,15 +18,15 @@ OUT = Path("out")
 vision = Vision(load_field("ssl_2001"), load_camera(DATASET / "camera.toml"))
 steering = Steering(robot_radius_m=0.09, acceleration_mps2=0.3, dead_time_s=0.03, speed_mps=0.4)
 velocity_mps = (0.0, 0.0)
-goal_bearing_rad = 0.0
+target_bearing_rad = 0.0
 
 for path in sorted((DATASET / "images").glob("*.png")):
     frame = cv2.imread(str(path))
     view = vision.look(frame)
 
     if view.ball is not None:
-        goal_bearing_rad = math.atan2(view.ball.y_m, view.ball.x_m)
-    command = steering.steer(view.free_space, velocity_mps, goal_bearing_rad)
+        target_bearing_rad = math.atan2(view.ball.y_m, view.ball.x_m)
+    command = steering.steer(view.free_space, velocity_mps, target_bearing_rad)
     velocity_mps = command.velocity_mps  # a robot would measure it
 
     if view.pose:

@@ -12,7 +12,6 @@ from robocup_vision.planning import (
     Blocker,
     Defender,
     Disc,
-    FloorToDecide,
     GatePlanner,
     MotionLimits,
     Neck,
@@ -22,6 +21,7 @@ from robocup_vision.planning import (
     PoseNoise,
     ShotPlanner,
     SpeedPlanner,
+    UndecidedFloor,
     UndecidedSpeed,
     WidthSensor,
     choose_gap,
@@ -60,7 +60,7 @@ for here in (robot, Pose2(1.4, y, 0.0)):
 # and as fast as floor that is hidden by now will have been looked at in time
 looks = np.full((60, 100), -1, dtype=np.int16)  # all free, but for a strip behind the opponents
 looks[30:36, 52:60] = 4
-floor = FloorToDecide(looks, corner_m=(-0.5, -1.5), cell_m=0.05)
+floor = UndecidedFloor(looks, corner_m=(-0.5, -1.5), cell_m=0.05)
 print(UndecidedSpeed(limits, ROBOT_M, LOOK_S).plan(np.array([(1.2, 0.2), goal]), floor).reason)
 
 # a four-legged robot turns its head to where landmarks leave its pose least uncertain, past an opponent

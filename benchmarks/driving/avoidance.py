@@ -62,8 +62,8 @@ class DynamicWindow:
         self,
         free_space: FreeRanges,
         velocity_mps: Sequence[float],
-        goal_bearing_rad: float,
-        goal_distance_m: float,
+        target_bearing_rad: float,
+        target_distance_m: float,
         pending_mps: Sequence[float],
     ) -> Window:
         """Choose the next velocity."""
@@ -83,10 +83,10 @@ class DynamicWindow:
         clear = np.where((aside < self._radius_m) & (along > 0), np.maximum(along - chord, 0.0), np.inf).min(axis=1)
         late_s = limits.dead_time_s + self._period_s
         admissible = speed**2 / (2 * limits.acceleration_mps2) + speed * late_s <= clear
-        admissible &= speed**2 / (2 * limits.acceleration_mps2) <= goal_distance_m + 0.05
+        admissible &= speed**2 / (2 * limits.acceleration_mps2) <= target_distance_m + 0.05
         if not admissible.any():
             return Window(np.zeros(2))
-        goal = np.array([math.cos(goal_bearing_rad), math.sin(goal_bearing_rad)])
+        goal = np.array([math.cos(target_bearing_rad), math.sin(target_bearing_rad)])
         score = 0.8 * unit @ goal + 0.2 * np.minimum(clear, 1.0) + 0.4 * speed / limits.speed_mps
         return Window(tried[int(np.argmax(np.where(admissible, score, -np.inf)))])
 

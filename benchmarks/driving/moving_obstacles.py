@@ -152,7 +152,7 @@ def drive(place: Place, method: str, seed: int, run: int) -> Outcome:
             world.t_s, detector.in_profile(sensor.bearing_rad, range_m, robot, sensor.pose_covariance), robot,
             sensor.pose_covariance,
         )  # fmt: skip
-        free = floor.see(FreeSpace(sensor.bearing_rad, range_m), odometry)
+        free = floor.update(FreeSpace(sensor.bearing_rad, range_m), odometry)
         moving: tuple[MovingObstacle, ...] = ()
         if method == TRACKED:
             moving = tuple(track.as_obstacle(robot, LIMITS.radius_m) for track in tracks)

@@ -336,8 +336,8 @@ def _is_near(belief: PoseEstimate | NotLocated, truth: Pose2) -> bool:
 
 def synthesize(task: tuple[int, int, float, float]) -> dict[str, Tally]:
     """All methods on one synthetic run."""
-    seed, run, lasting_share, lasting_m = task
-    steps = synthetic_steps(lasting_share, lasting_m, np.random.default_rng([seed, run, 3]))
+    seed, run, bias_ratio, bias_distance_m = task
+    steps = synthetic_steps(bias_ratio, bias_distance_m, np.random.default_rng([seed, run, 3]))
     coming = arrivals(steps, "every frame", np.random.default_rng(0))
     methods = [method for method in METHODS if method != "EKF" or ExtendedKalmanFilter is not None]
     return {method: judge(steps, follow(FOLLOWERS[method](), steps, coming)) for method in methods}
@@ -445,9 +445,9 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> bool:
     """Print NEES by how long errors truly last; tell whether the filter's is as wanted."""
     guess = FrameErrors()
     table = Table(
-        ("lasting share", "for m", "method", "RMS mm", "ratio", "NEES mean", "in 95 %", ""),
-        f"synthetic: {runs} runs of {RUN_S:g} s each; the filter's guess is {guess.lasting_share:g} for "
-        f"{guess.lasting_m:g} m; wanted: NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}",
+        ("bias ratio", "for m", "method", "RMS mm", "ratio", "NEES mean", "in 95 %", ""),
+        f"synthetic: {runs} runs of {RUN_S:g} s each; the filter's guess is {guess.bias_ratio:g} for "
+        f"{guess.bias_distance_m:g} m; wanted: NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}",
     )
     all_ok = True
     for number, (share, way_m) in enumerate(LASTING):

@@ -138,7 +138,7 @@ def driven_s(case: Case, rng: np.random.Generator) -> tuple[float, float, float,
     def look(gap: Gap, eye_m: Point) -> Gap:
         away = math.dist(eye_m, gap.center_m)
         sigma = case.sensor.sigma_m(gap, eye_m, case.limits.travel_s(away))
-        return gap.seen(width + sigma * rng.standard_normal(), sigma)
+        return gap.updated(width + sigma * rng.standard_normal(), sigma)
 
     start = case.tables(case.gap, case.robot_m)
     simple = [end_s(start, 0, False)]

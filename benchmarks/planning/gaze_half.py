@@ -21,7 +21,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.goal.localizer import GoalLocalizer
-from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen
+from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
 from robocup_vision.planning.gaze.sight_lines import Blocker
 from sim2d.match.arena import camera_for
@@ -99,7 +99,7 @@ class Case:
             rng = np.random.default_rng([*self._seed, round(pan_rad * 1000) % 100_000, count])
             head = self.pose.compose(Pose2(0.0, 0.0, pan_rad))
             frame = MATCH_SENSOR.expose(render_pinhole(CAMERA, self._scene, head, supersample=COARSE), rng)
-            self._shown[pan_rad, count] = goal_seen(FIELD, self._localizer.locate(frame))
+            self._shown[pan_rad, count] = identified_goal(FIELD, self._localizer.locate(frame))
         return self._shown[pan_rad, count]
 
     def goal_pans(self) -> list[float]:
@@ -138,7 +138,7 @@ def ask(case: Case, rule: str) -> Asked:
             pan = float(STOPS[looks % len(STOPS)])
         else:
             pan = order[looks % 2]
-        share = question.saw(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
+        share = question.observe(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
         looked.append(pan)
         looks += 1
     answered = entropy_nat(share) <= ENOUGH_NAT

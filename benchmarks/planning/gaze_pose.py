@@ -28,7 +28,7 @@ from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT, camera
 from robocup_vision.localization.goal.localizer import GoalLocalizer
 from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze.pose_gaze import DETECTORS, GOAL_DETECTORS, Neck, PoseGaze
-from robocup_vision.planning.gaze.sight_lines import Blocker, clear_share
+from robocup_vision.planning.gaze.sight_lines import Blocker, clear_probability
 from robocup_vision.vision import Vision
 from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import render_pinhole
@@ -45,7 +45,7 @@ OTHERS, OTHER_RADIUS_M, OTHER_HEIGHT_M = 5, 0.15, 0.28
 TRACKED_SHARE, TRACK_STD_M = 0.8, 0.08
 ODOMETRY_SHARE, PUSH = 0.2, np.array([0.02, 0.02, 0.05])
 # the same as the filter of frames is told it: a slip that lasts for a run
-ODOMETRY = OdometryNoise(slip_share=ODOMETRY_SHARE / 2, slip_s=RUN_S, push_m=PUSH[0], push_rad=PUSH[2])
+ODOMETRY = OdometryNoise(slip_ratio=ODOMETRY_SHARE / 2, slip_s=RUN_S, push_m=PUSH[0], push_rad=PUSH[2])
 LOST_M = 0.5
 RULES = ("planned", "planned, |P|", "fixed sweep")
 MAX_RMS, MAX_SPREAD = 0.95, 0.85
@@ -148,8 +148,13 @@ def blockers_of(walk: Walk, k: int, rng: np.random.Generator) -> list[Blocker]:
 MARKS = field_landmarks(FIELD)
 PLACES = np.array([[m.x_m, m.y_m, m.height_m] for m in MARKS])
 MARK_STD_RAD = np.array([DETECTORS[m.kind].std_px / CAMERA.focal_px[0] for m in MARKS])
-MARK_FOUND = np.array([DETECTORS[m.kind].found_share for m in MARKS])
-MARK_ALONE = np.array([d.found_share if (d := DETECTORS[m.kind]).alone_share is None else d.alone_share for m in MARKS])
+MARK_FOUND = np.array([DETECTORS[m.kind].detection_probability for m in MARKS])
+MARK_ALONE = np.array(
+    [
+        d.detection_probability if (d := DETECTORS[m.kind]).alone_probability is None else d.alone_probability
+        for m in MARKS
+    ]
+)
 # of a post's foot and top those of the goal's other post
 PARTNER = np.array(
     [
@@ -157,7 +162,7 @@ PARTNER = np.array(
         for i, m in enumerate(MARKS)
     ]
 )
-MARK_FARTHEST_M = np.array([DETECTORS[m.kind].farthest_m for m in MARKS])
+MARK_FARTHEST_M = np.array([DETECTORS[m.kind].max_range_m for m in MARKS])
 
 
 def see_landmarks(
@@ -172,7 +177,9 @@ def see_landmarks(
         seen = ((pixels >= 0) & (pixels <= np.array(CAMERA.size_px) - 1)).all(axis=1)
     seen &= np.hypot(way[:, 0], way[:, 1]) < MARK_FARTHEST_M
     exact = 1e-8 * np.eye(2)
-    hidden = clear_share(eye, PLACES, [Blocker(x, y, OTHER_RADIUS_M, exact, OTHER_HEIGHT_M) for x, y in others]) < 0.5
+    hidden = (
+        clear_probability(eye, PLACES, [Blocker(x, y, OTHER_RADIUS_M, exact, OTHER_HEIGHT_M) for x, y in others]) < 0.5
+    )
     seen &= ~hidden
     seen &= rng.random(len(MARKS)) < np.where(seen[PARTNER], MARK_FOUND, MARK_ALONE)
     away = np.hypot(way[seen, 0], way[seen, 1])
@@ -214,7 +221,7 @@ def landmark_run(job: tuple[list[int], str]) -> RunScore:
         blockers = blockers_of(walk, k, rng)
         wanted = 0.0
         if rule.startswith("planned"):
-            gaze.saw(len(marks) > 0, pan)
+            gaze.observe(len(marks) > 0, pan)
             belief = PoseEstimate(track.pose, track.covariance, 1.0, 0.0)
             wanted = gaze.choose(belief, t_s, pan, blockers, noise / FRAME_S).pan_rad
         elif rule == "fixed sweep":
@@ -268,7 +275,7 @@ def rendered_run(job: tuple[list[int], str]) -> RunScore:
         blockers = blockers_of(walk, k, rng)
         wanted = 0.0
         if rule == "planned":
-            gaze.saw(bool(seen), pan)
+            gaze.observe(bool(seen), pan)
             wanted = gaze.choose(
                 belief, t_s, pan, blockers, drift_of(walk.odometry[k], RENDERED_FRAME_S) / RENDERED_FRAME_S
             ).pan_rad
@@ -335,10 +342,11 @@ def detectors(arguments: Namespace, pool: ProcessPoolExecutor) -> None:
         "detectors on rendered frames, with a prior",
     )
     post, crossing = DETECTORS["post"], DETECTORS["crossing"]
+    whole, alone, crossed = post.detection_probability, post.alone_probability, crossing.detection_probability
     for name, of, key, share, std in (
-        ("both posts of a goal", [s for s in seen if s.posts == 2], "by_posts_px", post.found_share, post.std_px),
-        ("one post", [s for s in seen if s.posts == 1], "by_posts_px", post.alone_share, post.std_px),
-        ("crossings, by lines", [s for s in seen if s.crossings], "by_lines_px", crossing.found_share, crossing.std_px),
+        ("both posts of a goal", [s for s in seen if s.posts == 2], "by_posts_px", whole, post.std_px),
+        ("one post", [s for s in seen if s.posts == 1], "by_posts_px", alone, post.std_px),
+        ("crossings, by lines", [s for s in seen if s.crossings], "by_lines_px", crossed, crossing.std_px),
     ):
         errors = [e for s in of if (e := getattr(s, key)) is not None]
         px = 1.48 * float(np.median(np.abs(np.vstack(errors)))) if errors else None

@@ -113,7 +113,7 @@ def find_way(job: tuple[list[int], str]) -> Found:
         if at is None:
             at = chosen.at_m
         tried.append(at)
-        planner.looked(at, world.start)
+        planner.observe(at, world.start)
         if rng.random() >= IN_VAIN:
             world.look(at)
     return Found(MAX_LOOKS, math.inf)

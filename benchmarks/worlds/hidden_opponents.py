@@ -12,11 +12,11 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion.path_following import drive, nearest_on_path
 from robocup_vision.planning import (
     Disc,
-    FloorToDecide,
     MotionLimits,
     PathFollower,
     PoseNoise,
     SpeedPlanner,
+    UndecidedFloor,
     UndecidedSpeed,
     looks_to_decide,
 )
@@ -133,7 +133,7 @@ class Robot:
             looks[looks > 0] = -1
         elif self.rule == "stop":
             looks[looks > 0] = 0
-        plan = self.undecided.plan(self.path, FloorToDecide(looks, (0.0, 0.0), CELL_M))
+        plan = self.undecided.plan(self.path, UndecidedFloor(looks, (0.0, 0.0), CELL_M))
         if self.constant_mps is None:
             # and no faster than the controller keeps off what it knows
             discs = [Disc(x, y, radius, PLACE_STD_M**2 * np.eye(2)) for x, y, radius in known.tolist()]

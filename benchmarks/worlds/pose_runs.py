@@ -166,7 +166,7 @@ def with_odometry(steps: list[Step], gain: float) -> list[Step]:
     return scaled
 
 
-def synthetic_steps(lasting_share: float, lasting_m: float, rng: np.random.Generator) -> list[Step]:
+def synthetic_steps(bias_ratio: float, bias_distance_m: float, rng: np.random.Generator) -> list[Step]:
     """Return the steps of a robot that wanders by itself, whose frames err as the model says."""
     std = np.array([0.003, 0.003, 0.002])
     steps, truth, slip, b = [], Pose2(0.0, 0.0, 0.0), np.zeros(3), rng.standard_normal(3)
@@ -179,17 +179,17 @@ def synthetic_steps(lasting_share: float, lasting_m: float, rng: np.random.Gener
             back = math.atan2(-truth.y_m, -truth.x_m)
             heading = back - truth.theta_rad if math.hypot(truth.x_m, truth.y_m) > 1.0 else heading
         scale = rng.uniform(0.5, 2.0)
-        error = scale * std * (math.sqrt(lasting_share) * b + math.sqrt(1 - lasting_share) * rng.standard_normal(3))
+        error = scale * std * (math.sqrt(bias_ratio) * b + math.sqrt(1 - bias_ratio) * rng.standard_normal(3))
         x, y, theta = (truth.array + error).tolist()
         estimate = PoseEstimate(Pose2(x, y, theta), np.diag((scale * std) ** 2), 1.0, 0.0)
         steps.append(Step(index * dt, truth, step, estimate))
         kept = math.exp(-dt / 0.1)
-        sizes = OdometryNoise().slip_share * np.array([speed, speed, math.hypot(turn, speed)])
+        sizes = OdometryNoise().slip_ratio * np.array([speed, speed, math.hypot(turn, speed)])
         slip = kept * slip + math.sqrt(1 - kept**2) * sizes * rng.standard_normal(3)
         step = Pose2(speed * math.cos(heading) * dt, speed * math.sin(heading) * dt, turn * dt)
         pushed = np.sqrt(np.diag(OdometryNoise().push(dt))) * rng.standard_normal(3)
         dx, dy, da = (step.array + slip * dt + pushed).tolist()
         truth = truth.compose(Pose2(dx, dy, da))
-        kept = math.exp(-speed * dt / lasting_m)
+        kept = math.exp(-speed * dt / bias_distance_m)
         b = kept * b + math.sqrt(1 - kept**2) * rng.standard_normal(3)
     return steps

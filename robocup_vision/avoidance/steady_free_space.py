@@ -26,7 +26,7 @@ class SteadyFreeSpace:
     def __init__(self) -> None:
         self._last: tuple[FreeSpace, ...] = ()
 
-    def see(self, free_space: FreeSpace, motion: Pose2) -> FreeSpace:
+    def update(self, free_space: FreeSpace, motion: Pose2) -> FreeSpace:
         """Take in a frame's free space, and return the steady one: the newest alone until there are three.
 
         Parameters

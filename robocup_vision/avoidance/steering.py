@@ -58,7 +58,7 @@ class SteeringCommand:
     directions_rad : (J,) float64
         The directions.
     reason : str
-        ``towards goal``, ``around obstacle``, or why there is no safe direction.
+        ``towards target``, ``around obstacle``, or why there is no safe direction.
     """
 
     velocity_mps: FloatArray
@@ -182,7 +182,7 @@ class Steering:
         self._units = np.stack([np.cos(self._directions), np.sin(self._directions)], axis=1)
         # Plain numbers are read faster than elements of arrays. The last one, index -1, is braking.
         self._moves = [*zip(self._directions.tolist(), *self._units.T.tolist(), strict=True), (math.nan, 0.0, 0.0)]
-        self._near_goal_rad = math.pi / directions * 1.001
+        self._near_target_rad = math.pi / directions * 1.001
         self._edges = profile_edges(grown_profile.BINS)
         self._profile = np.empty(grown_profile.BINS)
         self._fine = np.empty(grown_profile.FINE)
@@ -198,8 +198,8 @@ class Steering:
         self,
         free_space: FreeRanges,
         velocity_mps: Sequence[float] | FloatArray,
-        goal_bearing_rad: float,
-        goal_distance_m: float | None = None,
+        target_bearing_rad: float,
+        target_distance_m: float | None = None,
         pending_mps: Sequence[float] | FloatArray | None = None,
         moving: Sequence[MovingObstacle] = (),
         speed_mps: float | None = None,
@@ -212,9 +212,9 @@ class Steering:
             Bearings (J,), ascending within one turn, at least 3, and free ranges (J,); robot frame.
         velocity_mps : (2,) float64 or pair of float
             Present velocity v_a, robot frame.
-        goal_bearing_rad : float
+        target_bearing_rad : float
             Direction of the goal, robot frame.
-        goal_distance_m : float, optional
+        target_distance_m : float, optional
             Lets the robot arrive at rest: speed at most sqrt(2 alpha d), less what it travels before it obeys.
             Contacts beyond the goal and the stopping distance then do not count towards the goal.
 
@@ -247,11 +247,11 @@ class Steering:
             )
         velocity = _pair("velocity_mps", velocity_mps)
         pending = velocity if pending_mps is None else _pair("pending_mps", pending_mps)
-        if not math.isfinite(goal_bearing_rad):
-            raise ArgumentError(f"goal_bearing_rad must be finite, got {goal_bearing_rad!r}")
-        distance = math.inf if goal_distance_m is None else float(goal_distance_m)
+        if not math.isfinite(target_bearing_rad):
+            raise ArgumentError(f"target_bearing_rad must be finite, got {target_bearing_rad!r}")
+        distance = math.inf if target_distance_m is None else float(target_distance_m)
         if not distance >= 0.0:
-            raise ArgumentError(f"goal_distance_m must not be negative, got {goal_distance_m!r}")
+            raise ArgumentError(f"target_distance_m must not be negative, got {target_distance_m!r}")
         if bearing.shape[0] != self._known_bearing.shape[0]:
             self._resize(bearing.shape[0])
         if speed_mps is not None and not speed_mps > 0.0:
@@ -265,7 +265,7 @@ class Steering:
         outcome, index, speed, detour = kernel.steer(
             velocity,
             pending,
-            float(goal_bearing_rad),
+            float(target_bearing_rad),
             distance,
             self._detour_rad,
             limits,
@@ -300,8 +300,8 @@ class Steering:
         command.flags.writeable = False
         if outcome > 0:
             reason = _REASONS[outcome - 1]
-        elif abs(math.remainder(direction - goal_bearing_rad, math.tau)) <= self._near_goal_rad:
-            reason = "towards goal"
+        elif abs(math.remainder(direction - target_bearing_rad, math.tau)) <= self._near_target_rad:
+            reason = "towards target"
         else:
             reason = "around obstacle"
         return SteeringCommand(

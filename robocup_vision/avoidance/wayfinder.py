@@ -111,7 +111,7 @@ class Wayfinder:
         self._goal = (math.inf, math.inf)
         self._is_due = True
 
-    def see(self, free_space: FreeRanges, motion: Pose2) -> None:
+    def update(self, free_space: FreeRanges, motion: Pose2) -> None:
         """Take in a view.
 
         Parameters
@@ -150,15 +150,15 @@ class Wayfinder:
 
     def head(
         self,
-        goal_bearing_rad: float,
-        goal_distance_m: float,
+        target_bearing_rad: float,
+        target_distance_m: float,
         velocity_mps: Sequence[float] | FloatArray = (0.0, 0.0),
     ) -> Heading:
         """Tell where to head for a goal.
 
         Parameters
         ----------
-        goal_bearing_rad, goal_distance_m : float
+        target_bearing_rad, target_distance_m : float
             The goal, robot frame, radians and metres.
         velocity_mps : (2,) float64 or pair of float
             The robot's, robot frame: going another way, it slows down first.
@@ -168,19 +168,20 @@ class Wayfinder:
         ArgumentError
             The goal is not finite, or its distance is negative.
         """
-        if not (math.isfinite(goal_bearing_rad) and math.isfinite(goal_distance_m) and goal_distance_m >= 0.0):
+        if not (math.isfinite(target_bearing_rad) and math.isfinite(target_distance_m) and target_distance_m >= 0.0):
             raise ArgumentError(
-                f"the goal must be finite and not at a negative distance, got {goal_bearing_rad!r}, {goal_distance_m!r}"
+                "the target must be finite and not at a negative distance, "
+                f"got {target_bearing_rad!r}, {target_distance_m!r}"
             )
         is_new = self._is_due
-        goal = self._in_grid(goal_bearing_rad, goal_distance_m)
+        goal = self._in_grid(target_bearing_rad, target_distance_m)
         # a robot's radius is how far a goal moves before it is another one
         if is_new or math.hypot(goal[0] - self._goal[0], goal[1] - self._goal[1]) > 1.0 / _CELL:
             self._goal = goal
             self._find(goal)
             self._is_due = False
         if self._turn is None:
-            bearing, distance_m = goal_bearing_rad, goal_distance_m
+            bearing, distance_m = target_bearing_rad, target_distance_m
         else:
             x, y, after = self._turn
             towards = math.atan2(y - self._y, x - self._x)

@@ -3,7 +3,7 @@
 from robocup_vision.planning.gaps.gap import Disc, Gap, WidthSensor, gap_between
 from robocup_vision.planning.gaps.gap_choice import GapChoice, PassageTimes, choose_gap
 from robocup_vision.planning.gaps.gate_planner import GatePlan, GatePlanner
-from robocup_vision.planning.gaze.goal_question import GoalQuestion, Look
+from robocup_vision.planning.gaze.goal_question import Fixation, GoalQuestion
 from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
 from robocup_vision.planning.gaze.selective_look import SelectedLook, SelectiveLook
 from robocup_vision.planning.gaze.sight_lines import Blocker
@@ -12,7 +12,12 @@ from robocup_vision.planning.shots.goal_cover import Cover, cover_goal
 from robocup_vision.planning.shots.shot_planner import Defender, ShotPlan, ShotPlanner
 from robocup_vision.planning.speed.path_follower import PathFollower
 from robocup_vision.planning.speed.speed_planner import PoseNoise, SpeedPlan, SpeedPlanner
-from robocup_vision.planning.speed.undecided_floor import FloorToDecide, UndecidedSpeed, looks_to_decide, safe_speed_mps
+from robocup_vision.planning.speed.undecided_floor import (
+    UndecidedFloor,
+    UndecidedSpeed,
+    looks_to_decide,
+    safe_speed_mps,
+)
 
 __all__ = [
     "GOAL_DETECTORS",
@@ -20,14 +25,13 @@ __all__ = [
     "Cover",
     "Defender",
     "Disc",
-    "FloorToDecide",
+    "Fixation",
     "Gap",
     "GapChoice",
     "GatePlan",
     "GatePlanner",
     "Gaze",
     "GoalQuestion",
-    "Look",
     "MotionLimits",
     "Neck",
     "PassageTimes",
@@ -40,6 +44,7 @@ __all__ = [
     "ShotPlanner",
     "SpeedPlan",
     "SpeedPlanner",
+    "UndecidedFloor",
     "UndecidedSpeed",
     "WidthSensor",
     "choose_gap",

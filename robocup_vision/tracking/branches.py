@@ -60,7 +60,7 @@ class Branches:
         return len(self.tree)
 
     @classmethod
-    def begun(
+    def initiated(
         cls,
         trees: Int64Array,
         places_m: FloatArray,
@@ -81,7 +81,7 @@ class Branches:
         first, zeros, never = np.full(count, evidence), np.zeros(count), np.zeros(count, dtype=np.int64)
         return cls(trees, mean, covariance, first, first.copy(), zeros, never, history)
 
-    def taken(self, chosen: Int64Array) -> Branches:
+    def select(self, chosen: Int64Array) -> Branches:
         """Those of the given indices, in their order."""
         return Branches(
             self.tree[chosen],
@@ -94,7 +94,7 @@ class Branches:
             self.history[chosen],
         )
 
-    def joined(self, other: Branches) -> Branches:
+    def concatenate(self, other: Branches) -> Branches:
         """Join these and those."""
         return Branches(
             np.concatenate([self.tree, other.tree]),
@@ -191,8 +191,8 @@ class Branches:
             np.zeros(len(branch), dtype=np.int64),
             history,
         )
-        both = missed.joined(hit)
-        return both.taken(np.argsort(both.tree, kind="stable"))
+        both = missed.concatenate(hit)
+        return both.select(np.argsort(both.tree, kind="stable"))
 
     def _missed(self, detection_probability: float, view: Shadows) -> Branches:
         """Each of these without a detection: it rather is where nothing would be seen of it.
@@ -207,7 +207,7 @@ class Branches:
         root[:, 1, 0] = place[:, 1, 0] / root[:, 0, 0]
         root[:, 1, 1] = np.sqrt(np.maximum(place[:, 1, 1] - root[:, 1, 0] ** 2, 1e-12))
         offsets = np.einsum("lij,pj->lpi", root, _POINTS)
-        missing = 1 - detection_probability * view.share_seen(self.mean[:, None, :2] + offsets)
+        missing = 1 - detection_probability * view.visible_ratio(self.mean[:, None, :2] + offsets)
         weights = _WEIGHTS * missing
         likelihood = weights.sum(axis=1)
         weights /= likelihood[:, None]
@@ -251,4 +251,4 @@ class Branches:
                 seen.add(recent)
                 count[tree] = count.get(tree, 1) + 1
             kept.append(index)
-        return self.taken(np.array(kept, dtype=np.int64))
+        return self.select(np.array(kept, dtype=np.int64))

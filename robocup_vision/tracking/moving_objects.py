@@ -24,7 +24,7 @@ from robocup_vision.tracking.joint_choice import choose_together
 from robocup_vision.tracking.shadows import Shadows
 
 # log odds that a detection which nothing explains is a new object, at which one is believed in, and is given up
-_FIRST, _BELIEVED, _FORGOTTEN = -3.0, 4.0, -3.0
+_FIRST, _CONFIRMED, _DELETED = -3.0, 4.0, -3.0
 # unseen: an object is gone after so long on average, and its velocity forgotten
 _LIFETIME_S, _STEADY_S = 100.0, 1.5
 # a report is right within this share of the object's width
@@ -35,7 +35,7 @@ _NEAR_SHARE = 2 / 3
 class _Tree:
     frames: int = 1
     detections: int = 1
-    believed: bool = False
+    confirmed: bool = False
 
 
 @dataclass(slots=True)
@@ -89,7 +89,9 @@ class MovingObjects:
         if not 0 < self.detection_probability < 1:
             raise ArgumentError(f"detection_probability must be within 0 to 1, got {self.detection_probability}")
         nothing = np.empty(0, dtype=np.int64)
-        self._branches = Branches.begun(nothing, np.empty((0, 2)), np.empty((0, 2, 2)), self.speed_mps, 0.0, nothing)
+        self._branches = Branches.initiated(
+            nothing, np.empty((0, 2)), np.empty((0, 2, 2)), self.speed_mps, 0.0, nothing
+        )
 
     def update(
         self, t_s: float, detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None = None
@@ -128,11 +130,11 @@ class MovingObjects:
         view = Shadows(robot.array[:2], places, 0.5 * self.width_m)
         branches = branches.split(places, spreads, numbers, self.detection_probability, self.clutter_per_m2, view)
         chosen = choose_together(branches)
-        now = branches.taken(chosen)
+        now = branches.select(chosen)
         lost = self._keep_score(now)
         branches = branches.pruned(chosen, self.max_branches)
-        branches = branches.taken(np.flatnonzero(~np.isin(branches.tree, list(lost))))
-        now = now.taken(np.flatnonzero(~np.isin(now.tree, list(lost))))
+        branches = branches.select(np.flatnonzero(~np.isin(branches.tree, list(lost))))
+        now = now.select(np.flatnonzero(~np.isin(now.tree, list(lost))))
         for number in lost:
             del self._trees[number]
         fresh = self._unexplained(now, places, numbers)
@@ -140,14 +142,14 @@ class MovingObjects:
         self._next += len(fresh)
         for number in trees.tolist():
             self._trees[number] = _Tree()
-        begun = Branches.begun(trees, places[fresh], spreads[fresh], self.speed_mps, _FIRST, numbers[fresh])
-        self._branches = branches.joined(begun)
+        initiated = Branches.initiated(trees, places[fresh], spreads[fresh], self.speed_mps, _FIRST, numbers[fresh])
+        self._branches = branches.concatenate(initiated)
         return tuple(self._tracks(now))
 
     def _unexplained(self, now: Branches, places_m: FloatArray, numbers: Int64Array) -> Int64Array:
         """Return detections that no tree has and no object believed in covers: one may be seen in several pieces."""
-        believed = np.array([self._trees[number].believed for number in now.tree.tolist()], dtype=bool)
-        away = np.linalg.norm(places_m[:, None] - now.mean[believed, :2], axis=-1)
+        confirmed = np.array([self._trees[number].confirmed for number in now.tree.tolist()], dtype=bool)
+        away = np.linalg.norm(places_m[:, None] - now.mean[confirmed, :2], axis=-1)
         apart = (away > self.width_m).all(axis=1)
         return np.flatnonzero(~np.isin(numbers, now.history[:, 0]) & apart)
 
@@ -158,8 +160,8 @@ class MovingObjects:
             tree, odds = self._trees[number], float(now.odds[index])
             tree.frames += 1
             tree.detections += int(now.missed[index] == 0)
-            tree.believed |= odds >= _BELIEVED and tree.detections >= self.min_frames
-            if odds < _FORGOTTEN or now.coasted_s[index] > self.coast_s:
+            tree.confirmed |= odds >= _CONFIRMED and tree.detections >= self.min_frames
+            if odds < _DELETED or now.coasted_s[index] > self.coast_s:
                 lost.add(number)
         return lost
 
@@ -170,7 +172,7 @@ class MovingObjects:
             area = math.sqrt(covariance[0, 0] * covariance[1, 1] - covariance[0, 1] ** 2)
             near = 1 - math.exp(-((_NEAR_SHARE * self.width_m) ** 2) / (2 * area))
             probability = near / (1 + math.exp(-float(now.odds[index])))
-            if tree.believed and probability > 0.5:
+            if tree.confirmed and probability > 0.5:
                 x, y, vx, vy = now.mean[index].tolist()
                 missed = int(now.missed[index])
                 tracks.append(Track(number, x, y, vx, vy, covariance, probability, tree.frames, missed))

@@ -28,7 +28,7 @@ class Shadows:
     places_m: FloatArray
     radius_m: float
 
-    def share_seen(self, points_m: FloatArray) -> FloatArray:
+    def visible_ratio(self, points_m: FloatArray) -> FloatArray:
         """(...) float64: share of the width of a disc at each of the points (..., 2) that nothing nearer hides."""
         near, at, half_near = self._polar(self.places_m)
         distance, bearing, half = (v[..., None] for v in self._polar(points_m))

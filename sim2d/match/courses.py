@@ -162,8 +162,8 @@ class Pilot(Protocol):
         self,
         free_space: FreeRanges,
         velocity_mps: Sequence[float],
-        goal_bearing_rad: float,
-        goal_distance_m: float,
+        target_bearing_rad: float,
+        target_distance_m: float,
         pending_mps: Sequence[float],
     ) -> Decision:
         """Choose the next velocity from what is seen."""
@@ -237,8 +237,8 @@ def drive_course(
         belief.predict(odometry, state.t_s)
         view = vision.look(eye.render(state, 0), state.t_s, prior=belief.prior(state.t_s))
         belief.update(view.pose, state.t_s)
-        free_space = floor.see(view.free_space, odometry)
-        way.see(free_space, odometry)
+        free_space = floor.update(view.free_space, odometry)
+        way.update(free_space, odometry)
         wheels.sense(odometry)
         known = belief.belief
         wanted = (0.0, 0.0)

@@ -171,7 +171,7 @@ class BuiltInPlayer:
         if isinstance(pose, PoseEstimate) and self._head is not None:
             pose = pose.seen_from(mount.inverse())
         if self._gaze_planner is not None:
-            self._gaze_planner.saw(bool(pose), mount.theta_rad)
+            self._gaze_planner.observe(bool(pose), mount.theta_rad)
         grid = None if view.polar is None else self._vision.grid
         self._view = dataclasses.replace(view, belief=self._memory.see(view, grid, robot=pose, mount=mount))
         if view.polar is None or not view.marks.any():
@@ -181,7 +181,7 @@ class BuiltInPlayer:
         if before is None or motion is None:
             self._floor = SteadyFreeSpace()
         moved = _NOWHERE if before is None or motion is None else before.compose(motion.inverse())
-        self._free_space = view.free_space if self._head else self._floor.see(view.free_space, moved)
+        self._free_space = view.free_space if self._head else self._floor.update(view.free_space, moved)
         self._view_t_s, self._view_mount = frame_t_s, mount
         if belief and motion is not None and view.ball is not None:
             ball = (

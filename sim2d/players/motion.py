@@ -126,7 +126,7 @@ class Motion:
             self._forget_detours(t_s)
         wheels, others = self._wheels, () if plan.close and travel is None else moving
         chosen = steering.steer(free_space, wheels.now_mps, bearing, distance_m, wheels.pending_mps, others, speed_mps)
-        if chosen.reason == "towards goal":
+        if chosen.reason == "towards target":
             self._direct_s = t_s
         v_x, v_y = chosen.velocity_mps.tolist()
         pushes = not chosen.safe and (plan.close or plan.holding)

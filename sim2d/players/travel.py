@@ -30,7 +30,7 @@ from robocup_vision.planning import (
     WidthSensor,
 )
 from robocup_vision.planning.gaps.gap_choice import PassageTimes, choose_gap
-from robocup_vision.planning.speed.undecided_floor import FREE, FloorToDecide, UndecidedSpeed, safe_speed_mps
+from robocup_vision.planning.speed.undecided_floor import FREE, UndecidedFloor, UndecidedSpeed, safe_speed_mps
 from sim2d.players.opponent_row import Key, Row, in_way, row_across, unit
 from sim2d.robot_link import Reason, RobotLimits
 
@@ -311,7 +311,7 @@ class TravelPlanner:
                 speed, why = _paced(unknown, "undecided floor")
         return speed, why
 
-    def _floor(self, around: Surroundings) -> FloorToDecide | None:
+    def _floor(self, around: Surroundings) -> UndecidedFloor | None:
         """Return what is not decided; what is blocked, steering sees as well."""
         if around.floor is None:
             return None
@@ -326,7 +326,7 @@ class TravelPlanner:
         # beyond the walls nobody drives
         if self._field.is_bounded:
             looks[(np.abs(x) > self._field.length_m / 2) | (np.abs(y) > self._field.width_m / 2)] = FREE
-        return FloorToDecide(looks, around.floor.corner_m, around.floor.cell_m)
+        return UndecidedFloor(looks, around.floor.corner_m, around.floor.cell_m)
 
 
 def _motion(limits: RobotLimits) -> MotionLimits:

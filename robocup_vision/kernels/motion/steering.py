@@ -36,7 +36,7 @@ def choose_direction(
     velocity: Pair,
     pending: Pair,
     wanted_bearing: float,
-    goal_distance: float,
+    target_distance: float,
     side: float,
     limits: Limits,
     use_velocity: bool,
@@ -55,7 +55,7 @@ def choose_direction(
     ----------
     velocity, pending : (float, float)
         m/s: now, and of the command that is obeyed during the dead time.
-    wanted_bearing, goal_distance : float
+    wanted_bearing, target_distance : float
         Radians; metres, inf when unknown, or when the goal does not lie in that direction.
     side : float
         -1, 0 or 1: the side to which it rather turns from the wanted bearing.
@@ -88,9 +88,9 @@ def choose_direction(
     turn = 2.0 * math.pi
     same = math.pi / count * 1.001
     wanted_bearing %= turn
-    if goal_distance < np.inf:
+    if target_distance < np.inf:
         lag = acceleration * (dead_time + period)
-        speed = min(speed, math.sqrt(lag * lag + 2.0 * acceleration * goal_distance) - lag)
+        speed = min(speed, math.sqrt(lag * lag + 2.0 * acceleration * target_distance) - lag)
     here = (0.0, 0.0)
     # what happens before the new command is obeyed, no choice can change
     coasted = contact_time(
@@ -150,12 +150,12 @@ def choose_direction(
                 time_to_contact[j] = t
             if t < needed or meets < np.inf:
                 beyond = False
-                if ahead and goal_distance < np.inf and t >= dead_time:
+                if ahead and target_distance < np.inf and t >= dead_time:
                     if use_velocity:
                         x, y = predict_position(start, obeying, target, acceleration, t - dead_time)
                     else:
                         x, y = target[0] * t, target[1] * t
-                    beyond = math.hypot(x, y) >= goal_distance + 0.5 * slower * slower / acceleration
+                    beyond = math.hypot(x, y) >= target_distance + 0.5 * slower * slower / acceleration
                 if not beyond:
                     continue
             if away < least - 1e-9 or (away < least + 1e-9 and t > longest):
@@ -188,8 +188,8 @@ def choose_direction(
 def steer(
     velocity: Pair,
     pending: Pair,
-    goal_bearing: float,
-    goal_distance: float,
+    target_bearing: float,
+    target_distance: float,
     detour: float,
     limits: Limits,
     use_velocity: bool,
@@ -225,7 +225,7 @@ def steer(
     resolution = math.pi / directions.shape[0] * 1.001
     pace = math.hypot(velocity[0], velocity[1])
     detour = unwind(detour, pace * limits[3], max(radius_m, pace * pace / limits[1]))
-    if goal_distance < profile[profile_bin(math.cos(goal_bearing), math.sin(goal_bearing))]:
+    if target_distance < profile[profile_bin(math.cos(target_bearing), math.sin(target_bearing))]:
         detour = 0.0
     side = 0.0 if detour == 0.0 else math.copysign(1.0, detour)
     if abs(detour) > AWAY_RAD:
@@ -234,9 +234,9 @@ def steer(
         slower = min(speed, math.sqrt(acceleration * 2.0 * radius_m))
         limits = (slower, acceleration, dead_time, period, threshold, step_m, levels)
     # a goal that is not driven towards is not arrived at
-    distance = goal_distance if abs(detour) <= resolution else np.inf
+    distance = target_distance if abs(detour) <= resolution else np.inf
     outcome, index, speed, turned = choose_direction(
-        velocity, pending, goal_bearing + detour, distance, side, limits, use_velocity, directions, units,
+        velocity, pending, target_bearing + detour, distance, side, limits, use_velocity, directions, units,
         profile, fine, coarse, smallest, moving, time_to_contact,
     )  # fmt: skip
     if outcome == 0 and abs(turned) > resolution:

@@ -23,7 +23,7 @@ _MIN_STD = 1e-6
 _FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
 # a motion takes at least this share of the time that slip lasts
 _MIN_TIMES = 1e-4
-_POSE, _LASTING, _SLIP = slice(0, 3), slice(3, 6), slice(6, 9)
+_POSE, _BIAS, _SLIP = slice(0, 3), slice(3, 6), slice(6, 9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class OdometryNoise:
 
     Parameters
     ----------
-    slip_share : float
+    slip_ratio : float
         Standard deviation of the slip, as a share of the velocity and of the turning rate; and, radians a metre, of the
         turn that driving adds.
     slip_s : float
@@ -55,7 +55,7 @@ class OdometryNoise:
         If one is negative, zero where it must not be, or not finite.
     """
 
-    slip_share: float = 0.07
+    slip_ratio: float = 0.07
     slip_s: float = 0.2
     push_m: float = 0.002
     push_rad: float = 0.005
@@ -63,7 +63,7 @@ class OdometryNoise:
     kidnap_per_s: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in ("slip_share", "slip_s", "shove_per_s", "kidnap_per_s"):
+        for name in ("slip_ratio", "slip_s", "shove_per_s", "kidnap_per_s"):
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise ArgumentError(f"{name} of the odometry must be positive, got {value!r}")
@@ -75,7 +75,7 @@ class OdometryNoise:
     def slip(self, motion: Pose2) -> FloatArray:
         """(3, 3) float64: standard deviations of slip that stays the same over a motion, in the robot's frame."""
         way, turn = math.hypot(motion.x_m, motion.y_m), motion.theta_rad
-        return self.slip_share * np.diag([way, way, math.hypot(way, turn)])
+        return self.slip_ratio * np.diag([way, way, math.hypot(way, turn)])
 
     def push(self, seconds: float) -> FloatArray:
         """(3, 3) float64: covariance of what no wheel feels, m, m and rad."""
@@ -86,17 +86,17 @@ class OdometryNoise:
 class FrameErrors:
     """How single frames err.
 
-    The lasting share was measured in the simulation as the correlation of the errors of frames a second apart, in their
+    The bias share was measured in the simulation as the correlation of the errors of frames a second apart, in their
     standard deviations: 0.02 to 0.1 (mirror camera, noise sigma 18), 0.1 to 0.7 (pinhole camera, goals), 0.2 to 0.9
     (mirror camera, lines, large field). Frames of the latter two state thrice the variance they have, which makes up
     for a share that is set too low.
 
     Parameters
     ----------
-    lasting_share : float
+    bias_ratio : float
         Share of the variance a frame states that is an error which the next frames have too; it does not average out
-        while the robot stands, and is another error once it has driven `lasting_m`. 0 to 1, without 1.
-    lasting_m : float
+        while the robot stands, and is another error once it has driven `bias_distance_m`. 0 to 1, without 1.
+    bias_distance_m : float
         Metres.
     outlier_rate : float
         Share of the frames that show a wrong place.
@@ -111,48 +111,48 @@ class FrameErrors:
         If one is not within its bounds.
     """
 
-    lasting_share: float = 0.2
-    lasting_m: float = 0.5
+    bias_ratio: float = 0.2
+    bias_distance_m: float = 0.5
     outlier_rate: float = 0.02
     half_error_rate: float = 0.05
     spell_s: float = 0.1
 
     def __post_init__(self) -> None:
-        if not 0 <= self.lasting_share < 1:
-            raise ArgumentError(f"lasting_share of the frames must be from 0 to under 1, got {self.lasting_share!r}")
+        if not 0 <= self.bias_ratio < 1:
+            raise ArgumentError(f"bias_ratio of the frames must be from 0 to under 1, got {self.bias_ratio!r}")
         for name in ("outlier_rate", "half_error_rate"):
             value = getattr(self, name)
             if not 0 < value < 0.5:
                 raise ArgumentError(f"{name} of the frames must be above 0 and under a half, got {value!r}")
-        for name in ("lasting_m", "spell_s"):
+        for name in ("bias_distance_m", "spell_s"):
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise ArgumentError(f"{name} of the frames must be positive, got {value!r}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class PoseMeasurement:
     """A pose that a frame allows.
 
     Parameters
     ----------
     pose : Pose2
         The robot in the field frame.
-    lasting : (3, 3) float64
-        M: the frame says pose + M b + white noise, b being the lasting error in units of its standard deviation.
+    bias : (3, 3) float64
+        M: the frame says pose + M b + white noise, b being the bias error in units of its standard deviation.
     white : (3, 3) float64
         Covariance of the white noise.
-    tells_half : bool
+    half_known : bool
         The frame does not allow its half turn.
     """
 
     pose: Pose2
-    lasting: FloatArray
+    bias: FloatArray
     white: FloatArray
-    tells_half: bool
+    half_known: bool
 
     @classmethod
-    def of(cls, pose: Pose2, covariance: FloatArray, tells_half: bool, lasting_share: float) -> Reading | None:
+    def of(cls, pose: Pose2, covariance: FloatArray, half_known: bool, bias_ratio: float) -> PoseMeasurement | None:
         """Split a frame's covariance; None if it is none."""
         if np.abs(covariance - covariance.T).max() > 1e-6 * np.abs(covariance).max():
             return None
@@ -163,20 +163,20 @@ class Reading:
         # the symmetric root turns with the field, so that no axis of it is special
         root = (vectors * np.sqrt(values)) @ vectors.T
         whole = (vectors * values) @ vectors.T
-        return cls(pose, math.sqrt(lasting_share) * root, (1 - lasting_share) * whole, tells_half)
+        return cls(pose, math.sqrt(bias_ratio) * root, (1 - bias_ratio) * whole, half_known)
 
-    def half_turn(self) -> Reading:
-        """Return the same reading of a robot in the other half."""
-        return Reading(
+    def half_turn(self) -> PoseMeasurement:
+        """Return the same measurement of a robot in the other half."""
+        return PoseMeasurement(
             self.pose.half_turn(),
-            half_turn_covariance(self.lasting),
+            half_turn_covariance(self.bias),
             half_turn_covariance(self.white),
-            self.tells_half,
+            self.half_known,
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class PoseMode:
     """A pose modulo the half turn about the field's centre, followed through time.
 
     Parameters
@@ -184,7 +184,7 @@ class Place:
     pose : Pose2
         In the more probable half.
     hidden : (6,) float64
-        The lasting error of the frames, field frame, and the slip, robot frame: x, y, theta of each, in standard
+        The bias error of the frames, field frame, and the slip, robot frame: x, y, theta of each, in standard
         deviations.
     covariance : (9, 9) float64
         Of both.
@@ -196,9 +196,9 @@ class Place:
         With the last frame.
     agreed_s : float
         When a frame last agreed with it.
-    told : int
+    reported_half : int
         The last frame that told a half told this one (1) or the other (-1); 0: none has.
-    told_s : float
+    half_reported_s : float
         When.
     inlier_share, residual_px : float
         Of the last frame that agreed.
@@ -211,18 +211,20 @@ class Place:
     half_log_odds: float
     agrees: bool
     agreed_s: float
-    told: int
-    told_s: float
+    reported_half: int
+    half_reported_s: float
     inlier_share: float
     residual_px: float
 
     @classmethod
-    def found(cls, reading: Reading, estimate: PoseEstimate, t_s: float, log_weight: float, slip_std: float) -> Place:
+    def found(
+        cls, measurement: PoseMeasurement, estimate: PoseEstimate, t_s: float, log_weight: float, slip_std: float
+    ) -> PoseMode:
         """Begin where a frame says, with nothing known of its half.
 
         Parameters
         ----------
-        reading : Reading
+        measurement : PoseMeasurement
             Where.
         estimate : PoseEstimate
             Of the frame.
@@ -234,24 +236,24 @@ class Place:
             How much slip there may be now, in its usual standard deviations.
         """
         covariance = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, *[slip_std**2] * 3])
-        covariance[_POSE, _POSE] = reading.lasting @ reading.lasting.T + reading.white
-        covariance[_POSE, _LASTING] = -reading.lasting
-        covariance[_LASTING, _POSE] = -reading.lasting.T
+        covariance[_POSE, _POSE] = measurement.bias @ measurement.bias.T + measurement.white
+        covariance[_POSE, _BIAS] = -measurement.bias
+        covariance[_BIAS, _POSE] = -measurement.bias.T
         return cls(
-            reading.pose,
+            measurement.pose,
             np.zeros(6),
             covariance,
             log_weight,
             half_log_odds=0.0,
             agrees=True,
             agreed_s=t_s,
-            told=0,
-            told_s=-math.inf,
+            reported_half=0,
+            half_reported_s=-math.inf,
             inlier_share=estimate.inlier_share,
             residual_px=estimate.residual_px,
         )
 
-    def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, lasting_m: float) -> Place:
+    def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, bias_distance_m: float) -> PoseMode:
         """Carry it along.
 
         Parameters
@@ -262,56 +264,56 @@ class Place:
             How long it took.
         odometry : OdometryNoise
             How it errs.
-        lasting_m : float
+        bias_distance_m : float
             As in `FrameErrors`.
         """
-        lasting_kept = math.exp(-math.hypot(motion.x_m, motion.y_m) / lasting_m)
+        bias_decay = math.exp(-math.hypot(motion.x_m, motion.y_m) / bias_distance_m)
         # slip as it goes on, exactly: its mean over the motion and its end, given its beginning
         times = max(seconds / odometry.slip_s, _MIN_TIMES)
-        slip_kept = math.exp(-times)
-        mean = (1 - slip_kept) / times
-        mean_variance = 2 * (times - 1 + slip_kept) / times**2 - mean**2
+        slip_decay = math.exp(-times)
+        mean = (1 - slip_decay) / times
+        mean_variance = 2 * (times - 1 + slip_decay) / times**2 - mean**2
         slip = odometry.slip(motion)
         x, y, theta = (motion.array + mean * slip @ self.hidden[3:]).tolist()
         c, s = math.cos(self.pose.theta_rad), math.sin(self.pose.theta_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         slip = turn @ slip
-        by_state = np.diag([1.0, 1.0, 1.0, *[lasting_kept] * 3, *[slip_kept] * 3])
+        by_state = np.diag([1.0, 1.0, 1.0, *[bias_decay] * 3, *[slip_decay] * 3])
         by_state[0, 2], by_state[1, 2] = -s * x - c * y, c * x - s * y
         by_state[_POSE, _SLIP] = mean * slip
-        noise = np.diag([0.0, 0.0, 0.0, *[1 - lasting_kept**2] * 3, *[1 - slip_kept**2] * 3])
+        noise = np.diag([0.0, 0.0, 0.0, *[1 - bias_decay**2] * 3, *[1 - slip_decay**2] * 3])
         noise[_POSE, _POSE] = mean_variance * slip @ slip.T + turn @ odometry.push(seconds) @ turn.T
-        noise[_POSE, _SLIP] = mean * (1 - slip_kept) * slip
+        noise[_POSE, _SLIP] = mean * (1 - slip_decay) * slip
         noise[_SLIP, _POSE] = noise[_POSE, _SLIP].T
         return replace(
             self,
             pose=self.pose.compose(Pose2(x, y, theta)),
-            hidden=self.hidden * [*[lasting_kept] * 3, *[slip_kept] * 3],
+            hidden=self.hidden * [*[bias_decay] * 3, *[slip_decay] * 3],
             covariance=by_state @ self.covariance @ by_state.T + noise,
         )
 
-    def distance(self, reading: Reading, more: FloatArray | None = None) -> float:
-        """Squared Mahalanobis distance of a reading, 3 degrees of freedom; `more` (3, 3) adds to its covariance."""
-        offset, _, spread = self._innovation(reading)
+    def distance(self, measurement: PoseMeasurement, more: FloatArray | None = None) -> float:
+        """Squared Mahalanobis distance of a measurement, 3 degrees of freedom; `more` (3, 3) adds to its covariance."""
+        offset, _, spread = self._innovation(measurement)
         return float(offset @ np.linalg.solve(spread if more is None else spread + more, offset))
 
-    def absorb(self, reading: Reading) -> Place:
-        """Correct it by a reading, as a Kalman filter does."""
-        offset, seen, spread = self._innovation(reading)
+    def update(self, measurement: PoseMeasurement) -> PoseMode:
+        """Correct it by a measurement, as a Kalman filter does."""
+        offset, seen, spread = self._innovation(measurement)
         gain = np.linalg.solve(spread, seen @ self.covariance).T
         change = gain @ offset
         x, y, theta = (self.pose.array + change[:3]).tolist()
         rest = np.eye(9) - gain @ seen
         # Joseph's form, which stays symmetric and positive
-        covariance = rest @ self.covariance @ rest.T + gain @ reading.white @ gain.T
+        covariance = rest @ self.covariance @ rest.T + gain @ measurement.white @ gain.T
         return replace(self, pose=Pose2(x, y, theta), hidden=self.hidden + change[3:], covariance=covariance)
 
-    def _innovation(self, reading: Reading) -> tuple[FloatArray, FloatArray, FloatArray]:
-        seen = np.hstack([np.eye(3), reading.lasting, np.zeros((3, 3))])
-        offset = pose_offset(reading.pose, self.pose) - reading.lasting @ self.hidden[:3]
-        return offset, seen, seen @ self.covariance @ seen.T + reading.white
+    def _innovation(self, measurement: PoseMeasurement) -> tuple[FloatArray, FloatArray, FloatArray]:
+        seen = np.hstack([np.eye(3), measurement.bias, np.zeros((3, 3))])
+        offset = pose_offset(measurement.pose, self.pose) - measurement.bias @ self.hidden[:3]
+        return offset, seen, seen @ self.covariance @ seen.T + measurement.white
 
-    def half_turn(self) -> Place:
+    def half_turn(self) -> PoseMode:
         """Return the same in the other half."""
         return replace(
             self,
@@ -319,10 +321,10 @@ class Place:
             hidden=_FLIP[3:, 3:] @ self.hidden,
             covariance=_FLIP @ self.covariance @ _FLIP,
             half_log_odds=-self.half_log_odds,
-            told=-self.told,
+            reported_half=-self.reported_half,
         )
 
-    def merge(self, other: Place) -> Place:
+    def merge(self, other: PoseMode) -> PoseMode:
         """Join with a less probable place that is nearly the same, keeping mean and covariance of both together."""
         if sum(other.pose.error_to(self.pose)) > sum(other.pose.half_turn().error_to(self.pose)):
             other = other.half_turn()

@@ -17,16 +17,22 @@ import numpy as np
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise, Place, Reading, pose_offset
+from robocup_vision.localization.filter.hypothesis import (
+    FrameErrors,
+    OdometryNoise,
+    PoseMeasurement,
+    PoseMode,
+    pose_offset,
+)
 
 # squared Mahalanobis distance that one frame in a thousand exceeds, with 3 degrees of freedom
 _GATE = 16.27
 # up to this many times that, a frame may just be less exact than it says, as one in ten is; it counts for less then
 _NEAR_MISS, _NEAR_MISS_RATE = 9.0, 0.1
-# places nearer to each other than a standard deviation are one
+# modes nearer to each other than a standard deviation are one
 _SAME = 1.0
-# a place less probable than this is not followed, and no more than so many are
-_MIN_PROBABILITY, _MAX_PLACES = 1e-4, 8
+# a mode less probable than this is not followed, and no more than so many are
+_MIN_PROBABILITY, _MAX_MODES = 1e-4, 8
 # no count of frames makes a half of the field more certain than this: a hand may have turned the robot round
 _MAX_HALF_ODDS = math.log(9999.0)
 # how often the robot is in the half where it was expected
@@ -45,7 +51,7 @@ class Mixture:
 
     Parameters
     ----------
-    places : tuple of Place
+    modes : tuple of PoseMode
         Most probable first; empty while nothing is known.
     near : Pose2 or None
         Where the robot was last believed or expected: orders what a frame cannot tell apart.
@@ -53,90 +59,95 @@ class Mixture:
         When the last frame was taken that told a pose.
     """
 
-    places: tuple[Place, ...] = ()
+    modes: tuple[PoseMode, ...] = ()
     near: Pose2 | None = None
     frame_s: float = -math.inf
 
     @property
-    def is_in_doubt(self) -> bool:
+    def is_contradicted(self) -> bool:
         """The last frame contradicts what is believed most."""
-        return not self.places or not self.places[0].agrees
+        return not self.modes or not self.modes[0].agrees
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """Most probable first; probabilities sum to 1."""
-        both = [hypothesis for place in self.places for hypothesis in place.hypotheses]
+        both = [hypothesis for mode in self.modes for hypothesis in mode.hypotheses]
         whole = sum(hypothesis.probability for hypothesis in both)
         scaled = [replace(hypothesis, probability=hypothesis.probability / whole) for hypothesis in both]
         return tuple(sorted(scaled, key=lambda hypothesis: -hypothesis.probability))
 
     def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
-        """Carry all places along; those that become too unsure are lost."""
-        if not self.places:
+        """Carry all modes along; those that become too unsure are lost."""
+        if not self.modes:
             return self
-        moved = [place.move(motion, seconds, odometry, errors.lasting_m) for place in self.places]
-        sure = [place for place in moved if place.std_m <= _LOST_STD_M]
+        moved = [mode.move(motion, seconds, odometry, errors.bias_distance_m) for mode in self.modes]
+        sure = [mode for mode in moved if mode.std_m <= _LOST_STD_M]
         return Mixture(_normalised(sure), moved[0].pose, self.frame_s)
 
-    def see(self, estimate: PoseEstimate, t_s: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
+    def update(self, estimate: PoseEstimate, t_s: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
         """Take in what a frame tells; unchanged if its numbers make no sense."""
-        readings = _readings(estimate, errors.lasting_share)
-        if not readings:
+        measurements = _measurements(estimate, errors.bias_ratio)
+        if not measurements:
             return self
         since_s = max(t_s - self.frame_s, _MIN_FRAME_S)
         fresh = -math.expm1(-since_s / errors.spell_s)
-        matches = [_match(place, readings) for place in self.places]
+        matches = [_match(mode, measurements) for mode in self.modes]
         is_exact = any(match is not None and match.excess <= 1 for match in matches)
-        # what a near miss is worth beside one that agrees; none but a new place is better beside a near miss
+        # what a near miss is worth beside one that agrees; none but a new mode is better beside a near miss
         miss = math.log(_NEAR_MISS_RATE)
-        places: list[Place] = []
+        modes: list[PoseMode] = []
         if any(matches):
-            for place, match in zip(self.places, matches, strict=True):
-                worth = _log_chance(place.agrees, match is not None, fresh, errors.outlier_rate)
-                weighed = replace(place, log_weight=place.log_weight + worth, agrees=match is not None)
+            for mode, match in zip(self.modes, matches, strict=True):
+                worth = _log_chance(mode.agrees, match is not None, fresh, errors.outlier_rate)
+                weighed = replace(mode, log_weight=mode.log_weight + worth, agrees=match is not None)
                 if match is not None:
                     weighed = _follow(weighed, match, estimate, t_s, errors)
                     if is_exact and match.excess > 1:
                         weighed = replace(weighed, log_weight=weighed.log_weight + miss)
-                places.append(weighed)
+                modes.append(weighed)
         else:
             # to all of them it is a new error; or else the robot is somewhere else
             worth = math.log(fresh * errors.outlier_rate)
-            for rank, place in enumerate(self.places):
-                places.append(replace(place, log_weight=place.log_weight + worth, agrees=place.agrees and rank > 0))
+            for rank, mode in enumerate(self.modes):
+                modes.append(replace(mode, log_weight=mode.log_weight + worth, agrees=mode.agrees and rank > 0))
         if not is_exact:
-            for reading in readings:
-                born = self._born(reading, len(readings), estimate, t_s, odometry)
+            for measurement in measurements:
+                new = self._new_mode(measurement, len(measurements), estimate, t_s, odometry)
                 if any(matches):
-                    born = replace(born, log_weight=born.log_weight - miss)
-                places.append(_tell_half(born, 1 if reading.tells_half else 0, t_s, errors))
-        joined = _normalised(_merged(places))
+                    new = replace(new, log_weight=new.log_weight - miss)
+                modes.append(_update_half(new, 1 if measurement.half_known else 0, t_s, errors))
+        joined = _normalised(_merged(modes))
         return Mixture(joined, joined[0].pose, t_s)
 
-    def _born(
-        self, reading: Reading, readings: int, estimate: PoseEstimate, t_s: float, odometry: OdometryNoise
-    ) -> Place:
-        """Found a place where a frame says that no place is; in the half where the robot was believed, if any."""
+    def _new_mode(
+        self,
+        measurement: PoseMeasurement,
+        measurements: int,
+        estimate: PoseEstimate,
+        t_s: float,
+        odometry: OdometryNoise,
+    ) -> PoseMode:
+        """Found a mode where a frame says that no mode is; in the half where the robot was believed, if any."""
         near = self.near
-        if near is not None and _apart(reading.pose.half_turn(), near) < _apart(reading.pose, near):
-            turned = self._born(reading.half_turn(), readings, estimate, t_s, odometry)
+        if near is not None and _apart(measurement.pose.half_turn(), near) < _apart(measurement.pose, near):
+            turned = self._new_mode(measurement.half_turn(), measurements, estimate, t_s, odometry)
             return turned.half_turn()
         odds = 0.0 if near is None else _EXPECTED_ODDS
-        if not self.places:
-            # of several readings, too, the nearest is the likeliest, by so much a metre or radian
-            log_weight = -odds * _apart(reading.pose, near) if near is not None else 0.0
+        if not self.modes:
+            # of several measurements, too, the nearest is the likeliest, by so much a metre or radian
+            log_weight = -odds * _apart(measurement.pose, near) if near is not None else 0.0
             slip_std = 1.0
         else:
-            believed = self.places[0]
+            believed = self.modes[0]
             rate, since_s = odometry.kidnap_per_s, max(t_s - self.frame_s, _MIN_FRAME_S)
             reach = max(t_s - believed.agreed_s, _MIN_FRAME_S) * np.array([_SHOVE_MPS, _SHOVE_MPS, _SHOVE_RPS])
-            if believed.distance(reading, np.diag(reach**2)) <= _GATE:
+            if believed.distance(measurement, np.diag(reach**2)) <= _GATE:
                 rate, odds = rate + odometry.shove_per_s, believed.half_log_odds
-            log_weight = math.log(-math.expm1(-rate * since_s) / readings)
+            log_weight = math.log(-math.expm1(-rate * since_s) / measurements)
             # wheels may spin: all of what odometry tells may be slip
-            slip_std = max(1 / odometry.slip_share, 1.0)
-        place = Place.found(reading, estimate, t_s, log_weight, slip_std)
-        return replace(place, half_log_odds=odds)
+            slip_std = max(1 / odometry.slip_ratio, 1.0)
+        mode = PoseMode.found(measurement, estimate, t_s, log_weight, slip_std)
+        return replace(mode, half_log_odds=odds)
 
 
 def _apart(pose: Pose2, near: Pose2) -> float:
@@ -144,75 +155,75 @@ def _apart(pose: Pose2, near: Pose2) -> float:
     return sum(pose.error_to(near))
 
 
-def _readings(estimate: PoseEstimate, lasting_share: float) -> list[Reading]:
+def _measurements(estimate: PoseEstimate, bias_ratio: float) -> list[PoseMeasurement]:
     """Every pose the frame allows, modulo the half turn."""
     poses = list(estimate.candidates)
     if not all(math.isfinite(v) for pose in poses for v in (pose.x_m, pose.y_m, pose.theta_rad)):
         return []
     if not np.isfinite(estimate.covariance).all():
         return []
-    first = Reading.of(poses[0], estimate.covariance, True, lasting_share)
+    first = PoseMeasurement.of(poses[0], estimate.covariance, True, bias_ratio)
     if first is None:
         return []
-    readings: list[Reading] = []
+    measurements: list[PoseMeasurement] = []
     for pose in poses:
-        turned = [index for index, r in enumerate(readings) if sum(pose.half_turn().error_to(r.pose)) < 1e-6]
+        turned = [index for index, r in enumerate(measurements) if sum(pose.half_turn().error_to(r.pose)) < 1e-6]
         if turned:
-            readings[turned[0]] = replace(readings[turned[0]], tells_half=False)
+            measurements[turned[0]] = replace(measurements[turned[0]], half_known=False)
         else:
-            readings.append(replace(first, pose=pose))
-    return readings
+            measurements.append(replace(first, pose=pose))
+    return measurements
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Match:
-    """A reading turned into a place's half, the half it tells (1, -1; 0: neither), its squared distance in gates."""
+    """A measurement turned into a mode's half, the half it tells (1, -1; 0: neither), its squared distance in gates."""
 
-    reading: Reading
+    measurement: PoseMeasurement
     half: int
     excess: float
 
 
-def _match(place: Place, readings: Sequence[Reading]) -> _Match | None:
-    """Find the reading that agrees best with a place."""
+def _match(mode: PoseMode, measurements: Sequence[PoseMeasurement]) -> _Match | None:
+    """Find the measurement that agrees best with a mode."""
     best: _Match | None = None
-    for reading in readings:
-        is_turned = _apart(reading.pose.half_turn(), place.pose) < _apart(reading.pose, place.pose)
-        seen = reading.half_turn() if is_turned else reading
-        excess = place.distance(seen) / _GATE
+    for measurement in measurements:
+        is_turned = _apart(measurement.pose.half_turn(), mode.pose) < _apart(measurement.pose, mode.pose)
+        seen = measurement.half_turn() if is_turned else measurement
+        excess = mode.distance(seen) / _GATE
         if excess <= (_NEAR_MISS if best is None else best.excess):
-            best = _Match(seen, (-1 if is_turned else 1) if reading.tells_half else 0, excess)
+            best = _Match(seen, (-1 if is_turned else 1) if measurement.half_known else 0, excess)
     return best
 
 
-def _follow(place: Place, match: _Match, estimate: PoseEstimate, t_s: float, errors: FrameErrors) -> Place:
-    """Correct a place by the reading that agrees with it."""
-    reading = match.reading
+def _follow(mode: PoseMode, match: _Match, estimate: PoseEstimate, t_s: float, errors: FrameErrors) -> PoseMode:
+    """Correct a mode by the measurement that agrees with it."""
+    measurement = match.measurement
     if match.excess > 1:
-        reading = replace(reading, white=match.excess * reading.white)
+        measurement = replace(measurement, white=match.excess * measurement.white)
     return replace(
-        _tell_half(place.absorb(reading), match.half, t_s, errors),
+        _update_half(mode.update(measurement), match.half, t_s, errors),
         agreed_s=t_s,
         inlier_share=estimate.inlier_share,
         residual_px=estimate.residual_px,
     )
 
 
-def _tell_half(place: Place, half: int, t_s: float, errors: FrameErrors) -> Place:
+def _update_half(mode: PoseMode, half: int, t_s: float, errors: FrameErrors) -> PoseMode:
     """Weigh a frame that tells the half of the field: 1 this one, -1 the other, 0 neither."""
     if half != 0:
         rate = errors.half_error_rate
-        fresh = -math.expm1(-max(t_s - place.told_s, _MIN_FRAME_S) / errors.spell_s)
-        if place.told == 0:
+        fresh = -math.expm1(-max(t_s - mode.half_reported_s, _MIN_FRAME_S) / errors.spell_s)
+        if mode.reported_half == 0:
             odds = half * math.log((1 - rate) / rate)
         else:
             # two chains: one of a robot in this half, one of a robot in the other
-            odds = _log_chance(place.told > 0, half > 0, fresh, rate) - _log_chance(
-                place.told < 0, half < 0, fresh, rate
+            odds = _log_chance(mode.reported_half > 0, half > 0, fresh, rate) - _log_chance(
+                mode.reported_half < 0, half < 0, fresh, rate
             )
-        total = min(max(place.half_log_odds + odds, -_MAX_HALF_ODDS), _MAX_HALF_ODDS)
-        place = replace(place, half_log_odds=total, told=half, told_s=t_s)
-    return place if place.half_log_odds >= 0 else place.half_turn()
+        total = min(max(mode.half_log_odds + odds, -_MAX_HALF_ODDS), _MAX_HALF_ODDS)
+        mode = replace(mode, half_log_odds=total, reported_half=half, half_reported_s=t_s)
+    return mode if mode.half_log_odds >= 0 else mode.half_turn()
 
 
 def _log_chance(was_right: bool, is_right: bool, fresh: float, error_rate: float) -> float:
@@ -221,35 +232,35 @@ def _log_chance(was_right: bool, is_right: bool, fresh: float, error_rate: float
     return math.log1p(-wrong) if is_right else math.log(wrong)
 
 
-def _merged(places: Sequence[Place]) -> list[Place]:
-    """Return the places, heaviest first, each joined with those that are nearly the same."""
-    kept: list[Place] = []
-    for place in sorted(places, key=lambda p: -p.log_weight):
+def _merged(modes: Sequence[PoseMode]) -> list[PoseMode]:
+    """Return the modes, heaviest first, each joined with those that are nearly the same."""
+    kept: list[PoseMode] = []
+    for mode in sorted(modes, key=lambda p: -p.log_weight):
         for index, other in enumerate(kept):
-            if _is_same(place, other):
-                kept[index] = other.merge(place)
+            if _is_same(mode, other):
+                kept[index] = other.merge(mode)
                 break
         else:
-            kept.append(place)
+            kept.append(mode)
     return kept
 
 
-def _is_same(place: Place, other: Place) -> bool:
-    spread = (place.covariance + other.covariance)[:3, :3]
-    for pose in (place.pose, place.pose.half_turn()):
+def _is_same(mode: PoseMode, other: PoseMode) -> bool:
+    spread = (mode.covariance + other.covariance)[:3, :3]
+    for pose in (mode.pose, mode.pose.half_turn()):
         offset = pose_offset(pose, other.pose)
         if offset @ np.linalg.solve(spread, offset) < _SAME:
             return True
     return False
 
 
-def _normalised(places: Sequence[Place]) -> tuple[Place, ...]:
+def _normalised(modes: Sequence[PoseMode]) -> tuple[PoseMode, ...]:
     """Weights that sum to 1, most probable first, without those that hardly count."""
-    if not places:
+    if not modes:
         return ()
-    ordered = sorted(places, key=lambda place: -place.log_weight)
-    whole = float(np.logaddexp.reduce([place.log_weight for place in ordered]))
+    ordered = sorted(modes, key=lambda mode: -mode.log_weight)
+    whole = float(np.logaddexp.reduce([mode.log_weight for mode in ordered]))
     least = whole + math.log(_MIN_PROBABILITY)
-    kept = [place for place in ordered if place.log_weight >= least][:_MAX_PLACES]
-    whole = float(np.logaddexp.reduce([place.log_weight for place in kept]))
-    return tuple(replace(place, log_weight=place.log_weight - whole) for place in kept)
+    kept = [mode for mode in ordered if mode.log_weight >= least][:_MAX_MODES]
+    whole = float(np.logaddexp.reduce([mode.log_weight for mode in kept]))
+    return tuple(replace(mode, log_weight=mode.log_weight - whole) for mode in kept)

@@ -30,7 +30,7 @@ class _Moment:
     """A step of odometry, or a frame, and what is believed after it; `place`: where odometry alone has led to."""
 
     t_s: float
-    place: Pose2
+    odometry_pose: Pose2
     estimate: PoseEstimate | None
     mixture: Mixture
 
@@ -58,15 +58,15 @@ class PoseFilter:
     late frame is put where it belongs in the history of the last second, and what came after is gone through again: the
     order in which frames come does not matter.
 
-    The belief is a mixture of Gaussians, each over the pose, the slip (`OdometryNoise`) and the error that frames now
-    share (`FrameErrors`), which is carried along as a first-order Gauss-Markov process in the way driven: so the
-    covariance does not shrink below what frames get wrong together. Each place stands for both halves of a symmetric
-    field: a frame that allows both poses corrects it all the same, one with a single candidate tells the half, and
-    Bayes' rule weighs it by how often that is wrong. `hypotheses` lists them all.
+    The belief is a mixture of Gaussians. Each is over the pose, the slip (`OdometryNoise`) and the bias that frames now
+    share (`FrameErrors`). The bias follows a first-order Gauss-Markov process in the distance driven, so the covariance
+    does not shrink below what successive frames get wrong together. Each mode stands for both halves of a symmetric
+    field. A frame that allows both poses corrects it; a frame with a single candidate names the half, and Bayes' rule
+    weighs it by how often that is wrong. `hypotheses` lists them all.
 
-    A frame that contradicts every place founds a new one, as probable as a shove or a kidnapping in the time since the
-    last frame, against that of an outlier. Which of the two it was is told by the frames that follow. One that comes
-    near a place corrects that too, but counts for less the farther off it is.
+    A frame that contradicts every mode starts a new one. Its prior weight is the chance of a shove or a kidnapping in
+    the time since the last frame, against that of an outlier; the frames that follow decide which it was. A frame that
+    comes near a mode corrects that mode too, with a weight that falls with the distance.
     """
 
     def __init__(self, *, odometry: OdometryNoise | None = None, frames: FrameErrors | None = None) -> None:
@@ -106,7 +106,7 @@ class PoseFilter:
             raise ArgumentError(f"time must not run backwards, got {t_s!r} s after {self._now_s!r} s")
         else:
             last = self._moments[-1]
-            self._moments.append(self._after(last, t_s, last.place.compose(odometry), None))
+            self._moments.append(self._after(last, t_s, last.odometry_pose.compose(odometry), None))
             gone = next(index for index, moment in enumerate(self._moments) if moment.t_s >= t_s - _HISTORY_S)
             del self._moments[:gone]
         self._now_s = t_s
@@ -128,20 +128,20 @@ class PoseFilter:
             t_s = min(t_s, self._now_s)
         if not self._moments:
             self._moments.append(
-                _Moment(t_s, _ORIGIN, estimate, self._mixture.see(estimate, t_s, self._odometry, self._frames))
+                _Moment(t_s, _ORIGIN, estimate, self._mixture.update(estimate, t_s, self._odometry, self._frames))
             )
             return
-        place = self._place(t_s)
-        if place is None:
+        odometry_pose = self._odometry_pose(t_s)
+        if odometry_pose is None:
             return
-        new = _Moment(t_s, place, estimate, self._mixture)
+        new = _Moment(t_s, odometry_pose, estimate, self._mixture)
         at = len(self._moments)
         while at > 1 and (self._moments[at - 1].t_s, self._moments[at - 1].key) > (t_s, new.key):
             at -= 1
         later = self._moments[at:]
         del self._moments[at:]
         for moment in (new, *later):
-            self._moments.append(self._after(self._moments[-1], moment.t_s, moment.place, moment.estimate))
+            self._moments.append(self._after(self._moments[-1], moment.t_s, moment.odometry_pose, moment.estimate))
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -151,19 +151,19 @@ class PoseFilter:
     @property
     def belief(self) -> PoseEstimate | NotLocated:
         """Where the robot is now; further candidates are hypotheses with a probability of at least a tenth."""
-        places, hypotheses = self._mixture.places, self.hypotheses
+        modes, hypotheses = self._mixture.modes, self.hypotheses
         if not hypotheses:
             if self._mixture.frame_s == -math.inf:
                 return NotLocated("no frame has told a pose yet")
             return NotLocated("no frame has confirmed the pose for too long")
         best, *others = hypotheses
         candidates = (best.pose, *(other.pose for other in others if other.probability >= _MIN_CANDIDATE))
-        return PoseEstimate(best.pose, best.covariance, places[0].inlier_share, places[0].residual_px, candidates)
+        return PoseEstimate(best.pose, best.covariance, modes[0].inlier_share, modes[0].residual_px, candidates)
 
     def prior(self, t_s: float) -> Pose2 | None:
         """Where the robot was at a time, to look at a frame of then; None where it is not known, or in doubt."""
         motion = self.motion_since(t_s)
-        if self._mixture.is_in_doubt or motion is None:
+        if self._mixture.is_contradicted or motion is None:
             return None
         return self.hypotheses[0].pose.compose(motion.inverse())
 
@@ -173,8 +173,8 @@ class PoseFilter:
             return None
         if not self._moments:
             return _ORIGIN
-        then = self._place(t_s)
-        return None if then is None else then.inverse().compose(self._moments[-1].place)
+        then = self._odometry_pose(t_s)
+        return None if then is None else then.inverse().compose(self._moments[-1].odometry_pose)
 
     def forget(self) -> None:
         """Forget everything: the next frame founds a new belief."""
@@ -185,25 +185,27 @@ class PoseFilter:
     def _mixture(self) -> Mixture:
         return self._moments[-1].mixture if self._moments else Mixture(near=self._expected)
 
-    def _place(self, t_s: float) -> Pose2 | None:
+    def _odometry_pose(self, t_s: float) -> Pose2 | None:
         """Where odometry alone had led to at a time; None before what is remembered."""
         later = self._moments[-1]
         if t_s >= later.t_s:
-            return later.place
+            return later.odometry_pose
         for before in reversed(self._moments):
             if before.t_s <= t_s:
-                share = (t_s - before.t_s) / (later.t_s - before.t_s)
-                step = before.place.inverse().compose(later.place)
-                return before.place.compose(Pose2(share * step.x_m, share * step.y_m, share * step.theta_rad))
+                fraction = (t_s - before.t_s) / (later.t_s - before.t_s)
+                step = before.odometry_pose.inverse().compose(later.odometry_pose)
+                return before.odometry_pose.compose(
+                    Pose2(fraction * step.x_m, fraction * step.y_m, fraction * step.theta_rad)
+                )
             later = before
         return None
 
-    def _after(self, before: _Moment, t_s: float, place: Pose2, estimate: PoseEstimate | None) -> _Moment:
+    def _after(self, before: _Moment, t_s: float, odometry_pose: Pose2, estimate: PoseEstimate | None) -> _Moment:
         """Return the next moment: first the motion up to it, then what its frame tells."""
         mixture = before.mixture
-        if t_s > before.t_s or place != before.place:
-            motion = before.place.inverse().compose(place)
+        if t_s > before.t_s or odometry_pose != before.odometry_pose:
+            motion = before.odometry_pose.inverse().compose(odometry_pose)
             mixture = mixture.move(motion, t_s - before.t_s, self._odometry, self._frames)
         if estimate is not None:
-            mixture = mixture.see(estimate, t_s, self._odometry, self._frames)
-        return _Moment(t_s, place, estimate, mixture)
+            mixture = mixture.update(estimate, t_s, self._odometry, self._frames)
+        return _Moment(t_s, odometry_pose, estimate, mixture)

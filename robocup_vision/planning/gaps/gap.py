@@ -71,7 +71,7 @@ class Gap:
         if not (math.isfinite(self.sigma_m) and self.sigma_m > 0.0):
             raise ArgumentError(f"sigma_m must be positive, got {self.sigma_m!r}")
 
-    def seen(self, width_m: float, sigma_m: float) -> Gap:
+    def updated(self, width_m: float, sigma_m: float) -> Gap:
         """Return what is believed after another reading of the width."""
         gain = self.sigma_m**2 / (self.sigma_m**2 + sigma_m**2)
         width = self.width_m + gain * (width_m - self.width_m)

@@ -150,21 +150,21 @@ class GapChoice:
     reason: str
 
 
-def choose_gap(times: PassageTimes, robot_m: Point, goal_m: Point, gaps: Sequence[Gap]) -> GapChoice:
+def choose_gap(times: PassageTimes, robot_m: Point, target_m: Point, gaps: Sequence[Gap]) -> GapChoice:
     """Return the gap with the least expected time; one that turns out blocked is left for the best of the others.
 
     Parameters
     ----------
     times : PassageTimes
         What gaps cost by their width.
-    robot_m, goal_m : (float, float)
+    robot_m, target_m : (float, float)
         Where the robot is, and where it wants to be.
     gaps : sequence of Gap
         At least one. The last resort, if all others are blocked, is a wait of a table's longest drive.
     """
     if not gaps:
         raise ArgumentError("there must be at least one gap")
-    expected = [_by_gap_s(times, robot_m, goal_m, tuple(gaps), k) for k in range(len(gaps))]
+    expected = [_by_gap_s(times, robot_m, target_m, tuple(gaps), k) for k in range(len(gaps))]
     best = int(np.argmin(expected))
     chosen = gaps[best]
     passable = chosen.wide_enough(times.narrowest_m)
@@ -177,17 +177,17 @@ def choose_gap(times: PassageTimes, robot_m: Point, goal_m: Point, gaps: Sequenc
     return GapChoice(best, tuple(expected), reason)
 
 
-def _by_gap_s(times: PassageTimes, start_m: Point, goal_m: Point, gaps: tuple[Gap, ...], k: int) -> float:
+def _by_gap_s(times: PassageTimes, start_m: Point, target_m: Point, gaps: tuple[Gap, ...], k: int) -> float:
     """Return the expected time by gap k first; if that is blocked, by the best order of the others."""
     gap = gaps[k]
-    others = tuple(sorted(gaps[:k] + gaps[k + 1 :], key=lambda other: _by(gap.center_m, other, goal_m)))
+    others = tuple(sorted(gaps[:k] + gaps[k + 1 :], key=lambda other: _by(gap.center_m, other, target_m)))
     after = _LATEST_S
     # beyond a few gaps the rest no longer matters: each is only reached if all before are blocked
     if others:
-        after = min(_by_gap_s(times, gap.center_m, goal_m, others[:_DEEP], j) for j in range(len(others[:_DEEP])))
+        after = min(_by_gap_s(times, gap.center_m, target_m, others[:_DEEP], j) for j in range(len(others[:_DEEP])))
     there = times.planner.follower.limits.travel_s(math.dist(start_m, gap.center_m))
-    return times.expected_s(gap, _by(start_m, gap, goal_m), there + after)
+    return times.expected_s(gap, _by(start_m, gap, target_m), there + after)
 
 
-def _by(start_m: Point, gap: Gap, goal_m: Point) -> float:
-    return math.dist(start_m, gap.center_m) + math.dist(gap.center_m, goal_m)
+def _by(start_m: Point, gap: Gap, target_m: Point) -> float:
+    return math.dist(start_m, gap.center_m) + math.dist(gap.center_m, target_m)

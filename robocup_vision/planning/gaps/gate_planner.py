@@ -146,7 +146,7 @@ class GatePlanner:
         self,
         robot_m: Point,
         gap: Gap,
-        goal_m: Point,
+        target_m: Point,
         detour_m: Sequence[Point],
         viewpoints_m: FloatArray | None = None,
     ) -> GatePlan:
@@ -154,7 +154,7 @@ class GatePlanner:
 
         Parameters
         ----------
-        robot_m, goal_m : (float, float)
+        robot_m, target_m : (float, float)
             Where the robot is, and where it wants to be; it starts and arrives at rest.
         gap : Gap
             The gap, as believed.
@@ -164,7 +164,7 @@ class GatePlanner:
             Where it may look from besides where it is and right before the gap. A grid between robot, gap and detour
             unless given.
         """
-        tables = self.tables(robot_m, gap, goal_m, detour_m, viewpoints_m)
+        tables = self.tables(robot_m, gap, target_m, detour_m, viewpoints_m)
         belief = np.empty((self._looks + 1, len(tables.prior)))
         belief[0] = tables.prior
         counted = np.ones(1, dtype=np.int64)
@@ -195,12 +195,12 @@ class GatePlanner:
         self,
         robot_m: Point,
         gap: Gap,
-        goal_m: Point,
+        target_m: Point,
         detour_m: Sequence[Point],
         viewpoints_m: FloatArray | None = None,
     ) -> GateTables:
         """Return the problem in numbers; parameters as those of `plan`."""
-        robot, goal, center = (np.array(p, dtype=np.float64) for p in (robot_m, goal_m, gap.center_m))
+        robot, goal, center = (np.array(p, dtype=np.float64) for p in (robot_m, target_m, gap.center_m))
         way = np.array(detour_m, dtype=np.float64).reshape(-1, 2)
         if not (np.isfinite([robot, goal, center]).all() and np.isfinite(way).all()):
             raise ArgumentError("robot, goal, gap and detour must be finite")

@@ -30,7 +30,7 @@ from robocup_vision.planning.gaze.goal_evidence import (
     load_goal_evidence,
 )
 from robocup_vision.planning.gaze.pose_gaze import Neck
-from robocup_vision.planning.gaze.sight_lines import Blocker, clear_share
+from robocup_vision.planning.gaze.sight_lines import Blocker, clear_probability
 from robocup_vision.planning.gaze.sigma_points import sigma_points
 
 Answer = Literal["look", "decided", "undecidable"]
@@ -64,7 +64,7 @@ class Hypothesis(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Fixation:
     """What to do about a question.
 
     Parameters
@@ -94,7 +94,7 @@ def entropy_nat(probabilities: FloatArray) -> float:
     return float(-(positive * np.log(positive)).sum()) + 0.0
 
 
-def goal_seen(field: Field, seen: PoseEstimate | NotLocated) -> int:
+def identified_goal(field: Field, seen: PoseEstimate | NotLocated) -> int:
     """Which goal a frame without a prior has told of: +1, -1, or 0 for none.
 
     Parameters
@@ -161,7 +161,9 @@ class GoalQuestion:
         colors = {goal.color for goal in self._field.goals}
         return len(colors) > 1 and any(map(is_chromatic, colors))
 
-    def choose(self, hypotheses: Sequence[Hypothesis], pan_rad: float = 0.0, blockers: Sequence[Blocker] = ()) -> Look:
+    def choose(
+        self, hypotheses: Sequence[Hypothesis], pan_rad: float = 0.0, blockers: Sequence[Blocker] = ()
+    ) -> Fixation:
         """Choose where to look, or say that nothing is left to ask.
 
         Parameters
@@ -182,9 +184,9 @@ class GoalQuestion:
         share = _shares(hypotheses)
         now = entropy_nat(share)
         if now <= ENOUGH_NAT:
-            return Look("decided", None, now, now, f"decided: {share.max():.1%} sure, {now:.2f} nat")
+            return Fixation("decided", None, now, now, f"decided: {share.max():.1%} sure, {now:.2f} nat")
         if not self.can_tell:
-            return Look("undecidable", None, now, now, "undecidable: nothing that is seen tells the halves apart")
+            return Fixation("undecidable", None, now, now, "undecidable: nothing that is seen tells the halves apart")
         joint = share[:, None] * self._chances(hypotheses, self._pans, blockers)
         told = joint.sum(axis=1, keepdims=True)
         after = np.divide(joint, told, out=np.ones_like(joint), where=joint > 0)
@@ -192,16 +194,16 @@ class GoalQuestion:
         least = float(expected.min())
         if now - least < _MIN_GAIN_NAT:
             reason = f"undecidable from here: the best look would leave {least:.2f} of {now:.2f} nat"
-            return Look("undecidable", None, now, now, reason)
+            return Fixation("undecidable", None, now, now, reason)
         as_good = np.flatnonzero(expected <= least + _AS_GOOD_NAT)
         # from the middle of what is equally good, a pose that is a little off still shows the goal
         runs = np.split(as_good, np.flatnonzero(np.diff(as_good) > 1) + 1)
         middles = [int(run[len(run) // 2]) for run in runs]
         best = min(middles, key=lambda k: abs(self._pans[k] - pan_rad))
         reason = f"look {math.degrees(self._pans[best]):+.0f} deg: {expected[best]:.2f} of {now:.2f} nat to be left"
-        return Look("look", float(self._pans[best]), now, float(expected[best]), reason)
+        return Fixation("look", float(self._pans[best]), now, float(expected[best]), reason)
 
-    def saw(
+    def observe(
         self, hypotheses: Sequence[Hypothesis], pan_rad: float, goal: int, blockers: Sequence[Blocker] = ()
     ) -> FloatArray:
         """Return the probabilities (N,) after a look, eq. 3.
@@ -213,7 +215,7 @@ class GoalQuestion:
         pan_rad : float
             Where the frame was taken.
         goal : int
-            The goal it told of, see `goal_seen`: +1, -1, or 0.
+            The goal it told of, see `identified_goal`: +1, -1, or 0.
         blockers : sequence of Blocker
             As `choose` took them.
         """
@@ -242,7 +244,7 @@ class GoalQuestion:
         points = sigma_points(hypothesis.pose, hypothesis.covariance)
         told = np.zeros((len(pans), 3))
         eye = (*hypothesis.pose.transform(self._camera.offset_m).tolist(), self._camera.height_m)
-        clear = clear_share(eye, self._corners.reshape(-1, 3), blockers).reshape(-1, CORNERS)
+        clear = clear_probability(eye, self._corners.reshape(-1, 3), blockers).reshape(-1, CORNERS)
         # a goal that was missed is likely to be missed again
         again = np.array(
             [

@@ -19,7 +19,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning.gaze.field_landmarks import Kind, field_landmarks
-from robocup_vision.planning.gaze.sight_lines import Blocker, clear_share
+from robocup_vision.planning.gaze.sight_lines import Blocker, clear_probability
 from robocup_vision.planning.gaze.sigma_points import sigma_points
 
 Criterion = Literal["position", "volume"]
@@ -44,25 +44,25 @@ class Detector:
     ----------
     std_px : float
         Standard deviation along u and v, pixels of the camera's own picture.
-    found_share : float
+    detection_probability : float
         How often it is found where it is in view.
-    farthest_m : float
+    max_range_m : float
         Beyond, it is not found.
-    alone_share : float, optional
+    alone_probability : float, optional
         How often a goal's post is found where the other one is not in view; without it as often as with it.
     """
 
     std_px: float
-    found_share: float
-    farthest_m: float
-    alone_share: float | None = None
+    detection_probability: float
+    max_range_m: float
+    alone_probability: float | None = None
 
 
 # as the goal localiser sees posts, and the line localiser crossings, in rendered 208 x 160 pictures
 # (benchmarks/planning/gaze_pose.py measures them anew); what this project has no detector for is taken
 # to be seen as whole goals are
 DETECTORS: Mapping[Kind, Detector] = {
-    "post": Detector(0.3, 0.92, 6.0, alone_share=0.5),
+    "post": Detector(0.3, 0.92, 6.0, alone_probability=0.5),
     "goal corner": Detector(0.3, 0.92, 6.0),
     "beacon": Detector(0.3, 0.92, 6.0),
     "crossing": Detector(1.2, 0.9, 2.5),
@@ -190,20 +190,20 @@ class PoseGaze:
         marks = [mark for mark in field_landmarks(field) if mark.kind in detectors]
         self._marks = np.array([[m.x_m, m.y_m, m.height_m] for m in marks]).reshape(-1, 3)
         self._std_rad = np.array([detectors[m.kind].std_px / camera.focal_px[0] for m in marks])
-        self._found = np.array([detectors[m.kind].found_share for m in marks])
-        alone = [detectors[m.kind].alone_share for m in marks]
+        self._found = np.array([detectors[m.kind].detection_probability for m in marks])
+        alone = [detectors[m.kind].alone_probability for m in marks]
         self._alone = np.array([f if a is None else a for a, f in zip(alone, self._found, strict=True)])
         # a post's ends find their partners at the goal's other post
         index = {(m.kind, m.x_m, m.y_m, m.height_m): i for i, m in enumerate(marks)}
         partner = [index.get(("post", m.x_m, -m.y_m, m.height_m), i) for i, m in enumerate(marks)]
         self._partner = np.array([p if marks[i].kind == "post" else i for i, p in enumerate(partner)], dtype=np.intp)
-        self._farthest_m = np.array([detectors[m.kind].farthest_m for m in marks])
+        self._max_range_m = np.array([detectors[m.kind].max_range_m for m in marks])
         self._pans = np.linspace(-neck.limit_rad, neck.limit_rad, pans)
         self._misses = 0
         # where the plan has the head look
         self._wanted: float | None = None
 
-    def saw(self, found: bool, pan_rad: float) -> None:
+    def observe(self, found: bool, pan_rad: float) -> None:
         """Say whether a frame told anything of the pose, and at which pan it was taken.
 
         After two in a row that told nothing from where the plan had the head look, the head sweeps until one does.
@@ -287,9 +287,9 @@ class PoseGaze:
         with np.errstate(invalid="ignore"):
             inside = (pixels[..., 0] >= border) & (pixels[..., 0] <= width - 1 - border)
             inside &= (pixels[..., 1] >= border) & (pixels[..., 1] <= height - 1 - border)
-        inside &= (np.hypot(way[..., 0], way[..., 1]) < self._farthest_m)[:, None]
+        inside &= (np.hypot(way[..., 0], way[..., 1]) < self._max_range_m)[:, None]
         eye = pose.transform(self._camera.offset_m)
-        clear = clear_share((*eye, self._camera.height_m), self._marks, blockers)
+        clear = clear_probability((*eye, self._camera.height_m), self._marks, blockers)
         both = (inside & inside[..., self._partner]) * clear[self._partner]
         return np.asarray(clear * (self._alone * inside + (self._found - self._alone) * both))
 

@@ -82,14 +82,14 @@ class SelectiveLook:
         # what was looked at, and from where
         self._looks: list[tuple[tuple[float, float], tuple[float, float]]] = []
         self._path_m: FloatArray | None = None
-        self._goal_m: tuple[float, float] | None = None
+        self._target_m: tuple[float, float] | None = None
 
     def forget(self) -> None:
         """Forget the looks taken and the path held to."""
         self._looks.clear()
         self._path_m = None
 
-    def looked(self, at_m: tuple[float, float], from_m: tuple[float, float]) -> None:
+    def observe(self, at_m: tuple[float, float], from_m: tuple[float, float]) -> None:
         """Say what has been looked at, and from where: what two looks leave undecided is not looked at a third time.
 
         It has to be seen from another place. Until then nobody knows that it is free, so speed must be kept in check.
@@ -103,7 +103,7 @@ class SelectiveLook:
         no_go: BoolArray,
         corner_m: tuple[float, float],
         robot_m: tuple[float, float],
-        goal_m: tuple[float, float],
+        target_m: tuple[float, float],
     ) -> SelectedLook:
         """Choose where to look again.
 
@@ -113,7 +113,7 @@ class SelectiveLook:
             Cells known to be free, and known to be blocked; all others are undecided. First index along x.
         corner_m : (float, float)
             Lowest corner of cell (0, 0), in the frame of robot and goal.
-        robot_m, goal_m : (float, float)
+        robot_m, target_m : (float, float)
             Where the robot's middle is, and where it shall be; both on the map.
 
         Raises
@@ -125,9 +125,9 @@ class SelectiveLook:
             raise ArgumentError(f"free and no_go must be grids of one size, got {free.shape} and {no_go.shape}")
         if (free & no_go).any():
             raise ArgumentError("a cell cannot be both free and blocked")
-        start, end = (self._cell(place, corner_m, free.shape) for place in (robot_m, goal_m))
-        if goal_m != self._goal_m:
-            self._goal_m, self._path_m = goal_m, None
+        start, end = (self._cell(place, corner_m, free.shape) for place in (robot_m, target_m))
+        if target_m != self._target_m:
+            self._target_m, self._path_m = target_m, None
         corner = np.array(corner_m)
         undecided = ~free & ~no_go
         room = self._away_m(no_go)

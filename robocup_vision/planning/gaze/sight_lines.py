@@ -48,7 +48,7 @@ class Blocker:
         object.__setattr__(self, "covariance", covariance)
 
 
-def clear_share(eye_m: npt.ArrayLike, points_m: npt.ArrayLike, blockers: Sequence[Blocker]) -> FloatArray:
+def clear_probability(eye_m: npt.ArrayLike, points_m: npt.ArrayLike, blockers: Sequence[Blocker]) -> FloatArray:
     """Chance (N,) that nothing hides a point from the camera.
 
     Parameters

@@ -19,14 +19,14 @@ from robocup_vision.planning.motion_limits import MotionLimits
 from robocup_vision.planning.speed.path_follower import checked_path
 from robocup_vision.planning.speed.speed_planner import SpeedPlan
 
-# in `FloorToDecide.looks`
+# in `UndecidedFloor.looks`
 FREE, BLOCKED = -1, 0
 # shares of a cell by which the path is walked
 _STEP_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FloorToDecide:
+class UndecidedFloor:
     """The floor in square cells, and how many more looks each needs.
 
     Parameters
@@ -113,14 +113,14 @@ class UndecidedSpeed:
         self._limits = limits
         self._radius_m, self._look_period_s = float(robot_radius_m), float(look_period_s)
 
-    def plan(self, path_m: FloatArray, floor: FloorToDecide) -> SpeedPlan:
+    def plan(self, path_m: FloatArray, floor: UndecidedFloor) -> SpeedPlan:
         """Return the largest speed for which everything on the way will be decided in time.
 
         Parameters
         ----------
         path_m : (P, 2) float64
             The path from where the robot is, in the floor's frame.
-        floor : FloorToDecide
+        floor : UndecidedFloor
             What is known of it. What lies under the robot now is free: it is there.
         """
         path = checked_path(path_m)
@@ -160,7 +160,7 @@ class UndecidedSpeed:
                 why = f"slow, {speed:.2f} m/s: {what}" if speed > 0.0 else f"stop: {what}"
         return SpeedPlan(least, least > 0.0, clearance, why)
 
-    def _needed_m(self, floor: FloorToDecide) -> float:
+    def _needed_m(self, floor: UndecidedFloor) -> float:
         """Way beyond which nothing can slow the robot down."""
         speed, looks = self._limits.speed_mps, max(1, int(floor.looks.max()))
         return speed * looks * self._look_period_s + self._limits.stop_m(speed) + 2.0 * floor.cell_m

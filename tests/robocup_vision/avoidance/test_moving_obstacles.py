@@ -91,12 +91,12 @@ def test_one_that_clears_the_way_in_time_is_no_obstacle_and_one_that_will_block_
     leaving = MovingObstacle(0.3, 0.12, 0.0, 1.0, RADIUS)
     assert steering().steer(open_floor([leaving]), (0.4, 0.0), 0.0).reason == "around obstacle"
     command = steering().steer(open_floor([leaving]), (0.4, 0.0), 0.0, moving=[leaving])
-    assert command.reason == "towards goal"
+    assert command.reason == "towards target"
     # it will be ahead before the robot could stop
     coming = MovingObstacle(0.35, 0.5, 0.0, -1.0, RADIUS)
-    assert steering().steer(open_floor([coming]), (0.6, 0.0), 0.0).reason == "towards goal"
+    assert steering().steer(open_floor([coming]), (0.6, 0.0), 0.0).reason == "towards target"
     command = steering().steer(open_floor([coming]), (0.6, 0.0), 0.0, moving=[coming])
-    assert command.reason != "towards goal"
+    assert command.reason != "towards target"
 
 
 def test_a_robot_that_stands_gives_way_to_nothing_it_cannot_escape():

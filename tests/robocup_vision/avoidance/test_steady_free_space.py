@@ -50,13 +50,13 @@ def test_nothing_moved_or_nothing_seen_is_handed_back():
 @given(st.integers(0, 63), st.floats(0.1, 5.0))
 def test_a_speck_or_an_opening_in_one_frame_does_not_count(index, wrong):
     steady, seen = SteadyFreeSpace(), in_room(STILL)
-    steady.see(seen, STILL)
-    usual = steady.see(seen, STILL).range_m
+    steady.update(seen, STILL)
+    usual = steady.update(seen, STILL).range_m
     assert np.all(usual <= seen.range_m)
     assert np.all(usual >= 0.9 * seen.range_m)
     ranges = seen.range_m.copy()
     ranges[index] = wrong
-    np.testing.assert_allclose(steady.see(FreeSpace(BEARING, ranges), STILL).range_m, usual)
+    np.testing.assert_allclose(steady.update(FreeSpace(BEARING, ranges), STILL).range_m, usual)
     # the second time it counts
-    again = steady.see(FreeSpace(BEARING, ranges), STILL).range_m[index]
+    again = steady.update(FreeSpace(BEARING, ranges), STILL).range_m[index]
     assert math.isclose(again / usual[index], wrong / seen.range_m[index])

@@ -33,7 +33,7 @@ def test_open_floor_leads_to_the_goal():
     command = steering().steer(ranges(np.full(32, 5.0)), (0.0, 0.0), 0.5)
     assert isinstance(command, SteeringCommand)
     assert command.safe
-    assert command.reason == "towards goal"
+    assert command.reason == "towards target"
     assert abs(command.bearing_rad - 0.5) <= math.pi / 48
     assert np.hypot(*command.velocity_mps) == pytest.approx(0.4)
     assert command.time_to_contact_s.shape == command.directions_rad.shape == (48,)
@@ -100,9 +100,9 @@ def test_a_goal_before_a_wall_is_approached_at_speed_with_the_papers_threshold()
     scene = facing(0.6, half_width=1.0)
     papers = {"time_threshold_s": 2.75}
     unknown = steering(**papers).steer(scene, (0.0, 0.0), 0.0)
-    known = steering(**papers).steer(scene, (0.0, 0.0), 0.0, goal_distance_m=0.2)
+    known = steering(**papers).steer(scene, (0.0, 0.0), 0.0, target_distance_m=0.2)
     assert known.safe
-    assert known.reason == "towards goal"
+    assert known.reason == "towards target"
     assert unknown.velocity_mps[0] <= 0.2 + 1e-12
     assert known.velocity_mps[0] > 0.3
 
@@ -112,11 +112,11 @@ def test_a_gap_too_tight_for_full_speed_is_entered_slowly():
     fast = steering(speed_mps=1.5)
     command = fast.steer(facing(0.6, half_width=1.4), (0.0, 0.0), 0.0)
     assert command.safe
-    assert command.reason == "towards goal"
+    assert command.reason == "towards target"
     assert 0.1 < np.hypot(*command.velocity_mps) < 0.5
     # and where something is nearer still, slower still
     nearer = fast.steer(facing(0.2, half_width=1.4), (0.0, 0.0), 0.0)
-    assert nearer.reason == "towards goal"
+    assert nearer.reason == "towards target"
     assert 0.0 < np.hypot(*nearer.velocity_mps) < np.hypot(*command.velocity_mps)
 
 
@@ -190,8 +190,8 @@ def test_bad_parameters_are_named(change, message):
         (ranges([1.0] * 3, [0.0, 1.0, math.nan]), (0, 0), 0.0, None, "ascend within one turn"),
         (ranges([1.0] * 3), (0, 0, 0), 0.0, None, "velocity_mps must be two numbers"),
         (ranges([1.0] * 3), (0, math.nan), 0.0, None, "velocity_mps must be finite"),
-        (ranges([1.0] * 3), (0, 0), math.inf, None, "goal_bearing_rad must be finite"),
-        (ranges([1.0] * 3), (0, 0), 0.0, -1.0, "goal_distance_m must not be negative"),
+        (ranges([1.0] * 3), (0, 0), math.inf, None, "target_bearing_rad must be finite"),
+        (ranges([1.0] * 3), (0, 0), 0.0, -1.0, "target_distance_m must not be negative"),
     ],
 )
 def test_bad_input_is_named(free, velocity, goal, distance, message):

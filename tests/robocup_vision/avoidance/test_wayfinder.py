@@ -50,7 +50,7 @@ def walk(start, goal, walls, steps=600, turn_rad=0.02, step_m=0.02):
     way, pose, motion = Wayfinder(RADIUS), start, STILL
     places = [start]
     for _ in range(steps):
-        way.see(seen_from(pose, walls), motion)
+        way.update(seen_from(pose, walls), motion)
         there = pose.inverse().transform(goal)
         if np.hypot(*there) < 0.05:
             break
@@ -71,7 +71,7 @@ def walk(start, goal, walls, steps=600, turn_rad=0.02, step_m=0.02):
 @given(st.floats(-4, 4), st.floats(0.0, 30.0), st.floats(-4, 4))
 def test_over_open_floor_it_is_straight_however_far(bearing, distance, turned):
     way = Wayfinder(RADIUS)
-    way.see(FreeSpace(BEARING, np.full(COUNT, np.inf)), Pose2(0.0, 0.0, turned))
+    way.update(FreeSpace(BEARING, np.full(COUNT, np.inf)), Pose2(0.0, 0.0, turned))
     heading = way.head(bearing, distance)
     assert heading.straight
     assert heading.bearing_rad == bearing
@@ -101,22 +101,22 @@ def test_it_goes_through_what_is_wide_enough_and_round_what_is_not(width_m, thro
 def test_far_is_forgotten_and_near_goes_along():
     way = Wayfinder(RADIUS, window_m=2.0, every=1)
     wall = [((0.4, -0.5), (0.4, 0.5))]
-    way.see(seen_from(STILL, wall), STILL)
+    way.update(seen_from(STILL, wall), STILL)
     assert not way.head(0.0, 0.9).straight
     blind = FreeSpace(BEARING, np.full(COUNT, np.nan))
     # to its other side, by which the window has moved on
-    way.see(blind, Pose2(0.0, 0.6, 0.0))
-    way.see(blind, Pose2(0.8, -0.6, math.pi))
+    way.update(blind, Pose2(0.0, 0.6, 0.0))
+    way.update(blind, Pose2(0.8, -0.6, math.pi))
     assert not way.head(0.0, 0.9).straight
     assert way.head(math.pi, 0.9).straight
-    way.see(blind, Pose2(-2.0, 0.0, 0.0))
-    way.see(blind, Pose2(2.0, 0.0, 0.0))
+    way.update(blind, Pose2(-2.0, 0.0, 0.0))
+    way.update(blind, Pose2(2.0, 0.0, 0.0))
     assert way.head(0.0, 0.9).straight
 
 
 def test_forgetting_opens_all_ways():
     way = Wayfinder(RADIUS)
-    way.see(seen_from(STILL, [((0.4, -0.5), (0.4, 0.5))]), STILL)
+    way.update(seen_from(STILL, [((0.4, -0.5), (0.4, 0.5))]), STILL)
     assert not way.head(0.0, 0.9).straight
     way.forget()
     assert way.head(0.0, 0.9).straight
@@ -128,7 +128,7 @@ def test_a_place_that_is_not_got_through_is_given_up_for_another():
     way, pose = Wayfinder(RADIUS), Pose2(-0.15, 0.0, 0.0)
     bearings = []
     for _ in range(300):
-        way.see(seen_from(pose, walls), STILL)
+        way.update(seen_from(pose, walls), STILL)
         bearings.append(way.head(0.0, 1.2).bearing_rad)
     assert abs(bearings[0]) < 0.3
     assert max(abs(bearing) for bearing in bearings) > 1.0
@@ -136,12 +136,12 @@ def test_a_place_that_is_not_got_through_is_given_up_for_another():
 
 def test_who_goes_another_way_or_comes_to_a_turn_slows_down_first():
     way = Wayfinder(RADIUS)
-    way.see(FreeSpace(BEARING, np.full(COUNT, np.inf)), STILL)
+    way.update(FreeSpace(BEARING, np.full(COUNT, np.inf)), STILL)
     assert way.head(0.0, 3.0, (0.4, 0.0)).distance_m == 3.0
     assert way.head(0.0, 3.0, (0.0, 0.4)).distance_m == pytest.approx(RADIUS / math.sqrt(2))
     assert way.head(0.0, 3.0, (-0.4, 0.0)).distance_m == pytest.approx(RADIUS / 2)
     way.forget()
-    way.see(seen_from(STILL, [((0.4, -0.5), (0.4, 0.5))]), STILL)
+    way.update(seen_from(STILL, [((0.4, -0.5), (0.4, 0.5))]), STILL)
     round_it = way.head(0.0, 0.9)
     assert 0.4 < abs(round_it.bearing_rad) < 1.6
     assert 0.4 < round_it.distance_m < 1.0
@@ -165,7 +165,7 @@ def test_bad_views_and_goals_are_named():
     way = Wayfinder(RADIUS)
     for bearing, reach in ((np.zeros(1), np.zeros(1)), (np.zeros(4), np.zeros(3))):
         with pytest.raises(ArgumentError, match="free space needs"):
-            way.see(SimpleNamespace(bearing_rad=bearing, range_m=reach), STILL)
+            way.update(SimpleNamespace(bearing_rad=bearing, range_m=reach), STILL)
     for bearing, distance in ((math.nan, 1.0), (0.0, -1.0), (0.0, math.inf)):
-        with pytest.raises(ArgumentError, match="the goal must be finite"):
+        with pytest.raises(ArgumentError, match="the target must be finite"):
             way.head(bearing, distance)

@@ -153,8 +153,8 @@ def test_the_same_frames_give_the_same_tracks(seed):
 
 def one_branch(covariance):
     none = np.empty(0, dtype=np.int64)
-    begun = Branches.begun(np.array([1]), np.array([[1.0, 0.0]]), 0.01 * np.eye(2)[None], 0.5, 0.0, np.array([0]))
-    assert len(Branches.begun(none, np.empty((0, 2)), np.empty((0, 2, 2)), 0.5, 0.0, none)) == 0
+    begun = Branches.initiated(np.array([1]), np.array([[1.0, 0.0]]), 0.01 * np.eye(2)[None], 0.5, 0.0, np.array([0]))
+    assert len(Branches.initiated(none, np.empty((0, 2)), np.empty((0, 2, 2)), 0.5, 0.0, none)) == 0
     begun.covariance[0] = covariance
     return begun
 
@@ -204,7 +204,7 @@ def test_a_miss_in_the_open_says_nothing_of_the_place_and_beside_a_shadow_moves_
 
 def test_share_seen_runs_from_hidden_to_open():
     view = Shadows(np.zeros(2), np.array([[0.5, 0.0]]), 0.09)
-    share = view.share_seen(np.array([[1.0, 0.0], [1.0, 0.18], [1.0, 0.27], [1.0, 0.5], [0.3, 0.0]]))
+    share = view.visible_ratio(np.array([[1.0, 0.0], [1.0, 0.18], [1.0, 0.27], [1.0, 0.5], [0.3, 0.0]]))
     assert share[0] == 0.0
     assert 0.0 < share[1] < share[2] <= 1.0
     np.testing.assert_array_equal(share[3:], 1.0)

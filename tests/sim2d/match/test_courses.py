@@ -75,7 +75,7 @@ def test_a_drive_goes_round_a_box_without_touching_it():
 def pilot_at(speed_mps):
     """Drives along the field whatever it sees and is told."""
 
-    def steer(free_space, velocity_mps, goal_bearing_rad, goal_distance_m, pending_mps):
+    def steer(free_space, velocity_mps, target_bearing_rad, target_distance_m, pending_mps):
         towards = np.array([math.cos(START.theta_rad), -math.sin(START.theta_rad)])
         return SimpleNamespace(velocity_mps=speed_mps * towards)
 

@@ -20,13 +20,13 @@ HERE = (0.0, 0.0)
 NOTHING = np.empty((0, moving_contact.COLUMNS))
 
 
-def plain_choice(velocity, pending, wanted, goal_distance, side, limits, use_velocity, directions, profile, minima):
+def plain_choice(velocity, pending, wanted, target_distance, side, limits, use_velocity, directions, profile, minima):
     """Take Steps 3 to 5 with whole arrays; the contact times come from the kernel, which has a test of its own."""
     speed, acceleration, dead_time, period, threshold, step_m, levels = limits
     units = np.stack([np.cos(directions), np.sin(directions)], axis=1)
-    if math.isfinite(goal_distance):
+    if math.isfinite(target_distance):
         lag = acceleration * (dead_time + period)
-        speed = min(speed, math.sqrt(lag**2 + 2 * acceleration * goal_distance) - lag)
+        speed = min(speed, math.sqrt(lag**2 + 2 * acceleration * target_distance) - lag)
 
     def contact(start, a, b, horizon):
         return trajectories.contact_time(start, a, b, acceleration, horizon, step_m, profile, *minima)
@@ -59,7 +59,7 @@ def plain_choice(velocity, pending, wanted, goal_distance, side, limits, use_vel
             passed.append(np.hypot(*place) if t >= dead_time else -1.0)
         times = np.array(times)
         contacts.append(times)
-        safe = (times >= needed) | (ahead & (np.array(passed) >= goal_distance + slower**2 / (2 * acceleration)))
+        safe = (times >= needed) | (ahead & (np.array(passed) >= target_distance + slower**2 / (2 * acceleration)))
         if safe.any():
             best = safe & (away <= away[safe].min() + 1e-9)
             index = int(np.argmax(np.where(best, times, -1.0)))
@@ -78,7 +78,7 @@ def plain_choice(velocity, pending, wanted, goal_distance, side, limits, use_vel
     return ((2, index, speed, 0.0) if contacts[0][index] > braking else (1, -1, 0.0, 0.0)), contacts[0]
 
 
-def steer(velocity, pending, goal, goal_distance, detour, limits, use_velocity, range_m, count=24, moving=NOTHING):
+def steer(velocity, pending, goal, target_distance, detour, limits, use_velocity, range_m, count=24, moving=NOTHING):
     directions = np.arange(count) * math.tau / count
     units = np.stack([np.cos(directions), np.sin(directions)], axis=1)
     bearing, known, scratch = around(len(range_m)), np.full(len(range_m), np.nan), np.empty(BINS)
@@ -86,7 +86,7 @@ def steer(velocity, pending, goal, goal_distance, detour, limits, use_velocity, 
     found_times = np.empty(count)
     for _ in range(2):  # measuring the sectors, and with those already measured
         found = kernels.steer(
-            velocity, pending, goal, goal_distance, detour, limits, use_velocity, directions, units, bearing, range_m,
+            velocity, pending, goal, target_distance, detour, limits, use_velocity, directions, units, bearing, range_m,
             known, sectors, sector_bins, EDGES, RADIUS, scratch, np.empty(grown_profile.FINE),
             np.empty(grown_profile.COARSE), moving, found_times,
         )  # fmt: skip
@@ -103,7 +103,7 @@ def steer(velocity, pending, goal, goal_distance, detour, limits, use_velocity, 
     st.booleans(),
     st.sampled_from([math.inf, 0.0, 0.2, 1.0]),
 )
-def test_choice_agrees_with_whole_arrays(seed, motion, side, threshold, use_velocity, goal_distance):
+def test_choice_agrees_with_whole_arrays(seed, motion, side, threshold, use_velocity, target_distance):
     rng = np.random.default_rng(seed)
     speed, acceleration = motion
     limits = (speed, acceleration, 0.03, 1 / 30, threshold, 0.004, 3.0)
@@ -114,11 +114,11 @@ def test_choice_agrees_with_whole_arrays(seed, motion, side, threshold, use_velo
     wanted = rng.uniform(-4, 4) if rng.random() < 0.5 else rng.integers(-24, 24) * math.pi / 24
     profile, *minima = grown(rng.uniform(0.02, rng.uniform(0.1, 2.5), 32))
     expected, times = plain_choice(
-        velocity, pending, wanted, goal_distance, side, limits, use_velocity, directions, profile, minima
+        velocity, pending, wanted, target_distance, side, limits, use_velocity, directions, profile, minima
     )
     found_times = np.empty(24)
     found = kernels.choose_direction(
-        velocity, pending, wanted, goal_distance, side, limits, use_velocity, directions, units, profile, *minima,
+        velocity, pending, wanted, target_distance, side, limits, use_velocity, directions, units, profile, *minima,
         NOTHING, found_times,
     )  # fmt: skip
     assert found[:2] == expected[:2]

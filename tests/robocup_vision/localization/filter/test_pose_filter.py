@@ -238,27 +238,27 @@ def test_a_step_of_odometry_is_as_uncertain_in_pieces():
         assert std[2] == pytest.approx(stds[0][2], rel=1e-9)
 
 
-@pytest.mark.parametrize("lasting_share", [0.0, 0.5, 0.9])
-def test_covariance_is_honest_when_errors_last_as_long_as_was_said(lasting_share):
+@pytest.mark.parametrize("bias_ratio", [0.0, 0.5, 0.9])
+def test_covariance_is_honest_when_errors_last_as_long_as_was_said(bias_ratio):
     rng = np.random.default_rng(4)
     nees = []
     for _ in range(12):
         filter_ = PoseFilter(
-            frames=FrameErrors(lasting_share=lasting_share),
-            odometry=OdometryNoise(slip_share=1e-3, push_m=1e-4, push_rad=1e-4),
+            frames=FrameErrors(bias_ratio=bias_ratio),
+            odometry=OdometryNoise(slip_ratio=1e-3, push_m=1e-4, push_rad=1e-4),
         )
         lasting = rng.standard_normal(3)
         truth = Pose2(*rng.uniform(-1.0, 1.0, 2), rng.uniform(-3, 3))
         for k in range(30):
             filter_.predict(STILL, k * DT)
             white = rng.standard_normal(3)
-            error = STD * (math.sqrt(lasting_share) * lasting + math.sqrt(1 - lasting_share) * white)
+            error = STD * (math.sqrt(bias_ratio) * lasting + math.sqrt(1 - bias_ratio) * white)
             filter_.update(told(Pose2(*(truth.array + error))), k * DT)
         offset = filter_.belief.pose.array - truth.array
         offset[2] = math.remainder(offset[2], math.tau)
         nees.append(offset @ np.linalg.solve(filter_.belief.covariance, offset))
         # a robot that stands does not learn what its frames get wrong together
-        assert filter_.belief.std[0] >= 0.99 * math.sqrt(lasting_share) * STD[0]
+        assert filter_.belief.std[0] >= 0.99 * math.sqrt(bias_ratio) * STD[0]
     # a mean of 12 is chi squared with 36 degrees of freedom, over 12: 99.8 % lie within
     assert 1.3 < np.mean(nees) < 5.5
 
@@ -270,7 +270,7 @@ def test_the_same_calls_give_the_same_belief_bit_for_bit():
     assert all(np.array_equal(a.covariance, b.covariance) for a, b in zip(first, second, strict=True))
 
 
-@pytest.mark.parametrize("name", ["slip_share", "slip_s", "push_m", "push_rad", "shove_per_s", "kidnap_per_s"])
+@pytest.mark.parametrize("name", ["slip_ratio", "slip_s", "push_m", "push_rad", "shove_per_s", "kidnap_per_s"])
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
 def test_odometry_noise_of_no_sense_is_refused(name, value):
     with pytest.raises(ArgumentError, match=f"{name} of the odometry must"):
@@ -280,9 +280,9 @@ def test_odometry_noise_of_no_sense_is_refused(name, value):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("lasting_share", 1.0),
-        ("lasting_share", -0.1),
-        ("lasting_m", 0.0),
+        ("bias_ratio", 1.0),
+        ("bias_ratio", -0.1),
+        ("bias_distance_m", 0.0),
         ("outlier_rate", 0.0),
         ("half_error_rate", 0.5),
         ("spell_s", math.nan),

@@ -108,7 +108,7 @@ def test_seen_from_nearer_and_straighter_a_width_is_known_better():
 
 
 def test_a_reading_is_weighed_by_its_doubt():
-    after = gap(0.2, 0.1).seen(0.3, 0.1)
+    after = gap(0.2, 0.1).updated(0.3, 0.1)
     assert after.width_m == pytest.approx(0.25)
     assert after.sigma_m == pytest.approx(0.1 / math.sqrt(2))
 

@@ -14,7 +14,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.planning.gaze.goal_evidence import CORNERS, GoalEvidence
-from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, goal_seen
+from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
 from robocup_vision.planning.gaze.sight_lines import Blocker
 
@@ -76,15 +76,15 @@ def test_prefers_the_goal_that_nobody_hides() -> None:
 def test_a_goal_tells_the_half() -> None:
     question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.88, wrong=0.02))
     halves = _halves(Pose2(0.0, 0.0, 0.0))
-    assert question.saw(halves, 0.0, 1) == pytest.approx([0.88 / 0.9, 0.02 / 0.9])
-    assert question.saw(halves, 0.0, -1) == pytest.approx([0.02 / 0.9, 0.88 / 0.9])
-    assert question.saw(halves, 0.0, 0) == pytest.approx([0.5, 0.5])
+    assert question.observe(halves, 0.0, 1) == pytest.approx([0.88 / 0.9, 0.02 / 0.9])
+    assert question.observe(halves, 0.0, -1) == pytest.approx([0.02 / 0.9, 0.88 / 0.9])
+    assert question.observe(halves, 0.0, 0) == pytest.approx([0.5, 0.5])
 
 
 def test_nothing_seen_speaks_against_whoever_promised_a_goal() -> None:
     facing = Believed(Pose2(1.0, 0.0, 0.0), SMALL, 0.5)
     sideways = Believed(Pose2(1.0, 0.0, math.pi / 2), SMALL, 0.5)
-    share = GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.9)).saw([facing, sideways], 0.0, 0)
+    share = GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.9)).observe([facing, sideways], 0.0, 0)
     assert share == pytest.approx([0.1 / 1.1, 1 / 1.1])
 
 
@@ -104,7 +104,7 @@ def test_a_pitch_whose_halves_look_alike_is_undecidable_at_once(name: str) -> No
     look = question.choose(_halves(Pose2(0.5, 0.5, 0.0)))
     assert look.answer == "undecidable"
     assert look.reason == "undecidable: nothing that is seen tells the halves apart"
-    assert question.saw(_halves(Pose2(0.5, 0.5, 0.0)), 0.0, 1) == pytest.approx([0.5, 0.5])
+    assert question.observe(_halves(Pose2(0.5, 0.5, 0.0)), 0.0, 1) == pytest.approx([0.5, 0.5])
 
 
 def test_undecidable_from_where_no_goal_can_be_seen() -> None:
@@ -120,7 +120,7 @@ def test_does_not_look_for_ever_where_looks_fail() -> None:
     halves = _halves(Pose2(0.0, 0.0, 0.0))
     look = question.choose(halves)
     assert look.pan_rad is not None
-    question.saw(halves, look.pan_rad, 0)
+    question.observe(halves, look.pan_rad, 0)
     assert question.choose(halves).answer == "undecidable"
 
 
@@ -134,7 +134,7 @@ def test_laws_of_a_question(pose: Pose2, probability: float, found: float, wrong
     assert look.expected_nat <= look.entropy_nat + 1e-12
     assert (look.pan_rad is None) == (look.answer != "look")
     for goal in (1, -1, 0):
-        assert GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong + 0.01)).saw(halves, 0.3, goal).sum() == (
+        assert GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong + 0.01)).observe(halves, 0.3, goal).sum() == (
             pytest.approx(1.0)
         )
     # which of the two stands first does not matter
@@ -145,12 +145,12 @@ def test_laws_of_a_question(pose: Pose2, probability: float, found: float, wrong
 def test_goal_seen_is_the_one_before_the_camera() -> None:
     covariance = np.eye(3)
     at_positive = PoseEstimate(Pose2(1.0, 0.0, 0.2), covariance, 1.0, 0.0)
-    assert goal_seen(FIELD, at_positive) == 1
-    assert goal_seen(FIELD, at_positive.half_turn()) == -1
-    assert goal_seen(FIELD, NotLocated("no goal")) == 0
+    assert identified_goal(FIELD, at_positive) == 1
+    assert identified_goal(FIELD, at_positive.half_turn()) == -1
+    assert identified_goal(FIELD, NotLocated("no goal")) == 0
     both = PoseEstimate(at_positive.pose, covariance, 1.0, 0.0, (at_positive.pose, at_positive.pose.half_turn()))
-    assert goal_seen(FIELD, both) == 0
-    assert goal_seen(load_field("msl_6x4"), at_positive) == 0
+    assert identified_goal(FIELD, both) == 0
+    assert identified_goal(load_field("msl_6x4"), at_positive) == 0
 
 
 def test_entropy_of_a_distribution() -> None:
@@ -166,6 +166,6 @@ def test_refuses_bad_values() -> None:
     with pytest.raises(ArgumentError, match="probabilities must not be negative"):
         question.choose([Believed(Pose2(0, 0, 0), SMALL, -0.1), Believed(Pose2(0, 0, 1), SMALL, 1.1)])
     with pytest.raises(ArgumentError, match=r"goal must be \+1, -1 or 0, got 2"):
-        question.saw(halves, 0.0, 2)
+        question.observe(halves, 0.0, 2)
     with pytest.raises(ArgumentError, match="pans must be at least 3"):
         GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.9), pans=1)

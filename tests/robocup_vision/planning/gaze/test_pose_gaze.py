@@ -101,20 +101,20 @@ def test_far_pans_leave_time_for_fewer_frames() -> None:
 def test_sweeps_after_two_misses_until_something_is_seen() -> None:
     belief = _belief(1.0, 0.0, 0.0)
     planner = PoseGaze(FIELD, CAMERA, NECK)
-    planner.saw(False, 0.0)  # before any plan: no miss
+    planner.observe(False, 0.0)  # before any plan: no miss
     wanted = planner.choose(belief, 0.2).pan_rad
     for _ in range(5):
-        planner.saw(False, wanted + 0.5)  # on the way
-    planner.saw(False, wanted)
+        planner.observe(False, wanted + 0.5)  # on the way
+    planner.observe(False, wanted)
     assert planner.choose(belief, 0.2).planned
-    planner.saw(False, wanted)
+    planner.observe(False, wanted)
     swept = planner.choose(belief, 0.2)
     assert not swept.planned
     assert swept.pan_rad == NECK.sweep(0.2)
     assert swept.reason == "sweep: 2 frames in a row told nothing"
-    planner.saw(False, wanted)  # of a sweep nothing was expected
+    planner.observe(False, wanted)  # of a sweep nothing was expected
     assert planner.choose(belief, 0.3).reason == "sweep: 2 frames in a row told nothing"
-    planner.saw(True, 1.0)
+    planner.observe(True, 1.0)
     assert planner.choose(belief, 0.2).planned
 
 

@@ -73,7 +73,7 @@ def test_two_looks_from_one_place_are_enough() -> None:
     for _ in range(2):
         chosen = planner.choose(*grids, (0.0, 0.0), START, GOAL)
         assert chosen.at_m == pytest.approx((2.05, 1.05))
-        planner.looked(chosen.at_m, START)
+        planner.observe(chosen.at_m, START)
     assert planner.choose(*grids, (0.0, 0.0), START, GOAL).answer == "go"
     # from elsewhere it is worth another one
     assert planner.choose(*grids, (0.0, 0.0), (0.75, 1.05), GOAL).answer == "look"
@@ -171,14 +171,14 @@ def test_line_of_sight() -> None:
     ("change", "message"),
     [
         ({"robot_m": (-0.1, 1.0)}, "robot and goal must be on the map"),
-        ({"goal_m": (4.0, 1.0)}, "robot and goal must be on the map"),
+        ({"target_m": (4.0, 1.0)}, "robot and goal must be on the map"),
         ({"free": np.ones((3, 3), bool)}, r"grids of one size, got \(3, 3\) and \(40, 20\)"),
         ({"no_go": np.ones(SHAPE, bool)}, "cannot be both free and blocked"),
     ],
 )
 def test_refuses(change: dict, message: str) -> None:
     free, no_go = _map()
-    given = {"free": free, "no_go": no_go, "corner_m": (0.0, 0.0), "robot_m": START, "goal_m": GOAL, **change}
+    given = {"free": free, "no_go": no_go, "corner_m": (0.0, 0.0), "robot_m": START, "target_m": GOAL, **change}
     with pytest.raises(ArgumentError, match=message):
         _planner().choose(**given)
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.planning import FloorToDecide, MotionLimits, UndecidedSpeed, looks_to_decide, safe_speed_mps
+from robocup_vision.planning import MotionLimits, UndecidedFloor, UndecidedSpeed, looks_to_decide, safe_speed_mps
 
 LIMITS = MotionLimits(1.5, 2.0, 0.03)
 CELL, RADIUS, PERIOD = 0.05, 0.09, 0.2
@@ -23,7 +23,7 @@ def floor(*cells):
     looks = np.full((20, 80), -1, dtype=np.int16)
     for x, y, count in cells:
         looks[int(y / CELL), int(x / CELL)] = count
-    return FloorToDecide(looks, (0.0, 0.0), CELL)
+    return UndecidedFloor(looks, (0.0, 0.0), CELL)
 
 
 @settings(deadline=None, max_examples=100)
@@ -99,8 +99,8 @@ def test_looks_to_decide_counts_by_the_sensors_gain():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: FloorToDecide(np.zeros(3), (0, 0), CELL), r"looks must be \(R, C\)"),
-        (lambda: FloorToDecide(np.zeros((2, 2)), (0, 0), 0.0), "cell_m must be positive"),
+        (lambda: UndecidedFloor(np.zeros(3), (0, 0), CELL), r"looks must be \(R, C\)"),
+        (lambda: UndecidedFloor(np.zeros((2, 2)), (0, 0), 0.0), "cell_m must be positive"),
         (lambda: UndecidedSpeed(LIMITS, 0.0, PERIOD), "robot_radius_m must be positive"),
         (lambda: UndecidedSpeed(LIMITS, 0.1, math.nan), "look_period_s must be positive"),
         (lambda: PLANNER.plan(PATH[:1], floor()), r"a path must be \(P, 2\)"),
