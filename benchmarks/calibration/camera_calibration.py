@@ -31,6 +31,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, draw, load_camera
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
@@ -97,7 +98,8 @@ def measure_accuracy(seed: int, quick: bool) -> bool:
     others = list(frames(seed + 1, 60 if quick else 300))
     images = [one.frame for one in frames(seed, IMAGES)]
     rng = np.random.default_rng(seed)
-    table = Table(("accuracy      ", "within 5 cm/3 deg", "median mm", "target     ", "verdict"))
+    columns = ("accuracy      ", col.share("within 5 cm/3 deg"), col.error("median mm"), "target     ", "verdict")
+    table = Table(columns, name="accuracy", samples=len(others))
     all_ok = True
     for name, start, share_target, median_target_m in (
         ("near", GIVEN, 1.0, 0.005),
@@ -121,7 +123,18 @@ def measure_accuracy(seed: int, quick: bool) -> bool:
 def measure_convergence(seed: int, trials: int) -> bool:
     """Calibrations that end at the true camera, of many, with their time."""
     table = Table(
-        ("convergence", "converged", "median mm", "worst mm", "refused", "s, median, most", "target   ", "verdict")
+        (
+            "convergence",
+            col.share("converged"),
+            col.error("median mm"),
+            col.error("worst mm"),
+            "refused",
+            "s, median, most",
+            "target   ",
+            "verdict",
+        ),
+        name="convergence",
+        samples=trials,
     )
     all_ok = True
     for name in ("20 %, 10 px", "none"):
@@ -141,7 +154,7 @@ def measure_convergence(seed: int, trials: int) -> bool:
         ok = share >= 0.95 and max(seconds) <= MAX_SECONDS
         table.row(
             name,
-            f"{percent(share)} of {trials}",
+            f"{round(share * trials)}/{trials}",
             1e3 * float(np.median(errors)) if errors else None,
             1e3 * max(errors) if errors else None,
             refused,
@@ -167,8 +180,9 @@ def measure_photographs() -> bool:
                 "agree, held back px",
                 "picked cm   ",
                 "s",
-                "verdict",
-            )
+                col.compared_verdict(),
+            ),
+            name=folder,
         )
         path = REAL / folder / "images" / name
         if not path.is_file():

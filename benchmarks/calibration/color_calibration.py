@@ -36,6 +36,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.calibration.colors import calibrate_colors
@@ -127,7 +128,8 @@ def tour(rng: np.random.Generator) -> tuple[list[Pose2], tuple[Box, ...]]:
 
 def measure_light(seed: int, tours: int) -> bool:
     """Print the tours under changing light."""
-    table = Table(("light" + " " * 24, "frames", "lost", "learnt anew", "target", "verdict"), "Light that changes")
+    columns = ("light" + " " * 24, "frames", col.count("lost"), "learnt anew", "target", "verdict")
+    table = Table(columns, "Light that changes", name="light")
     all_ok = True
     for number, (name, darker, warmer) in enumerate(
         (("falls from 1.0 to 0.3", 1, 0), ("turns to warm", 0, 1), ("falls and turns to warm", 1, 1))
@@ -177,8 +179,17 @@ def _strip(i: int) -> Shadow:
 def measure_hostile(seed: int) -> bool:
     """Print what is learnt when robots, walls and lights want it otherwise."""
     table = Table(
-        ("what" + " " * 24, "frames", "lost", "learnt wrongly", "learnt anew", "target", "verdict"),
+        (
+            "what" + " " * 24,
+            "frames",
+            col.count("lost"),
+            col.count("learnt wrongly"),
+            "learnt anew",
+            "target",
+            "verdict",
+        ),
         "Hostile surroundings",
+        name="hostile",
     )
     pose, all_ok = Pose2(0.3, 0.1, 0.4), True
     for name, color, shot_at in hostile(pose):
@@ -200,7 +211,8 @@ def measure_hostile(seed: int) -> bool:
 
 def measure_files(seed: int, count: int) -> bool:
     """Print colour files from pictures."""
-    table = Table(("colour file, condition", "images used", "worst ratio off %", "target", "verdict"), "Colour files")
+    columns = ("colour file, condition", col.share("images used"), col.error("worst ratio off %"), "target", "verdict")
+    table = Table(columns, "Colour files", name="files", samples=count)
     all_ok = True
     for name in ("nominal", "warm", "cold", "dark", "bad_day"):
         condition = CONDITIONS[name]
@@ -226,7 +238,9 @@ def _frame(frame: np.ndarray) -> np.ndarray:
 
 def measure_real() -> bool:
     """Print how well floor is told in photographs."""
-    table = Table(("onboard_ssl" + " " * 10, "blur", "overlap", "half", "target", "verdict"), "Real floor")
+    columns = ("onboard_ssl" + " " * 10, "blur", col.score("overlap"), col.score("half"), "target", "verdict")
+    # photographs do not change: a thousandth is a change
+    table = Table(columns, "Real floor", name="floor", samples=10_000)
     folder = REAL / "onboard_ssl"
     if not folder.is_dir():
         table.row("photographs", "not installed", None, None, None, None)
@@ -262,8 +276,19 @@ def measure_real() -> bool:
 def measure_pinhole(seed: int, count: int) -> bool:
     """Print pinhole cameras calibrated by goals."""
     table = Table(
-        ("pictures" + " " * 16, "used", "focal off %", "std %", "height off mm", "std mm", "target", "verdict"),
+        (
+            "pictures" + " " * 16,
+            "used",
+            col.error("focal off %"),
+            "std %",
+            col.error("height off mm"),
+            "std mm",
+            "target",
+            "verdict",
+        ),
         "Pinhole",
+        name="pinhole",
+        samples=count,
     )
     all_ok = True
     for name, field_name in (("clean_416x320", "four_legged_2007"), ("mild_glare_416x320", "four_legged_2007")):

@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance import Steering
@@ -144,36 +145,37 @@ def jobs(count: int, pockets: int, seed: int, *, aware: bool) -> Iterator[Job]:
 
 def main() -> None:
     """Measure and print."""
-    own = argparse.ArgumentParser(add_help=False)
-    own.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    own.add_argument("--aware", action="store_true")
-    chosen, rest = own.parse_known_args()
-    arguments = parse_arguments(str(__doc__), rest)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    parser.add_argument("--aware", action="store_true", help="the velocity-aware steering alone")
+    arguments = parse_arguments(str(__doc__), parser=parser)
     count, pockets = (4, 3) if arguments.quick else (500, 100) if arguments.full else (16, 16)
-    todo = list(jobs(count, pockets, arguments.seed, aware=chosen.aware))
-    with ProcessPoolExecutor(max(chosen.jobs, 1)) as pool:
+    todo = list(jobs(count, pockets, arguments.seed, aware=arguments.aware))
+    with ProcessPoolExecutor(max(arguments.jobs, 1)) as pool:
         driven = dict(zip(todo, pool.map(one, todo), strict=True))
     all_ok = True
     table = Table(
         (
             "courses",
-            "speed",
-            "alpha",
-            "steering          ",
+            col.label("speed"),
+            col.label("alpha"),
+            col.label("steering          "),
             "routes",
-            "collided",
-            "reached %",
-            "s, both",
+            col.count("collided"),
+            col.share("reached %"),
+            col.error("s, both"),
             "mm",
             "verdict",
-        )
+        ),
+        name="courses",
+        samples=count,
     )
-    for speed, acceleration in MOTIONS[:1] if chosen.aware else MOTIONS:
+    for speed, acceleration in MOTIONS[:1] if arguments.aware else MOTIONS:
         rows = [d for job, d in driven.items() if job.kind == "cubes" and job.speed_mps == speed and d is not None]
-        for column, method in enumerate((AWARE,) if chosen.aware else METHODS):
+        for column, method in enumerate((AWARE,) if arguments.aware else METHODS):
             drives = [row[column] for row in rows]
             # alone, it is beside itself
-            pairs = [(row[0].seconds, row[0 if chosen.aware else 1].seconds) for row in rows]
+            pairs = [(row[0].seconds, row[0 if arguments.aware else 1].seconds) for row in rows]
             both = np.array([pair for pair in pairs if pair[0] is not None and pair[1] is not None], dtype=np.float64)
             seconds = both.mean(axis=0).tolist() if len(both) else [math.nan] * 2
             reached = sum(d.seconds is not None for d in drives) / max(len(drives), 1)

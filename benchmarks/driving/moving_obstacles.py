@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from benchmarks.worlds.crowd import LONGEST_M, Sensor
 from field_models import Field, load_field
 from robocup_vision.avoidance import SteadyFreeSpace, Steering
@@ -196,7 +197,16 @@ def main() -> None:
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         outcomes = list(pool.map(one, jobs))
     all_ok = True
-    table = Table(("field     ", "steering                  ", "runs", "own contacts", "all", "legs a run", "verdict"))
+    columns = (
+        "field     ",
+        col.label("steering                  "),
+        "runs",
+        col.count("own contacts"),
+        col.count("all"),
+        col.score("legs a run"),
+        "verdict",
+    )
+    table = Table(columns, name="contacts", samples=runs)
     for place in PLACES:
         without = 0
         for method in METHODS:

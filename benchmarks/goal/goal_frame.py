@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.localization.goal.fit import refine
 from robocup_vision.localization.goal.localizer import GoalLocalizer
@@ -46,7 +47,8 @@ def main() -> None:
         indices = list(range(2, 66, 8 if arguments.quick else 4)) if places else list(range(4))
         samples = list(sample_goal(field, condition, arguments.seed, 66, places=places, indices=indices, supersample=3))
         localizer, search = GoalLocalizer(field, condition.camera), GoalSearch(field, condition.camera)
-        table = Table(("stage                ", "ms", "x cvtColor", "verdict"), name)
+        columns = ("stage                ", "ms", col.time_ratio("x cvtColor"), "verdict")
+        table = Table(columns, name, name=name)
         frames = [s.frame for s in samples]
         unit = float(np.median([median_s(lambda f=f: cv2.cvtColor(f, cv2.COLOR_BGR2HSV), 5 * repeats) for f in frames]))
         stages: list[tuple[str, Callable[[np.ndarray], object]]] = []

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -194,7 +195,17 @@ def main() -> None:
     all_ok = True
     with ProcessPoolExecutor(2) as pool:
         table = Table(
-            ("condition           ", "method     ", "located", "20 cm %", "10 %", "1 %", "median m", "NEES", "verdict")
+            (
+                "condition           ",
+                col.label("method     "),
+                col.share("located"),
+                *(col.share(name) for name in ("20 cm %", "10 %", "1 %")),
+                col.error("median m"),
+                "NEES",
+                "verdict",
+            ),
+            name="poses",
+            samples=seeds * len(places),
         )
         for name, least in MIN.items():
             jobs = [(name, arguments.seed + k, tuple(places[i::4])) for k in range(seeds) for i in range(4)]
@@ -229,9 +240,12 @@ def main() -> None:
             text for part in pool.map(false_poses, [(n, arguments.seed, negatives) for n in names]) for text in part
         ]
     all_ok &= not found
-    print(f"\nfalse poses in {negatives * len(names)} pictures without a whole goal: {len(found)} {verdict(not found)}")
+    table = Table(
+        ("pictures without a whole goal", "pictures", col.count("false poses"), "verdict"), name="false poses"
+    )
+    table.row("all conditions", negatives * len(names), len(found), verdict(not found))
     for text in found:
-        print(f"  {text}")
+        table.note(f"  {text}")
     finish(arguments.check, all_ok)
 
 

@@ -25,7 +25,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.landmarks.features import Features, OrbExtractor, SiftExtractor
@@ -56,8 +57,8 @@ PAPER_CELLS = {
     (0.2, math.inf): (33.22, 39.87, 0.49, 6.1, 45.15, 22.96),
 }
 COLUMNS = (
-    "method                     ", "located", "x mm", "y mm", "deg", "median x, y, deg    ", "match ms", "looked for",
-    "matched", "NEES", "paper: mm, mm, deg, ms, for, matched  ",
+    "method                     ", col.share("located"), col.error("x mm"), col.error("y mm"), col.error("deg"),
+    "median x, y, deg    ", "match ms", "looked for", "matched", col.error("NEES"), "paper: mm, mm, deg, ms, for, matched  ",
 )  # fmt: skip
 
 
@@ -82,6 +83,26 @@ class Score:
     def median(self) -> npt.NDArray[np.float64]:
         """Median errors (3,)."""
         return np.asarray(np.median(self.errors, axis=0)) if len(self.errors) else np.full(3, math.inf)
+
+
+class Verdicts:
+    """The acceptance rows, gathered on the way and printed last."""
+
+    def __init__(self) -> None:
+        self.all_ok = True
+        self._rows: list[tuple[str, str, str, bool, Kind]] = []
+
+    def add(self, name: str, measured: str, target: str, ok: bool, kind: Kind = Kind.VERDICT) -> None:
+        """Keep a row; its figure is compared with earlier ones if it is a number of a `kind`, else its verdict."""
+        self.all_ok &= ok
+        self._rows.append((name, measured, target, ok, kind))
+
+    def print(self, samples: int) -> None:
+        """Print all rows."""
+        columns = ("acceptance" + " " * 30, col.measured(), "target" + " " * 20, col.measured("verdict"))
+        table = Table(columns, name="acceptance", samples=samples)
+        for name, measured, target, ok, kind in self._rows:
+            table.row(name, measured, target, verdict(ok), kind=kind)
 
 
 def render(job: tuple[Hall, str, list[Pose2], int, int, HallLight | None]) -> list[HallFrame]:
@@ -194,11 +215,18 @@ def building(landmarks: LandmarkMap, count: int, rng: np.random.Generator) -> La
 
 
 def cost(
-    landmarks: LandmarkMap, runs: Sequence[Features], truth: Sequence[Pose2], sizes: Sequence[int], seed: int
-) -> bool:
+    verdicts: Verdicts,
+    landmarks: LandmarkMap,
+    runs: Sequence[Features],
+    truth: Sequence[Pose2],
+    sizes: Sequence[int],
+    seed: int,
+) -> None:
     """Time of a frame without features over the size of the map."""
     table = Table(
-        ("landmarks", "in view", "select ms", "match ms", "fit ms", "sum ms", "p90 ms"), "A frame without SIFT"
+        ("landmarks", "in view", "select ms", "match ms", "fit ms", "sum ms", "p90 ms"),
+        "A frame without SIFT",
+        name="cost",
     )
     rng = np.random.default_rng([seed, 5])
     sums = []
@@ -217,8 +245,7 @@ def cost(
         table.row(f"{size}", in_view, *(float(v) for v in parts), sums[-1], float(np.percentile(total, 90)))
     plot(sizes, sums)
     ok = max(sums) <= 2.0 and max(sums) <= 2.0 * min(sums)
-    print(f"at most 2 ms, and no more than twice as much at any size: {max(sums):.2f} ms {verdict(ok)}")
-    return ok
+    verdicts.add("a frame without SIFT, ms", f"{max(sums):.2f}", "<= 2, and twice the least", ok, Kind.TEXT)
 
 
 def plot(sizes: Sequence[int], sums: Sequence[float]) -> None:
@@ -268,25 +295,28 @@ def main() -> None:
         landmarks, poses, lost = build(first_run)
         drifted, drifted_poses, _ = drifting.result()
         orb_map, orb_poses, orb_lost = with_orb.result()
-    print(
-        f"\n{len(first_run)} moments, {lost} left out; {len(landmarks)} landmarks, {len(landmarks.view_landmark)} views"
+    size = (
+        f"{len(first_run)} moments, {lost} left out; {len(landmarks)} landmarks, {len(landmarks.view_landmark)} views"
+    )
+    own_run = Table(
+        ("the map's own run          ", col.error("x mm"), col.error("y mm"), col.error("deg")),
+        size,
+        name="own run",
+        samples=len(first_run),
     )
     if lost:
-        print("the map lost its way: nothing else can be measured SHORT")
+        own_run.note("the map lost its way: nothing else can be measured SHORT")
         finish(arguments.check, False)
         return
     for name, found in (("with", poses), ("without", drifted_poses)):
         if len(found) == len(first_run):
-            x, y, deg = drift(found, first_run)
-            print(
-                f"the map's own run {name} drift correction: mean {x:.2f} mm, {y:.2f} mm, {deg:.3f} deg off the truth"
-            )
+            own_run.row(f"{name} drift correction", *(float(v) for v in drift(found, first_run)))
 
     extract = SiftExtractor(HALL_CAMERA).extract
     frames_left = [f.images[1] for f in first_run[:located]]
     left = [extract(image) for image in frames_left]
     seen_second, seen_third = ([extract(f.images[0]) for f in run] for run in (second, third))
-    all_ok = True
+    verdicts = Verdicts()
 
     def localizer(
         selection: Selection, matching: str = "loop", camera: PinholeCamera = HALL_RIG.left
@@ -295,7 +325,9 @@ def main() -> None:
 
     own_truth = poses[:located]
     cells, ours = Selection("cells"), Selection()
-    table = Table(COLUMNS, "Table 1: the paper's protocol; beside it what the paper prints")
+    table = Table(
+        COLUMNS, "Table 1: the paper's protocol; beside it what the paper prints", name="table 1", samples=located
+    )
     everything = score(localizer(Selection("all")), left, own_truth, rng)
     row(table, "all", everything, PAPER_ALL)
     chosen = score(localizer(ours), left, own_truth, rng)
@@ -310,7 +342,7 @@ def main() -> None:
             PAPER_CELLS[alpha, gamma],
         )
 
-    table = Table(COLUMNS, "Table 2 and other choices, the paper's protocol")
+    table = Table(COLUMNS, "Table 2 and other choices, the paper's protocol", name="table 2", samples=located)
     row(table, "all", everything, PAPER_ALL)
     row(table, "informative of cells, 60", chosen)
     in_cells = score(localizer(cells), left, own_truth, rng)
@@ -334,23 +366,24 @@ def main() -> None:
     limit = np.array([2.0, 2.0, 0.03])
     for name, s in (("all", everything), ("selected", chosen)):
         ok = len(s.errors) == s.frames and bool((s.mean <= limit).all())
-        all_ok &= ok
-        print(f"{name}: mean errors at most 2 mm, 2 mm, 0.03 deg, every frame located: {verdict(ok)}")
+        target = "2 mm, 2 mm, 0.03 deg, every frame"
+        verdicts.add(f"own run, {name}: mean errors", _text(s.mean), target, ok)
     worse = chosen.mean / everything.mean
     ok = bool((worse <= 1.5).all())
-    all_ok &= ok
-    print(f"selected over all: {worse[0]:.2f}, {worse[1]:.2f}, {worse[2]:.2f} (at most 1.5): {verdict(ok)}")
+    verdicts.add("errors of selected / all", _text(worse), "<= 1.5", ok)
     for matching in ("loop", "product"):
         slow, fast = (score(localizer(how, matching), left, own_truth, rng) for how in (Selection("all"), ours))
         ratio = slow.match_ms / fast.match_ms
         ok = ratio >= 57 and len(fast.errors) >= len(slow.errors) and fast.looked_for <= 60
-        all_ok &= ok
-        print(
-            f"matching all / selected, {matching}: {slow.match_ms:.2f} / {fast.match_ms:.3f} ms = {ratio:.0f} "
-            f"with {fast.looked_for:.0f} of {slow.looked_for:.0f} landmarks (at least 57, at most 60): {verdict(ok)}"
+        verdicts.add(
+            f"matching time all / selected, {matching}",
+            f"{ratio:.0f}",
+            ">= 57, with at most 60 landmarks",
+            ok,
+            Kind.TEXT,
         )
 
-    table = Table(COLUMNS, "Second run, real truth")
+    table = Table(COLUMNS, "Second run, real truth", name="second run", samples=located)
     truth = [f.pose for f in second]
     results: dict[str, Score] = {}
     for label, seen in (("dimmed", seen_second), ("dimmed, posters changed", seen_third)):
@@ -362,16 +395,12 @@ def main() -> None:
     limit = np.array([5.0, 5.0, 0.05])
     s, moved = results["dimmedselected"], results["dimmed, posters changedselected"]
     ok = len(s.errors) == s.frames and bool((s.median <= limit).all())
-    all_ok &= ok
-    print(f"second run, selected: median at most 5 mm, 5 mm, 0.05 deg, every frame located: {verdict(ok)}")
+    verdicts.add("second run, selected: median errors", _text(s.median), "5 mm, 5 mm, 0.05 deg, every frame", ok)
     position = [float(np.median(np.hypot(run.errors[:, 0], run.errors[:, 1]))) for run in (moved, s)]
     ratios = (position[0] / position[1], float(moved.median[2] / s.median[2]))
     ok = len(moved.errors) == moved.frames and max(ratios) <= 2
-    all_ok &= ok
-    print(
-        f"posters changed: {len(moved.errors)}/{moved.frames} located, median errors of position and heading "
-        f"{ratios[0]:.2f} and {ratios[1]:.2f} times (at most 2): {verdict(ok)}"
-    )
+    measured = f"{len(moved.errors)}/{moved.frames}; {ratios[0]:.2f}, {ratios[1]:.2f}"
+    verdicts.add("posters changed: located; median errors / unchanged", measured, "all; <= 2", ok)
 
     everywhere = localizer(ours, camera=HALL_CAMERA)
     everywhere.prepare()
@@ -383,24 +412,42 @@ def main() -> None:
         tried += 1
         right += bool(found) and found.pose.error_to(pose)[0] < 0.05
     ok = slowest <= 0.5
-    all_ok &= ok
-    print(f"without a prior: {right}/{tried} within 5 cm, slowest {slowest:.3f} s (at most 0.5): {verdict(ok)}")
+    verdicts.add("without a prior: slowest, s", f"{slowest:.3f}", "<= 0.5", ok, Kind.TEXT)
+    verdicts.add("without a prior: within 5 cm", f"{right}/{tried}", "", True, Kind.SHARE)
 
     sizes = (2_000, 20_000, 200_000) if arguments.quick else (2_000, 6_000, 20_000, 60_000, 200_000)
-    all_ok &= cost(
-        landmarks, seen_second[:: 4 if arguments.quick else 2], truth[:: 4 if arguments.quick else 2], sizes, seed
-    )
-    all_ok &= cheaper(landmarks, (orb_map, orb_poses, orb_lost), second, located)
-    finish(arguments.check, all_ok)
+    every = 4 if arguments.quick else 2
+    cost(verdicts, landmarks, seen_second[::every], truth[::every], sizes, seed)
+    cheaper(verdicts, landmarks, (orb_map, orb_poses, orb_lost), second)
+    verdicts.print(located)
+    finish(arguments.check, verdicts.all_ok)
+
+
+def _text(errors: npt.NDArray[np.float64]) -> str:
+    return ", ".join(f"{value:.2g}" for value in errors)
 
 
 def cheaper(
-    landmarks: LandmarkMap, orb: tuple[LandmarkMap, list[Pose2], int], second: Sequence[HallFrame], located: int
-) -> bool:
+    verdicts: Verdicts,
+    landmarks: LandmarkMap,
+    orb: tuple[LandmarkMap, list[Pose2], int],
+    second: Sequence[HallFrame],
+) -> None:
     """SIFT, SIFT of fewer pixels and ORB on the second run: time of the features, and errors against the truth."""
     table = Table(
-        ("features              ", "located", "median mm", "mm  ", "deg ", "ms    ", "less than SIFT", "verdict"),
+        (
+            "features              ",
+            col.share("located"),
+            col.error("median mm"),
+            col.error("mm  "),
+            col.error("deg "),
+            "ms    ",
+            "less than SIFT",
+            "verdict",
+        ),
         "Cheaper features, second run with odometry 5 % off, real truth",
+        name="features",
+        samples=len(second),
     )
     truth = [f.pose for f in second]
     kinds = [
@@ -436,8 +483,8 @@ def cheaper(
             name, f"{len(errors)}/{len(second)}", *(float(v) for v in median), ms, reference_ms / ms,
             None if name == "SIFT" else verdict(ok),
         )  # fmt: skip
-    print(f"one of them keeps 5 mm, 5 mm, 0.05 deg and every frame at a third of the time or less: {verdict(any_ok)}")
-    return any_ok
+    target = "every frame, 5 mm, 5 mm, 0.05 deg"
+    verdicts.add("cheaper features at a third of the time", "see above", target, any_ok, Kind.TEXT)
 
 
 if __name__ == "__main__":

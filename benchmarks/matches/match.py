@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from robocup_vision.geometry import Pose2
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import local_workers, plan_matches, play_matches
@@ -90,17 +91,20 @@ def judge_matches(seed: int, matches: int, seconds: float) -> bool:
         (
             "seed        ",
             "score",
-            "near %",
-            "mm",
-            "p95 mm",
-            "lost s",
-            "half %",
-            "stuck s",
+            col.share("near %"),
+            col.error("mm"),
+            col.error("p95 mm"),
+            col.error("lost s", floor=MAX_LOST_S),
+            col.share("half %"),
+            col.error("stuck s", floor=MAX_STUCK_S),
             "collisions",
             "m driven",
-            "",
+            "verdict",
         ),
         f"{matches} matches of {seconds:g} s; near, lost, half and stuck: of the worst robot",
+        name="matches",
+        # of two frames one after the other the second tells little new
+        samples=round(seconds),
     )
     results = play(plan_matches(MatchPlan(seconds=seconds, seed=seed), matches))
     all_ok, goals = True, 0
@@ -128,7 +132,8 @@ def judge_matches(seed: int, matches: int, seconds: float) -> bool:
             verdict(ok),
         )
     minutes = matches * seconds / 60
-    print(f"goals: {goals} in {minutes:.1f} min, {goals / minutes:.2f} a minute (target: some)  {verdict(goals > 0)}")
+    goal_table = Table(("goals, of all matches", "goals", "minutes", "a minute", "target", "verdict"), name="goals")
+    goal_table.row("both sides", goals, minutes, goals / minutes, "some", verdict(goals > 0))
     return all_ok and goals > 0
 
 
@@ -143,7 +148,16 @@ def judge_faults(seed: int, matches: int) -> bool:
             kind = kinds[fault["robot"], round(fault["from_s"], 6)]
             recoveries[kind].append(math.inf if recovery_s is None else recovery_s)
     table = Table(
-        ("fault                    ", "times", "median s", "worst s", "target s", ""), f"faults, in {matches} matches"
+        (
+            "fault                    ",
+            "times",
+            "median s",
+            col.error("worst s", floor=MAX_RECOVERY_S / 2),
+            "target s",
+            "verdict",
+        ),
+        f"faults, in {matches} matches",
+        name="faults",
     )
     all_ok = True
     for kind, times in recoveries.items():
@@ -171,8 +185,9 @@ def soak(seed: int, seconds: float) -> bool:
     near = min(robot.within_5cm_3deg for robot in figures.robots)
     lost_s = max(robot.longest_lost_s for robot in figures.robots)
     table = Table(
-        ("soak, simulated s", "MB warm", "MB at end", "growth %", "target %", "near %", "lost s", "score", ""),
+        ("soak, simulated s", "MB warm", "MB at end", "growth %", "target %", "near %", "lost s", "score", "verdict"),
         "one long match",
+        name="soak",
     )
     ok = growth <= MAX_GROWTH
     table.row(

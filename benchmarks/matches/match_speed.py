@@ -24,6 +24,7 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
+from benchmarks.harness import columns as col  # noqa: E402
 from field_models import load_field  # noqa: E402
 from robocup_vision.geometry import Pose2  # noqa: E402
 from sim2d.match.arena import Arena  # noqa: E402
@@ -61,7 +62,8 @@ def measure_rendering(count: int, seed: int) -> bool:
                 seconds[name].append(drawn - begin)
                 seconds["cvtColor"].append(perf_counter() - drawn)
     hsv = float(np.median(seconds["cvtColor"]))
-    table = Table(("one frame   ", "ms    ", "ratio ", "target", "verdict"), f"Rendering, {count} frames")
+    columns = ("one frame   ", "ms    ", col.time_ratio("ratio "), "target", "verdict")
+    table = Table(columns, f"Rendering, {count} frames", name="frames")
     all_ok = True
     for name, most in zip(eyes, (MAX_BARE, MAX_NOISY), strict=True):
         median = float(np.median(seconds[name]))
@@ -94,11 +96,12 @@ def measure_match(simulated_s: float, seed: int) -> bool:
     total = sum(stages.values())
     wall = perf_counter() - began
     title = f"4 robots, {simulated_s:g} s of play in {total:.2f} s of one core ({wall:.2f} s on the wall clock)"
-    table = Table(("stage                ", "ms a period", "share %"), title)
+    table = Table(("stage                ", "ms a period", "of all %"), title, name="stages")
     for name, spent in stages.items():
         table.row(name, 1e3 * spent / simulated_s * CONTROL_PERIOD_S, f"{100 * spent / total:.0f}")
     ok = simulated_s / total >= MIN_REAL_TIME
-    print(f"\n{simulated_s / total:.2f} times real time (target {MIN_REAL_TIME:g}) {verdict(ok)}")
+    table = Table(("match                ", "times real time", "target", "verdict"), name="real time")
+    table.row("4 robots", f"{simulated_s / total:.2f}", f">= {MIN_REAL_TIME:g}", verdict(ok))
     return ok
 
 

@@ -16,13 +16,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import local_workers, plan_matches, play_matches
 from sim2d.players.catalog import player_factory
 
 # (matches, seconds each)
-QUICK, DEFAULT, FULL = (6, 12.0), (40, 20.0), (40, 60.0)
+QUICK, DEFAULT, FULL = (2, 8.0), (40, 20.0), (40, 60.0)
 MAX_STUCK_S = 5.0
 
 
@@ -50,8 +51,9 @@ def main() -> None:
     stopped = sum(r["stopped_s"] is not None for m in results for r in m["robots"])
     per_minute = 60 / seconds
     table = Table(
-        ("a minute, our side            ", "plain", "plans", "difference", "SE", "target", ""),
+        ("a minute, our side            ", "plain", col.measured("plans"), "difference", "SE", "target", "verdict"),
         f"{matches} matches of {seconds:g} s, each with and without",
+        name="a minute",
     )
 
     def row(name: str, before: np.ndarray, after: np.ndarray, target: str = "", sign: int = 0) -> bool:
@@ -68,8 +70,9 @@ def main() -> None:
     ok &= row("goals for less against", *(part[:, 1] - part[:, 2] for part in (without, with_)), "no lower", 1)
     stuck = float(without[:, 3].max()), float(with_[:, 3].max())
     is_free = stuck[1] <= MAX_STUCK_S
-    table.row("longest stuck, s", *stuck, stuck[1] - stuck[0], None, f"<= {MAX_STUCK_S:g}", verdict(is_free))
-    table.row("players that failed", None, float(stopped), None, None, "0", verdict(not stopped))
+    cells = *stuck, stuck[1] - stuck[0], None, f"<= {MAX_STUCK_S:g}", verdict(is_free)
+    table.row("longest stuck, s", *cells, kind=Kind.COUNT)
+    table.row("players that failed", None, float(stopped), None, None, "0", verdict(not stopped), kind=Kind.COUNT)
     finish(arguments.check, ok and is_free and not stopped)
 
 

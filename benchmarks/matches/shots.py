@@ -18,7 +18,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from robocup_vision.planning import Defender, Disc
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches
@@ -89,7 +90,8 @@ def main() -> None:
     kicks = [kick for of_match, _ in played for kick in of_match]
     seen = float(np.mean([one for _, of_match in played for one in of_match]))
     chance, scored = np.array([c for c, _ in kicks]), np.array([s for _, s in kicks])
-    table = Table(("chance of a goal, %", "kicks", "chance %", "went in %"), f"{len(kicks)} kicks in {matches} matches")
+    title = f"{len(kicks)} kicks in {matches} matches"
+    table = Table(("chance of a goal, %", "kicks", "chance %", "went in %"), title, name="chances")
     for low, high in pairwise(BINS):
         of = (chance >= low) & (chance < high)
         shares = (100 * float(chance[of].mean()), 100 * float(scored[of].mean())) if of.any() else (None, None)
@@ -97,12 +99,16 @@ def main() -> None:
     base = log_loss(np.full(len(scored), scored.mean()), scored)
     ratio = log_loss(chance, scored) / base
     sure = float(scored[chance >= BINS[-2]].mean()) if (chance >= BINS[-2]).any() else 0.0
-    verdicts = Table(("what the chances tell" + 20 * " ", "measured", "target", ""))
+    verdicts = Table(("what the chances tell" + 20 * " ", col.measured(), "target", "verdict"), name="verdicts")
     is_told, is_sure = ratio <= MAX_LOG_LOSS, sure >= MIN_SURE
-    verdicts.row("log loss to that of the share on the whole", ratio, f"<= {MAX_LOG_LOSS}", verdict(is_told))
-    verdicts.row("of the surest kicks went in", sure, f">= {MIN_SURE}", verdict(is_sure))
+    cells = ratio, f"<= {MAX_LOG_LOSS}", verdict(is_told)
+    verdicts.row("log loss to that of the ratio on the whole", *cells, kind=Kind.ERROR, samples=len(kicks))
+    surest = int((chance >= BINS[-2]).sum())
+    cells = percent(sure), f">= {100 * MIN_SURE:g}", verdict(is_sure)
+    verdicts.row("of the surest kicks went in, %", *cells, kind=Kind.SHARE, samples=surest)
     is_seen = seen >= MIN_SEEN
-    verdicts.row("held balls that are seen", seen, f">= {MIN_SEEN}", verdict(is_seen))
+    cells = percent(seen), f">= {100 * MIN_SEEN:g}", verdict(is_seen)
+    verdicts.row("held balls that are seen, %", *cells, kind=Kind.SHARE, samples=len(kicks))
     finish(arguments.check, is_told and is_sure and is_seen)
 
 

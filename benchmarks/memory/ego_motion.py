@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
@@ -268,16 +269,16 @@ def main() -> None:
             title = f"{source}: {count} frames, {rate} a second, {runs} runs"
             columns = (
                 "method                 ",
-                "mm",
-                "deg",
-                "worst mm",
-                "of k = 1",
-                "of dead",
-                "NEES mean",
+                col.error("mm"),
+                col.error("deg"),
+                col.error("worst mm"),
+                col.error("of k = 1"),
+                col.error("of dead"),
+                col.error("NEES mean"),
                 "median",
                 "ms",
             )
-            table = Table((*columns, "verdict"), title)
+            table = Table((*columns, "verdict"), title, name=f"{source}, {count}, {rate}/s", samples=runs)
 
             def figures(method: str, source: str = source, count: int = count, stride: int = stride) -> list[Result]:
                 return [run[source, count, stride, method] for run in driven if (source, count, stride, method) in run]

@@ -20,7 +20,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.kernels.mapping import occupancy as kernel
@@ -41,6 +42,8 @@ FRAMES = 80
 FIRST_COUNTED, COUNTED_EVERY = 10, 5
 # light that hides the floor's colour
 GLARE_LEVEL = 20.0
+# as many independent samples as the cells of the runs are worth: neighbours are seen together
+CELL_SAMPLES = 1000
 MAX_CALLED_FREE, MIN_POINTS, MAX_TIME_RATIO = 0.2, 3.0, 1.25
 # how far off tracks are, and what a mask is larger by
 TRACK_STD_M, MASK_MARGIN_M = 0.03, 0.06
@@ -241,7 +244,17 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
         by_light[kind] += counts
         ranges += of_run
     table = Table(
-        ("light       ", "method     ", "occupied called free %", "of cells", "free called free %", "in glare %")
+        (
+            "light       ",
+            col.label("method     "),
+            col.loss("occupied called free %"),
+            "of cells",
+            col.share("free called free %"),
+            col.share("in glare %"),
+        ),
+        name="light",
+        # the cells of a run are no independent samples
+        samples=CELL_SAMPLES,
     )
     for kind, counts in by_light.items():
         for row, method in enumerate(METHODS):
@@ -252,16 +265,20 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
     glare = sum(by_light[kind] for kind in GLARE)
     assert not isinstance(total, int)
     assert not isinstance(glare, int)
-    judged = Table(("figure                                                    ", "planned", "measured", "verdict"))
+    columns = ("figure                                                    ", "target", col.measured(), "verdict")
+    judged = Table(columns, name="figures")
     share = float(total[0, 0] / max(total[2, 0], 1))
     points = 100 * (ratio(glare, 0, 2) - ratio(glare, 1, 2))
     in_glare = 100 * (ratio(glare, 0, 4) - ratio(glare, 1, 4))
     is_safe, is_open = share <= MAX_CALLED_FREE, points >= MIN_POINTS
-    judged.row("occupied called free, map / summed log-odds", "<= 0.2", share, verdict(is_safe))
-    judged.row("free recall in runs with glare, map - both free, points", ">= 3", points, verdict(is_open))
-    judged.row("the same, only cells that have been in glare", None, in_glare, None)
-    judged.row("free ranges that lead into something, %", None, 100 * float(ranges[0] / ranges[1]), None)
-    judged.row("free ranges as a share of the true ones, %", None, 100 * float(ranges[2] / ranges[3]), None)
+    judged.row("occupied called free, map / summed log-odds", "<= 0.2", share, verdict(is_safe), kind=Kind.ERROR)
+    judged.row(
+        "free recall in runs with glare, map - both free, points", ">= 3", points, verdict(is_open), kind=Kind.SCORE
+    )
+    judged.row("the same, only cells that have been in glare", None, in_glare, None, kind=Kind.SCORE)
+    into, of_true = 100 * float(ranges[0] / ranges[1]), 100 * float(ranges[2] / ranges[3])
+    judged.row("free ranges that lead into something, %", None, into, None, kind=Kind.LOSS, samples=CELL_SAMPLES)
+    judged.row("free ranges of the true ones, %", None, of_true, None, kind=Kind.SHARE, samples=CELL_SAMPLES)
     return is_safe and is_open
 
 
@@ -279,7 +296,8 @@ def main() -> None:
         all_ok = accuracy(iter(pool.map(drive, jobs)))
         swept = sum(pool.map(smear, [(arguments.seed, number) for number in range(runs)]))
     assert not isinstance(swept, int)
-    table = Table(("cells that moving robots have left", "cells", "not free %", "no-go %", "verdict"))
+    columns = ("cells that moving robots have left", "cells", col.loss("not free %"), col.loss("no-go %"), "verdict")
+    table = Table(columns, name="smear", samples=CELL_SAMPLES)
     masked, plain = (row / max(int(row[0]), 1) for row in swept)
     is_clean = bool(masked[2] <= 0.2 * plain[2])
     for name, row, share in (("masked by tracks", swept[0], masked), ("not masked", swept[1], plain)):
@@ -287,7 +305,7 @@ def main() -> None:
             name, int(row[0]), percent(share[1]), percent(share[2]), verdict(is_clean) if share is masked else None
         )
     best, asking = seconds_per_update(arguments.seed, 5 if arguments.quick else 20)
-    table = Table(("a move and an update by both sensors", "ms", "ratio", "verdict"))
+    table = Table(("a move and an update by both sensors", "ms", col.time_ratio("ratio"), "verdict"), name="time")
     small, large = (best[name] for name in FIELDS_TIMED)
     is_level = large / small <= MAX_TIME_RATIO
     table.row(FIELDS_TIMED[0], 1e3 * small, None, None)

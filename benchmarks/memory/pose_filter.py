@@ -37,6 +37,7 @@ from typing import Protocol
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from benchmarks.worlds.pose_runs import (
     KIDNAP_EVERY_S,
     KINDS,
@@ -363,19 +364,21 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
     table = Table(
         (
             "condition   ",
-            "method",
-            "RMS mm",
-            "RMS deg",
-            "ratio",
+            col.label("method"),
+            col.error("RMS mm"),
+            col.error("RMS deg"),
+            col.error("ratio"),
             "NEES mean",
-            "median",
-            "in 95 %",
-            "flips",
-            "lost %",
-            "",
+            col.error("median"),
+            col.share("in 95 %"),
+            col.count("flips"),
+            col.loss("lost %"),
+            "verdict",
         ),
         f"wandering: {len(results)} runs of {RUN_S:g} s; wanted of ours: ratio at most {MAX_RATIO} by every frame, "
         f"NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}, no flips",
+        name="wandering",
+        samples=round(len(results) * RUN_S),
     )
     all_ok = True
     for condition in CONDITIONS:
@@ -413,8 +416,18 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
 def print_kidnapped(results: list[dict[tuple[str, str, str], list[float]]]) -> bool:
     """Print a row for each kind and condition; tell whether the filter recovers in time."""
     table = Table(
-        ("kidnapped", "frames      ", "times", "filter, median s", "worst s", "EKF, worst s", "single, worst s", ""),
+        (
+            "kidnapped",
+            col.label("frames      "),
+            "times",
+            "filter, median s",
+            col.error("worst s", floor=MAX_RECOVERY_S / 2),
+            "EKF, worst s",
+            "single, worst s",
+            "verdict",
+        ),
         f"kidnapped: {len(results)} runs; wanted: every recovery of the filter within {MAX_RECOVERY_S:g} s",
+        name="kidnapped",
     )
     all_ok = True
     for kind in KINDS:
@@ -445,9 +458,20 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> bool:
     """Print NEES by how long errors truly last; tell whether the filter's is as wanted."""
     guess = FrameErrors()
     table = Table(
-        ("bias ratio", "for m", "method", "RMS mm", "ratio", "NEES mean", "in 95 %", ""),
+        (
+            "bias ratio",
+            "for m",
+            col.label("method"),
+            col.error("RMS mm"),
+            col.error("ratio"),
+            col.error("NEES mean"),
+            col.share("in 95 %"),
+            "verdict",
+        ),
         f"synthetic: {runs} runs of {RUN_S:g} s each; the filter's guess is {guess.bias_ratio:g} for "
         f"{guess.bias_distance_m:g} m; wanted: NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}",
+        name="synthetic",
+        samples=round(runs * RUN_S),
     )
     all_ok = True
     for number, (share, way_m) in enumerate(LASTING):

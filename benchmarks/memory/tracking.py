@@ -19,6 +19,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from benchmarks.harness.tracking_score import Score
 from benchmarks.peers.tracking_peers import NearestNeighbours, Reports, StoneSoup
 from benchmarks.worlds.crowd import Frame, camera_film, film
@@ -94,19 +95,22 @@ def main() -> None:
         eight = list(pool.map(partial(film, FIELD, others=8), [[arguments.seed, k, 8] for k in range(4)]))
     detections = [len(frame.detections) for frames in films for frame in frames]
     in_view = [frame.in_view for frames in films for frame in frames]
-    print(f"{np.mean(detections):.1f} detections a frame, {100 * np.mean(in_view):.0f} % of the others in view")
     table = Table(
         (
             "tracker                        ",
-            "runs",
-            "MOTA",
-            "missed %",
-            "false %",
-            "switches",
-            "false tracks",
-            "RMS mm",
+            col.label("runs"),
+            col.score("MOTA"),
+            col.loss("missed %"),
+            col.loss("false %"),
+            col.count("switches"),
+            col.count("false tracks"),
+            col.error("RMS mm"),
             "verdict",
-        )
+        ),
+        f"{np.mean(detections):.1f} detections a frame, {100 * np.mean(in_view):.0f} % of the others in view",
+        name="trackers",
+        # seconds of all runs: of two frames one after the other the second tells little new
+        samples=round(sum(frames[-1].t_s - frames[0].t_s for frames in films)),
     )
 
     def row(name: str, of: Score | None, count: int, ok: bool | None = None) -> None:
@@ -133,7 +137,7 @@ def main() -> None:
     row("camera: track splitting", score(track_splitting, seen, True), len(seen))
     row("camera: GNN, tuned", score(partial(nearest_neighbours, settings=TUNED), seen, True), len(seen))
 
-    table = Table(("eight others", "ms, median", "99 %", "at most", "verdict"))
+    table = Table(("eight others", "ms, median", "99 %", "at most", "verdict"), name="time")
     taken = milliseconds(eight)
     fast = float(np.quantile(taken, 0.99)) <= MAX_MS
     table.row("update", float(np.median(taken)), float(np.quantile(taken, 0.99)), MAX_MS, verdict(fast))

@@ -39,7 +39,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import NotLocated, PoseEstimate, Vision
 from robocup_vision.arrays import FloatArray
@@ -292,7 +293,7 @@ def pose_line(table: Table, label: str, rows: Sequence[Row], *, judged: bool = T
     ok = near >= min_near and fair >= min_fair and millimetres <= max_mm
     target = f"{100 * min_near:g}/{100 * min_fair:g}" + (f"/{max_mm:g}" if math.isfinite(max_mm) else "/report")
     table.row(
-        label if judged else f"  {label}, hull",
+        label if judged else f"  {label}, published method",
         f"{got.located}/{got.images}",
         percent(near),
         percent(fair),
@@ -303,6 +304,7 @@ def pose_line(table: Table, label: str, rows: Sequence[Row], *, judged: bool = T
         percent(got.nees_inside_95),
         target if judged else None,
         verdict(ok) if judged else None,
+        samples=got.images,
     )
     return ok or not judged
 
@@ -327,22 +329,51 @@ def print_consistency(records: Sequence[Record]) -> bool:
     share = sum(record.right_half for record in in_view) / max(len(in_view), 1)
     told = sum(len(r.row.estimate.candidates) == 1 for r in in_view if r.row.estimate is not None)
     rows = (
-        ("NEES, mean", f"{mean:.3g}", f"{NEES_MEAN[0]} to {NEES_MEAN[1]}", NEES_MEAN[0] <= mean <= NEES_MEAN[1]),
-        ("NEES, share inside 95 %", percent(inside), "90 to 99", NEES_INSIDE[0] <= inside <= NEES_INSIDE[1]),
-        (f"right half, goal in view in {len(in_view)}", percent(share), ">= 99", share >= MIN_RIGHT_HALF),
+        (
+            "NEES, mean",
+            Kind.ERROR,
+            f"{mean:.3g}",
+            f"{NEES_MEAN[0]} to {NEES_MEAN[1]}",
+            NEES_MEAN[0] <= mean <= NEES_MEAN[1],
+        ),
+        (
+            "NEES, ratio inside 95 %",
+            Kind.SHARE,
+            percent(inside),
+            "90 to 99",
+            NEES_INSIDE[0] <= inside <= NEES_INSIDE[1],
+        ),
+        (
+            f"right half, goal in view in {len(in_view)}",
+            Kind.SHARE,
+            percent(share),
+            ">= 99",
+            share >= MIN_RIGHT_HALF,
+        ),
     )
-    table = Table(("nominal, 256 x 220" + " " * 20, "measured", "target      ", "verdict"))
-    for name, measured, target, ok in rows:
-        table.row(name, measured, target, verdict(ok))
-    table.row("  of these with one candidate only", percent(told / max(len(in_view), 1)), None, None)
+    columns = ("nominal, 256 x 220" + " " * 20, col.measured(), "target      ", "verdict")
+    table = Table(columns, name="consistency", samples=len(in_view))
+    for name, kind, measured, target, ok in rows:
+        table.row(name, measured, target, verdict(ok), kind=kind)
+    one = percent(told / max(len(in_view), 1))
+    table.row("  of these with one candidate only", one, None, None, kind=Kind.SHARE)
     return all(ok for *_, ok in rows)
 
 
 def print_free_space(records: dict[str, list[Record]]) -> bool:
     """Print the free space of each condition."""
-    columns = ("condition       ", "bearings", "within 1 cell", "false, any", "false, line/shadow", "boxes", "missed")
+    columns = (
+        "condition       ",
+        "bearings",
+        col.share("within 1 cell"),
+        col.loss("false, any"),
+        col.loss("false, line/shadow"),
+        "boxes",
+        col.loss("missed"),
+        "verdict",
+    )
     title = f"Free space: >= {MIN_WITHIN_CELL:.0%} within 1 cell, <= {MAX_FALSE:.1%} false by lines or shadows, "
-    table = Table((*columns, "verdict"), title + f"<= {MAX_MISSED:.1%} missed; shares in %")
+    table = Table(columns, title + f"<= {MAX_MISSED:.1%} missed; ratios in %", name="free space")
     all_ok = True
     for label, found in records.items():
         frees = [record.free for record in found]
@@ -353,7 +384,8 @@ def print_free_space(records: dict[str, list[Record]]) -> bool:
         ok = within >= MIN_WITHIN_CELL and blamed <= MAX_FALSE and missed <= MAX_MISSED
         falsely = sum(f.falsely_blocked for f in frees) / bearings
         shares = (percent(within), percent(falsely), percent(blamed), str(covered), percent(missed))
-        table.row(label, str(bearings), *shares, verdict(ok))
+        # the bearings of one image are no independent samples
+        table.row(label, str(bearings), *shares, verdict(ok), samples=len(frees))
         all_ok &= ok
     return all_ok
 
@@ -361,8 +393,16 @@ def print_free_space(records: dict[str, list[Record]]) -> bool:
 def print_balls(records: dict[str, list[Record]]) -> bool:
     """Print the balls of each condition."""
     title = f"Ball within 1.5 m: >= {MIN_FOUND:.0%} found, median <= {1e3 * MAX_BALL_ERROR_M:g} mm, "
-    columns = ("condition       ", "with ball", "found %", "mm", "without", "false %", "verdict")
-    table = Table(columns, title + f"<= {MAX_FALSE_BALLS:.1%} false")
+    columns = (
+        "condition       ",
+        "with ball",
+        col.share("found %"),
+        col.error("mm"),
+        "without",
+        col.loss("false %"),
+        "verdict",
+    )
+    table = Table(columns, title + f"<= {MAX_FALSE_BALLS:.1%} false", name="balls")
     all_ok = True
     for label, found in records.items():
         errors = [record.ball_error_m for record in found if record.has_ball]
@@ -371,9 +411,8 @@ def print_balls(records: dict[str, list[Record]]) -> bool:
         share, false = len(near) / max(len(errors), 1), sum(without) / max(len(without), 1)
         median_m = float(np.median(near)) if near else math.inf
         ok = share >= MIN_FOUND and median_m <= MAX_BALL_ERROR_M and false <= MAX_FALSE_BALLS
-        table.row(
-            label, str(len(errors)), percent(share), 1e3 * median_m, str(len(without)), percent(false), verdict(ok)
-        )
+        cells = str(len(errors)), percent(share), 1e3 * median_m, str(len(without)), percent(false), verdict(ok)
+        table.row(label, *cells, samples=min(len(errors), len(without)))
         all_ok &= ok
     return all_ok
 
@@ -395,8 +434,20 @@ def main() -> None:
             ]
             for label, name, size, total in sets
         }
-        columns = ("condition        ", "located  ", "5 cm/3 deg", "10 cm/5 deg", "mm", "deg", "NEES mean", "median")
-        table = Table((*columns, "inside 95 %", "target     ", "verdict"), "Pose: shares of all images in %")
+        columns = (
+            "condition        ",
+            col.share("located  "),
+            col.share("5 cm/3 deg"),
+            col.share("10 cm/5 deg"),
+            col.error("mm"),
+            col.error("deg"),
+            "NEES mean",
+            col.error("median"),
+            col.share("inside 95 %"),
+            "target     ",
+            "verdict",
+        )
+        table = Table(columns, "Pose: ratios of all images in %", name="poses", samples=count)
         for label, parts in futures.items():
             records[label] = [record for part in parts for record in part.result()]
             all_ok &= pose_line(table, label, [record.row for record in records[label]])

@@ -30,6 +30,7 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
+from benchmarks.harness import columns as col  # noqa: E402
 from field_models import load_field  # noqa: E402
 from robocup_vision import Steering, Vision  # noqa: E402
 from robocup_vision.geometry import Pose2  # noqa: E402
@@ -116,8 +117,17 @@ def measure_frames(size: tuple[int, int], frames: list[np.ndarray], count: int, 
     by_hull.whole.pop(0)  # learns the colours
 
     table = Table(
-        (f"{size[0]} x {size[1]}     ", "ms     ", "ratio", "target", "p99 / median", "learnt anew", "verdict"),
+        (
+            f"{size[0]} x {size[1]}     ",
+            "ms     ",
+            col.time_ratio("ratio"),
+            "target",
+            "p99 / median",
+            "learnt anew",
+            "verdict",
+        ),
         f"Whole frame, {count} frames; cvtColor(BGR2HSV) {milliseconds(hsv):.3f} ms; the paper: {PAPER_MS} ms",
+        name=f"{size[0]} x {size[1]}",
     )
     all_ok = True
     for name, times, target in zip(("no prior", "prior"), (without, with_prior), TARGETS[size], strict=True):
@@ -129,7 +139,7 @@ def measure_frames(size: tuple[int, int], frames: list[np.ndarray], count: int, 
     for name, times in (("first frame", first), ('method "hull"', by_hull)):
         ratio = milliseconds(times.whole) / milliseconds(hsv)
         table.row(name, f"{milliseconds(times.whole):.3f}", f"{ratio:.2f}", None, None, None, None)
-    stages = Table(("ms, median ", *(f"{name:>8}" for name in without.stages)))
+    stages = Table(("ms, median ", *(f"{name:>8}" for name in without.stages)), name=f"stages of {size[0]} x {size[1]}")
     for name, times in (("no prior", without), ("prior", with_prior), ("first frame", first)):
         stages.row(name, *(f"{milliseconds(seconds):.3f}" for seconds in times.stages.values()))
         if times is not first:
@@ -180,7 +190,9 @@ def main() -> None:
         rows.append(
             (
                 f"search by lines alone, {label}",
-                f"{milliseconds(search):.1f} ms, slowest {slowest_ms:.1f} ms, {located}/{different} located",
+                f"{milliseconds(search):.1f}",
+                f"{slowest_ms:.1f}",
+                f"{located}/{different}",
                 f"<= {MAX_SEARCH_MS:g} ms" if is_judged else None,
                 verdict(ok) if is_judged else None,
             )
@@ -189,8 +201,9 @@ def main() -> None:
         ok = construction_s < MAX_CONSTRUCTION_S
         all_ok &= ok
         target = f"< {MAX_CONSTRUCTION_S:g} s"
-        rows.append((f"making a Vision, {label}", f"{construction_s:.2f} s", target, verdict(ok)))
-    table = Table(("once" + " " * 30, "measured" + " " * 34, "target   ", "verdict"))
+        rows.append((f"making a Vision, {label}", f"{1e3 * construction_s:.0f}", None, None, target, verdict(ok)))
+    columns = ("once" + " " * 30, "ms     ", "slowest", col.share("located"), "target   ", "verdict")
+    table = Table(columns, name="once")
     for row in rows:
         table.row(*row)
     finish(arguments.check, all_ok)

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.arrays import UInt8Array
@@ -75,7 +76,14 @@ def main() -> None:
     cv2.setNumThreads(1)
     count = 4 if arguments.quick else 100 if arguments.full else 10
     outline, hull = (Vision(FIELD, CAMERA, method=method) for method in ("floor", "hull"))
-    table = Table(("place (mm)   ", "method        ", "located", "dx mm", "dy mm", "dtheta deg", "verdict"))
+    columns = (
+        "place (mm)   ",
+        col.label("method        "),
+        col.share("located"),
+        *(col.error(name) for name in ("dx mm", "dy mm", "dtheta deg")),
+        "verdict",
+    )
+    table = Table(columns, name="places", samples=count)
     all_ok = True
     for place, ((x, y), printed) in enumerate(PRINTED):
         frames = list(pictures(place, count, arguments.seed))

@@ -29,6 +29,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import PoseEstimate, Vision, draw, load_camera
 from robocup_vision.arrays import FloatArray
@@ -83,13 +84,13 @@ def forward_camera(draws: int, seed: int) -> bool:
     """Refine priors about the given poses by lines, tilt and roll included and not; whether it helps on average."""
     columns = (
         "priors refined by lines ",
-        "located",
+        col.share("located"),
         "prior m, deg",
         "refined m, deg",
         "stiff m, deg",
         "tilt, roll deg",
     )
-    table = Table((*columns, "verdict"))
+    table = Table((*columns, col.compared_verdict()), name="forward camera")
     if not (REAL / ONBOARD / "truth.csv").is_file():
         table.row(ONBOARD, "not installed", None, None, None, None, None)
         return True
@@ -130,7 +131,7 @@ def forward_camera(draws: int, seed: int) -> bool:
     total = f"{located}/{draws * len(truths)}"
     table.row("all", total, *(error_text(errors, k) for k in range(3)), None, verdict(helps))
     better = (every[:, 1] < every[:, 0]).mean(axis=0)
-    print(f"nearer than the prior: position in {100 * better[0]:.0f} %, heading in {100 * better[1]:.0f} %")
+    table.note(f"nearer than the prior: position in {100 * better[0]:.0f} %, heading in {100 * better[1]:.0f} %")
     return helps
 
 
@@ -152,7 +153,8 @@ def main() -> None:
     line_map = LineMap(field)
     all_ok = True
     for folder, name in PHOTOGRAPHS:
-        table = Table((f"{folder:<28}", "measured" + " " * 30, "target" + " " * 20, "verdict"))
+        columns = (f"{folder:<28}", "measured" + " " * 30, "target" + " " * 20, col.compared_verdict())
+        table = Table(columns, name=folder)
         if not (REAL / folder / "images" / name).is_file():
             table.row("photograph", "not installed", None, None)
             continue

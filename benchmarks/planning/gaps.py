@@ -27,7 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from benchmarks.worlds import gap_choices
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import (
@@ -173,20 +174,22 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
             taken = min(taken, time.perf_counter() - started)
         plans.append(plan)
         seconds.append(taken)
-    table = Table(("the gate problem                                   ", "figure", "target", "verdict"))
+    columns = ("the gate problem                                   ", col.measured(), "target", "verdict")
+    table = Table(columns, name="gate", samples=count)
     oks = []
 
-    def row(name: str, figure: object, target: str, ok: bool) -> None:
+    def row(name: str, figure: str | float, target: str, ok: bool, kind: Kind = Kind.TEXT) -> None:
         oks.append(ok)
-        table.row(name, figure, target, verdict(ok))
+        table.row(name, figure, target, verdict(ok), kind=kind)
 
     worst, visited, all_beliefs = 0.0, 0, 0
     for case, plan in list(zip(cases, plans, strict=True))[:brute]:
         least, total = every_plan_s(case.tables(case.gap, case.robot_m), LOOKS)
         worst = max(worst, abs(least - plan.expected_s))
         visited, all_beliefs = visited + plan.beliefs, all_beliefs + total
-    row(f"off the best of all plans, worst of {brute}, s", f"{worst:.1e}", "1e-9", worst <= 1e-9)
-    row("all plans' beliefs / beliefs reckoned with", all_beliefs / visited, ">= 10", all_beliefs >= 10 * visited)
+    row(f"off the best of all plans, worst of {brute}, s", f"{worst:.1e}", "<= 1e-9", worst <= 1e-9)
+    enough = all_beliefs >= 10 * visited
+    row("all plans' beliefs / beliefs expanded", all_beliefs / visited, ">= 10", enough, Kind.SCORE)
     expected = np.array([(p.expected_s, p.detour_s, p.look_now_s, p.go_and_look_s) for p in plans])
     over = float((expected[:, 0] - expected[:, 1:].min(axis=1)).max())
     row("expected over the best of three, worst case, s", f"{over:.1e}", "<= 1e-9", over <= 1e-9)
@@ -198,9 +201,9 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
         name = f"{label} time saved over '{SINGLE[best]}', %"
         if times is expected:
             # the plan's horizon is three looks; driven, it is planned again after each
-            table.row(name, percent(saved), "-", None)
+            table.row(name, percent(saved), "-", None, kind=Kind.SHARE)
         else:
-            row(name, percent(saved), ">= 5", saved >= 0.05)
+            row(name, percent(saved), ">= 5", saved >= 0.05, Kind.SHARE)
         open_ones = np.array([action == "look" for action in chosen])
         means = times[open_ones].mean(axis=0)
         best = int(np.argmin(means[1:]))
@@ -263,7 +266,11 @@ def widen_prior() -> list[Step]:
 def measure_fork(out: Path | None) -> bool:
     """Print, and draw, where the next viewpoint lies; whether its row is ok."""
     steps = widen_prior()
-    table = Table(("believed width, mm", "plan  ", "viewpoint      ", "detour 0, gap 1"), "at a fork: 80 mm of doubt")
+    table = Table(
+        ("believed width, mm", "plan  ", "viewpoint      ", "detour 0, gap 1"),
+        "at a fork: 80 mm of uncertainty",
+        name="fork",
+    )
     for step in steps[::3]:
         place = None if step.plan.viewpoint_m is None else "({:.1f}, {:.1f})".format(*step.plan.viewpoint_m)
         table.row(f"{1000 * step.width_m:.0f}", step.plan.action, place, step.share)
@@ -271,8 +278,10 @@ def measure_fork(out: Path | None) -> bool:
     back = max((a - b for a, b in itertools.pairwise(shares)), default=math.inf)
     # a viewpoint right before the gap may lie a little beyond the line to it
     ok = bool(shares) and shares[0] <= 0.5 and shares[-1] >= 0.95 and back <= 0.05
-    print(f"viewpoint moves from the detour's side ({shares[0]:.2f}) to the gap's ({shares[-1]:.2f}), "
-          f"at most {max(back, 0.0):.2f} back: {verdict(ok)}")  # fmt: skip
+    columns = ("the viewpoint as the width grows", "from", "to", "at most back", col.compared_verdict())
+    table = Table(columns, name="viewpoint")
+    ends = f"{shares[0]:.2f}", f"{shares[-1]:.2f}", f"{max(back, 0.0):.2f}"
+    table.row("from the detour's side (0) to the gap's (1)", *ends, verdict(ok))
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         draw_fork(steps, out / "gate_viewpoints.png")
@@ -323,17 +332,19 @@ def measure_passage(count: int, aside_m: float, seed: int) -> bool:
     table = Table(
         (
             "against      ",
-            "asked again  ",
+            col.label("asked again  "),
             "rows",
             "differs %",
             "its s",
-            "ours",
+            col.error("ours"),
             "saved %",
             "+-",
             "oracle %",
             "verdict",
         ),
         f"rows of gaps up to {aside_m:g} m aside, and a way round; no safe speed below {narrowest:.0f} mm",
+        name=f"passage, {aside_m:g} m",
+        samples=count // 10,
     )
     ok, touched = True, 0.0
     for rule, ways, rows in (
@@ -353,7 +364,7 @@ def measure_passage(count: int, aside_m: float, seed: int) -> bool:
                 rule, again, str(rows), percent(len(found) / rows), its, ours, percent(saved), percent(doubt),
                 percent(1 - told / its), verdict(saved >= 0.04) if judged else None,
             )  # fmt: skip
-    print(f"sets of drives in which one touches: at most {percent(touched)} %")
+    table.note(f"sets of drives in which one touches: at most {percent(touched)} %")
     return ok
 
 
@@ -361,8 +372,10 @@ def measure_times(drives: int, seed: int) -> None:
     """Print what a gap costs by its width, in the table and driven, and what turning back does."""
     times = gap_choices.passage_times()
     table = Table(
-        ("robot widths", "table's s", "driven s", "+-", "passed %"),
+        ("robot widths", "table's s", "driven s", "+-", col.share("passed %")),
         "one gap straight ahead, 2 m away; a gap that is not passed counts for nothing here",
+        name="times",
+        samples=drives,
     )
     for ratio in (1.6, 1.8, 1.9, 2.0, 2.1, 2.2, 2.5, 3.0, 3.5, 4.5):
         width, found = ratio * ROBOT_M, []
@@ -383,13 +396,12 @@ def measure_times(drives: int, seed: int) -> None:
 
 def main() -> None:
     """Measure and print."""
-    own = argparse.ArgumentParser(add_help=False)
-    own.add_argument("--out", type=Path)
-    paths, rest = own.parse_known_args()
-    arguments = parse_arguments(str(__doc__), rest)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--out", type=Path, metavar="DIR", help="draw the viewpoints there")
+    arguments = parse_arguments(str(__doc__), parser=parser)
     count, brute, drives = (60, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
     all_ok = measure_gates(count, brute, drives, arguments.seed)
-    all_ok &= measure_fork(paths.out)
+    all_ok &= measure_fork(arguments.out)
     measure_times(count // 10, arguments.seed)
     # opponents across a field; and close together, where turning back costs next to nothing
     all_ok &= measure_passage(5 * count, 2.5, arguments.seed)

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
@@ -153,8 +154,19 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     # rules are compared where each has an answer: without one, a count of looks says when patience ended
     common = [i for i in range(runs) if all(asked[r][i].answered for r in RULES)]
     table = Table(
-        ("rule              ", "answered %", "right % of these", "looks", "ratio", "looks of all", "target", "verdict"),
+        (
+            "rule              ",
+            col.share("answered %"),
+            col.share("right % of these"),
+            col.error("looks"),
+            "ratio",
+            "looks of all",
+            "target",
+            "verdict",
+        ),
         f"half of the field, {runs} questions, {len(common)} answered under every rule",
+        name="looks",
+        samples=runs,
     )
     looks = {r: float(np.mean([asked[r][i].looks for i in common])) for r in RULES}
     ours, all_ok = looks["expected entropy"], True
@@ -189,7 +201,8 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
         [Believed(p, np.diag(STD**2), 0.5) for p in (pose, pose.half_turn())]
     )
     all_ok &= same.answer == "undecidable"
-    print(f"white goals on both sides: {same.reason}, after 0 looks: {verdict(same.answer == 'undecidable')}")
+    table = Table(("white goals on both sides", "looks", "answer", col.compared_verdict()), name="white goals")
+    table.row(same.reason, 0, same.answer, verdict(same.answer == "undecidable"))
     return all_ok
 
 

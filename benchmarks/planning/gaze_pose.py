@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
@@ -338,8 +339,9 @@ def detectors(arguments: Namespace, pool: ProcessPoolExecutor) -> None:
     count = 60 if arguments.quick else 160
     seen = list(pool.map(sighting, [[arguments.seed, 7, i] for i in range(count)], chunksize=8))
     table = Table(
-        ("in view            ", "frames", "found %", "assumed", "px", "assumed"),
+        ("in view            ", "frames", col.share("found %"), "assumed", col.error("px"), "assumed"),
         "detectors on rendered frames, with a prior",
+        name="detectors",
     )
     post, crossing = DETECTORS["post"], DETECTORS["crossing"]
     whole, alone, crossed = post.detection_probability, post.alone_probability, crossing.detection_probability
@@ -350,7 +352,7 @@ def detectors(arguments: Namespace, pool: ProcessPoolExecutor) -> None:
     ):
         errors = [e for s in of if (e := getattr(s, key)) is not None]
         px = 1.48 * float(np.median(np.abs(np.vstack(errors)))) if errors else None
-        table.row(name, len(of), percent(len(errors) / len(of)), percent(share), px, std)
+        table.row(name, len(of), percent(len(errors) / len(of)), percent(share), px, std, samples=len(of))
 
 
 def compare(table: Table, scores: dict[str, list[RunScore]], *, judged: bool) -> bool:
@@ -388,17 +390,35 @@ def compare(table: Table, scores: dict[str, list[RunScore]], *, judged: bool) ->
 def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     """Print the tables; tell whether every acceptance row is ok."""
     detectors(arguments, pool)
-    columns = ("rule          ", "runs", "RMS m", "ratio", "|P|^1/6", "ratio", "lost %", "nothing seen %", "verdict")
+    columns = (
+        "rule          ",
+        "runs",
+        col.error("RMS m"),
+        "ratio",
+        col.error("|P|^1/6"),
+        "ratio",
+        col.loss("lost %"),
+        col.loss("nothing seen %"),
+        "verdict",
+    )
     runs = 24 if arguments.quick else 400 if arguments.full else 120
     table = Table(
-        columns, f"pose by landmarks as measured above (targets: ratios {MAX_RMS} and {MAX_SPREAD}, lost no more)"
+        columns,
+        f"pose by landmarks as measured above (targets: ratios {MAX_RMS} and {MAX_SPREAD}, lost no more)",
+        name="landmarks",
+        samples=runs,
     )
     scores = {
         r: list(pool.map(landmark_run, [([arguments.seed, i], r) for i in range(runs)], chunksize=4)) for r in RULES
     }
     all_ok = compare(table, scores, judged=True)
     runs = 4 if arguments.quick else 120 if arguments.full else 40
-    table = Table(columns, "pose by rendered frames, the goal localiser and PoseFilter (the same targets)")
+    table = Table(
+        columns,
+        "pose by rendered frames, the goal localiser and PoseFilter (the same targets)",
+        name="rendered",
+        samples=runs,
+    )
     rules = ("planned", "fixed sweep")
     rendered = {r: list(pool.map(rendered_run, [([arguments.seed, i], r) for i in range(runs)])) for r in rules}
     # a few runs tell nothing

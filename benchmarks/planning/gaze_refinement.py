@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning.gaze.selective_look import SelectiveLook, is_in_sight
 
@@ -162,14 +163,16 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     table = Table(
         (
             "order                  ",
-            "looks",
+            col.error("looks"),
             "of nearest first",
             "longest",
-            "paths longer than best",
+            col.count("paths longer than best"),
             "target",
             "verdict",
         ),
         f"selective refinement, {maps} maps, {sum(map(math.isfinite, best))} with a way",
+        name="looks",
+        samples=maps,
     )
     looks = {rule: float(np.mean([f.looks for f in runs])) for rule, runs in found.items()}
     ours, nearest, straight = (looks[rule] for rule in RULES)

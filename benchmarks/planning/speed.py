@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
 from benchmarks.worlds import hidden_opponents
 from benchmarks.worlds.doubtful_robot import (
     BIAS_STD,
@@ -120,7 +121,16 @@ def measure_known(runs: int, seed: int) -> bool:
     all_ok = True
     fastest = CONSTANT_MPS[0]
     for gaps, title in ((1, "known surroundings: one gap of 2 to 3.5 robot widths"), (3, "three such gaps in a row")):
-        table = Table(("speed           ", "drives", "collided", "refused", "seconds", "share", "verdict"), title)
+        columns = (
+            "speed           ",
+            "drives",
+            col.count("collided"),
+            "refused",
+            "seconds",
+            col.error("ratio"),
+            "verdict",
+        )
+        table = Table(columns, title, name=f"known, {gaps} gaps", samples=runs)
         ours = drives((2.0, 3.5), gaps, None, runs, seed)
         struck, refused = sum(d.collided for d in ours), sum(d.refused for d in ours)
         rows = [(v, drives((2.0, 3.5), gaps, v, runs, seed)) for v in CONSTANT_MPS]
@@ -145,7 +155,9 @@ def measure_known(runs: int, seed: int) -> bool:
             own_s / quick_s,
             verdict(ok) if gaps == 1 else None,
         )
-        print(f"share of the fastest constant speed's time with no more collisions ({fastest:g} m/s); at most 0.75")
+        table.note(
+            f"ratio: to the time of the fastest constant speed with no more collisions, {fastest:g} m/s; at most 0.75"
+        )
         if gaps == 1:
             all_ok &= measure_widths(fastest, runs // 3, seed)
     return all_ok
@@ -162,15 +174,17 @@ def measure_widths(constant: float, runs: int, seed: int) -> bool:
         (
             "robot widths",
             "drives",
-            "collided",
+            col.count("collided"),
             "stopped",
             "refused",
-            "seconds",
+            col.error("seconds"),
             "constant collided",
             "its s",
             "verdict",
         ),
         f"one gap by its width, as planned, and constant {constant:g} m/s; stopped: no safe speed",
+        name="widths",
+        samples=runs,
     )
     all_ok = True
     for low, high in ((1.2, 1.6), (1.6, 1.8), (1.8, 2.0), (2.0, 2.5), (2.5, 3.0), (3.0, 3.5)):
@@ -188,7 +202,7 @@ def measure_widths(constant: float, runs: int, seed: int) -> bool:
             other_s, None if ok is None else verdict(ok),
         )  # fmt: skip
     limits = ", ".join(f"{filled_widths(looks):.2f} after {looks:g}" for looks in (1, 2, 5, math.inf))
-    print(f"3 standard deviations fill a gap of so many widths after so many looks: {limits}")
+    table.note(f"3 standard deviations fill a gap of so many widths after so many looks: {limits}")
     return all_ok
 
 
@@ -215,8 +229,18 @@ def one_hidden(job: tuple[tuple[int, int], str, float | None]) -> tuple[float, b
 def measure_unknown(runs: int, others: int, seed: int) -> bool:
     """Print the table of unknown surroundings; whether its row is ok."""
     table = Table(
-        ("rule                   ", "runs", "collided %", "arrived %", "seconds", "share", "verdict"),
+        (
+            "rule                   ",
+            "runs",
+            col.loss("collided %"),
+            col.share("arrived %"),
+            "seconds",
+            col.error("ratio"),
+            "verdict",
+        ),
         f"unknown surroundings: opponents behind opponents; seconds of the first {others} runs",
+        name="hidden",
+        samples=others,
     )
     slow_s, ok = math.nan, False
     with ProcessPoolExecutor(os.cpu_count()) as pool:
@@ -232,7 +256,7 @@ def measure_unknown(runs: int, others: int, seed: int) -> bool:
                 name, str(count), percent(collided), percent(float(found[:, 2].mean())), seconds, seconds / slow_s,
                 verdict(ok) if rule == "planned" else None,
             )  # fmt: skip
-    print("planned: collisions at most 1 %, time at most 0.6 of constant 0.4 m/s")
+    table.note("planned: collisions at most 1 %, time at most 0.6 of constant 0.4 m/s")
     return ok
 
 

@@ -1,0 +1,120 @@
+"""Runs all benchmarks one after another, prints a line each, and compares their figures with the last ones.
+
+``--check`` compares with ``benchmarks/figures/quick`` (with --quick) or ``benchmarks/figures``, by the tolerances in
+harness/compare.py, and leaves with status 1 if a figure got worse. ``--update`` makes the new figures the last ones.
+``--render`` runs nothing: it renders the tables of the pages from the files of figures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from benchmarks.harness.compare import compare
+from benchmarks.harness.figures import FOLDER, QUICK_FOLDER, FigureError, read_figures, write_figures
+from benchmarks.harness.markdown import render_page
+from benchmarks.harness.programs import ROOT, program_names, run_program
+
+PAGES = ("README.md", "benchmarks/README.md")
+Run = Callable[[str, Sequence[str]], "tuple[int, str]"]
+
+
+def _run(name: str, arguments: Sequence[str]) -> tuple[int, str]:
+    done = run_program(name, arguments)
+    return done.returncode, (done.stderr or done.stdout).strip().splitlines()[-1] if done.returncode else ""
+
+
+def check_program(name: str, folder: Path, options: Sequence[str], *, check: bool, update: bool, run: Run) -> bool:
+    """Run one program and print its line; tell whether it ran and nothing got worse.
+
+    Parameters
+    ----------
+    name : str
+        FOLDER/NAME.
+    folder : Path
+        Where the last figures are.
+    options : sequence of str
+        For the program.
+    check, update : bool
+        Whether to compare with the last figures, and whether to replace them.
+    run : callable
+        Runs a program: exit status, and the last line of what went wrong.
+    """
+    last = folder / f"{name}.json"
+    with tempfile.TemporaryDirectory() as temporary:
+        path = Path(temporary) / "figures.json"
+        began = time.perf_counter()
+        status, message = run(name, [*options, "--json", str(path)])
+        line = f"{name:<34} {time.perf_counter() - began:6.1f} s  "
+        if status:
+            print(f"{line}exit status {status}: {message}", flush=True)
+            return False
+        try:
+            now = read_figures(path)
+            found = compare(read_figures(last), now) if check else None
+        except FigureError as error:
+            print(f"{line}{error}", flush=True)
+            return False
+    if update:
+        write_figures(now, last)
+    if found is None:
+        print(f"{line}done", flush=True)
+        return True
+    text = f"{len(found.worse)} WORSE" if found.worse else "ok"
+    print(f"{line}{text}, {found.compared} figures compared", flush=True)
+    for worse in found.worse:
+        print(f"    {worse}", flush=True)
+    return not found.worse
+
+
+def render_pages(pages: Sequence[str] = PAGES, root: Path = ROOT, folder: Path = FOLDER) -> None:
+    """Render the figures of pages; a page is written only if it changes."""
+    for page in pages:
+        path = root / page
+        text = path.read_text(encoding="utf-8")
+        try:
+            rendered = render_page(text, folder)
+        except FigureError as error:
+            raise FigureError(f"{page}: {error}") from None
+        if rendered != text:
+            path.write_text(rendered, encoding="utf-8")
+            print("rendered", page)
+
+
+def main(argv: Sequence[str] | None = None, run: Run = _run) -> int:
+    """Run what is asked for; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="each program in its quick size")
+    parser.add_argument("--check", action="store_true", help="exit status 1 if a figure got worse")
+    parser.add_argument("--update", action="store_true", help="replace the last figures")
+    parser.add_argument("--render", action="store_true", help="render the tables of the pages, and run nothing")
+    parser.add_argument("programs", nargs="*", metavar="FOLDER/NAME", help="those to run; all unless given")
+    arguments = parser.parse_args(argv)
+    if arguments.render:
+        try:
+            render_pages()
+        except FigureError as error:
+            print(error)
+            return 2
+        return 0
+    names = program_names()
+    unknown = [name for name in arguments.programs if name not in names]
+    if unknown:
+        parser.error(f"no program {unknown[0]!r}; there are {', '.join(names)}")
+    folder, options = (QUICK_FOLDER, ["--quick"]) if arguments.quick else (FOLDER, [])
+    began = time.perf_counter()
+    good = [
+        check_program(name, folder, options, check=arguments.check, update=arguments.update, run=run)
+        for name in arguments.programs or names
+    ]
+    print(f"{sum(good)} of {len(good)} programs ok, {time.perf_counter() - began:.0f} s")
+    return 0 if all(good) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

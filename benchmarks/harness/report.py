@@ -1,0 +1,182 @@
+"""What every program shares: its arguments, its first lines, its tables, its verdicts, and its file of figures.
+
+A program calls `parse_arguments` once, makes a `Table` for each group of rows, and ends with `finish`. Tables print as
+they fill. `finish` writes them to a JSON file: to that of ``--json FILE``, or, for a run of default size and seed, to
+``benchmarks/figures/FOLDER/NAME.json``, from which `benchmarks/README.md` is made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.harness.figures import (
+    FOLDER,
+    Cell,
+    Column,
+    Figures,
+    FigureTable,
+    Kind,
+    Row,
+    cell_text,
+    write_figures,
+)
+from benchmarks.harness.machine import describe, machine, versions
+
+DEFAULT_SEED = 20010305
+
+
+@dataclass
+class _Run:
+    """The run of this process: a process runs one program."""
+
+    figures: Figures
+    path: Path | None
+    began_s: float
+
+
+_run: _Run | None = None
+
+
+def parse_arguments(
+    description: str, argv: Sequence[str] | None = None, *, parser: argparse.ArgumentParser | None = None
+) -> argparse.Namespace:
+    """Read the arguments that all programs take, print the first lines, and begin the file of figures.
+
+    Parameters
+    ----------
+    description : str
+        What is measured: the program's docstring. Its first line heads the output.
+    argv : sequence of str, optional
+        Those of the command line unless given.
+    parser : ArgumentParser, optional
+        With the program's own options. Figures of a run with any of them set go to no file but that of ``--json``.
+
+    Returns
+    -------
+    Namespace
+        ``quick``, ``full`` and ``check`` (bool), ``seed`` (int), ``json`` (path or None), and the program's own.
+    """
+    global _run
+    parser = parser or argparse.ArgumentParser()
+    parser.description = description.strip()
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    own = {action.dest: action.default for action in parser._actions if action.dest != "help"}
+    size = parser.add_mutually_exclusive_group()
+    size.add_argument("--quick", action="store_true", help="fewer samples: a first look")
+    size.add_argument("--full", action="store_true", help="more samples: takes longer than 4 minutes")
+    parser.add_argument("--check", action="store_true", help="exit status 1 if a row is SHORT")
+    parser.add_argument("--seed", type=int, default=DEFAULT_SEED, metavar="N", help=f"default: {DEFAULT_SEED}")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to this file")
+    arguments = parser.parse_args(argv)
+    figures = Figures(
+        program=program_name(Path(sys.argv[0])),
+        title=description.strip().splitlines()[0],
+        size="quick" if arguments.quick else "full" if arguments.full else "default",
+        seed=arguments.seed,
+        date=datetime.date.today().isoformat(),
+        machine=machine(),
+        versions=versions(),
+    )
+    is_standard = figures.size == "default" and figures.seed == DEFAULT_SEED
+    is_standard &= all(getattr(arguments, name) == default for name, default in own.items())
+    path = arguments.json or (FOLDER / f"{figures.program}.json" if is_standard else None)
+    _run = _Run(figures, path, time.perf_counter())
+    print(figures.title)
+    print(f"{describe(figures.machine, figures.versions)}; seed {figures.seed}")
+    return arguments
+
+
+def program_name(path: Path) -> str:
+    """Return FOLDER/NAME of a program's file."""
+    path = path.resolve()
+    return f"{path.parent.name}/{path.stem}"
+
+
+class Table:
+    """Prints rows as they come, under one line of column names, and keeps them for the file of figures.
+
+    Parameters
+    ----------
+    columns : sequence of str or Column
+        Spaces around a name widen its column. The first column is set left, all others right. A plain name is not
+        compared with earlier figures; the first column names the row, "verdict" and "target" are what they say.
+    title : str, optional
+        A line above.
+    name : str, optional
+        By which other files refer to the table; its number in the output unless given.
+    samples : int, optional
+        How many independent samples a row has, unless it says so itself: the noise of its figures follows from them.
+    """
+
+    def __init__(
+        self, columns: Sequence[str | Column], title: str = "", *, name: str = "", samples: int | None = None
+    ) -> None:
+        given = [column if isinstance(column, Column) else Column(column) for column in columns]
+        self._widths = [max(len(column.name), 6) for column in given]
+        kept = [Column(column.name.strip(), column.kind, column.floor) for column in given]
+        if kept[0].kind is Kind.TEXT:
+            kept[0] = Column(kept[0].name, Kind.LABEL)
+        self._samples = samples
+        self._table = FigureTable(name, title.strip(), tuple(kept))
+        if _run is not None:
+            self._table.name = name or str(len(_run.figures.tables) + 1)
+            _run.figures.tables.append(self._table)
+        print(f"\n{title}" if title else "")
+        self._print([column.name for column in kept])
+        print("  ".join("-" * width for width in self._widths), flush=True)
+
+    def row(self, *cells: Cell, kind: Kind = Kind.TEXT, samples: int | None = None) -> None:
+        """Print one row, and keep it.
+
+        Parameters
+        ----------
+        *cells : str, int, float or None
+            Printed as `cell_text` says.
+        kind : Kind, optional
+            Of the row's figure, in a table that has a column of kind BY_ROW.
+        samples : int, optional
+            How many independent samples it has, if not as many as the table says.
+        """
+        if len(cells) != len(self._widths):
+            raise ValueError(f"a row must have {len(self._widths)} cells, got {len(cells)}")
+        self._table.rows.append(Row(cells, kind, self._samples if samples is None else samples))
+        self._print([cell_text(cell) for cell in cells])
+
+    def note(self, text: str) -> None:
+        """Print a line of text, and keep it below the table."""
+        self._table.notes.append(text.strip())
+        print(text, flush=True)
+
+    def _print(self, texts: Sequence[str]) -> None:
+        first = texts[0].ljust(self._widths[0])
+        rest = [text.rjust(width) for text, width in zip(texts[1:], self._widths[1:], strict=True)]
+        print("  ".join([first, *rest]).rstrip(), flush=True)
+
+
+def percent(ratio: float | None) -> str:
+    """Percentage of a ratio, never rounded up to 100; a dash for None."""
+    if ratio is None:
+        return "-"
+    text = f"{100 * ratio:.2f}"
+    return "100" if ratio == 1 else "99.99" if text == "100.00" else text
+
+
+def verdict(ok: bool) -> str:
+    """Return "ok" or "SHORT"."""
+    return "ok" if ok else "SHORT"
+
+
+def finish(check: bool, all_ok: bool) -> None:
+    """Print the last line, write the figures, and leave with status 1 if something is SHORT and `check` asks for it."""
+    print("\nevery acceptance row is ok" if all_ok else "\nsome acceptance rows are SHORT")
+    if _run is not None and _run.path is not None:
+        _run.figures.seconds = round(time.perf_counter() - _run.began_s, 1)
+        write_figures(_run.figures, _run.path)
+    if check and not all_ok:
+        raise SystemExit(1)
