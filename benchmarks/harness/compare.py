@@ -111,6 +111,8 @@ def is_worse(column: Column, kind: Kind, before: float, now: float, samples: int
     if kind is Kind.COUNT:
         slack = SIGMAS * math.sqrt(max(before, 1.0))
         return f"at most {slack:.3g} more" if now - before > slack else ""
+    if kind is Kind.ERROR:
+        before, now = abs(before), abs(now)
     factor = TIME_FACTOR if kind is Kind.TIME_RATIO else UNKNOWN_SAMPLES_FACTOR
     if kind in (Kind.ERROR, Kind.SCORE) and samples:
         factor = 1 + SIGMAS * math.sqrt(2 / samples)

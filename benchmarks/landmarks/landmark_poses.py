@@ -58,7 +58,8 @@ PAPER_CELLS = {
 }
 COLUMNS = (
     "method                     ", col.share("located"), col.error("x mm"), col.error("y mm"), col.error("deg"),
-    "median x, y, deg    ", "match ms", "looked for", "matched", col.error("NEES"), "paper: mm, mm, deg, ms, for, matched  ",
+    "median x, y, deg    ", "match ms", "looked for", "matched", col.error("NEES"),
+    "paper: mm, mm, deg, ms, for, matched  ",
 )  # fmt: skip
 
 
