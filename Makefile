@@ -4,7 +4,7 @@ PYTHON := .venv/bin/python
 INSTALLED := .venv/installed
 
 .DEFAULT_GOAL := help
-.PHONY: help .venv test slow demo match examples clean
+.PHONY: help .venv test slow demo match examples figures bench-check clean
 
 help:
 	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
@@ -12,6 +12,8 @@ help:
 	@echo "make slow      the tests that take longer than a few seconds each"
 	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"
 	@echo "make examples  run every program in examples/"
+	@echo "make figures   render the tables of README.md and benchmarks/README.md from benchmarks/figures"
+	@echo "make bench-check  run all benchmarks in quick size and compare their figures with the last ones"
 	@echo "make clean     remove what the above have made"
 
 .venv: $(INSTALLED)
@@ -51,6 +53,12 @@ examples: $(INSTALLED)
 	@set -e; for program in examples/*.py; do \
 		if [ -e "$$program" ]; then echo "== $$program"; $(PYTHON) "$$program"; fi; \
 	done
+
+figures: $(INSTALLED)
+	$(PYTHON) -m benchmarks --render
+
+bench-check: $(INSTALLED)
+	$(PYTHON) -m benchmarks --quick --check --jobs 2
 
 clean:
 	rm -rf .venv out build dist .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info

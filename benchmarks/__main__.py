@@ -1,7 +1,8 @@
 """Runs all benchmarks one after another, prints a line each, and compares their figures with the last ones.
 
 ``--check`` compares with ``benchmarks/figures/quick`` (with --quick) or ``benchmarks/figures``, by the tolerances in
-harness/compare.py, and leaves with status 1 if a figure got worse. ``--update`` makes the new figures the last ones.
+harness/compare.py, and leaves with status 1 if a figure got worse. ``--jobs 2`` runs two programs side by side: most
+use one core. ``--update`` makes the new figures the last ones.
 ``--render`` runs nothing: it renders the tables of the pages from the files of figures.
 """
 
@@ -11,9 +12,11 @@ import argparse
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
-from benchmarks.harness.compare import compare
+from benchmarks.harness.compare import Comparison, compare
 from benchmarks.harness.figures import FOLDER, QUICK_FOLDER, FigureError, read_figures, write_figures
 from benchmarks.harness.markdown import render_page
 from benchmarks.harness.programs import ROOT, program_names, run_program
@@ -27,8 +30,10 @@ def _run(name: str, arguments: Sequence[str]) -> tuple[int, str]:
     return done.returncode, (done.stderr or done.stdout).strip().splitlines()[-1] if done.returncode else ""
 
 
-def check_program(name: str, folder: Path, options: Sequence[str], *, check: bool, update: bool, run: Run) -> bool:
-    """Run one program and print its line; tell whether it ran and nothing got worse.
+def check_program(
+    name: str, folder: Path, options: Sequence[str], *, check: bool, update: bool, run: Run
+) -> tuple[bool, list[str]]:
+    """Run one program.
 
     Parameters
     ----------
@@ -42,6 +47,13 @@ def check_program(name: str, folder: Path, options: Sequence[str], *, check: boo
         Whether to compare with the last figures, and whether to replace them.
     run : callable
         Runs a program: exit status, and the last line of what went wrong.
+
+    Returns
+    -------
+    ok : bool
+        It ran, and nothing got worse.
+    lines : list of str
+        A line on the program, and one on each figure that got worse.
     """
     last = folder / f"{name}.json"
     with tempfile.TemporaryDirectory() as temporary:
@@ -50,24 +62,17 @@ def check_program(name: str, folder: Path, options: Sequence[str], *, check: boo
         status, message = run(name, [*options, "--json", str(path)])
         line = f"{name:<34} {time.perf_counter() - began:6.1f} s  "
         if status:
-            print(f"{line}exit status {status}: {message}", flush=True)
-            return False
+            return False, [f"{line}exit status {status}: {message}"]
         try:
             now = read_figures(path)
-            found = compare(read_figures(last), now) if check else None
+            found = compare(read_figures(last), now) if check else Comparison(0, ())
         except FigureError as error:
-            print(f"{line}{error}", flush=True)
-            return False
+            return False, [f"{line}{error}"]
     if update:
         write_figures(now, last)
-    if found is None:
-        print(f"{line}done", flush=True)
-        return True
     text = f"{len(found.worse)} WORSE" if found.worse else "ok"
-    print(f"{line}{text}, {found.compared} figures compared", flush=True)
-    for worse in found.worse:
-        print(f"    {worse}", flush=True)
-    return not found.worse
+    counted = f", {found.compared} figures compared" if check else ""
+    return not found.worse, [f"{line}{text}{counted}", *(f"    {worse}" for worse in found.worse)]
 
 
 def render_pages(pages: Sequence[str] = PAGES, root: Path = ROOT, folder: Path = FOLDER) -> None:
@@ -93,6 +98,7 @@ def main(argv: Sequence[str] | None = None, run: Run = _run) -> int:
     parser.add_argument("--check", action="store_true", help="exit status 1 if a figure got worse")
     parser.add_argument("--update", action="store_true", help="replace the last figures")
     parser.add_argument("--render", action="store_true", help="render the tables of the pages, and run nothing")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="programs side by side; default: 1")
     parser.add_argument("programs", nargs="*", metavar="FOLDER/NAME", help="those to run; all unless given")
     arguments = parser.parse_args(argv)
     if arguments.render:
@@ -108,10 +114,13 @@ def main(argv: Sequence[str] | None = None, run: Run = _run) -> int:
         parser.error(f"no program {unknown[0]!r}; there are {', '.join(names)}")
     folder, options = (QUICK_FOLDER, ["--quick"]) if arguments.quick else (FOLDER, [])
     began = time.perf_counter()
-    good = [
-        check_program(name, folder, options, check=arguments.check, update=arguments.update, run=run)
-        for name in arguments.programs or names
-    ]
+    check, update = arguments.check, arguments.update
+    good = []
+    with ThreadPoolExecutor(arguments.jobs) as pool:
+        one = partial(check_program, folder=folder, options=options, check=check, update=update, run=run)
+        for is_good, lines in pool.map(one, arguments.programs or names):
+            good.append(is_good)
+            print("\n".join(lines), flush=True)
     print(f"{sum(good)} of {len(good)} programs ok, {time.perf_counter() - began:.0f} s")
     return 0 if all(good) else 1
 

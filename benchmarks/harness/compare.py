@@ -5,7 +5,7 @@ move figures without making them worse: it is what another seed could give. Of `
 worse if
 
 - a share (per cent or a/b) falls, or a loss rises, by more than 3 standard deviations of the difference of two
-  binomial ratios;
+  binomial ratios, both taken to be the earlier one;
 - an error rises, or a score falls, by more than the factor 1 + 3 sqrt(2 / n): the relative standard deviation of a
   median or root mean square of n samples is about 1 / sqrt(n) (a factor of 2 where n is not said);
 - a count rises by more than 3 standard deviations of a Poisson count;
@@ -103,9 +103,9 @@ def is_worse(column: Column, kind: Kind, before: float, now: float, samples: int
         return "no number now"
     if kind in (Kind.SHARE, Kind.LOSS):
         n = samples or 1
-        # one success and one failure more: a share of 100 % has noise, too
-        ratio = (n * (before + now) / 100 + 1) / (2 * n + 2)
-        slack = 100 * SIGMAS * math.sqrt(max(2 * ratio * (1 - ratio), 0.0) / n)
+        # Laplace's rule of succession: a share of 100 % has noise, too
+        ratio = (n * before / 100 + 1) / (n + 2)
+        slack = 100 * SIGMAS * math.sqrt(2 * ratio * (1 - ratio) / n)
         lost = before - now if kind is Kind.SHARE else now - before
         return f"at most {slack:.3g} points worse with {n} samples" if lost > slack else ""
     if kind is Kind.COUNT:
@@ -124,8 +124,11 @@ def _compare_tables(before: FigureTable, now: FigureTable) -> tuple[int, list[Wo
     compared = 0
     worse = []
     names = [column.name for column in now.columns]
+    is_absent = any(NOT_INSTALLED in row.cells for row in now.rows)
     for row, other in _pairs(before, now):
         label = _label(before, row)
+        if other is None and is_absent:
+            continue
         if other is None:
             worse.append(Worse(before.name, label, "", "there", "missing", "rows may not vanish"))
             continue

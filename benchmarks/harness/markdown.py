@@ -76,7 +76,7 @@ def _block(what: str, folder: Path) -> str:
     program, _, names = what.partition(":")
     figures = read_figures(folder / f"{program.strip()}.json")
     tables = [figures.table(name.strip()) for name in names.split(",")] if names else figures.tables
-    return "\n".join([_origin(figures), *(render_table(table) for table in tables)])
+    return "\n".join([_origin(figures), *(render_table(table) for table in tables), ""])
 
 
 def _origin(figures: Figures) -> str:
@@ -105,7 +105,7 @@ def render_headlines(folder: Path) -> str:
         except KeyError as error:
             raise FigureError(f"{path}: {entry['what']!r}: no column {error} in {sorted(cells)}") from None
         lines.append(_line([entry["what"], text, f"`{figures.program}`", figures.date]))
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n\n"
 
 
 def _row_cells(figures: Figures, table_name: str, labels: str) -> dict[str, str]:

@@ -390,7 +390,8 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
         for method, tally in tallies.items():
             label = condition if method == METHODS[0] else ""
             if not tally.moments:
-                table.row(label, method, "none", *[None] * 8)
+                is_absent = method == "EKF" and ExtendedKalmanFilter is None
+                table.row(label, method, "not installed" if is_absent else "none", *[None] * 8)
                 continue
             nees, ratio = tally.all_nees, tally.rms_m / tallies["single"].rms_m
             mean = float(nees.mean())

@@ -1,0 +1,82 @@
+"""Every program in benchmarks/ says what it measures, stands in the page, has quick figures, and tells its options."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks.__main__ import PAGES
+from benchmarks.harness.figures import FOLDER, QUICK_FOLDER, read_figures
+from benchmarks.harness.markdown import page_programs, render_page
+from benchmarks.harness.programs import ROOT, program_names, run_program
+
+PROGRAMS = program_names()
+
+
+def test_there_are_programs() -> None:
+    assert "mirror/omni_accuracy" in PROGRAMS
+    assert not [name for name in PROGRAMS if name.startswith(("harness", "worlds", "peers"))]
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_program_says_what_it_measures(name: str) -> None:
+    tree = ast.parse((ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8"))
+    docstring = ast.get_docstring(tree) or ""
+    first, _, rest = docstring.partition("\n")
+    assert first.endswith(".")
+    assert rest.strip()
+    assert [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "main"]
+
+
+def test_the_page_lists_each_program_and_shows_its_figures() -> None:
+    page = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    assert [name for name in PROGRAMS if f"\n| {name}.py |" not in page] == []
+    assert sorted(set(page_programs(page))) == sorted(PROGRAMS)
+
+
+@pytest.mark.parametrize("folder", [FOLDER])
+def test_figures_of_each_program_and_of_no_other_are_kept(folder: Path) -> None:
+    files = [path for path in folder.glob("*/*.json") if path.parent != QUICK_FOLDER]
+    assert sorted(f"{path.parent.name}/{path.stem}" for path in files) == sorted(PROGRAMS)
+    for path in files:
+        figures = read_figures(path)
+        assert figures.program == f"{path.parent.name}/{path.stem}"
+        assert figures.tables
+        if folder == QUICK_FOLDER:
+            assert (figures.size, figures.origin) == ("quick", "run")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_pages_show_the_figures_that_are_kept(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert render_page(text) == text, "run `make figures`"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_program_tells_its_options(name: str) -> None:
+    done = run_program(name, ["--help"])
+    assert done.returncode == 0, done.stderr
+    assert all(option in done.stdout for option in ("--quick", "--full", "--check", "--seed", "--json"))
+
+
+@pytest.mark.slow
+def test_a_program_runs_as_a_file_and_as_a_module(tmp_path: Path) -> None:
+    file, module = ROOT / "benchmarks" / "goal" / "goal_sensitivity.py", "benchmarks.goal.goal_sensitivity"
+    for number, command in enumerate(([str(file)], ["-m", module])):
+        path = tmp_path / f"{number}.json"
+        done = subprocess.run(
+            [sys.executable, *command, "--quick", "--json", str(path)],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+    first, second = (read_figures(tmp_path / f"{number}.json") for number in (0, 1))
+    assert first.tables == second.tables
+    assert first.program == second.program == "goal/goal_sensitivity"
