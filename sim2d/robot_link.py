@@ -17,6 +17,9 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 
+# between two commands of a player, and between two frames
+CONTROL_PERIOD_S = 1 / 30
+
 Phase = Literal["kick_off", "play"]
 
 

@@ -27,9 +27,9 @@ from robocup_vision.belief import MovingObstacle
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
-from sim2d.players.wheel_velocity import WheelVelocity
-from sim2d.robot_link import Command, RobotLimits
-from sim2d.world.world import CONTROL_PERIOD_S, World
+from sim2d.players.driving.wheel_velocity import WheelVelocity
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
+from sim2d.world.world import World
 
 LIMITS = RobotLimits(speed_mps=1.0)
 SPEED_MPS, MARGIN_M = 0.6, 0.02

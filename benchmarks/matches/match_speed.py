@@ -30,9 +30,9 @@ from robocup_vision.geometry import Pose2  # noqa: E402
 from sim2d.match.arena import Arena  # noqa: E402
 from sim2d.players.built_in import BuiltInPlayer  # noqa: E402
 from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
-from sim2d.robot_link import RobotLimits  # noqa: E402
+from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits  # noqa: E402
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera  # noqa: E402
-from sim2d.world.world import CONTROL_PERIOD_S, World  # noqa: E402
+from sim2d.world.world import World  # noqa: E402
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera(256, 220)
 MAX_BARE, MAX_NOISY = 6.0, 20.0

@@ -30,9 +30,9 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.mapping import EgoMotion
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.robot_link import Command, RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
-from sim2d.world.world import CONTROL_PERIOD_S, World
+from sim2d.world.world import World
 
 try:
     import small_gicp

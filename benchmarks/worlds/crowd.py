@@ -22,9 +22,9 @@ from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.tracking import Detection, KnownFreeSpace, ReturnDetector
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.robot_link import Command, RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
-from sim2d.world.world import CONTROL_PERIOD_S, World
+from sim2d.world.world import World
 
 BEARINGS = 256
 # ranges: error common to a thing in a frame, and of each bearing; metres and share of the range

@@ -14,9 +14,9 @@ from robocup_vision import NotLocated, PoseEstimate, Vision
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import OdometryNoise
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.robot_link import Command, RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera
-from sim2d.world.world import CONTROL_PERIOD_S, World
+from sim2d.world.world import World
 
 FIELD = load_field("ssl_2001")
 LIMITS = RobotLimits()

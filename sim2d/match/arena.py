@@ -17,11 +17,11 @@ from field_models.field import Field
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.goal.scenes import ers7_camera
-from sim2d.robot_link import Command, PlayerSetup, RobotLimits, Senses
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, RobotLimits, Senses
 from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
 from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.state import WorldState
-from sim2d.world.world import CONTROL_PERIOD_S, World
+from sim2d.world.world import World
 
 Camera = OmniCamera | PinholeCamera
 

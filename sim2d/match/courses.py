@@ -23,11 +23,11 @@ from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.vision import Vision
-from sim2d.players.wheel_velocity import WheelVelocity
+from sim2d.players.driving.wheel_velocity import WheelVelocity
 from sim2d.rendering.scene import BOX_COLORS, Box, Scene
-from sim2d.robot_link import Command, RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
-from sim2d.world.world import CONTROL_PERIOD_S, World
+from sim2d.world.world import World
 
 Point = tuple[float, float]
 

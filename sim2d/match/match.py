@@ -15,10 +15,18 @@ from sim2d.match.arena import Arena, Camera
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.report.match_figures import MatchFigures, MatchLog
 from sim2d.report.moment import Moment, RobotMoment
-from sim2d.robot_link import Command, Player, PlayerFactory, PlayerSetup, PlayerStatus, RobotLimits, Senses
+from sim2d.robot_link import (
+    CONTROL_PERIOD_S,
+    Command,
+    Player,
+    PlayerFactory,
+    PlayerSetup,
+    PlayerStatus,
+    RobotLimits,
+    Senses,
+)
 from sim2d.sensors.faults import Fault
 from sim2d.world.robot_body import check_command
-from sim2d.world.world import CONTROL_PERIOD_S
 
 _REASON_LETTERS = 200
 

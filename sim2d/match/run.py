@@ -20,9 +20,8 @@ from sim2d.report.match_file import match_json, write_json
 from sim2d.report.planning_story import PlanningStory
 from sim2d.report.story import MatchStory
 from sim2d.report.video import MatchVideo
-from sim2d.robot_link import PlayerFactory
+from sim2d.robot_link import CONTROL_PERIOD_S, PlayerFactory
 from sim2d.sensors.faults import Fault
-from sim2d.world.world import CONTROL_PERIOD_S
 
 OUTPUT_NAMES = ("match.json", "match.webm", "report.html")
 

@@ -1,55 +1,80 @@
-"""What a player remembers between frames: where the ball was last seen or who has it, and the floor of a late frame."""
+"""What a player remembers of the ball between frames: where it was seen, how it rolled, which robot has it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.belief import Track
 from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.tracking import Track
 
 Point = tuple[float, float]
 
-# a ball so near to another robot's middle, in reaches, is its
-TAKEN_REACHES = 2.0
-# a ball unseen for so long may be anywhere
-FORGOTTEN_S = 4.0
-# share of a new velocity in the remembered one, and the longest gap over which one is worked out
-_NEW_SHARE, _LONGEST_GAP_S = 0.4, 0.25
-# faster than any ball: a wrong sighting
-_FASTEST_MPS = 4.0
+
+@dataclass(frozen=True, slots=True)
+class BallMemorySettings:
+    """Values of `BallMemory` and `HiddenBall`.
+
+    Attributes
+    ----------
+    forget_s : float
+        A ball unseen for so long may be anywhere: a kicked one crosses a field in this time.
+    velocity_gain : float
+        Weight of a new velocity against the remembered one: smooths the error of two positions a frame apart.
+    max_gap_s : float
+        Longest time between two positions of which a velocity is made: after more the ball may have turned.
+    max_speed_mps : float
+        A faster ball is a wrong detection.
+    taken_reaches : float
+        A ball nearer than this to another robot's centre, in reaches (robot radius plus ball radius), is held by it.
+    """
+
+    forget_s: float = 4.0
+    velocity_gain: float = 0.4
+    max_gap_s: float = 0.25
+    max_speed_mps: float = 4.0
+    taken_reaches: float = 2.0
 
 
 class BallMemory:
-    """The ball as last seen, in the field frame."""
+    """The ball as last seen, in the field frame.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    settings : BallMemorySettings
+        See there.
+    """
+
+    def __init__(self, settings: BallMemorySettings = BallMemorySettings()) -> None:
+        self.settings = settings
         self._place: Point | None = None
         self._velocity: Point = (0.0, 0.0)
         self._seen_s = -math.inf
 
     def update(self, place: Point, t_s: float) -> None:
-        """Take in a sighting (field frame, metres) of a time (seconds)."""
+        """Update with a measured position (field frame, metres) at a time (seconds)."""
+        settings = self.settings
         gap_s = t_s - self._seen_s
-        if self._place is not None and 0.0 < gap_s <= _LONGEST_GAP_S:
+        if self._place is not None and 0.0 < gap_s <= settings.max_gap_s:
             moved = ((place[0] - self._place[0]) / gap_s, (place[1] - self._place[1]) / gap_s)
-            if math.hypot(*moved) > _FASTEST_MPS:
+            if math.hypot(*moved) > settings.max_speed_mps:
                 moved = (0.0, 0.0)
-            x, y = self._velocity
-            self._velocity = (x + _NEW_SHARE * (moved[0] - x), y + _NEW_SHARE * (moved[1] - y))
+            (x, y), gain = self._velocity, settings.velocity_gain
+            self._velocity = (x + gain * (moved[0] - x), y + gain * (moved[1] - y))
         else:
             self._velocity = (0.0, 0.0)
         self._place, self._seen_s = place, t_s
 
     def miss(self) -> None:
-        """Take in that it is not where it was last seen."""
+        """Update with the fact that it is not where it was last seen."""
         self._place = None
 
     def place(self, t_s: float) -> Point | None:
         """Where it was last seen, field frame; None when that is too long ago."""
-        return self._place if self.age_s(t_s) <= FORGOTTEN_S else None
+        return self._place if self.age_s(t_s) <= self.settings.forget_s else None
 
     @property
     def velocity_mps(self) -> Point:
@@ -62,37 +87,39 @@ class BallMemory:
 
 
 class HiddenBall:
-    """The ball behind whoever had it when it was last seen, in the field frame.
+    """The ball behind the robot that held it when it was last seen, in the field frame.
 
     Parameters
     ----------
     reach_m : float
-        From a robot's middle to a ball that it touches.
+        From a robot's centre to the centre of a ball that it touches.
+    settings : BallMemorySettings
+        See there.
     """
 
-    def __init__(self, reach_m: float) -> None:
-        self._reach_m = reach_m
+    def __init__(self, reach_m: float, settings: BallMemorySettings = BallMemorySettings()) -> None:
+        self._reach_m, self._settings = reach_m, settings
         self._carrier: int | None = None
 
     def update(self, ball: Point, tracks: Sequence[Track], age_s: float) -> None:
-        """Take in where the ball is seen, and who is followed, as of `age_s` ago."""
+        """Update with where the ball is seen, and the robots that are tracked, as of `age_s` ago."""
         away = {track.number: math.dist(track.place_after(age_s), ball) for track in tracks}
         nearest = min(away, key=away.__getitem__, default=None)
-        is_taken = nearest is not None and away[nearest] < TAKEN_REACHES * self._reach_m
+        is_taken = nearest is not None and away[nearest] < self._settings.taken_reaches * self._reach_m
         self._carrier = nearest if is_taken else None
 
     def place(self, robot: Point, tracks: Sequence[Track], age_s: float) -> tuple[Point, Point] | None:
-        """Where the ball is, out of the robot's sight, and its velocity; None if nobody is known to have it."""
+        """Return where the ball is, hidden from the robot, and its velocity; None if no known robot holds it."""
         track = next((track for track in tracks if track.number == self._carrier), None)
         if track is None:
             return None
         x, y = track.place_after(age_s)
-        share = self._reach_m / max(math.dist((x, y), robot), self._reach_m)
-        return (x + share * (x - robot[0]), y + share * (y - robot[1])), (track.vx_mps, track.vy_mps)
+        part = self._reach_m / max(math.dist((x, y), robot), self._reach_m)
+        return (x + part * (x - robot[0]), y + part * (y - robot[1])), (track.vx_mps, track.vy_mps)
 
 
 def block_ball(free_space: FreeSpace, ball: Point, radius_m: float) -> FreeSpace:
-    """Free space in which the ball (robot frame) is an obstacle too, for going round it."""
+    """Return free space in which the ball (robot frame) is an obstacle too, so that steering goes round it."""
     away = math.hypot(*ball)
     if away <= radius_m:
         return free_space

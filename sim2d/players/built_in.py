@@ -25,12 +25,14 @@ from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 from sim2d.kick_off import kick_off_pose
-from sim2d.players.ball_memory import FORGOTTEN_S, BallMemory, HiddenBall, Point, block_ball, is_in_sight
-from sim2d.players.motion import PERIOD_S, Motion
+from sim2d.players.ball_memory import BallMemory, HiddenBall, Point, block_ball, is_in_sight
+from sim2d.players.driving.motion import Motion
+from sim2d.players.driving.travel import Travel, TravelPlanner
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.shot import Shooter
-from sim2d.players.tactics import Plan, Situation, Tactics
-from sim2d.players.travel import Surroundings, Travel, TravelPlanner
-from sim2d.robot_link import Command, PlayerSetup, PlayerStatus, Reason, Senses
+from sim2d.players.surroundings import Surroundings
+from sim2d.players.tactics.tactics import Tactics
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, PlayerStatus, Reason, Senses
 
 # what was seen is driven by for so long; after that the robot stops until it sees again
 _SIGHT_S = 0.4
@@ -220,7 +222,7 @@ class BuiltInPlayer:
                 self._ball.miss()
                 ball = None
         velocity = self._ball.velocity_mps
-        if self._hidden is not None and _HIDDEN_S < self._ball.age_s(senses.t_s) <= FORGOTTEN_S:
+        if self._hidden is not None and _HIDDEN_S < self._ball.age_s(senses.t_s) <= self._ball.settings.forget_s:
             hidden = self._hidden.place((pose.x_m, pose.y_m), *self._tracks(senses.t_s))
             if hidden is not None:
                 ball, velocity = hidden
@@ -258,7 +260,7 @@ class BuiltInPlayer:
         around = self._around(senses.t_s)
         if around is None:
             return None
-        shot = self._shooter.plan(around, senses.odometry.theta_rad / PERIOD_S)
+        shot = self._shooter.plan(around, senses.odometry.theta_rad / CONTROL_PERIOD_S)
         return shot if self._setup.attacks > 0 else shot.half_turn()
 
     def _plan_travel(self, plan: Plan, t_s: float) -> Travel | None:

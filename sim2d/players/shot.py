@@ -1,8 +1,9 @@
-"""When a player that holds the ball kicks it, and where: what the shot planner makes of its belief. Field frame."""
+"""When a player that holds the ball kicks it, and where: it asks the shot planner. Field frame."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,17 +12,36 @@ from robocup_vision.belief import MapPicture
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
 from robocup_vision.planning import Defender, Disc, MotionLimits, ShotPlan, ShotPlanner
-from sim2d.players.motion import HOLDING_MPS, HOLDING_RPS, PERIOD_S
-from sim2d.players.tactics import KEEPER_RADII
-from sim2d.players.travel import Surroundings
-from sim2d.robot_link import RobotLimits
+from sim2d.players.driving.motion import MotionSettings
+from sim2d.players.surroundings import Surroundings
+from sim2d.players.tactics.keeper import KeeperSettings
+from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 
-# how far a kicked ball leaves the heading, and what of a kick's speed is left when it rolls (a solid sphere)
-_KICK_STD_RAD, _ROLLING_SHARE = 0.03, 5 / 7
-# others run for a ball so long after the kick; a ball that they reach is held for so long, any other for so long
-_SEEN_S, _LOST_S, _SLIPS_S = 0.3, 0.5, 8.0
-# how well it is known where a keeper stands
-_KEEPER_STD_M = 0.1
+
+@dataclass(frozen=True, slots=True)
+class ShotSettings:
+    """Values of `Shooter`.
+
+    Attributes
+    ----------
+    kick_std_rad : float
+        A kicked ball's direction about the heading.
+    rolling_speed : float
+        Part of a kick's speed that is left when the ball rolls: 5/7 for a solid sphere.
+    reaction_s : float
+        Other robots run for a ball so long after the kick.
+    lost_s, slips_s : float
+        Mean time for which a ball is held where an opponent can reach it, and where none can.
+    keeper_std_m : float
+        Of the position assumed for a keeper that is not seen.
+    """
+
+    kick_std_rad: float = 0.03
+    rolling_speed: float = 5 / 7
+    reaction_s: float = 0.3
+    lost_s: float = 0.5
+    slips_s: float = 8.0
+    keeper_std_m: float = 0.1
 
 
 class Shooter:
@@ -36,28 +56,44 @@ class Shooter:
     attacks : int
         +1: the goal at +x of the field frame; -1: that at -x.
 
+    settings : ShotSettings
+        See there.
+    motion : MotionSettings
+        How a robot drives with the ball.
+    keeper : KeeperSettings
+        Where a keeper stands.
+
     Attributes
     ----------
     shots : ShotPlanner
-        Knows the goal, the ball and what robots can do.
+        For the goal, the ball and the robots' limits.
     """
 
-    def __init__(self, field: Field, limits: RobotLimits, attacks: int) -> None:
-        self._limits = limits
+    def __init__(
+        self,
+        field: Field,
+        limits: RobotLimits,
+        attacks: int,
+        settings: ShotSettings = ShotSettings(),
+        *,
+        motion: MotionSettings = MotionSettings(),
+        keeper: KeeperSettings = KeeperSettings(),
+    ) -> None:
+        self._limits, self._settings, self._keeper_radii = limits, settings, keeper.line_radii
         self._reach_m = limits.radius_m + field.ball_radius_m
         line, half = attacks * field.length_m / 2, attacks * field.goals[0].width_m / 2
         self._line_m, self._half_m = line, abs(half)
-        self._keeper_x_m = line - attacks * KEEPER_RADII * limits.radius_m
+        self._keeper_x_m = line - attacks * self._keeper_radii * limits.radius_m
         self.shots = ShotPlanner(
             ((line, half), (line, -half)),
             field.ball_radius_m,
-            _ROLLING_SHARE * limits.kick_speed_mps,
-            _KICK_STD_RAD,
-            MotionLimits(limits.speed_mps, limits.acceleration_mps2, _SEEN_S),
-            HOLDING_MPS,
-            HOLDING_RPS,
-            _LOST_S,
-            _SLIPS_S,
+            settings.rolling_speed * limits.kick_speed_mps,
+            settings.kick_std_rad,
+            MotionLimits(limits.speed_mps, limits.acceleration_mps2, settings.reaction_s),
+            motion.holding_mps,
+            motion.holding_rps,
+            settings.lost_s,
+            settings.slips_s,
         )
 
     def plan(self, around: Surroundings, turn_rps: float) -> ShotPlan:
@@ -65,7 +101,7 @@ class Shooter:
         robot = around.robot.pose
         mouth = robot.compose(Pose2(self._reach_m, 0.0, 0.0))
         # by the time the command works, the robot has turned on, and the ball has its velocity too
-        heading = robot.theta_rad + turn_rps * (self._limits.dead_time_s + PERIOD_S / 2)
+        heading = robot.theta_rad + turn_rps * (self._limits.dead_time_s + CONTROL_PERIOD_S / 2)
         v_x, v_y = around.velocity_mps
         kick = self._limits.kick_speed_mps
         leaves = math.atan2(v_y + kick * math.sin(heading), v_x + kick * math.cos(heading))
@@ -73,7 +109,7 @@ class Shooter:
         return self.shots.plan((mouth.x_m, mouth.y_m), leaves, self._defenders(around), max(std_x, std_y), heading_std)
 
     def _defenders(self, around: Surroundings) -> list[Defender]:
-        """Whoever moves on the field, of either side, and a keeper, unless the goal's mouth is seen empty."""
+        """Return tracked robots of either side, and a keeper, unless the goal's mouth is seen empty."""
         t, radius_m = around.age_s, self._limits.radius_m
         known = [
             Defender(Disc(*one.place_after(t), radius_m, one.covariance[:2, :2]), one.vx_mps, one.vy_mps)
@@ -82,11 +118,11 @@ class Shooter:
         is_kept = any(self._keeps(one.disc.x_m, one.disc.y_m) for one in known)
         if is_kept or self._is_empty(around.floor):
             return known
-        return [*known, Defender(Disc(self._keeper_x_m, 0.0, radius_m, np.eye(2) * _KEEPER_STD_M**2))]
+        return [*known, Defender(Disc(self._keeper_x_m, 0.0, radius_m, np.eye(2) * self._settings.keeper_std_m**2))]
 
     def _keeps(self, x_m: float, y_m: float) -> bool:
         radius_m = self._limits.radius_m
-        return abs(x_m - self._line_m) < 2 * KEEPER_RADII * radius_m and abs(y_m) < self._half_m + radius_m
+        return abs(x_m - self._line_m) < 2 * self._keeper_radii * radius_m and abs(y_m) < self._half_m + radius_m
 
     def _is_empty(self, floor: MapPicture | None) -> bool:
         """Whether all floor where a keeper would stand is known to be free."""

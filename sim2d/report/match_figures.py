@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 from sim2d.report.moment import RobotMoment
 from sim2d.report.robot_figures import FaultFigures, RobotFigures, RobotLog
-from sim2d.robot_link import RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.faults import BodyFault, Fault
 from sim2d.world.state import Event, WorldState
-from sim2d.world.world import CONTROL_PERIOD_S
 
 # a robot has the ball if it is the nearest to it and no farther from touching it than this
 _REACH_M = 0.05

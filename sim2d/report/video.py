@@ -23,8 +23,8 @@ from robocup_vision.overlay import draw
 from robocup_vision.vision import Vision
 from sim2d.report.moment import Moment, RobotMoment
 from sim2d.report.top_view import SIDE_COLORS, Bgr, TopView
+from sim2d.robot_link import CONTROL_PERIOD_S
 from sim2d.world.state import RobotState, WorldState
-from sim2d.world.world import CONTROL_PERIOD_S
 
 # every third control period is shown: drawing takes longer than playing
 _PERIODS_PER_FRAME = 3

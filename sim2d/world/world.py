@@ -18,16 +18,15 @@ from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from sim2d.kick_off import kick_off_pose
 from sim2d.rendering.scene import Box
-from sim2d.robot_link import Command, Phase, RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, RobotLimits
 from sim2d.world.ball_physics import BallBody
 from sim2d.world.ground import add_ground
 from sim2d.world.referee import Referee
 from sim2d.world.robot_body import RobotBody, check_command
 from sim2d.world.state import BallState, Event, RobotState, WorldState
 
-__all__ = ["CONTROL_PERIOD_S", "BallState", "Event", "RobotState", "World", "WorldState"]
+__all__ = ["BallState", "Event", "RobotState", "World", "WorldState"]
 
-CONTROL_PERIOD_S = 1 / 30  # between two commands
 STEPS = 10  # physics steps a period
 STEP_S = CONTROL_PERIOD_S / STEPS
 _FIXED, _BALL, _ROBOT = 1, 2, 3

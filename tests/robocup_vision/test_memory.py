@@ -14,9 +14,9 @@ from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.memory import Memory
 from robocup_vision.tracking import MovingObjects
 from robocup_vision.vision import Vision
-from sim2d.robot_link import Command, RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
-from sim2d.world.world import CONTROL_PERIOD_S, World
+from sim2d.world.world import World
 
 _NOWHERE = Pose2(0.0, 0.0, 0.0)
 

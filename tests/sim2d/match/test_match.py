@@ -29,9 +29,9 @@ from sim2d.match.arena import Arena, camera_for
 from sim2d.match.match import Match, periods
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.report.match_file import match_json
-from sim2d.robot_link import Command
+from sim2d.robot_link import CONTROL_PERIOD_S, Command
 from sim2d.sensors.faults import BodyFault
-from sim2d.world.world import CONTROL_PERIOD_S, World
+from sim2d.world.world import World
 
 FIELD = load_field("ssl_2001")
 

@@ -58,7 +58,7 @@ def play(seconds, *, players=1, seed=1, spoil=None, disturb=None, field=FIELD, c
             numbers = (command.forward_mps, command.left_mps, command.turn_rps, command.kick_mps)
             assert all(map(math.isfinite, numbers))
             commands[index] = command
-            pose = team[index].belief.pose
+            pose = team[index].status.pose
             error = pose.pose.error_to(robot.pose) if pose else (math.inf, math.inf)
             rows.append((state.t_s, index, *error))
         if disturb is not None:
@@ -231,7 +231,7 @@ def test_players_that_remember_follow_the_others_and_know_the_floor():
     assert np.mean(np.array(off_m) < 0.1) > 0.9
     belief = robot.status.view.belief
     assert (belief.free_map.state == FREE).sum() * belief.free_map.cell_m**2 > 0.5
-    assert moment.robots[2].belief.view.belief.free_map is None
+    assert moment.robots[2].status.view.belief.free_map is None
     # the film shows more of those who remember
     plain = tuple(
         dataclasses.replace(

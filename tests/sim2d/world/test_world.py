@@ -16,8 +16,8 @@ from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from sim2d.kick_off import center_circle_radius_m, kick_off_pose
 from sim2d.rendering.scene import Box
-from sim2d.robot_link import Command, RobotLimits
-from sim2d.world.world import CONTROL_PERIOD_S, STEP_S, World
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
+from sim2d.world.world import STEP_S, World
 
 FIELD = load_field("ssl_2001")
 CARPET = load_field("msl_6x4")

@@ -14,7 +14,8 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE, UNDECIDED
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory
-from sim2d.players.travel import Surroundings, TravelPlanner
+from sim2d.players.driving.travel import TravelPlanner
+from sim2d.players.surroundings import Surroundings
 from sim2d.robot_link import RobotLimits
 
 FIELD = load_field("ssl_2001")

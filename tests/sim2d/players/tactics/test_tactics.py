@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning import ShotPlan
-from sim2d.players.tactics import Situation, Tactics
+from sim2d.players.plan import Situation
+from sim2d.players.tactics.tactics import Tactics
 from sim2d.robot_link import RobotLimits
 
 FIELD = load_field("ssl_2001")

@@ -10,9 +10,9 @@ import pytest
 from robocup_vision.belief import MovingObstacle
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.players.motion import Motion
-from sim2d.players.tactics import Plan
-from sim2d.players.travel import Travel
+from sim2d.players.driving.motion import Motion
+from sim2d.players.driving.travel import Travel
+from sim2d.players.plan import Plan
 from sim2d.robot_link import RobotLimits
 
 LIMITS = RobotLimits()

@@ -17,13 +17,28 @@ Key = tuple[int, int]
 
 # the field's right and left border, where a robot's number stands
 _RIGHT, _LEFT = -1, -2
-# who stands so near to the way, besides being in it, is asked about; whose places differ by less than so many radii
-# along the way stand in one row across it
-_BESIDE_M, _ROW_RADII = 0.12, 4.0
-# without walls, a robot may leave the field by so many radii
-_OUTSIDE_RADII = 4.0
-# sine of the angle below which a gap lies along the way
-_ALONGSIDE = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class RowSettings:
+    """Values of `row_across`.
+
+    Attributes
+    ----------
+    beside_m : float
+        A robot so near to the way counts, besides one in it.
+    row_radii : float
+        Robots whose places differ by less than so many radii along the way stand in one row across it.
+    outside_radii : float
+        On a field without walls a robot may leave the field by so many radii.
+    alongside_sin : float
+        A gap with a smaller sine of the angle to the way lies along it.
+    """
+
+    beside_m: float = 0.12
+    row_radii: float = 4.0
+    outside_radii: float = 4.0
+    alongside_sin: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +48,9 @@ class Row:
     Parameters
     ----------
     gaps : tuple of Gap
-        As believed; the middle of each is where it is best crossed: near the straight way, clear of its ends.
+        Estimated gaps; the middle of each is where it is best crossed: near the straight way, clear of its ends.
     keys : tuple of (int, int)
-        Between whom, by their numbers; negative: the field's border.
+        Numbers of the robots at its ends; negative: the field's border.
     ends : tuple of ((float, float), (float, float))
         Of each.
     straight : int
@@ -48,38 +63,47 @@ class Row:
     straight: int
 
 
-def row_across(here: Point, target: Point, others: Mapping[int, Disc], field: Field, radius_m: float) -> Row | None:
-    """Return the first row that stands across the straight way; None: nobody stands in it.
+def row_across(
+    here: Point,
+    target: Point,
+    others: Mapping[int, Disc],
+    field: Field,
+    radius_m: float,
+    settings: RowSettings = RowSettings(),
+) -> Row | None:
+    """Return the first row that stands across the straight way; None if no robot stands in it.
 
     Parameters
     ----------
     here, target : (float, float)
         The way's ends, field frame.
     others : mapping of int to Disc
-        Who is around, by number.
+        The other robots, by number.
     field : Field
         The pitch.
     radius_m : float
         Of the robot.
+    settings : RowSettings
+        See there.
     """
     along = unit(here, target)
-    length = math.dist(here, target)
+    length, beside_m = math.dist(here, target), settings.beside_m
     places = {number: in_way(disc, here, along) for number, disc in others.items()}
-    near = [x for k, (x, y) in places.items() if 0 < x < length and abs(y) < radius_m + others[k].radius_m + _BESIDE_M]
+    near = [x for k, (x, y) in places.items() if 0 < x < length and abs(y) < radius_m + others[k].radius_m + beside_m]
     if not near:
         return None
     first = min(near)
-    row = [k for k, (x, _) in places.items() if first <= x < first + _ROW_RADII * radius_m]
+    row = [k for k, (x, _) in places.items() if first <= x < first + settings.row_radii * radius_m]
     row.sort(key=lambda k: places[k][1])
-    right, left = _borders(here, along, first, field, radius_m)
+    right, left = _borders(here, along, first, field, settings.outside_radii * radius_m)
     members = [(_RIGHT, right), *((k, others[k]) for k in row), (_LEFT, left)]
     pairs = list(itertools.pairwise(members))
     gaps = [gap_between(a, b) for (_, a), (_, b) in pairs]
     return Row(
-        tuple(_crossed(gap, here, along, radius_m + _BESIDE_M) for gap in gaps),
+        tuple(_crossed(gap, here, along, radius_m + beside_m, settings.alongside_sin) for gap in gaps),
         tuple((a, b) for (a, _), (b, _) in pairs),
         tuple(_ends(gap) for gap in gaps),
-        # it has as many on its right
+        # so many robots stand on its right
         sum(places[k][1] < 0 for k in row),
     )
 
@@ -96,9 +120,9 @@ def in_way(disc: Disc, start: Point, along: Point) -> Point:
     return along[0] * dx + along[1] * dy, along[0] * dy - along[1] * dx
 
 
-def _borders(here: Point, along: Point, at_m: float, field: Field, radius_m: float) -> tuple[Disc, Disc]:
+def _borders(here: Point, along: Point, at_m: float, field: Field, outside_m: float) -> tuple[Disc, Disc]:
     """Where the row ends, right and left of the way."""
-    room = 0.0 if field.is_bounded else _OUTSIDE_RADII * radius_m
+    room = 0.0 if field.is_bounded else outside_m
     half = field.length_m / 2 + room, field.width_m / 2 + room
     start = here[0] + at_m * along[0], here[1] + at_m * along[1]
     ends = []
@@ -120,12 +144,12 @@ def _ends(gap: Gap) -> tuple[Point, Point]:
     return (x - half * across_x, y - half * across_y), (x + half * across_x, y + half * across_y)
 
 
-def _crossed(gap: Gap, here: Point, along: Point, clear_m: float) -> Gap:
+def _crossed(gap: Gap, here: Point, along: Point, clear_m: float, alongside_sin: float) -> Gap:
     across = (-math.sin(gap.across_rad), math.cos(gap.across_rad))
     x, y = gap.center_m[0] - here[0], gap.center_m[1] - here[1]
     slope = across[0] * along[1] - across[1] * along[0]
     # from its middle to the straight way, which may run alongside it
-    shift = (along[0] * y - along[1] * x) / slope if abs(slope) > _ALONGSIDE else 0.0
-    most = max(0.5 * gap.width_m - clear_m, 0.0)
-    shift = max(-most, min(most, shift))
+    shift = (along[0] * y - along[1] * x) / slope if abs(slope) > alongside_sin else 0.0
+    limit = max(0.5 * gap.width_m - clear_m, 0.0)
+    shift = max(-limit, min(limit, shift))
     return replace(gap, center_m=(gap.center_m[0] + shift * across[0], gap.center_m[1] + shift * across[1]))

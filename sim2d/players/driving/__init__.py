@@ -1,0 +1,1 @@
+"""How a player gets to a target: the way, the speed, the command."""

@@ -1,0 +1,207 @@
+"""From a plan to a command: avoid obstacles, turn to the heading, get free where the robot is stuck."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.avoidance import Steering
+from robocup_vision.belief import MovingObstacle
+from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.perception.free_space import FreeSpace
+from sim2d.players.driving.travel import Travel
+from sim2d.players.driving.wheel_velocity import WheelVelocity
+from sim2d.players.plan import Plan
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSettings:
+    """Values of `Motion`.
+
+    Attributes
+    ----------
+    margin_m : float
+        Clearance kept on the way; none close to the ball, where others may be touched.
+    step_m : float
+        Steering looks at distances in steps of this.
+    turn_time_s : float
+        The heading's error is turned away in about this time: shorter overshoots by the dead time.
+    holding_mps, holding_rps : float
+        Limits with the ball in the mouth: faster, the dribbler loses it.
+    push_mps : float
+        Speed of pushing close to the ball where no direction is safe.
+    near_m, near_holding_m : float
+        A robot whose rim is so near would be pushed; with the ball before it, sooner.
+    pushed_rad : float
+        Only a robot within this of the way ahead is.
+    detour_s : float
+        Obstacles move on: a longer detour is dropped.
+    tolerance_m : float
+        So near to its target the robot has arrived.
+    stuck_m, stuck_s : float
+        One that has moved less than this for so long without having arrived is stuck.
+    escape_s : float
+        It then drives in a random free direction for so long.
+    """
+
+    margin_m: float = 0.01
+    step_m: float = 0.01
+    turn_time_s: float = 0.18
+    holding_mps: float = 0.6
+    holding_rps: float = 2.2
+    push_mps: float = 0.25
+    near_m: float = 0.02
+    near_holding_m: float = 0.1
+    pushed_rad: float = 1.3
+    detour_s: float = 1.5
+    tolerance_m: float = 0.04
+    stuck_m: float = 0.04
+    stuck_s: float = 1.5
+    escape_s: float = 0.7
+
+
+class Motion:
+    """Drives one robot to where its plans want it.
+
+    Parameters
+    ----------
+    limits : RobotLimits
+        What the robot can do.
+    rng : numpy.random.Generator
+        Chooses a direction where the robot is stuck.
+    settings : MotionSettings
+        See there.
+    """
+
+    def __init__(
+        self, limits: RobotLimits, rng: np.random.Generator, settings: MotionSettings = MotionSettings()
+    ) -> None:
+        self._limits, self._rng, self._settings = limits, rng, settings
+        self._travel, self._close = (
+            Steering(
+                limits.radius_m + margin_m,
+                limits.acceleration_mps2,
+                limits.dead_time_s,
+                limits.speed_mps,
+                step_m=settings.step_m,
+            )
+            for margin_m in (settings.margin_m, 0.0)
+        )
+        self._wheels = WheelVelocity(limits, CONTROL_PERIOD_S)
+        self._direct_s = 0.0
+        self._anchor_s = 0.0
+        self._drift = (0.0, 0.0)
+        self._escape_until_s, self._escape_rad = -math.inf, 0.0
+
+    @property
+    def now_mps(self) -> tuple[float, float]:
+        """Velocity of the wheels, robot frame."""
+        return self._wheels.now_mps
+
+    @property
+    def pending_mps(self) -> tuple[float, float]:
+        """What was commanded last, robot frame."""
+        return self._wheels.pending_mps
+
+    def update(self, odometry: Pose2, t_s: float) -> None:
+        """Update with the odometry since the last call."""
+        c, s = math.cos(odometry.theta_rad), math.sin(odometry.theta_rad)
+        x, y = self._drift[0] + odometry.x_m, self._drift[1] + odometry.y_m
+        self._drift = (c * x + s * y, c * y - s * x)
+        if math.hypot(*self._drift) > self._settings.stuck_m:
+            self._drift, self._anchor_s = (0.0, 0.0), t_s
+        self._wheels.sense(odometry)
+
+    def drive(
+        self,
+        plan: Plan,
+        pose: Pose2,
+        free_space: FreeSpace,
+        t_s: float,
+        moving: Sequence[MovingObstacle] = (),
+        travel: Travel | None = None,
+    ) -> Command:
+        """Return the next command.
+
+        Parameters
+        ----------
+        plan : Plan
+            What is wanted.
+        pose : Pose2
+            The robot, in the plan's frame.
+        free_space : FreeSpace
+            Around the robot.
+        t_s : float
+            Now, seconds.
+        moving : sequence of MovingObstacle
+            Robots that move around this one: steering keeps clear of them, unless the plan is `close`.
+        travel : Travel, optional
+            Planned way and speed. With one, no known robot is pushed.
+        """
+        settings = self._settings
+        first = plan.target if travel is None else travel.waypoint
+        there = pose.inverse().transform(first)
+        bearing = math.atan2(there[1], there[0])
+        ends_there = travel is not None and travel.ends_there
+        distance_m = float(np.hypot(*there)) + (0.0 if ends_there else math.dist(first, plan.target))
+        speed_mps = None if travel is None else travel.speed_mps
+        turn = wrap_angle(plan.heading_rad - pose.theta_rad) / settings.turn_time_s
+        fastest = min(self._limits.turn_rps, settings.holding_rps if plan.holding else math.inf)
+        turn = max(-fastest, min(fastest, turn))
+        if distance_m < settings.tolerance_m and (ends_there or not plan.close):
+            self._anchor_s = t_s
+        if t_s - self._anchor_s > settings.stuck_s:
+            self._escape(free_space, t_s)
+        if t_s < self._escape_until_s:
+            bearing, distance_m = self._escape_rad - pose.theta_rad, 1.0
+        # a planned way goes round the ball like round any obstacle
+        is_close = plan.close and not (travel is not None and plan.avoid_ball)
+        steering = self._close if is_close else self._travel
+        if t_s - self._direct_s > settings.detour_s:
+            self._forget_detours(t_s)
+        wheels, others = self._wheels, () if plan.close and travel is None else moving
+        chosen = steering.steer(free_space, wheels.now_mps, bearing, distance_m, wheels.pending_mps, others, speed_mps)
+        if chosen.reason == "towards target":
+            self._direct_s = t_s
+        v_x, v_y = chosen.velocity_mps.tolist()
+        pushes = not chosen.safe and (plan.close or plan.holding)
+        near_m = settings.near_holding_m if plan.holding else settings.near_m
+        if pushes and (travel is None or not self._would_push(moving, bearing, near_m)):
+            push = min(settings.push_mps, 4.0 * distance_m)
+            v_x, v_y = push * math.cos(bearing), push * math.sin(bearing)
+        if plan.holding:
+            part = min(1.0, settings.holding_mps / max(math.hypot(v_x, v_y), 1e-9))
+            v_x, v_y = part * v_x, part * v_y
+        # by the time the command works, the robot will have turned on
+        ahead = -turn * (self._limits.dead_time_s + CONTROL_PERIOD_S / 2)
+        c, s = math.cos(ahead), math.sin(ahead)
+        wanted = (c * v_x - s * v_y, s * v_x + c * v_y)
+        self._wheels.command(wanted)
+        return Command(*wanted, turn, plan.kick_mps, plan.dribble)
+
+    def _would_push(self, moving: Sequence[MovingObstacle], bearing_rad: float, near_m: float) -> bool:
+        """Whether driving that way would push a robot."""
+        near, ahead_rad = 2 * self._limits.radius_m + near_m, self._settings.pushed_rad
+        return any(
+            math.hypot(o.x_m, o.y_m) < near and abs(wrap_angle(math.atan2(o.y_m, o.x_m) - bearing_rad)) < ahead_rad
+            for o in moving
+        )
+
+    def _escape(self, free_space: FreeSpace, t_s: float) -> None:
+        """Choose a random direction for a while, the farther it is free the more probable."""
+        self._forget_detours(t_s)
+        escape_s = self._settings.escape_s
+        self._anchor_s, self._escape_until_s = t_s + escape_s, t_s + escape_s
+        room = np.clip(np.nan_to_num(free_space.range_m, posinf=2.0), 0.0, 2.0) ** 2
+        self._escape_rad = self._rng.uniform(-math.pi, math.pi)
+        if room.sum() > 0:
+            self._escape_rad = float(self._rng.choice(free_space.bearing_rad, p=room / room.sum()))
+
+    def _forget_detours(self, t_s: float) -> None:
+        self._travel.forget()
+        self._close.forget()
+        self._direct_s = t_s

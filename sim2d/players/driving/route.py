@@ -1,0 +1,182 @@
+"""Which way a player takes to a target: straight, or through one of the gaps in the row of robots across it."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.planning import (
+    Disc,
+    Gap,
+    GatePlanner,
+    MotionLimits,
+    PathFollower,
+    PoseNoise,
+    SpeedPlanner,
+    WidthSensor,
+)
+from robocup_vision.planning.gaps.gap_choice import PassageTimes, choose_gap
+from sim2d.players.driving.opponent_row import Key, Row, RowSettings, row_across
+from sim2d.robot_link import Reason, RobotLimits
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class RouteSettings:
+    """Values of `RoutePlanner`.
+
+    Attributes
+    ----------
+    row : RowSettings
+        Which robots stand in one row.
+    better_s : float
+        A gap is changed for another only if that saves so much: changing to and fro costs more.
+    narrow, wide : float
+        A gap with a probability to be wide enough between these is worth a second look.
+    here_m : float
+        A viewpoint so near is reached.
+    passed_m : float
+        A gap so near is passed.
+    replan_s : float
+        Time between two plans.
+    odometry_error : float
+        Of the odometry, as a part of the way driven.
+    pose_std_m, pose_std_rad : float
+        Of a pose right after a frame.
+    others_std_m : float
+        Of the position of a tracked robot.
+    """
+
+    row: RowSettings = RowSettings()
+    better_s: float = 0.25
+    narrow: float = 0.02
+    wide: float = 0.95
+    here_m: float = 0.02
+    passed_m: float = 0.06
+    replan_s: float = 0.1
+    odometry_error: float = 0.03
+    pose_std_m: float = 0.01
+    pose_std_rad: float = 0.01
+    others_std_m: float = 0.015
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """A way to a target.
+
+    Parameters
+    ----------
+    points : tuple of (float, float)
+        Where it leads, target last.
+    ends : ((float, float), (float, float)) or None
+        Ends of the gap that is taken.
+    reason : Reason
+        Why.
+    waits : bool
+        The robot waits here for a second look.
+    """
+
+    points: tuple[Point, ...]
+    ends: tuple[Point, Point] | None
+    reason: Reason
+    waits: bool = False
+
+
+class RoutePlanner:
+    """Chooses the ways of one player. Field frame.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    limits : RobotLimits
+        Of all robots on it.
+    settings : RouteSettings
+        See there.
+    """
+
+    def __init__(self, field: Field, limits: RobotLimits, settings: RouteSettings) -> None:
+        self._field, self._limits, self._settings = field, limits, settings
+        self._motion = motion_limits(limits)
+        # between which robots the gap is that was taken, by their numbers
+        self._taken: Key | None = None
+
+    def forget(self) -> None:
+        """Forget which gap was taken."""
+        self._taken = None
+
+    def plan(self, here: Point, target: Point, others: Mapping[int, Disc]) -> Route:
+        """Choose between the gaps of the first row that stands across the straight way."""
+        row = row_across(here, target, others, self._field, self._limits.radius_m, self._settings.row)
+        if row is None:
+            self._taken = None
+            return Route((target,), None, Reason("gap", "straight", "nobody stands in the way"))
+        return self._gate(here, target, row) or self._choose(here, target, row)
+
+    def _gate(self, here: Point, target: Point, row: Row) -> Route | None:
+        """Ask the gate planner where the gap on the straight way may be too narrow."""
+        settings, straight = self._settings, row.straight
+        gap, needed_m = row.gaps[straight], self._times.narrowest_m
+        if min(row.keys[straight]) < 0 or not settings.narrow < gap.wide_enough(needed_m) < settings.wide:
+            return None
+        rest = [k for k in range(len(row.gaps)) if k != straight]
+        detour = rest[choose_gap(self._times, here, target, [row.gaps[k] for k in rest]).index]
+        # wide enough is what can be passed at a safe speed
+        gates = GatePlanner(self._motion, WidthSensor(), needed_m)
+        plan = gates.plan(here, gap, target, [row.gaps[detour].center_m])
+        if plan.action == "look" and plan.viewpoint_m is not None:
+            self._taken = row.keys[straight]
+            waits = math.dist(plan.viewpoint_m, here) < self._settings.here_m
+            there = gap.center_m if waits else plan.viewpoint_m
+            why = Reason("gap", "look first", plan.reason)
+            return Route((there, gap.center_m, target), row.ends[straight], why, waits)
+        taken, choice = (straight, "through") if plan.action == "pass" else (detour, "detour")
+        self._taken = row.keys[taken]
+        return Route(self._through(here, target, row.gaps[taken]), row.ends[taken], Reason("gap", choice, plan.reason))
+
+    def _choose(self, here: Point, target: Point, row: Row) -> Route:
+        """Take the gap with the shortest expected time, and stay with it."""
+        better_s = self._settings.better_s
+        chosen = choose_gap(self._times, here, target, row.gaps)
+        index, text = chosen.index, chosen.reason
+        if self._taken in row.keys:
+            kept = row.keys.index(self._taken)
+            if kept != index and chosen.expected_s[kept] < chosen.expected_s[index] + better_s:
+                gap = row.gaps[kept]
+                index = kept
+                text = f"gap {gap.width_m:.2f} m, sigma {gap.sigma_m:.2f} m: as before, no other saves {better_s} s"
+        self._taken = row.keys[index]
+        choice = "through" if index == row.straight else "detour"
+        return Route(self._through(here, target, row.gaps[index]), row.ends[index], Reason("gap", choice, text))
+
+    @property
+    def _times(self) -> PassageTimes:
+        return _passage_times(self._limits, self._settings)
+
+    def _through(self, here: Point, target: Point, gap: Gap) -> tuple[Point, ...]:
+        is_ahead = math.dist(here, gap.center_m) > self._settings.passed_m
+        return (gap.center_m, target) if is_ahead else (target,)
+
+
+def motion_limits(limits: RobotLimits) -> MotionLimits:
+    """Return a robot's limits as the planners take them."""
+    return MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
+
+
+def speed_planner(limits: RobotLimits, settings: RouteSettings) -> SpeedPlanner:
+    """Return the planner of safe speeds of a robot."""
+    frame = np.diag([settings.pose_std_m**2, settings.pose_std_m**2, settings.pose_std_rad**2])
+    noise = PoseNoise(settings.odometry_error, settings.odometry_error, frame)
+    return SpeedPlanner(PathFollower(motion_limits(limits)), limits.radius_m, noise, settings.replan_s)
+
+
+@functools.lru_cache(maxsize=4)
+def _passage_times(limits: RobotLimits, settings: RouteSettings) -> PassageTimes:
+    """Return the same table for all robots that are alike: it takes a second to make."""
+    return PassageTimes(speed_planner(limits, settings), limits.radius_m, settings.others_std_m)

@@ -1,0 +1,248 @@
+"""Which way and how fast a player drives to its target, and why: it asks the planners of gaps, speeds and floor.
+
+Everything is in the field frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray
+from robocup_vision.mapping.occupancy import UNDECIDED
+from robocup_vision.planning import Disc, SpeedPlan
+from robocup_vision.planning.speed.undecided_floor import FREE, UndecidedFloor, UndecidedSpeed, safe_speed_mps
+from sim2d.players.driving.opponent_row import in_way, unit
+from sim2d.players.driving.route import RoutePlanner, RouteSettings, motion_limits, speed_planner
+from sim2d.players.surroundings import Surroundings
+from sim2d.robot_link import CONTROL_PERIOD_S, Reason, RobotLimits
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class TravelSettings:
+    """Values of `TravelPlanner`.
+
+    Attributes
+    ----------
+    route : RouteSettings
+        Of the choice between gaps; its `replan_s` is the time between two plans here too.
+    same_m : float
+        A target that moved by less keeps its plan.
+    ahead_s : float
+        Other robots are predicted to when this one comes, at most so far ahead: their velocities change.
+    short_radii : float
+        So short a way, in robot radii, is left to steering: a keeper must be quick.
+    at_target_m : float
+        A robot so near to the target counts only once this one comes near.
+    stands_mps : float
+        A slower robot stands.
+    taken_m : float
+        A ball so near to another robot's rim is held by it.
+    room_m : float
+        That robot is left so much room.
+    creep_mps : float
+        Where no speed is safe, the robot creeps on by steering; no plan makes it slower.
+    """
+
+    route: RouteSettings = RouteSettings()
+    same_m: float = 0.06
+    ahead_s: float = 0.6
+    short_radii: float = 3.5
+    at_target_m: float = 0.35
+    stands_mps: float = 0.25
+    taken_m: float = 0.04
+    room_m: float = 0.06
+    creep_mps: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """How to get to a target.
+
+    Parameters
+    ----------
+    waypoint : (float, float)
+        Where to drive first.
+    speed_mps : float
+        How fast at most.
+    gap : ((float, float), (float, float)) or None
+        Ends of the gap that is taken, field frame.
+    reasons : tuple of Reason
+        Why.
+    ends_there : bool
+        The drive ends at the waypoint for now, not at the target.
+    """
+
+    waypoint: Point
+    speed_mps: float
+    gap: tuple[Point, Point] | None
+    reasons: tuple[Reason, ...]
+    ends_there: bool = False
+
+
+class TravelPlanner:
+    """Plans the ways of one player.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    limits : RobotLimits
+        Of all robots on it.
+    looks : int
+        How many frames decide a cell of the floor.
+    settings : TravelSettings
+        See there.
+    """
+
+    def __init__(
+        self, field: Field, limits: RobotLimits, looks: int, settings: TravelSettings = TravelSettings()
+    ) -> None:
+        self._field, self._limits, self._looks, self._settings = field, limits, looks, settings
+        self._motion = motion_limits(limits)
+        self._routes = RoutePlanner(field, limits, settings.route)
+        self._speeds = speed_planner(limits, settings.route)
+        self._undecided = UndecidedSpeed(self._motion, limits.radius_m, settings.route.replan_s)
+        self._last: tuple[float, Point, Travel] | None = None
+
+    def plan(self, around: Surroundings, target: Point) -> Travel:
+        """Plan a way to a target; every `replan_s`, in between the last plan stands."""
+        if self._last is not None:
+            planned_s, there, travel = self._last
+            if (
+                0 <= around.t_s - planned_s < self._settings.route.replan_s
+                and math.dist(there, target) < self._settings.same_m
+            ):
+                return travel if travel.gap is not None else replace(travel, waypoint=target)
+        travel = self._plan_anew(around, target)
+        self._last = (around.t_s, target, travel)
+        return travel
+
+    def approach(self, around: Surroundings, target: Point, ball: Point | None) -> Travel:
+        """Plan the last piece to a ball, straight, at a speed from which the robot can stop before others.
+
+        A robot that has the ball is left room where it stands between the ball and this one. `ball`: None if unknown.
+        """
+        here = around.here
+        way = unit(here, target)
+        self._forget()
+        others = list(around.others(self._limits, 0.0).values())
+        holder = None if ball is None else self._holder(here, others, ball)
+        if holder is not None:
+            ring_m = holder.radius_m + self._limits.radius_m + self._settings.room_m
+            away_m = math.dist(here, (holder.x_m, holder.y_m))
+            if away_m < ring_m + self._settings.route.here_m:
+                out = unit((holder.x_m, holder.y_m), here)
+                place = (holder.x_m + ring_m * out[0], holder.y_m + ring_m * out[1])
+                text = f"{away_m - ring_m + self._settings.room_m:.2f} m from a robot that has the ball"
+                return Travel(place, self._limits.speed_mps, None, (Reason("speed", "leave room", text),), True)
+        room = math.inf
+        for disc in others:
+            along, aside = in_way(disc, here, way)
+            touch = disc.radius_m + self._limits.radius_m
+            if along > 0 and abs(aside) < touch:
+                room = min(room, along - math.sqrt(touch**2 - aside**2) - _std(disc))
+        if room == math.inf:
+            return Travel(
+                target, self._limits.speed_mps, None, (Reason("speed", "full speed", "no robot at the ball"),)
+            )
+        speed = safe_speed_mps(room, 1, CONTROL_PERIOD_S, self._motion)
+        if speed >= self._limits.speed_mps:
+            return Travel(target, speed, None, (Reason("speed", "full speed", f"opponent in {room:.2f} m"),))
+        speed = max(speed, self._settings.creep_mps / 2)
+        text = f"{speed:.2f} m/s: opponent in {max(room, 0.0):.2f} m at the ball"
+        return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
+
+    def carry(self, target: Point) -> Travel:
+        """Take the ball to a target as fast as it can be held, pushing no robot."""
+        self._forget()
+        return Travel(target, self._limits.speed_mps, None, (Reason("speed", "full speed", "with the ball"),))
+
+    def _holder(self, here: Point, others: Sequence[Disc], ball: Point) -> Disc | None:
+        """Return the robot that has the ball and stands between it and this one."""
+        nearest = min(others, key=lambda disc: math.dist((disc.x_m, disc.y_m), ball), default=None)
+        if nearest is None:
+            return None
+        away_m = math.dist((nearest.x_m, nearest.y_m), ball)
+        reach_m = nearest.radius_m + self._field.ball_radius_m + self._settings.taken_m
+        to_ball, to_robot = (unit((nearest.x_m, nearest.y_m), place) for place in (ball, here))
+        is_behind = to_ball[0] * to_robot[0] + to_ball[1] * to_robot[1] < 0.0
+        return nearest if away_m < reach_m and is_behind else None
+
+    def _plan_anew(self, around: Surroundings, target: Point) -> Travel:
+        here = around.here
+        if math.dist(here, target) < self._settings.short_radii * self._limits.radius_m:
+            self._routes.forget()
+            full = Reason("speed", "full speed", "the way is short")
+            return Travel(target, self._limits.speed_mps, None, (full,))
+        others = around.others(self._limits, self._settings.ahead_s)
+        way = self._routes.plan(here, target, others)
+        path = np.array([here, *way.points])
+        # the planner of speeds knows obstacles that stand; steering avoids those that move
+        moving = {t.number for t in around.tracks if math.hypot(t.vx_mps, t.vy_mps) > self._settings.stands_mps}
+        speed, why = self._speed(path, around, [disc for number, disc in others.items() if number not in moving])
+        if way.waits:
+            creep_mps = self._settings.creep_mps
+            speed, why = creep_mps, Reason("speed", "slow: to look", f"{creep_mps:.2f} m/s: {way.reason.text}")
+        return Travel(way.points[0], speed, way.ends, (way.reason, why))
+
+    def _speed(self, path: FloatArray, around: Surroundings, others: Sequence[Disc]) -> tuple[float, Reason]:
+        """Return the largest speed that is safe among known robots and over floor that is not decided yet."""
+        ahead = unit(tuple(path[0].tolist()), tuple(path[1].tolist()))
+        target = tuple(path[-1].tolist())
+        # a robot that is left behind is no danger
+        before = [
+            d
+            for d in others
+            if in_way(d, tuple(path[0].tolist()), ahead)[0] > 0
+            and math.dist((d.x_m, d.y_m), target) > self._settings.at_target_m
+        ]
+        known = self._speeds.plan(
+            path, around.robot.pose, around.robot.covariance, around.velocity_mps, before, around.pending_mps
+        )
+        speed, why = self._paced(known, "opponents")
+        floor = self._floor(around)
+        if floor is not None:
+            unknown = self._undecided.plan(path, floor)
+            if unknown.speed_mps < speed:
+                speed, why = self._paced(unknown, "undecided floor")
+        return speed, why
+
+    def _floor(self, around: Surroundings) -> UndecidedFloor | None:
+        """Return the undecided cells; blocked ones are obstacles to steering too."""
+        if around.floor is None:
+            return None
+        looks = np.where(around.floor.state.T == UNDECIDED, self._looks, FREE)
+        robot = around.robot.pose
+        # a tracked robot is no undecided floor, though the map leaves it out
+        side = (np.arange(looks.shape[0]) + 0.5) * around.floor.cell_m
+        x, y = around.floor.corner_m[0] + side, around.floor.corner_m[1] + side[:, None]
+        reach = 2 * self._limits.radius_m
+        for disc in [*((t.x_m, t.y_m) for t in around.tracks), (robot.x_m, robot.y_m)]:
+            looks[np.hypot(x - disc[0], y - disc[1]) < reach] = FREE
+        # no robot drives beyond the walls
+        if self._field.is_bounded:
+            looks[(np.abs(x) > self._field.length_m / 2) | (np.abs(y) > self._field.width_m / 2)] = FREE
+        return UndecidedFloor(looks, around.floor.corner_m, around.floor.cell_m)
+
+    def _paced(self, plan: SpeedPlan, what: str) -> tuple[float, Reason]:
+        """Return a plan's speed, and the reason in words."""
+        if not plan.safe or plan.speed_mps < self._settings.creep_mps:
+            return self._settings.creep_mps, Reason("speed", f"creep: {what}", plan.reason)
+        if plan.reason.startswith("full speed"):
+            return plan.speed_mps, Reason("speed", "full speed", plan.reason)
+        return plan.speed_mps, Reason("speed", f"slow: {what}", plan.reason)
+
+    def _forget(self) -> None:
+        self._last = None
+        self._routes.forget()
+
+
+def _std(disc: Disc) -> float:
+    return math.sqrt(max(disc.variance_m2, 0.0))

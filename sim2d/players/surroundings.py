@@ -1,0 +1,74 @@
+"""What a player estimates of itself and of what is around it: the planners' input. Field frame, metres, seconds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from robocup_vision.belief import MapPicture, Track
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.planning import Disc
+from sim2d.robot_link import RobotLimits
+
+Point = tuple[float, float]
+
+# two tracks whose centres are nearer than so many radii are of one robot: two robots would overlap
+_APART_RADII = 1.6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surroundings:
+    """One player's estimates at one time.
+
+    Parameters
+    ----------
+    t_s : float
+        Now.
+    robot : PoseEstimate
+        The robot.
+    velocity_mps, pending_mps : (float, float)
+        Its velocity, and the command that it obeys until the next one.
+    tracks : tuple of Track
+        Robots that are tracked, as of `age_s` ago.
+    age_s : float
+        Since the last frame.
+    floor : MapPicture or None
+        Which floor is free.
+    """
+
+    t_s: float
+    robot: PoseEstimate
+    velocity_mps: Point
+    pending_mps: Point
+    tracks: tuple[Track, ...]
+    age_s: float
+    floor: MapPicture | None
+
+    @property
+    def here(self) -> Point:
+        """Position of the robot."""
+        return self.robot.pose.x_m, self.robot.pose.y_m
+
+    def others(self, limits: RobotLimits, ahead_s: float) -> dict[int, Disc]:
+        """Return the other robots by number, where they will be when this one gets there.
+
+        Parameters
+        ----------
+        limits : RobotLimits
+            Of all robots.
+        ahead_s : float
+            They are predicted at most so far ahead.
+        """
+        robot, discs = self.robot.pose, {}
+        taken = [self.here]
+        for track in sorted(self.tracks, key=lambda track: -track.probability):
+            place = (track.x_m, track.y_m)
+            # the less probable of two tracks in one place is left out
+            if any(math.dist(place, other) < _APART_RADII * limits.radius_m for other in taken):
+                continue
+            taken.append(place)
+            away = math.hypot(track.x_m - robot.x_m, track.y_m - robot.y_m)
+            t = self.age_s + min(ahead_s, away / limits.speed_mps)
+            covariance = track.covariance[:2, :2] + t**2 * track.covariance[2:, 2:]
+            discs[track.number] = Disc(*track.place_after(t), limits.radius_m, covariance)
+        return discs

@@ -1,0 +1,1 @@
+"""What a player does next: one module a role or situation."""

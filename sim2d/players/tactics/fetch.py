@@ -1,0 +1,82 @@
+"""How a player gets at a free ball: straight to it, or round it where it would play it to its own goal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from robocup_vision.geometry import wrap_angle
+from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
+
+
+@dataclass(frozen=True, slots=True)
+class FetchSettings:
+    """Values of `Fetch`; lengths in reaches (robot radius plus ball radius) unless the name has a unit.
+
+    Attributes
+    ----------
+    lead_s : float
+        The ball is met where it rolls to in this time: about the way's length for the last piece.
+    straight_rad : float
+        Within this angle of the line from ball to opponent's goal the robot takes the ball from where it is.
+    straight_reaches : float
+        Farther away than this it drives straight too: the ball moves on before it arrives.
+    wall_reaches : float
+        A ball so near to a wall leaves no room to go round it.
+    through_reaches : float
+        The target lies so far before the ball's middle, so that the robot arrives with speed enough to take the ball.
+    close_reaches : float
+        From here on other robots may be touched.
+    round_reaches : float
+        Radius of the way round the ball.
+    step_rad : float
+        Part of that way driven towards at a time.
+    """
+
+    lead_s: float = 0.15
+    straight_rad: float = 0.9
+    straight_reaches: float = 6.0
+    wall_reaches: float = 2.2
+    through_reaches: float = 0.75
+    close_reaches: float = 3.0
+    round_reaches: float = 1.5
+    step_rad: float = 1.2
+
+
+class Fetch:
+    """Takes one player to the ball.
+
+    Parameters
+    ----------
+    team : TeamField
+        The field.
+    settings : FetchSettings
+        See there.
+    """
+
+    def __init__(self, team: TeamField, settings: FetchSettings) -> None:
+        self._team, self._settings = team, settings
+
+    def decide(self, now: Situation, ball: Point) -> Plan:
+        """Go behind the ball as seen from the opponent's goal, where that is near; else straight to it."""
+        team, settings, reach = self._team, self._settings, self._team.reach_m
+        ball = self.meeting_place(now, ball)
+        to_ball = direction_rad(now.place, ball)
+        to_goal = direction_rad(ball, (team.half_length_m, 0.0))
+        away = math.dist(now.place, ball)
+        off = wrap_angle(to_ball - to_goal)
+        is_straight = abs(off) < settings.straight_rad or away > settings.straight_reaches * reach
+        if is_straight or team.is_near_wall(ball, settings.wall_reaches * reach):
+            place = team.inside(offset(ball, to_ball, -settings.through_reaches * reach))
+            return Plan("fetch", place, to_ball, dribble=True, close=away < settings.close_reaches * reach)
+        # on the near side round it
+        side = 1.0 if off > 0 else -1.0
+        around = to_goal + math.pi + side * max(abs(off) - settings.step_rad, 0.0)
+        place = team.inside(offset(ball, around, settings.round_reaches * reach))
+        return Plan("get behind", place, to_ball, avoid_ball=True, close=True)
+
+    def meeting_place(self, now: Situation, ball: Point) -> Point:
+        """Return where a rolling ball will be after `lead_s`."""
+        lead_s, (v_x, v_y) = self._settings.lead_s, now.ball_velocity_mps
+        return self._team.nearest_ball_place((ball[0] + lead_s * v_x, ball[1] + lead_s * v_y))

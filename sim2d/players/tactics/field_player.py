@@ -1,0 +1,89 @@
+"""What a field player does without the ball: support, leave it to the keeper, search."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.tactics.team_field import TeamField, direction_rad
+
+
+@dataclass(frozen=True, slots=True)
+class FieldPlayerSettings:
+    """Values of `FieldPlayer`.
+
+    Attributes
+    ----------
+    behind_ball_m : float
+        A supporter stays so far behind the ball, so that a lost ball is still before it.
+    support_limits : (float, float)
+        Least x as a part of half the length (negative: own half), greatest x in metres.
+    wait_part : float
+        While the keeper fetches the ball it waits in this part of the own half, and moves to either side by it.
+    search_part : float
+        A search goes round the corners of a rectangle this part of the field's size.
+    search_corner_s : float
+        Time for each corner.
+    search_turn_rad : float
+        It turns on the way, so that a camera with a narrow view looks everywhere.
+    """
+
+    behind_ball_m: float = 0.3
+    support_limits: tuple[float, float] = (-0.4, 0.3)
+    wait_part: float = 0.3
+    search_part: float = 0.4
+    search_corner_s: float = 3.0
+    search_turn_rad: float = 0.5
+
+
+class FieldPlayer:
+    """Decides for one player without the ball.
+
+    Field players divide the field into strips along its length: they cannot speak to each other, and two of a team
+    shall not run for the same ball.
+
+    Parameters
+    ----------
+    team : TeamField
+        The field.
+    number, players : int
+        As in `PlayerSetup`.
+    settings : FieldPlayerSettings
+        See there.
+    """
+
+    def __init__(self, team: TeamField, number: int, players: int, settings: FieldPlayerSettings) -> None:
+        self._team, self._number, self._players, self._settings = team, number, players, settings
+
+    def is_in_own_strip(self, ball: Point) -> bool:
+        """Whether the ball lies in this player's strip."""
+        strips = self._players - 1
+        strip = min(int((ball[1] / self._team.half_width_m + 1) / 2 * strips), strips - 1)
+        return strip == self._number - 1
+
+    def support(self, now: Situation, ball: Point) -> Plan:
+        """Follow the ball in the own strip."""
+        low, high_m = self._settings.support_limits
+        x = min(max(ball[0] - self._settings.behind_ball_m, low * self._team.half_length_m), high_m)
+        strips = max(self._players - 1, 1)
+        y = self._team.half_width_m * ((2 * self._number - 1) / strips - 1)
+        return self._face(now, "support", (x, y), ball)
+
+    def leave_to_keeper(self, now: Situation, ball: Point) -> Plan:
+        """Wait before the own goal, moving aside and back so that the way of a kick does not stay blocked."""
+        team, part = self._team, self._settings.wait_part
+        target = (-part * team.half_length_m, part * team.half_width_m * math.sin(0.5 * now.t_s))
+        return self._face(now, "leave it to the keeper", target, ball)
+
+    def search(self, now: Situation) -> Plan:
+        """Go round the field's middle, to look behind whatever hides the ball."""
+        settings = self._settings
+        corner = int(now.t_s / settings.search_corner_s) % 4
+        part = settings.search_part
+        x = (part, -part, -part, part)[corner] * self._team.half_length_m
+        y = (part, part, -part, -part)[corner] * self._team.half_width_m
+        return Plan("search", (x, y), now.pose.theta_rad + settings.search_turn_rad)
+
+    def _face(self, now: Situation, intent: str, target: Point, ball: Point) -> Plan:
+        return Plan(intent, self._team.inside(target), direction_rad(now.place, ball))

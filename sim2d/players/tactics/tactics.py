@@ -1,0 +1,95 @@
+"""Which role decides: the choice between kick-off, ball holder, keeper and field player."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from field_models.field import Field
+from sim2d.players.ball_memory import BallMemorySettings
+from sim2d.players.plan import Plan, Situation
+from sim2d.players.tactics.ball_holder import BallHolder, BallHolderSettings
+from sim2d.players.tactics.fetch import Fetch, FetchSettings
+from sim2d.players.tactics.field_player import FieldPlayer, FieldPlayerSettings
+from sim2d.players.tactics.keeper import Keeper, KeeperSettings
+from sim2d.players.tactics.set_pieces import KickOff
+from sim2d.players.tactics.team_field import TeamField
+from sim2d.robot_link import RobotLimits
+
+
+@dataclass(frozen=True, slots=True)
+class TacticsSettings:
+    """Values of `Tactics`.
+
+    Attributes
+    ----------
+    keeper, ball_holder, fetch, field_player
+        Of each role.
+    wall_clearance_m : float
+        Targets leave so much room between robot and wall: less than steering keeps would stop it on the way.
+    """
+
+    keeper: KeeperSettings = KeeperSettings()
+    ball_holder: BallHolderSettings = BallHolderSettings()
+    fetch: FetchSettings = FetchSettings()
+    field_player: FieldPlayerSettings = FieldPlayerSettings()
+    wall_clearance_m: float = 0.015
+
+
+class Tactics:
+    """Decides for one player, by its number and its situation.
+
+    Number 0 keeps the goal where there are others; number 1 fetches the ball, and further ones take it only in their
+    own strip of the field.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    limits : RobotLimits
+        What the robot can do.
+    number, players : int
+        As in `PlayerSetup`.
+    settings : TacticsSettings
+        See there.
+    ball : BallMemorySettings
+        When another robot has the ball.
+
+    Attributes
+    ----------
+    is_keeper : bool
+        It keeps the goal.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        limits: RobotLimits,
+        number: int,
+        players: int,
+        settings: TacticsSettings = TacticsSettings(),
+        ball: BallMemorySettings = BallMemorySettings(),
+    ) -> None:
+        self.is_keeper = number == 0 and players > 1
+        self._number, self._players = number, players
+        team = TeamField(field, limits, settings.wall_clearance_m)
+        self._kick_off = KickOff(field, team, number, players)
+        self._ball_holder = BallHolder(team, limits.kick_speed_mps, self.is_keeper, settings.ball_holder)
+        self._fetch = Fetch(team, settings.fetch)
+        self._keeper = Keeper(team, self._fetch, settings.keeper, ball)
+        self._field_player = FieldPlayer(team, number, players, settings.field_player)
+
+    def decide(self, now: Situation) -> Plan:
+        """Choose the next plan."""
+        if now.phase == "kick_off":
+            return self._kick_off.decide(now)
+        if now.in_mouth:
+            return self._ball_holder.decide(now)
+        if self.is_keeper:
+            return self._keeper.decide(now)
+        if now.ball is None:
+            return self._field_player.search(now)
+        if self._keeper.owns(now.ball) and self._players > 1:
+            return self._field_player.leave_to_keeper(now, now.ball)
+        if self._number >= 2 and not self._field_player.is_in_own_strip(now.ball):
+            return self._field_player.support(now, now.ball)
+        return self._fetch.decide(now, now.ball)

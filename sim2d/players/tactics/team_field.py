@@ -1,0 +1,94 @@
+"""The field in a team's frame (the opponent's goal at +x): places that a robot or a ball can be in."""
+
+from __future__ import annotations
+
+import math
+
+from field_models.field import Field
+from robocup_vision.geometry import Pose2
+from sim2d.robot_link import RobotLimits
+
+Point = tuple[float, float]
+
+
+class TeamField:
+    """Lengths and places that all roles share.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    limits : RobotLimits
+        Of the team's robots.
+    wall_clearance_m : float
+        Room that a target leaves between robot and wall.
+
+    Attributes
+    ----------
+    half_length_m, half_width_m, goal_half_m : float
+        Half the field's length and width, and half a goal's width (a sixth of the field's without goals).
+    ball_radius_m, robot_radius_m : float
+        Radii.
+    reach_m : float
+        From a robot's centre to the centre of a ball that it touches.
+    """
+
+    def __init__(self, field: Field, limits: RobotLimits, wall_clearance_m: float) -> None:
+        self.half_length_m, self.half_width_m = field.length_m / 2, field.width_m / 2
+        self.goal_half_m = field.goals[0].width_m / 2 if field.goals else field.width_m / 6
+        self.ball_radius_m, self.robot_radius_m = field.ball_radius_m, limits.radius_m
+        self.reach_m = limits.radius_m + field.ball_radius_m
+        # without walls nothing keeps a robot from the lines
+        self._inset_m = limits.radius_m + wall_clearance_m if field.is_bounded else 0.0
+
+    def inside(self, place: Point) -> Point:
+        """Return the nearest place a robot can stand in."""
+        limit_x, limit_y = self.half_length_m - self._inset_m, self.half_width_m - self._inset_m
+        return max(-limit_x, min(limit_x, place[0])), max(-limit_y, min(limit_y, place[1]))
+
+    def nearest_ball_place(self, place: Point) -> Point:
+        """Return the nearest place a ball can lie in; the goals reach 0.1 m behind their lines."""
+        x, y = place
+        limit_y = self.half_width_m - self.ball_radius_m
+        return max(-self.half_length_m - 0.1, min(self.half_length_m + 0.1, x)), max(-limit_y, min(limit_y, y))
+
+    def is_near_wall(self, place: Point, room_m: float) -> bool:
+        """Whether a wall is nearer than this; never on a field without walls."""
+        x, y = abs(place[0]), abs(place[1])
+        return self._inset_m > 0 and (x > self.half_length_m - room_m or y > self.half_width_m - room_m)
+
+    def room_ahead_m(self, pose: Pose2) -> float:
+        """Distance from the robot's centre straight ahead to a wall; infinite without walls."""
+        if not self._inset_m:
+            return math.inf
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        ways = [math.inf]
+        if abs(c) > 1e-9:
+            ways.append((math.copysign(self.half_length_m, c) - pose.x_m) / c)
+        if abs(s) > 1e-9:
+            ways.append((math.copysign(self.half_width_m, s) - pose.y_m) / s)
+        return min(ways)
+
+    def mouth(self, pose: Pose2) -> Point:
+        """Return the place of a ball in the robot's mouth."""
+        mouth = pose.compose(Pose2(self.reach_m, 0.0, 0.0))
+        return mouth.x_m, mouth.y_m
+
+
+def direction_rad(start: Point, end: Point) -> float:
+    """Return the direction from one place to another."""
+    return math.atan2(end[1] - start[1], end[0] - start[0])
+
+
+def offset(place: Point, heading_rad: float, way_m: float) -> Point:
+    """Return the place so far along a direction."""
+    return place[0] + way_m * math.cos(heading_rad), place[1] + way_m * math.sin(heading_rad)
+
+
+def distance_to_segment_m(place: Point, start: Point, end: Point) -> float:
+    """Return the distance of a place from the straight way between two others."""
+    along_x, along_y = end[0] - start[0], end[1] - start[1]
+    length2 = along_x**2 + along_y**2
+    part = ((place[0] - start[0]) * along_x + (place[1] - start[1]) * along_y) / max(length2, 1e-12)
+    part = max(0.0, min(1.0, part))
+    return math.hypot(place[0] - start[0] - part * along_x, place[1] - start[1] - part * along_y)
