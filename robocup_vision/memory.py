@@ -1,4 +1,4 @@
-"""What a robot knows over time: where it is, who moves where, and which floor is free, joined from frames and odometry.
+"""Memory: where the robot is, who moves where, and which floor is free, estimated from frames and odometry over time.
 
 The parts stand alone in `localization.pose_filter`, `tracking` and `mapping`; here they work together: the tracks are
 masked from the map, and both are told from the pose that is believed, not from the one that a frame names.
@@ -13,18 +13,16 @@ import numpy as np
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.belief import Belief, MapPicture, Track
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors
-from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
 from robocup_vision.view import View
 
 _FLOOR = "floor"
-_NOWHERE = Pose2(0.0, 0.0, 0.0)
 # a return's range as a mirror camera of the small-size league tells it (metres, share), and how far one is told apart
 _RANGE_STD, _LONGEST_M = (0.01, 0.05), 1.3
 # tracks are masked with this much around them: a robot's place is known no better
@@ -56,7 +54,7 @@ class Memory:
 
     Notes
     -----
-    Call `predict` at each control step and `see` for each frame, or hand the object to `Vision`, which does both. As
+    Call `predict` at each control step and `update` for each frame, or hand the object to `Vision`, which does both. As
     objects are followed in the field's frame, nobody is followed, and no map kept, while the pose is not known; both
     begin anew when the robot turns out to be elsewhere.
     """
@@ -96,38 +94,25 @@ class Memory:
         """Where the robot was at a time, to look at a frame of then: `PoseFilter.prior`."""
         return self.poses.prior(t_s)
 
-    def see(
-        self,
-        view: View,
-        grid: FreeSpaceGrid | None = None,
-        *,
-        robot: PoseEstimate | NotLocated | None = None,
-        mount: Pose2 = _NOWHERE,
-    ) -> Belief:
-        """Take in what a frame shows.
+    def update(self, view: View) -> Belief:
+        """Update the belief by what a frame shows.
 
         Parameters
         ----------
         view : View
-            What it shows; its `t_s` must be told. One from before the last one serves the pose alone.
-        grid : FreeSpaceGrid, optional
-            Of the `Vision` that made it; needed for the map.
-        robot : PoseEstimate or NotLocated, optional
-            What the frame tells of the robot, where that is not `view.pose` (method "goal": of the camera).
-        mount : Pose2
-            Where on the robot the view's robot frame lies: that of a head that turns.
+            What it shows; its `t_s` must be known. A view from before the last one updates the pose alone.
 
         Raises
         ------
         ArgumentError
-            If the view does not say when its frame was taken, or a map is kept and no grid is given.
+            If the view does not say when its frame was taken.
         """
         t_s = view.t_s
         if t_s is None:
             raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
-        self.poses.update(view.pose if robot is None else robot, t_s)
+        self.poses.update(view.pose, t_s)
         if self.objects is not None or self.free_map is not None:
-            self._see_surroundings(view, t_s, grid, mount)
+            self._update_surroundings(view, t_s)
         return self.belief(t_s)
 
     def belief(self, t_s: float) -> Belief:
@@ -143,7 +128,7 @@ class Memory:
         self.poses.forget()
         self._forget_surroundings()
 
-    def _see_surroundings(self, view: View, t_s: float, grid: FreeSpaceGrid | None, mount: Pose2) -> None:
+    def _update_surroundings(self, view: View, t_s: float) -> None:
         then = self._pose_at(t_s)
         if then is None:
             self._tracks = ()
@@ -151,7 +136,7 @@ class Memory:
             if self._last is not None and self._has_jumped(*self._last):
                 self._forget_surroundings()
             self._last = (t_s, then.pose)
-            self._look_around(view, grid, then, mount)
+            self._update_around(view, t_s, then)
 
     def _pose_at(self, t_s: float) -> PoseEstimate | None:
         """Where the robot was believed to be at a time."""
@@ -166,19 +151,16 @@ class Memory:
         away_m, away_rad = now.pose.error_to(before.compose(motion))
         return away_m > _JUMP_M or away_rad > _JUMP_RAD
 
-    def _look_around(self, view: View, grid: FreeSpaceGrid | None, robot: PoseEstimate, mount: Pose2) -> None:
-        eye = robot.seen_from(mount)
-        if self._detector is not None and self.objects is not None and view.t_s is not None:
-            seen = self._detector.in_obstacles(view.obstacles, eye.pose, eye.covariance)
-            self._tracks = self.objects.update(view.t_s, seen, eye.pose, eye.covariance)
+    def _update_around(self, view: View, t_s: float, robot: PoseEstimate) -> None:
+        if self._detector is not None and self.objects is not None:
+            seen = self._detector.in_obstacles(view.obstacles, robot.pose, robot.covariance)
+            self._tracks = self.objects.update(t_s, seen, robot.pose, robot.covariance)
         if self.free_map is not None:
-            if grid is None:
-                raise ArgumentError("a map needs the grid of the Vision that made the view")
             around = self._radius_m + _MASK_MARGIN_M
             discs = np.array([(track.x_m, track.y_m, around) for track in self._tracks])
-            self.free_map.move(eye.pose)
+            self.free_map.move(robot.pose)
             if view.marks.any():
-                self.free_map.update(_FLOOR, floor_profile(view, grid), mask=discs)
+                self.free_map.update(_FLOOR, floor_profile(view), mask=discs)
 
     def _forget_surroundings(self) -> None:
         self._tracks, self._last = (), None

@@ -56,11 +56,11 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     if view.pose:
         to_robot = view.pose.pose.inverse()
         for line in _field_outlines(vision):
-            pixels = view.pose_camera.floor_to_pixel(to_robot.transform(line))
+            pixels = view.camera.floor_to_pixel(to_robot.transform(line))
             _draw_path(canvas, pixels, vision, scale, FIELD_COLOR)
-        for path in _goal_outlines(vision) if isinstance(view.pose_camera, PinholeCamera) else ():
+        for path in _goal_outlines(vision) if isinstance(view.camera, PinholeCamera) else ():
             points = np.column_stack([to_robot.transform(path[:, :2]), path[:, 2]])
-            _draw_path(canvas, view.pose_camera.point_to_pixel(points), vision, scale, FIELD_COLOR, 2)
+            _draw_path(canvas, view.camera.point_to_pixel(points), vision, scale, FIELD_COLOR, 2)
     for points, color in ((view.line_points_px, LINE_POINT_COLOR), (view.boundary_px, BOUNDARY_COLOR)):
         for u, v in points[np.isfinite(points).all(axis=1)]:
             cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
@@ -110,10 +110,10 @@ def _goal_outlines(vision: Vision) -> list[FloatArray]:
 
 def _draw_free_space(canvas: UInt8Array, view: View, vision: Vision, scale: int) -> None:
     bearing, range_m = view.free_space.bearing_rad, view.free_space.range_m
-    if view.polar is None:
+    if view.polar is None or view.grid is None:
         return
     half = view.polar.span_rad[1] / 2 / len(bearing)
-    inner = vision.grid.ring_bounds_m[0]
+    inner = view.grid.ring_bounds_m[0]
     corners = []
     for b, r in zip(bearing, range_m, strict=True):
         turn = b + np.linspace(-half, half, 4)

@@ -1,4 +1,4 @@
-"""What one frame shows, whichever camera took it: pose, free floor, obstacles, lines and the ball."""
+"""What one frame shows, for either kind of camera: pose, free floor, obstacles, lines and the ball. Robot frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
-from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.obstacles import Obstacle, find_obstacles
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
@@ -33,7 +33,7 @@ class View:
     Parameters
     ----------
     pose : PoseEstimate or NotLocated
-        The robot on the field.
+        The robot on the field, as this frame alone shows it.
     free_space : FreeSpace
         Free range in each direction.
     ball : Ball or None
@@ -49,9 +49,10 @@ class View:
     polar : PolarView, FloorView or None
         Where those samples lie; None where the camera's place over the floor is unknown: then free space, boundary and
         marks are empty, and no ball or obstacle is told.
-    pose_camera : OmniCamera or PinholeCamera
-        The camera as this frame shows it to be mounted on what `pose` places: the robot, or for method "goal" the
-        camera's own foot on the floor.
+    camera : OmniCamera or PinholeCamera
+        The camera as this frame shows it to be mounted on the robot: with the head's pan, tilt and roll as fitted.
+    grid : FreeSpaceGrid or None
+        The cells of the free space; None with `polar`.
     t_s : float or None
         When the frame was taken, as `look` was told.
     belief : Belief or None
@@ -66,7 +67,8 @@ class View:
     marks: UInt8Array
     wall_radius_px: FloatArray
     polar: PolarView | FloorView | None
-    pose_camera: OmniCamera | PinholeCamera
+    camera: OmniCamera | PinholeCamera
+    grid: FreeSpaceGrid | None
     t_s: float | None = None
     belief: Belief | None = None
 
@@ -74,6 +76,13 @@ class View:
         own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)
         for array in own:
             array.flags.writeable = False
+
+    @cached_property
+    def camera_pose(self) -> PoseEstimate | NotLocated:
+        """The camera on the field: its foot on the floor, and the heading of its optical axis."""
+        if isinstance(self.pose, NotLocated):
+            return self.pose
+        return self.pose.seen_from(self.camera.camera_in_robot)
 
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Protocol
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
@@ -12,23 +12,29 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.methods import choose_method
+from robocup_vision.memory import Memory
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.perception.polar_view import PolarView
-from robocup_vision.pipeline.omni import MirrorSight
-from robocup_vision.pipeline.pinhole import PinholeSight
+from robocup_vision.pipeline.omni import OmniPipeline
+from robocup_vision.pipeline.pinhole import PinholePipeline
 from robocup_vision.view import View
-
-if TYPE_CHECKING:
-    from robocup_vision.calibration.online import OnlineCalibration
-    from robocup_vision.memory import Memory
-
-Method = Literal["floor", "field", "hull", "goal"]
 
 _NO_FLOOR = "this camera maps none of its pixels to the floor (is its tilt_rad known?)"
 
-__all__ = ["Method", "View", "Vision"]
+__all__ = ["View", "Vision"]
+
+
+class CameraRefiner(Protocol):
+    """Refines a mirror camera while frames are looked at, as `calibration.online.OnlineCalibration` does."""
+
+    camera: OmniCamera
+
+    def follow(self, frame: UInt8Array, view: View) -> OmniCamera | None:
+        """Return a better camera, or None while the one in use will do."""
+        ...
 
 
 class Vision:
@@ -42,23 +48,22 @@ class Vision:
         The camera.
     colors : Colors, optional
         Fixed colours. Without them they are learnt from the first frame, and again when the light has changed.
-    method : {"field", "floor", "hull", "goal"}, optional
-        How the pose is told. "field", the default of a mirror camera: by the floor's outline where walls or boards
-        bound it, and by the white lines where it leaves a choice, does not tell, or is not bounded, with no prior; a
-        pinhole camera, whose tilt must be known, goes by the lines. "floor": by the outline alone; a pinhole camera
-        sees too little of it to do without a prior. "hull" (mirror): as Sekimori et al. print it, by the
-        convex hull of the whole floor mask; the published reference, for comparison. "goal", the default of a pinhole
-        camera: by the posts and bar of a goal, with the lines around it; the pose is then that of the camera's foot and
-        optical axis.
+    method : str, optional
+        How the pose is told; need not be named. `robocup_vision.localization.methods.METHODS` lists them. "field", the
+        default of a mirror camera: by the floor's outline where walls or boards bound it, and by the white lines where
+        the outline leaves a choice, tells nothing, or is not bounded, with no prior; a pinhole camera, whose tilt must
+        be known, goes by the lines. "floor": by the outline alone; a pinhole camera sees too little of it to do without
+        a prior. "hull" (mirror): as Sekimori et al. print it, by the convex hull of the whole floor mask; a published
+        baseline. "goal", the default of a pinhole camera: by the posts and bar of a goal, with the lines around it.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     directions : int
         Number J of directions of the free space, all around or over what a pinhole camera has in view.
     rings : int or tuple of float
         Its rings, as in `FreeSpaceGrid`.
-    online : OnlineCalibration, optional
-        Refines this mirror camera's centre and tilt while frames are looked at; `camera` is then the one now in use,
-        and `online.state` tells how far it has moved.
+    online : CameraRefiner, optional
+        An `OnlineCalibration`, which refines this mirror camera's centre and tilt while frames are looked at; `camera`
+        is then the one now in use, and `online.state` tells how far it has moved.
     memory : Memory, optional
         Joins what the frames show: `view.belief` is then what is believed over time, and its pose the prior of the next
         frame. Frames need `t_s`, and the robot's `odometry` between them.
@@ -76,29 +81,30 @@ class Vision:
         camera: OmniCamera | PinholeCamera,
         colors: Colors | None = None,
         *,
-        method: Method | None = None,
+        method: str | None = None,
         mask: UInt8Array | None = None,
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
-        online: OnlineCalibration | None = None,
+        online: CameraRefiner | None = None,
         memory: Memory | None = None,
     ) -> None:
         if online is not None and online.camera is not camera:
             raise ArgumentError("online must be made for this very camera, which must be a mirror camera")
         self._online = online
         self._memory = memory
-        self._sight: MirrorSight | PinholeSight
+        chosen = choose_method(camera, method)
+        self._pipeline: OmniPipeline | PinholePipeline
         if isinstance(camera, PinholeCamera):
-            chosen = method or "goal"
-            self._sight = PinholeSight(field, camera, colors, chosen, mask, directions=directions, rings=rings)
+            self._pipeline = PinholePipeline(
+                field, camera, colors, method=chosen, mask=mask, directions=directions, rings=rings
+            )
         else:
-            chosen = method or "field"
-            self._sight = MirrorSight(
+            self._pipeline = OmniPipeline(
                 field, camera, colors, method=chosen, mask=mask, directions=directions, rings=rings
             )
         self.field = field
         self.camera = camera
-        self.method = chosen
+        self.method = chosen.name
 
     def look(
         self,
@@ -106,6 +112,7 @@ class Vision:
         t_s: float | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
+        pan_rad: float | None = None,
     ) -> View:
         """See what a frame shows.
 
@@ -118,26 +125,44 @@ class Vision:
         odometry : Pose2, optional
             The robot's motion since the frame before, in its frame then; with the last pose it makes a prior.
         prior : PoseEstimate or Pose2, optional
-            Where the robot (method "goal": the camera) probably is: saves time, and orders candidates that the frame
-            itself cannot tell apart; a pinhole camera refines it where the frame alone would not do.
+            Where the robot probably is: saves time, and orders candidates that the frame itself cannot tell apart; a
+            pinhole camera refines it where the frame alone would not do.
+        pan_rad : float, optional
+            Where a pinhole camera's head looked when the frame was taken, from straight ahead, positive to the left;
+            default: as the camera file says. A camera file without pan and offset is the robot itself.
 
         Raises
         ------
         FrameError
             If the frame has another size or type.
         ArgumentError
-            With a memory: if `t_s` is missing, or runs backwards where odometry is told.
+            With a memory: if `t_s` is missing, or runs backwards where odometry is handed over. If a mirror camera is
+            given a pan.
         """
         if self._memory is None:
-            view = self._sight.look(frame, t_s, odometry, prior)
+            view = self._look(frame, t_s, odometry, prior, pan_rad)
         else:
-            view = self._look_and_remember(self._memory, frame, t_s, odometry, prior)
-        if self._online is not None and isinstance(self._sight, MirrorSight):
+            view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, pan_rad)
+        if self._online is not None and isinstance(self._pipeline, OmniPipeline):
             better = self._online.follow(frame, view)
             if better is not None:
-                self._sight = self._sight.with_camera(better)
+                self._pipeline = self._pipeline.with_camera(better)
                 self.camera = better
         return view
+
+    def _look(
+        self,
+        frame: UInt8Array,
+        t_s: float | None,
+        odometry: Pose2 | None,
+        prior: PoseEstimate | Pose2 | None,
+        pan_rad: float | None,
+    ) -> View:
+        if isinstance(self._pipeline, PinholePipeline):
+            return self._pipeline.look(frame, t_s, odometry, prior, pan_rad)
+        if pan_rad is not None:
+            raise ArgumentError("pan_rad is for a pinhole camera on a head: a mirror camera has no pan")
+        return self._pipeline.look(frame, t_s, odometry, prior)
 
     def _look_and_remember(
         self,
@@ -146,39 +171,44 @@ class Vision:
         t_s: float | None,
         odometry: Pose2 | None,
         prior: PoseEstimate | Pose2 | None,
+        pan_rad: float | None,
     ) -> View:
         if t_s is None:
             raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
         if odometry is not None:
             memory.predict(odometry, t_s)
-        mounting = self._mounting
-        if prior is None:
-            known = memory.prior(t_s)
-            prior = known if known is None or mounting is None else known.compose(mounting)
-        view = self._sight.look(frame, t_s, odometry, prior)
-        robot = view.pose
-        if mounting is not None and isinstance(robot, PoseEstimate):
-            robot = robot.seen_from(mounting.inverse())
-        grid = None if self._sight.grid is None else self.grid
-        return replace(view, belief=memory.see(view, grid, robot=robot))
+        view = self._look(frame, t_s, odometry, memory.prior(t_s) if prior is None else prior, pan_rad)
+        return replace(view, belief=memory.update(view))
 
-    @property
-    def _mounting(self) -> Pose2 | None:
-        """The camera's foot and axis on the robot, where it is they that a frame tells; None where it is the robot."""
-        if self.method != "goal" or not isinstance(self.camera, PinholeCamera):
-            return None
-        return Pose2(*self.camera.offset_m, self.camera.pan_rad or 0.0)
+    def predict(self, odometry: Pose2, t_s: float) -> None:
+        """Move what memory believes, at a control step without a frame.
+
+        Parameters
+        ----------
+        odometry : Pose2
+            The robot's motion since the last step, in its frame then.
+        t_s : float
+            When it ended.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no memory, or time runs backwards.
+        """
+        if self._memory is None:
+            raise ArgumentError("predict needs a memory: Vision(..., memory=Memory(field))")
+        self._memory.predict(odometry, t_s)
 
     def forget(self) -> None:
         """Forget learnt colours, the last pose and what memory holds: the next frame stands alone."""
-        self._sight.forget()
+        self._pipeline.forget()
         if self._memory is not None:
             self._memory.forget()
 
     @property
     def colors(self) -> Colors | None:
         """The colours in use, None before the first frame."""
-        return self._sight.colors
+        return self._pipeline.colors
 
     @property
     def polar(self) -> PolarView | FloorView:
@@ -189,7 +219,7 @@ class Vision:
         ArgumentError
             If the camera maps nothing to the floor: a pinhole camera of unknown tilt, or one that looks above it.
         """
-        polar = self._sight.polar
+        polar = self._pipeline.polar
         if polar is None:
             raise ArgumentError(_NO_FLOOR)
         return polar
@@ -197,7 +227,7 @@ class Vision:
     @property
     def grid(self) -> FreeSpaceGrid:
         """The cells of the free space; raises as `polar` does."""
-        grid = self._sight.grid
+        grid = self._pipeline.grid
         if grid is None:
             raise ArgumentError(_NO_FLOOR)
         return grid

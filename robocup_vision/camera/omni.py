@@ -12,6 +12,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.camera.floor_range import FloorRange
+from robocup_vision.geometry import Pose2
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,11 @@ class OmniCamera:
         if self.viewpoint_height_m is not None:
             return self.viewpoint_height_m
         return self.floor_range.implied_height_m
+
+    @property
+    def camera_in_robot(self) -> Pose2:
+        """The mirror axis' foot on the floor, robot frame; its heading is the robot's."""
+        return Pose2(*self.offset_m, 0.0)
 
     @cached_property
     def _height_or_one(self) -> float:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.geometry import Pose2
 
 DISTORTION_LENGTHS = (0, 4, 5, 8)
 _WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
@@ -97,6 +98,11 @@ class PinholeCamera:
     def with_orientation(self, pan_rad: float | None, tilt_rad: float | None, roll_rad: float | None) -> PinholeCamera:
         """Return this camera as the neck holds it now; None: unknown."""
         return replace(self, pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
+
+    @property
+    def camera_in_robot(self) -> Pose2:
+        """The camera's foot on the floor and the heading of its axis, robot frame; an unknown pan counts as 0."""
+        return Pose2(*self.offset_m, self.pan_rad or 0.0)
 
     @cached_property
     def camera_to_robot(self) -> FloatArray:

@@ -12,7 +12,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -65,9 +65,7 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
         return LandmarkVision(dataset.landmarks, dataset.camera, mask=dataset.mask)
     from robocup_vision import vision
 
-    # any other method is refused there, with the reason
-    method = cast("vision.Method", dataset.method)
-    return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=method, mask=dataset.mask)
+    return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
 
 
 def draw_default_overlay(view: Any, frame: UInt8Array, vision: Any) -> UInt8Array:

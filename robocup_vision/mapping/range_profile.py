@@ -10,7 +10,6 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import BoolArray, FloatArray, read_only
 from robocup_vision.kernels.floor import free_floor
-from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.view import View
 
 # a gap between bearings of more than this many times their smallest spacing belongs to nobody
@@ -75,21 +74,27 @@ def cones(bearing_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
     return bearing_rad - np.roll(half, 1), bearing_rad + half
 
 
-def floor_profile(view: View, grid: FreeSpaceGrid) -> RangeProfile:
+def floor_profile(view: View) -> RangeProfile:
     """Where the floor's colour ends in each direction, a ball's foot among them.
 
     Parameters
     ----------
     view : View
-        What a frame shows.
-    grid : FreeSpaceGrid
-        Of the `Vision` that made it; best with as many directions as cells at the sensor's reach call for.
+        What a frame shows; best of a `Vision` with as many directions as cells at the sensor's reach call for.
+
+    Raises
+    ------
+    ArgumentError
+        If the view shows no floor.
 
     Notes
     -----
     `view.free_space` leaves out the ball, which a robot may drive to; a map of what stands where does not. What ends
     the floor stands in the first ring that is not free.
     """
+    grid = view.grid
+    if grid is None:
+        raise ArgumentError("the view shows no floor, so it has no range profile")
     bounds = grid.ring_bounds_m
     passable = np.where(view.marks == free_floor.BALL, free_floor.BLOCKED, view.marks).astype(np.uint8)
     range_m = grid.measure(passable).range_m

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +59,13 @@ class Ball:
     covariance: FloatArray
     u_px: float
     v_px: float
+
+    def turned(self, angle_rad: float) -> Ball:
+        """Return the ball in a frame in which directions are larger by an angle."""
+        c, s = math.cos(angle_rad), math.sin(angle_rad)
+        turn = np.array([[c, -s], [s, c]])
+        x, y = (turn @ (self.x_m, self.y_m)).tolist()
+        return replace(self, x_m=x, y_m=y, covariance=turn @ self.covariance @ turn.T)
 
 
 class BallSearch(ABC):

@@ -8,7 +8,7 @@ from the last bearing to the first.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -28,6 +28,11 @@ _BEYOND_HORIZON_PX = 12.0
 _STEEPEST = 8.0
 # seen from so far below the picture, rays up it are all but parallel, and circles are rows
 FAR_BELOW_PX = 20_000
+# what a head's pan leaves as it is: where the samples lie in the picture, and how far away
+_UNCHANGED_BY_PAN = (
+    "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px", "bearings",
+    "_columns_told", "below_px", "hidden_px", "pixels", "_map", "valid",
+)  # fmt: skip
 
 
 def down_in_picture(camera: PinholeCamera) -> tuple[float, float]:
@@ -73,6 +78,18 @@ class FloorView:
         level = np.hypot(ray[:, 0], ray[:, 1])
         slope = ray[:, 2] / np.maximum(level, 1e-9)
         return np.remainder(bearing + math.pi, math.tau) - math.pi, slope
+
+    def panned(self, pan_rad: float) -> FloorView:
+        """Return the view of the same head at another pan; nothing is worked out anew but what the pan changes.
+
+        Only for a camera whose foot is the robot's centre: else its rings about the robot change, too.
+        """
+        other = replace(self, camera=self.camera.with_orientation(pan_rad, self.camera.tilt_rad, self.camera.roll_rad))
+        turn_rad = pan_rad - (self.camera.pan_rad or 0.0)
+        first, width = self.span_rad
+        kept = {name: getattr(self, name) for name in _UNCHANGED_BY_PAN}
+        vars(other).update(kept, span_rad=(first + turn_rad, width))
+        return other
 
     @cached_property
     def sees_floor(self) -> bool:

@@ -8,7 +8,7 @@ which stays here as the reference.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -95,6 +95,13 @@ class FreeSpaceGrid:
         """(J,) float64: the directions' middles in the robot frame, ascending, radians."""
         first, width = self.view.span_rad
         return read_only((np.arange(self.directions) + 0.5) * (width / self.directions) + first)
+
+    def panned(self, view: FloorView) -> FreeSpaceGrid:
+        """Return the grid of a view that `FloorView.panned` made of this one's."""
+        other = replace(self, view=view)
+        kept = {name: getattr(self, name) for name in ("ring_bounds_m", "cell", "_needed", "_seen", "_first_seen")}
+        vars(other).update(kept)
+        return other
 
     @cached_property
     def cell(self) -> Int32Array:

@@ -1,4 +1,4 @@
-"""What seeing is for every camera: frames that are checked and masked, and the floor's colour, learnt and kept."""
+"""The steps that every camera's pipeline shares: check and mask the frame, learn and keep the floor's colour."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _STRIP_NATS = 5.0
 _LINE_GAP = 3
 
 
-class Sight:
-    """The part of `Vision` that any camera needs.
+class FramePipeline:
+    """The steps of `Vision` that every camera needs.
 
     Parameters
     ----------
@@ -57,18 +57,18 @@ class Sight:
                 raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
         self._mask = mask
         self._keep = None if mask is None else (mask == 0).astype(np.uint8)
-        self._memory = ColorMemory(field, colors, strongest_cast)
+        self._color_memory = ColorMemory(field, colors, strongest_cast)
         self._last_pose: Pose2 | None = None
 
     def forget(self) -> None:
         """Forget learnt colours and the last pose: the next frame stands alone."""
-        self._memory.forget()
+        self._color_memory.forget()
         self._last_pose = None
 
     @property
     def colors(self) -> Colors | None:
         """The colours in use, None before the first frame."""
-        return self._memory.colors
+        return self._color_memory.colors
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
         on_field = pose.compose(Pose2(ball.x_m, ball.y_m, 0.0))
@@ -91,5 +91,5 @@ class Sight:
         plain = np.require(frame, requirements=("C", "W"))
         if self._keep is None:
             return plain
-        # black under the mask, so that nothing there can tell whatever a stage reads beside it
+        # masked pixels are black, so that no stage can read them
         return np.asarray(cv2.copyTo(plain, self._keep), dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""Vision by a mirror camera: the floor all around, its outline, lines and goals, in a fraction of a millisecond."""
+"""The pipeline of a mirror camera: colours, the floor's outline, pose, ball and free space all around."""
 
 from __future__ import annotations
 
@@ -7,30 +7,27 @@ from time import perf_counter
 import numpy as np
 import numpy.typing as npt
 
-from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
-from robocup_vision.localization.baselines.floor_hull import HullLocalizer
-from robocup_vision.localization.field_half import GoalSide
-from robocup_vision.localization.floor import FloorLocalizer
-from robocup_vision.localization.lines.localizer import LineLocalizer
+from robocup_vision.localization.localizer import FrameEvidence
+from robocup_vision.localization.methods import Method, make_mirror_localizer
 from robocup_vision.perception.ball import BallFinder
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
-from robocup_vision.pipeline.frames import Sight
+from robocup_vision.pipeline.frames import FramePipeline
 from robocup_vision.view import View
 
 # an edge is a colour difference of this many standard deviations of the noise
 _MIN_CONTRAST = 5.0
 
 
-class MirrorSight(Sight):
-    """Turns frames of a mirror camera into views; parameters as those of `Vision`, methods "floor", "field", "hull"."""
+class OmniPipeline(FramePipeline):
+    """Turns frames of a mirror camera into views; parameters as those of `Vision`."""
 
     def __init__(
         self,
@@ -38,13 +35,11 @@ class MirrorSight(Sight):
         camera: OmniCamera,
         colors: Colors | None = None,
         *,
-        method: str = "field",
+        method: Method,
         mask: UInt8Array | None = None,
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
     ) -> None:
-        if method not in ("floor", "field", "hull"):
-            raise ArgumentError(f"method must be 'floor', 'field' or 'hull' for a mirror camera, got {method!r}")
         super().__init__(field, camera.size_px, colors, mask)
         mask = self._mask
         self.camera = camera
@@ -54,11 +49,7 @@ class MirrorSight(Sight):
         self.polar = PolarView(camera, bearings, mask)
         self.grid = FreeSpaceGrid(self.polar, directions, rings)
         self._marking = FloorMarking(self.polar, field.line_width_m, 2 * field.robot_radius_m)
-        by_outline = method == "floor" or (method == "field" and field.is_bounded)
-        self._floor = FloorLocalizer(field, camera, self.polar) if by_outline else None
-        self._hull = HullLocalizer(field, camera, mask) if method == "hull" else None
-        self._lines = LineLocalizer(field, camera, mask) if method == "field" else None
-        self._goal_side = GoalSide(field, camera, mask)
+        self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
         self._ball = BallFinder(field, camera, mask)
         rays = camera.polar_to_pixel(self.polar.bearing_rad, 1.0) - camera.center_px
         self._ray_u, self._ray_v = np.ascontiguousarray(rays[:, 0]), np.ascontiguousarray(rays[:, 1])
@@ -66,14 +57,14 @@ class MirrorSight(Sight):
         self._nothing = read_only(np.full(bearings, np.nan))
         self._warm_up()
 
-    def with_camera(self, camera: OmniCamera) -> MirrorSight:
-        """Return the same sight, with all it has learnt, through another calibration of its camera."""
+    def with_camera(self, camera: OmniCamera) -> OmniPipeline:
+        """Return a pipeline of the same settings and colours with another calibration of its camera."""
         rings = self.grid.rings
-        sight = MirrorSight(
+        other = OmniPipeline(
             self.field, camera, method=self.method, mask=self._mask, directions=self.grid.directions, rings=rings
         )
-        sight._memory, sight._last_pose = self._memory, self._last_pose
-        return sight
+        other._color_memory, other._last_pose = self._color_memory, self._last_pose
+        return other
 
     def look(
         self,
@@ -85,17 +76,18 @@ class MirrorSight(Sight):
         """See `Vision.look`."""
         begin = perf_counter()
         frame = self._checked(frame)
-        start = prior.pose if isinstance(prior, PoseEstimate) else prior
-        if start is None and odometry is not None and self._last_pose is not None:
-            start = self._last_pose.compose(odometry)
+        if prior is None and odometry is not None and self._last_pose is not None:
+            prior = self._last_pose.compose(odometry)
         samples = self.polar.sample(frame)
-        table, llr = self._memory.classify(samples, self.polar)
+        table, llr = self._color_memory.classify(samples, self.polar)
         if table is None:
             return self._blind(begin, t_s)
         colored = perf_counter()
         edge, outermost = self._outline(frame, llr, table)
         outlined = perf_counter()
-        pose, walls = self._locate(frame, edge, table, start)
+        evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost)
+        answer = self._localizer.locate(evidence, prior)
+        pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
         ball = self._ball.find(frame, table)
         if ball is not None and pose and self.field.is_bounded and not self._is_on_floor(ball, pose.pose):
@@ -115,7 +107,7 @@ class MirrorSight(Sight):
             "free_space": end - balled,
             "total": end - begin,
         }
-        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, self.camera, t_s)
+        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, self.camera, self.grid, t_s)
 
     def _outline(
         self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
@@ -136,29 +128,6 @@ class MirrorSight(Sight):
         )
         return edge, column
 
-    def _locate(
-        self, frame: UInt8Array, edge: FloatArray, table: ColorTable, start: Pose2 | None
-    ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
-        reason = ""
-        if self._hull is not None:
-            by_hull = self._hull.locate(frame, table)
-            if isinstance(by_hull, PoseEstimate):
-                return self._goal_side.choose(frame, by_hull, table.colors, start), self._nothing
-            reason = by_hull.reason
-        if self._floor is not None:
-            lines = self._lines
-            arbiter = None if lines is None else (lambda poses: lines.choose(frame, poses))
-            estimate, walls = self._floor.locate(edge, start, arbiter)
-            if isinstance(estimate, PoseEstimate):
-                return self._goal_side.choose(frame, estimate, table.colors, start), walls
-            reason = estimate.reason
-        if self._lines is not None:
-            by_lines = self._lines.locate(frame)
-            if isinstance(by_lines, PoseEstimate):
-                return self._goal_side.choose(frame, by_lines, table.colors, start), self._nothing
-            reason = f"{reason}; by lines: {by_lines.reason}" if reason else by_lines.reason
-        return NotLocated(reason), self._nothing
-
     def _blind(self, begin: float, t_s: float | None) -> View:
         self._last_pose = None
         shape = self.polar.valid.shape
@@ -173,6 +142,7 @@ class MirrorSight(Sight):
             self._nothing,
             self.polar,
             self.camera,
+            self.grid,
             t_s,
         )
 

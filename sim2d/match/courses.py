@@ -21,7 +21,7 @@ from robocup_vision.avoidance import SteadyFreeSpace, Wayfinder
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.pose_filter import PoseFilter
+from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
 from sim2d.players.driving.wheel_velocity import WheelVelocity
 from sim2d.rendering.scene import BOX_COLORS, Box, Scene
@@ -217,8 +217,8 @@ def drive_course(
     """
     world = World.course(course.field, course.boxes, [course.start], limits, rng)
     eye = MatchCamera(course.field, camera, limits, rng, boxes=course.boxes)
-    vision = Vision(course.field, camera, directions=_DIRECTIONS, rings=_RINGS)
-    belief, floor = PoseFilter(), SteadyFreeSpace()
+    vision = Vision(course.field, camera, directions=_DIRECTIONS, rings=_RINGS, memory=Memory(course.field))
+    floor = SteadyFreeSpace()
     way = Wayfinder(max(float(vision.grid.ring_bounds_m[0]), limits.radius_m))
     scene = Scene(course.field, boxes=course.boxes)
     wheels = WheelVelocity(limits, CONTROL_PERIOD_S)
@@ -234,13 +234,12 @@ def drive_course(
         if math.hypot(pose.x_m - course.goal[0], pose.y_m - course.goal[1]) <= ARRIVED_M:
             return Drive(False, state.t_s, clearance_m)
         odometry = world.odometry(0)
-        belief.predict(odometry, state.t_s)
-        view = vision.look(eye.render(state, 0), state.t_s, prior=belief.prior(state.t_s))
-        belief.update(view.pose, state.t_s)
+        view = vision.look(eye.render(state, 0), state.t_s, odometry)
+        assert view.belief is not None
         free_space = floor.update(view.free_space, odometry)
         way.update(free_space, odometry)
         wheels.sense(odometry)
-        known = belief.belief
+        known = view.belief.pose
         wanted = (0.0, 0.0)
         if known:
             x, y = known.pose.inverse().transform(course.goal).tolist()

@@ -14,7 +14,7 @@ from field_models import Field, load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.pose_filter import PoseFilter
+from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
 from sim2d.match.arena import Arena, Camera, camera_for
 from sim2d.match.match import periods
@@ -296,28 +296,25 @@ class _Percepts:
     """What one robot's frames and odometry tell."""
 
     def __init__(self, field: Field, camera: Camera) -> None:
-        self._vision = Vision(field, camera)
-        self._filter = PoseFilter()
+        self._memory = Memory(field)
+        self._vision = Vision(field, camera, memory=self._memory)
         self.directions = len(self._vision.grid.bearing_rad)
         self.forget()
 
     def forget(self) -> None:
         """Forget the match before."""
         self._vision.forget()
-        self._filter.forget()
         self._free_range_m = np.zeros(self.directions)
         self._ball_m: tuple[float, float] | None = None
 
     def look(self, senses: Senses, attacks_plus: bool) -> Observation:
         """Return what is known after these senses; without a frame, the last one's floor and ball."""
-        self._filter.predict(senses.odometry, senses.t_s)
+        self._memory.predict(senses.odometry, senses.t_s)
         if senses.frame is not None and senses.frame_t_s is not None:
-            prior = self._filter.prior(senses.frame_t_s)
-            view = self._vision.look(senses.frame, senses.frame_t_s, prior=prior)
-            self._filter.update(view.pose, senses.frame_t_s)
+            view = self._vision.look(senses.frame, senses.frame_t_s)
             self._free_range_m = view.free_space.range_m
             self._ball_m = None if view.ball is None else (view.ball.x_m, view.ball.y_m)
-        belief = self._filter.belief
+        belief = self._memory.poses.belief
         pose = [0.0] * 4
         if belief:
             place: Pose2 = belief.pose if attacks_plus else belief.pose.half_turn()

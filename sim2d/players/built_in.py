@@ -69,11 +69,9 @@ class BuiltInPlayer:
         camera = setup.camera
         self._head: PinholeCamera | None = None
         if isinstance(camera, PinholeCamera):
-            # seen from the head, wherever it turns; `_mount` places the head on the robot
             self._head = camera
-            camera = dataclasses.replace(camera, pan_rad=0.0, offset_m=(0.0, 0.0))
-        self._vision = Vision(setup.field, camera)
         self._memory = Memory.of_everything(setup.field) if remembers or plans else Memory(setup.field)
+        self._vision = Vision(setup.field, camera, memory=self._memory)
         self._filter = self._memory.poses
         # the rules say where it begins, up to what a frame has to say
         self._filter.expect(
@@ -86,7 +84,6 @@ class BuiltInPlayer:
         self._hidden: HiddenBall | None = None
         self._view: View | None = None
         self._view_t_s = -math.inf
-        self._view_mount = _NOWHERE
         self._floor = SteadyFreeSpace()
         self._free_space: FreeSpace | None = None
         self._last_frame: UInt8Array | None = None
@@ -166,16 +163,12 @@ class BuiltInPlayer:
         if self._last_frame is not None and np.array_equal(frame, self._last_frame):
             return
         self._last_frame = frame.copy()
-        mount = self._mount(senses.frame_pan_rad)
-        prior = self._filter.prior(frame_t_s)
-        view = self._vision.look(frame, frame_t_s, prior=None if prior is None else prior.compose(mount))
-        pose = view.pose
-        if isinstance(pose, PoseEstimate) and self._head is not None:
-            pose = pose.seen_from(mount.inverse())
+        if senses.frame_pan_rad is not None:
+            self._pan_rad = senses.frame_pan_rad
+        view = self._vision.look(frame, frame_t_s, pan_rad=None if self._head is None else self._pan_rad)
         if self._gaze_planner is not None:
-            self._gaze_planner.observe(bool(pose), mount.theta_rad)
-        grid = None if view.polar is None else self._vision.grid
-        self._view = dataclasses.replace(view, belief=self._memory.see(view, grid, robot=pose, mount=mount))
+            self._gaze_planner.observe(bool(view.pose), self._pan_rad)
+        self._view = view
         if view.polar is None or not view.marks.any():
             return
         belief, motion = self._filter.belief, self._filter.motion_since(frame_t_s)
@@ -184,11 +177,9 @@ class BuiltInPlayer:
             self._floor = SteadyFreeSpace()
         moved = _NOWHERE if before is None or motion is None else before.compose(motion.inverse())
         self._free_space = view.free_space if self._head else self._floor.update(view.free_space, moved)
-        self._view_t_s, self._view_mount = frame_t_s, mount
+        self._view_t_s = frame_t_s
         if belief and motion is not None and view.ball is not None:
-            ball = (
-                belief.pose.compose(motion.inverse()).compose(mount).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
-            )
+            ball = belief.pose.compose(motion.inverse()).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
             self._ball.update((ball.x_m, ball.y_m), frame_t_s)
             if self._hidden is not None:
                 self._hidden.update((ball.x_m, ball.y_m), *self._tracks(frame_t_s))
@@ -208,7 +199,7 @@ class BuiltInPlayer:
             return Command(turn_rps=0.0 if blind or self._head is not None else _LOST_RPS)
         pose = belief.pose
         free_space = self._free_space_now(self._free_space, motion)
-        seen_from = pose.compose(motion.inverse()).compose(self._view_mount)
+        seen_from = pose.compose(motion.inverse())
         # nothing but the ball has room so near
         nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
         things = [seen_from.compose(Pose2(o.x_m, o.y_m, 0.0)) for o in self._view.obstacles if o.range_m > nearest]
@@ -316,21 +307,13 @@ class BuiltInPlayer:
     def _free_space_now(self, seen: FreeSpace, motion: Pose2) -> FreeSpace:
         if self._head is None:
             return carry_free_space(seen, motion)
-        return FreeSpace(seen.bearing_rad + self._view_mount.theta_rad - motion.theta_rad, seen.range_m)
+        return FreeSpace(seen.bearing_rad - motion.theta_rad, seen.range_m)
 
     def _in_team(self, pose: Pose2) -> Pose2:
         return pose if self._setup.attacks > 0 else pose.half_turn()
 
     def _point_in_team(self, point: Point) -> Point:
         return point if self._setup.attacks > 0 else (-point[0], -point[1])
-
-    def _mount(self, pan_rad: float | None) -> Pose2:
-        """Where on the robot the camera was when it took a frame; a neck that tells nothing is still as it was."""
-        if self._head is None:
-            return _NOWHERE
-        if pan_rad is not None:
-            self._pan_rad = pan_rad
-        return Pose2(*self._head.offset_m, self._pan_rad)
 
     def _plan_gaze(self, planner: PoseGaze, t_s: float) -> Gaze:
         tracks, _ = self._tracks(t_s)

@@ -17,8 +17,8 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.mapping.range_profile import RangeProfile, floor_profile
+from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow
@@ -112,8 +112,8 @@ class SensorFrame:
 
 
 def map_vision(field: Field, camera: OmniCamera) -> Vision:
-    """Make a `Vision` whose free space is fine enough for a map."""
-    return Vision(field, camera, directions=DIRECTIONS, rings=RINGS)
+    """Make a `Vision` whose free space is fine enough for a map, and that remembers where it is."""
+    return Vision(field, camera, directions=DIRECTIONS, rings=RINGS, memory=Memory(field))
 
 
 def sensor_run(
@@ -164,12 +164,11 @@ def sensor_run(
     obstacles = (*scene.boxes, *(Box(r.x_m, r.y_m, 0.0, 2 * r.radius_m, 2 * r.radius_m) for r in scene.robots))
     world = World.course(field, obstacles, starts, limits, rng)
     speeds = rng.uniform(*_MOVER_SPEED_MPS, len(lanes)).tolist()
-    belief = PoseFilter()
     target, turn_rps, ahead = layout.leg(start), 0.0, [1] * len(lanes)
     for period in range(frames * PERIODS_A_FRAME):
         state = world.state
         if period:
-            belief.predict(world.odometry(0), state.t_s)
+            vision.predict(world.odometry(0), state.t_s)
         pose = state.robots[0].pose
         if period % PERIODS_A_FRAME == 0:
             movers = state.robots[1:]
@@ -178,13 +177,13 @@ def sensor_run(
             seen = dataclasses.replace(lit, robots=(*lit.robots, *others))
             frame = _CAMERA_SENSOR.expose(renderer.render(seen, pose), rng)
             # it knows where it was put down
-            view = vision.look(frame, state.t_s, prior=belief.prior(state.t_s) if period else pose)
-            belief.update(view.pose, state.t_s)
-            known = belief.belief
+            view = vision.look(frame, state.t_s, prior=None if period else pose)
+            assert view.belief is not None
+            known = view.belief.pose
             yield SensorFrame(
                 state.t_s,
                 known.pose if known else None,
-                floor_profile(view, vision.grid),
+                floor_profile(view),
                 scanner.scan(seen, pose, rng),
                 pose,
                 lit,

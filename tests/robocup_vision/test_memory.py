@@ -12,7 +12,6 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE, NO_GO, FreeSpaceMap
 from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.memory import Memory
-from robocup_vision.tracking import MovingObjects
 from robocup_vision.vision import Vision
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
@@ -82,7 +81,7 @@ def test_a_vision_without_memory_believes_nothing(ssl_field, paper_camera, eye, 
 def test_nobody_is_followed_while_the_pose_is_unknown(ssl_field, paper_camera, eye, world):
     memory = Memory.of_everything(ssl_field)
     view = drive(Vision(ssl_field, paper_camera), eye, world, 1)
-    belief = memory.see(dataclasses.replace(view, pose=NotLocated("dark")), None)
+    belief = memory.update(dataclasses.replace(view, pose=NotLocated("dark")))
     assert not belief.pose
     assert belief.tracks == ()
     assert belief.free_map is None
@@ -107,26 +106,8 @@ def test_a_late_frame_serves_the_pose_alone(ssl_field, paper_camera, eye, world)
     vision = Vision(ssl_field, paper_camera, memory=memory)
     view = drive(vision, eye, world, 10)
     counts = memory.free_map.observations("floor")
-    memory.see(dataclasses.replace(view, t_s=view.t_s - CONTROL_PERIOD_S), vision.grid)
+    memory.update(dataclasses.replace(view, t_s=view.t_s - CONTROL_PERIOD_S))
     np.testing.assert_array_equal(memory.free_map.observations("floor"), counts)
-
-
-def test_a_head_that_is_turned_sees_the_same_places(ssl_field, paper_camera, eye, world):
-    mount = Pose2(0.0, 0.0, 0.7)
-    state = world.state
-    turned = Vision(ssl_field, paper_camera)
-    memory, plain = Memory.of_everything(ssl_field), Memory.of_everything(ssl_field)
-    for period in range(8):
-        t_s = period * CONTROL_PERIOD_S
-        view = turned.look(np.array(eye.render(state, 0)), t_s)
-        plain.predict(_NOWHERE, t_s)
-        memory.predict(_NOWHERE, t_s)
-        one = plain.see(view, turned.grid)
-        # the same frame, said to be seen by a head that looks to the left: the robot then heads to the right of it
-        other = memory.see(view, turned.grid, robot=view.pose.seen_from(mount.inverse()), mount=mount)
-    assert other.pose.pose.compose(mount).error_to(one.pose.pose)[0] < 1e-3
-    assert len(one.tracks) == len(other.tracks) == 1
-    assert (one.tracks[0].x_m, one.tracks[0].y_m) == pytest.approx((other.tracks[0].x_m, other.tracks[0].y_m), abs=0.01)
 
 
 def test_to_forget_is_to_begin_anew(ssl_field, paper_camera, eye, world):
@@ -145,13 +126,12 @@ def test_bad_calls_say_what_is_wrong(ssl_field, paper_camera, eye, world):
         Vision(ssl_field, paper_camera, memory=Memory(ssl_field)).look(frame)
     view = Vision(ssl_field, paper_camera).look(frame)
     with pytest.raises(ArgumentError, match="hand t_s to look"):
-        Memory(ssl_field).see(view)
+        Memory(ssl_field).update(view)
     only_range = {"range": default_sensors()["range"]}
     with pytest.raises(ArgumentError, match="needs a sensor 'floor', it has range"):
         Memory(ssl_field, free_map=FreeSpaceMap(only_range))
-    mapped = Memory(ssl_field, objects=MovingObjects(), free_map=FreeSpaceMap())
-    with pytest.raises(ArgumentError, match="needs the grid"):
-        mapped.see(dataclasses.replace(view, t_s=0.0))
+    with pytest.raises(ArgumentError, match="predict needs a memory"):
+        Vision(ssl_field, paper_camera).predict(_NOWHERE, 0.0)
 
 
 def test_an_estimate_seen_from_a_mount_and_back_is_itself():

@@ -173,7 +173,7 @@ def test_a_goal_places_a_camera_of_unknown_tilt_and_tells_where_the_floor_is():
     assert len(shown) > 80
     picture = draw(view, one.frame, vision)
     assert np.mean(np.abs(picture.astype(int) - FIELD_COLOR).max(axis=-1) <= 12) > 1e-4
-    assert view.pose_camera.tilt_rad is not None
+    assert view.camera.tilt_rad is not None
     # the next frame goes on from there only where the neck's pan is known
     again = vision.look(one.frame, odometry=Pose2(0.0, 0.0, 0.0))
     assert again.pose
@@ -189,6 +189,45 @@ def test_a_goal_places_a_camera_of_unknown_tilt_and_tells_where_the_floor_is():
         _ = vision.polar
     with pytest.raises(ArgumentError, match="tilt_rad"):
         _ = vision.grid
+
+
+@pytest.mark.parametrize("offset_m", [(0.0, 0.0), (0.05, -0.02)])
+@pytest.mark.parametrize("method", ["field", "goal"])
+def test_a_head_that_pans_sees_what_a_camera_mounted_at_that_pan_sees(field, method, offset_m):
+    if method == "goal":
+        field = load_field("spl_2020")
+    camera = PinholeCamera(
+        (320, 240), (300.0, 300.0), (159.5, 119.5), 0.2, offset_m=offset_m, pan_rad=0.0, tilt_rad=-0.3
+    )
+    pan_rad, robot = 0.6, Pose2(3.0, -1.2, 0.25)
+    turned = dataclasses.replace(camera, pan_rad=pan_rad)
+    ball = tuple(Pose2(*offset_m, pan_rad).transform((0.7, -0.1)))
+    frame = painted(turned, field, robot, wall_at_m=2.4, ball=ball)
+    mounted, head = Vision(field, turned, method=method), Vision(field, camera, method=method)
+    head.look(frame)
+    one, other = mounted.look(frame, prior=robot), head.look(frame, prior=robot, pan_rad=pan_rad)
+    assert one.pose
+    assert other.pose
+    assert one.pose.pose.error_to(robot)[0] < 0.1
+    # by lines alone the points are thinned on patches of floor that lie differently under a camera at another pan
+    alike = pytest.approx((0.0, 0.0), abs=1e-6 if method == "goal" else 3e-3)
+    assert other.pose.pose.error_to(one.pose.pose) == alike
+    assert other.camera_pose.pose.error_to(one.camera_pose.pose) == alike
+    assert one.camera_pose.pose.error_to(one.pose.pose.compose(Pose2(*offset_m, pan_rad)))[0] < 1e-9
+    np.testing.assert_allclose(other.free_space.bearing_rad, one.free_space.bearing_rad, atol=0.02)
+    np.testing.assert_allclose(np.median(other.free_space.range_m), np.median(one.free_space.range_m), rtol=0.1)
+    # the white ball of the other league is not looked for
+    assert (one.ball is not None) == (other.ball is not None) == (method == "field")
+    if one.ball is not None and other.ball is not None:
+        assert math.dist((one.ball.x_m, one.ball.y_m), ball) < 0.03
+        assert math.dist((other.ball.x_m, other.ball.y_m), (one.ball.x_m, one.ball.y_m)) < 1e-6
+    assert other.camera.pan_rad == pan_rad
+
+
+def test_only_a_head_pans(ssl_field, paper_camera):
+    frame = np.zeros((220, 256, 3), dtype=np.uint8)
+    with pytest.raises(ArgumentError, match="a mirror camera has no pan"):
+        Vision(ssl_field, paper_camera).look(frame, pan_rad=0.1)
 
 
 def test_a_view_over_the_floor_is_drawn(vision, camera, field):

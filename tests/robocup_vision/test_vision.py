@@ -375,7 +375,7 @@ def test_frames_of_another_kind_are_refused(vision, frame, message):
         ({"mask": np.zeros((256, 220), dtype=np.uint8)}, r"mask must be \(220, 256\) uint8, got \(256, 220\) uint8"),
         ({"mask": np.zeros((220, 256), dtype=bool)}, r"mask must be \(220, 256\) uint8, got \(220, 256\) bool"),
         ({"mask": np.zeros((220, 256, 3), dtype=np.uint8)}, r"got \(220, 256, 3\) uint8"),
-        ({"method": "goal"}, "method must be 'floor', 'field' or 'hull' for a mirror camera, got 'goal'"),
+        ({"method": "goal"}, "method must be 'field', 'floor' or 'hull' for a mirror camera, got 'goal'"),
         ({"directions": 0}, "directions must be at least 3, got 0"),
         ({"directions": -8}, "directions must be at least 3, got -8"),
         ({"rings": 0}, "rings must be at least 1, got 0"),

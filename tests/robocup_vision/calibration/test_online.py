@@ -35,7 +35,7 @@ def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera
         errors.append(view.pose.pose.error_to(one.pose, symmetric=True)[0])
     assert np.median(errors[:6]) > 4e-3
     assert np.median(errors[-12:]) < 2.5e-3
-    assert vision.camera is online.camera is view.pose_camera is not paper_camera
+    assert vision.camera is online.camera is view.camera is not paper_camera
     np.testing.assert_allclose(vision.camera.center_px, true_camera.center_px, atol=0.3)
     np.testing.assert_allclose(vision.camera.tilt_rad, true_camera.tilt_rad, atol=math.radians(0.15))
     state = online.state
@@ -85,11 +85,11 @@ def test_only_every_so_many_frames_count_and_only_located_ones(ssl_field, paper_
 def test_colours_and_place_are_kept_when_the_camera_changes(ssl_field, paper_camera, walk):
     vision = Vision(ssl_field, paper_camera)
     vision.look(walk[0].frame)
-    sight = vision._sight
-    other = sight.with_camera(dataclasses.replace(paper_camera, center_px=(128.0, 109.0)))
-    assert other.colors is sight.colors
+    pipeline = vision._pipeline
+    other = pipeline.with_camera(dataclasses.replace(paper_camera, center_px=(128.0, 109.0)))
+    assert other.colors is pipeline.colors
     assert other.camera.center_px == (128.0, 109.0)
-    assert other.grid.directions == sight.grid.directions
+    assert other.grid.directions == pipeline.grid.directions
 
 
 def test_it_is_made_for_one_mirror_camera(ssl_field, paper_camera):

@@ -68,7 +68,7 @@ def test_a_cameras_floor_ends_at_things_and_at_the_ball():
     box, ball = Box(0.25, 0.1), Ball(-0.3, -0.3, field.ball_radius_m)
     light = MirrorRenderer(camera, 1).render(Scene(field, boxes=(box,), ball=ball), pose)
     view = vision.look(Sensor(noise_sigma=4.0, blur_px=0.7).expose(light, np.random.default_rng(3)))
-    profile = floor_profile(view, vision.grid)
+    profile = floor_profile(view)
     range_m, depth_m = profile.range_m, np.asarray(profile.depth_m)
 
     def at(x, y):

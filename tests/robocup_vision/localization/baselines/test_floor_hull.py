@@ -247,5 +247,5 @@ def test_bad_arguments() -> None:
     square = dataclasses.replace(FIELD, floor_polygon=np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float))
     with pytest.raises(ArgumentError, match="needs a floor that is longer than wide, 'ssl_2001' is square"):
         HullLocalizer(square, CAMERA)
-    with pytest.raises(ArgumentError, match="method must be 'floor', 'field' or 'hull'"):
+    with pytest.raises(ArgumentError, match="method must be 'field', 'floor' or 'hull'"):
         Vision(FIELD, CAMERA, method="magic")

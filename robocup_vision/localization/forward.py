@@ -1,0 +1,184 @@
+"""Localises a robot with a pinhole camera: by one picture of a goal, by the field's lines, or by the walls' feet."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.goal.geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
+from robocup_vision.localization.goal.half_goal import PRIOR_STD_M, PRIOR_STD_RAD
+from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.lines.localizer import LineLocalizer
+from robocup_vision.localization.lines.nearby import locate_nearby
+from robocup_vision.localization.lines.walls import localizer_by_walls, wall_points
+from robocup_vision.localization.localizer import (
+    FrameEvidence,
+    Localization,
+    pose_of,
+)
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.line_points import LinePoints
+
+
+@dataclass(frozen=True, slots=True)
+class NarrowViewSettings:
+    """When lines, or the floor's edge, place a camera with a narrow view.
+
+    Parameters
+    ----------
+    min_inlier_ratio : float
+        Share of the line points that must agree without a prior: few lines are in view, and other poses explain them
+        nearly as well.
+    min_lines : int
+        Lines that must agree without a prior: two lines are any corner of the field.
+    min_ratio_on_line : float
+        Share of the points that makes a line count.
+    on_line_widths : float
+        So near to a line, in line widths, a point is on it.
+    min_edge_contrast : float
+        An edge of the floor differs by this many times the floor's noise.
+    """
+
+    min_inlier_ratio: float = 0.75
+    min_lines: int = 3
+    min_ratio_on_line: float = 0.08
+    on_line_widths: float = 2.0
+    min_edge_contrast: float = 5.0
+
+
+class GoalMethod:
+    """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown."""
+
+    needs_floor = False
+
+    def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
+        self._goal = GoalLocalizer(field, camera)
+
+    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
+        """See `Localizer.locate`."""
+        camera = evidence.camera
+        assert isinstance(camera, PinholeCamera)
+        start = pose_of(prior)
+        near = None if start is None else start.compose(camera.camera_in_robot)
+        placed = self._goal.look(evidence.frame, near)
+        if isinstance(placed, NotLocated):
+            return Localization(placed, camera)
+        p = [float(value) for value in placed.unknowns]
+        fu, fv = camera.focal_px
+        scale = math.exp(p[LOG_FOCAL])
+        held = replace(
+            camera,
+            focal_px=(fu * scale, fv * scale),
+            height_m=p[HEIGHT],
+            pan_rad=camera.pan_rad or 0.0,
+            tilt_rad=p[TILT],
+            roll_rad=p[ROLL],
+        )
+        return Localization(placed.estimate(near).seen_from(held.camera_in_robot.inverse()), held)
+
+
+class LineMethod:
+    """Satisfies `Localizer`; method "field" of a pinhole camera whose tilt is known: by the field's lines."""
+
+    needs_floor = False
+
+    def __init__(
+        self,
+        field: Field,
+        camera: PinholeCamera,
+        mask: UInt8Array | None = None,
+        settings: NarrowViewSettings = NarrowViewSettings(),
+    ) -> None:
+        self._field = field
+        self._camera = camera
+        self._lines = LineLocalizer(field, camera, mask)
+        self._settings = settings
+
+    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
+        """See `Localizer.locate`."""
+        camera = evidence.camera
+        assert isinstance(camera, PinholeCamera)
+        points = self._lines.finder.find(evidence.frame)
+        # the line points are those of the pan in the camera file: a robot turned by what the head has turned since
+        turned = camera.camera_in_robot.compose(self._camera.camera_in_robot.inverse())
+        if prior is None:
+            pose = self._without_prior(points)
+            answer = Localization(pose, self._camera)
+        else:
+            near = prior.seen_from(turned) if isinstance(prior, PoseEstimate) else prior.compose(turned)
+            answer = _refined(points, self._lines, near, self._camera)
+        if camera.camera_in_robot == self._camera.camera_in_robot:
+            return answer
+        assert isinstance(answer.camera, PinholeCamera)
+        pose = answer.pose
+        return Localization(
+            pose if isinstance(pose, NotLocated) else pose.seen_from(turned.inverse()),
+            camera.with_orientation(camera.pan_rad, answer.camera.tilt_rad, answer.camera.roll_rad),
+        )
+
+    def _without_prior(self, points: LinePoints) -> PoseEstimate | NotLocated:
+        settings, lines = self._settings, self._lines
+        estimate = lines.locate(points)
+        if not isinstance(estimate, PoseEstimate):
+            return estimate
+        if estimate.inlier_share < settings.min_inlier_ratio:
+            ratio = f"{estimate.inlier_share:.0%}"
+            return NotLocated(f"only {ratio} of the line points lie on lines: too few for so narrow a view")
+        nearest = lines.line_map.nearest(estimate.pose.transform(points.floor_m))
+        near = nearest.distance_m < settings.on_line_widths * self._field.line_width_m
+        on_each = np.bincount(nearest.index[near])
+        count = int(np.count_nonzero(on_each >= max(settings.min_ratio_on_line * len(points), 10)))
+        if count < settings.min_lines:
+            return NotLocated(f"{count} lines in view, which without a prior fit many a corner of the field")
+        return estimate
+
+
+class WallMethod:
+    """Satisfies `Localizer`; method "floor" of a pinhole camera whose tilt is known: by the feet of walls or boards."""
+
+    needs_floor = True
+
+    def __init__(
+        self,
+        field: Field,
+        camera: PinholeCamera,
+        mask: UInt8Array | None = None,
+        settings: NarrowViewSettings = NarrowViewSettings(),
+    ) -> None:
+        self._walls = localizer_by_walls(field, camera)
+        self._settings = settings
+
+    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
+        """See `Localizer.locate`."""
+        camera, view = evidence.camera, evidence.view
+        assert isinstance(camera, PinholeCamera)
+        if evidence.table is None or not isinstance(view, FloorView):
+            return Localization(NotLocated("no floor in view"), camera)
+        if prior is None:
+            # a sway of half a degree makes three walls fit elsewhere, and fit well
+            return Localization(
+                NotLocated("a pinhole camera sees too little of the floor's edge to do without a prior"), camera
+            )
+        min_contrast = self._settings.min_edge_contrast * evidence.table.colors.floor.noise
+        points = wall_points(evidence.frame, view, evidence.floor_column, view.hidden_px, min_contrast)
+        answer = _refined(points, self._walls, prior, camera)
+        if isinstance(answer.pose, NotLocated):
+            reason = f"the floor's edge, by lines where the walls stand: {answer.pose.reason}"
+            return replace(answer, pose=NotLocated(reason))
+        return answer
+
+
+def _refined(
+    points: LinePoints, lines: LineLocalizer, prior: PoseEstimate | Pose2, camera: PinholeCamera
+) -> Localization:
+    """Refine a prior by line points, together with the camera's tilt and roll."""
+    if isinstance(prior, Pose2):
+        prior = PoseEstimate(prior, np.diag([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
+    return Localization(*locate_nearby(points, lines.line_map, prior, camera))

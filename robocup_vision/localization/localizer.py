@@ -1,0 +1,90 @@
+"""The interface of every localiser: the evidence of one frame and a prior in, one shape of answer out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.perception.color_table import ColorTable
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.polar_view import PolarView
+
+Camera = OmniCamera | PinholeCamera
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameEvidence:
+    """What a frame holds for a localiser.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR, black under the mask.
+    camera : OmniCamera or PinholeCamera
+        As it is mounted on the robot in this frame, a head's pan included.
+    table : ColorTable or None
+        Classifies the frame's colours; None where they are not known.
+    view : PolarView, FloorView or None
+        Where the floor samples lie; None where the camera's tilt is not known.
+    edge_px : (K,) float64
+        The floor's edge at each of the view's bearings, as its `radius_px`; NaN where none.
+    floor_column : (K,) int64
+        Each bearing's outermost floor sample; -1 where none.
+    """
+
+    frame: UInt8Array
+    camera: Camera
+    table: ColorTable | None
+    view: PolarView | FloorView | None
+    edge_px: FloatArray
+    floor_column: Int64Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Localization:
+    """A localiser's answer.
+
+    Parameters
+    ----------
+    pose : PoseEstimate or NotLocated
+        The robot on the field.
+    camera : OmniCamera or PinholeCamera
+        The camera as this frame shows it to be mounted on the robot: tilt and roll refined where they were fitted.
+    wall_px : (K,) float64 or None
+        Where the pose puts the walls, as `edge_px`; None where the localiser does not say.
+    """
+
+    pose: PoseEstimate | NotLocated
+    camera: Camera
+    wall_px: FloatArray | None = None
+
+
+class Localizer(Protocol):
+    """Tells a robot's pose from one frame."""
+
+    @property
+    def needs_floor(self) -> bool:
+        """Whether the evidence must hold the floor's samples and colours before the pose can be told."""
+        ...
+
+    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
+        """Locate the robot.
+
+        Parameters
+        ----------
+        evidence : FrameEvidence
+            Of one frame.
+        prior : PoseEstimate or Pose2, optional
+            Where the robot probably is, field frame; a `Pose2` states no covariance.
+        """
+        ...
+
+
+def pose_of(prior: PoseEstimate | Pose2 | None) -> Pose2 | None:
+    """Return a prior's pose alone."""
+    return prior.pose if isinstance(prior, PoseEstimate) else prior

@@ -1,0 +1,108 @@
+"""The one place that says which localisation methods exist, what each needs, and which is the default.
+
+Users need not name a method. Published baselines stand here by name alone: they are loaded when somebody asks for them.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import cast
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.localization.forward import GoalMethod, LineMethod, WallMethod
+from robocup_vision.localization.localizer import Camera, Localizer
+from robocup_vision.localization.mirror import MirrorLocalizer
+from robocup_vision.perception.polar_view import PolarView
+
+MIRROR, PINHOLE = "mirror", "pinhole"
+_HULL = "robocup_vision.localization.baselines.hull_method"
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A way to tell the pose from one frame.
+
+    Parameters
+    ----------
+    name : str
+        As users and dataset.toml write it.
+    camera : {"mirror", "pinhole"}
+        The kind of camera it is for.
+    needs : str
+        What it needs of field and camera beyond that.
+    needs_tilt : bool
+        Whether a pinhole camera's tilt must be known.
+    is_baseline : bool
+        Whether it is a published method, kept for comparison.
+    """
+
+    name: str
+    camera: str
+    needs: str
+    needs_tilt: bool = False
+    is_baseline: bool = False
+
+
+# the first of each kind of camera is the default
+METHODS = (
+    Method("field", MIRROR, "walls or boards, or white lines"),
+    Method("floor", MIRROR, "walls or boards that bound the floor"),
+    Method("hull", MIRROR, "walls or boards that bound a floor longer than wide", is_baseline=True),
+    Method("goal", PINHOLE, "goals of posts and a bar"),
+    Method("field", PINHOLE, "white lines", needs_tilt=True),
+    Method("floor", PINHOLE, "walls or boards that bound the floor, and a prior", needs_tilt=True),
+)
+
+
+def kind_of(camera: Camera) -> str:
+    """Return "mirror" or "pinhole"."""
+    return PINHOLE if isinstance(camera, PinholeCamera) else MIRROR
+
+
+def choose_method(camera: Camera, name: str | None = None) -> Method:
+    """Return the named method, or the default one, of a camera.
+
+    Raises
+    ------
+    ArgumentError
+        If no method of that name serves the camera, or its tilt must be known and is not.
+    """
+    kind = kind_of(camera)
+    mine = [method for method in METHODS if method.camera == kind]
+    if name is None:
+        return mine[0]
+    for method in mine:
+        if method.name == name:
+            if method.needs_tilt and isinstance(camera, PinholeCamera) and not camera.known_orientation:
+                raise ArgumentError(f"method '{name}' needs a camera whose tilt_rad is known")
+            return method
+    names = [repr(method.name) for method in mine]
+    raise ArgumentError(f"method must be {', '.join(names[:-1])} or {names[-1]} for a {kind} camera, got {name!r}")
+
+
+def make_mirror_localizer(
+    method: Method, field: Field, camera: Camera, view: PolarView, mask: UInt8Array | None
+) -> Localizer:
+    """Make the localiser of a mirror camera.
+
+    Raises
+    ------
+    ArgumentError
+        If the method does not fit the field.
+    """
+    if method.is_baseline:
+        make = cast("Callable[..., Localizer]", importlib.import_module(_HULL).HullMethod)
+        return make(field, camera, view, mask)
+    assert not isinstance(camera, PinholeCamera)
+    return MirrorLocalizer(field, camera, view, mask, use_lines=method.name == "field")
+
+
+def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera, mask: UInt8Array | None) -> Localizer:
+    """Make the localiser of a pinhole camera; raises as `make_mirror_localizer` does."""
+    makers: dict[str, Callable[..., Localizer]] = {"goal": GoalMethod, "field": LineMethod, "floor": WallMethod}
+    return makers[method.name](field, camera, mask)
