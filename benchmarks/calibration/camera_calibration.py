@@ -4,11 +4,11 @@ Rendered at 256 x 220 on ssl_2001, nominal disturbances, robot anywhere, 0 to 8 
 calibration; the true camera's centre is off by (0.6, -0.5) px and its tilt by (0.3, -0.2) degrees from that of the
 paper.
 
-"accuracy": one calibration; then 300 other images (--quick: 60) are located with the start and with the result.
+"accuracy": one calibration; then 300 other images (--quick: 30) are located with the start and with the result.
 "near": the paper's camera as the start. "5 px, 5 %": a start whose centre is 5 px and whose curve's two main numbers
 (scale near the centre, and horizon) are 5 % off. Errors count modulo a half turn.
 
-"convergence": 40 calibrations of ten new images each (--quick: 6); "20 %, 10 px": from starts that far off, in random
+"convergence": 40 calibrations of ten new images each (--quick: 3); "20 %, 10 px": from starts that far off, in random
 directions; "none": from nothing but the images. One has converged if, of floor points up to 1.5 m away, none of the
 camera's two maps puts the median more than 5 mm from the other's, after the rigid motion that poses take up. Seconds
 are those of one core (process time), with the largest of all.
@@ -95,27 +95,27 @@ def accuracy(camera: OmniCamera, samples: list[Sample]) -> tuple[float, float]:
 
 def measure_accuracy(seed: int, quick: bool) -> bool:
     """Located images before and after, with targets."""
-    others = list(frames(seed + 1, 60 if quick else 300))
+    others = list(frames(seed + 1, 30 if quick else 300))
     images = [one.frame for one in frames(seed, IMAGES)]
     rng = np.random.default_rng(seed)
     columns = ("accuracy      ", col.share("within 5 cm/3 deg"), col.error("median mm"), "target     ", "verdict")
     table = Table(columns, name="accuracy", samples=len(others))
     all_ok = True
-    for name, start, share_target, median_target_m in (
+    for name, start, ratio_target, median_target_m in (
         ("near", GIVEN, 1.0, 0.005),
         ("5 px, 5 %", start_off(5.0, 0.05, rng), 0.99, 0.008),
     ):
-        share, median_m = accuracy(start, others)
-        table.row(f"{name}, before", percent(share), 1e3 * median_m, None, None)
+        ratio, median_m = accuracy(start, others)
+        table.row(f"{name}, before", percent(ratio), 1e3 * median_m, None, None)
         result = calibrate_omni(FIELD, images, start)
         if not isinstance(result, OmniCalibration):
             table.row(f"{name}, after", result.reason, None, None, verdict(False))
             all_ok = False
             continue
-        share, median_m = accuracy(result.camera, others)
-        ok = share >= share_target and median_m <= median_target_m
-        target = f"{100 * share_target:g} %, {1e3 * median_target_m:g} mm"
-        table.row(f"{name}, after", percent(share), 1e3 * median_m, target, verdict(ok))
+        ratio, median_m = accuracy(result.camera, others)
+        ok = ratio >= ratio_target and median_m <= median_target_m
+        target = f"{100 * ratio_target:g} %, {1e3 * median_target_m:g} mm"
+        table.row(f"{name}, after", percent(ratio), 1e3 * median_m, target, verdict(ok))
         all_ok &= ok
     return all_ok
 
@@ -150,11 +150,11 @@ def measure_convergence(seed: int, trials: int) -> bool:
                 errors.append(map_error_m(result.camera))
             else:
                 refused += 1
-        share = float(np.mean([error <= CONVERGED_M for error in errors])) * len(errors) / trials if errors else 0.0
-        ok = share >= 0.95 and max(seconds) <= MAX_SECONDS
+        ratio = float(np.mean([error <= CONVERGED_M for error in errors])) * len(errors) / trials if errors else 0.0
+        ok = ratio >= 0.95 and max(seconds) <= MAX_SECONDS
         table.row(
             name,
-            f"{round(share * trials)}/{trials}",
+            f"{round(ratio * trials)}/{trials}",
             1e3 * float(np.median(errors)) if errors else None,
             1e3 * max(errors) if errors else None,
             refused,
@@ -166,7 +166,7 @@ def measure_convergence(seed: int, trials: int) -> bool:
     return all_ok
 
 
-def measure_photographs() -> bool:
+def measure_photographs(quick: bool) -> bool:
     """Photographs from poor starts."""
     field = load_field("msl_6x4")
     line_map = LineMap(field)
@@ -199,7 +199,7 @@ def measure_photographs() -> bool:
             middle = (width - 1) / 2, (height - 1) / 2
             start = dataclasses.replace(reference, center_px=middle, floor_range=Tangent(a * by_a, b * by_b))
             starts.append((f"a x {by_a}, b x {by_b}", start))
-        for label, start in starts:
+        for label, start in starts[1:2] if quick else starts:
             begin = process_time()
             result = calibrate_omni(field, [frame], start)
             seconds = process_time() - begin
@@ -241,8 +241,8 @@ def main() -> None:
     # compiled, and caches filled, before anything is timed
     calibrate_omni(FIELD, [one.frame for one in frames(arguments.seed, 2)], GIVEN)
     all_ok = measure_accuracy(arguments.seed, arguments.quick)
-    all_ok &= measure_convergence(arguments.seed, 6 if arguments.quick else 100 if arguments.full else 40)
-    all_ok &= measure_photographs()
+    all_ok &= measure_convergence(arguments.seed, 3 if arguments.quick else 100 if arguments.full else 40)
+    all_ok &= measure_photographs(arguments.quick)
     finish(arguments.check, all_ok)
 
 

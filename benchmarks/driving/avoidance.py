@@ -3,7 +3,7 @@
 Velocity-aware steering; the paper's variant that does not reckon with the robot's velocity, with the paper's threshold
 2 v / alpha plus the dead time; the same with the threshold of the velocity-aware one; and a plain dynamic window. All
 drive the same courses where the same wayfinder leads them: 5 to 10 cubes of 0.13 m on ssl_2001, through rendered frames
-with noise, localisation, slipping wheels and dead time. Courses count where a planner that knows the truth finds a way
+with noise, localisation, slipping wheels and dead time. Courses count where a planner with the truth finds a way
 with 3 cm of clearance. The default drives the first 16 courses at each speed and 16 pockets, --full all 500 and 100.
 Judged is the first speed. Whatever the velocity-aware steering touches or does not reach is listed below the table.
 --jobs N: on how many processes (default: one a core); the figures do not depend on it. --aware: the velocity-aware
@@ -37,8 +37,8 @@ FIELD = load_field("ssl_2001")
 MOTIONS = ((0.4, 0.3), (0.8, 1.2), (1.5, 4.0))
 AWARE, PAPER, UNAWARE, WINDOW = METHODS = ("velocity-aware", "paper, no velocity", "no velocity", "dynamic window")
 MIN_REACHED = 0.98
-# a drive is given up after the way at this share of the speed
-PATIENCE_SHARE = 0.1
+# a drive is given up after the time of the way at this ratio of the speed
+PATIENCE_RATIO = 0.1
 POCKETS = "pockets"
 
 
@@ -72,7 +72,7 @@ class DynamicWindow:
         reach = limits.acceleration_mps2 * self._period_s
         angle = np.arange(24) * (math.tau / 24)
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        tried = np.array(velocity_mps) + np.vstack([[[0.0, 0.0]], *(reach * share * ring for share in (0.5, 1.0))])
+        tried = np.array(velocity_mps) + np.vstack([[[0.0, 0.0]], *(reach * part * ring for part in (0.5, 1.0))])
         speed = np.hypot(*tried.T)
         tried *= np.minimum(1.0, limits.speed_mps / np.maximum(speed, 1e-9))[:, None]
         speed = np.minimum(speed, limits.speed_mps)
@@ -115,7 +115,7 @@ def one(job: Job) -> list[Drive] | None:
         return None
     camera = sekimori_camera()
     radius = max(nearest_seen_m(FIELD, camera), limits.radius_m)
-    patience_s = FIELD.length_m / (PATIENCE_SHARE * speed)
+    patience_s = FIELD.length_m / (PATIENCE_RATIO * speed)
     drives = []
     for method in job.methods:
         pilot: Steering | DynamicWindow
@@ -162,7 +162,7 @@ def main() -> None:
             col.label("steering          "),
             "routes",
             col.count("collided"),
-            col.share("reached %"),
+            col.fraction("reached %"),
             col.error("s, both"),
             "mm",
             "verdict",

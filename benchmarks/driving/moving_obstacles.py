@@ -148,7 +148,7 @@ def drive(place: Place, method: str, seed: int, run: int) -> Outcome:
         odometry = world.odometry(0)
         wheels.sense(odometry)
         range_m, _ = sensor.ranges(truth, places)
-        robot = sensor.believed(truth)
+        robot = sensor.estimated(truth)
         tracks = objects.update(
             world.t_s, detector.in_profile(sensor.bearing_rad, range_m, robot, sensor.pose_covariance), robot,
             sensor.pose_covariance,

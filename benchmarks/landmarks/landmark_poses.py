@@ -140,7 +140,7 @@ def score(
 def perspective(
     localizer: LandmarkLocalizer, runs: Sequence[Features], truth: Sequence[Pose2]
 ) -> npt.NDArray[np.float64]:
-    """Errors (N, 3) of cv2.solvePnPRansac on the localizer's matches; it knows nothing of the floor."""
+    """Errors (N, 3) of cv2.solvePnPRansac on the localizer's matches; it does not use the floor."""
     camera, landmarks = localizer.camera, localizer.landmarks
     matrix = np.array(
         [[camera.focal_px[0], 0, camera.center_px[0]], [0, camera.focal_px[1], camera.center_px[1]], [0, 0, 1.0]]
@@ -180,7 +180,7 @@ def row(table: Table, name: str, s: Score, paper: tuple[float, ...] | None = Non
 def build(
     frames: Sequence[HallFrame], *, bound_drift: bool = True, orb: bool = False
 ) -> tuple[LandmarkMap, list[Pose2], int]:
-    """Build a map; return it, the poses it believes in, and how many moments it could not use."""
+    """Build a map; return it, its estimated poses, and how many moments it could not use."""
     extractor = OrbExtractor(HALL_CAMERA) if orb else None
     mapper = StereoMapper(HALL_RIG, frames[0].pose, bound_drift=bound_drift, extractor=extractor)
     lost = sum(not mapper.add(*frame.images).pose for frame in frames)

@@ -1,12 +1,12 @@
 """Whole matches, 2 against 2 on ssl_2001, played by what the robots' own cameras see.
 
-A robot's belief is compared with the truth after every frame. "near": share of all frames with a believed pose within
-5 cm and 3 degrees of the truth, in the right half of the field. "lost": longest time on end with no believed pose, or
-one more than 10 cm or 5 degrees off. "half": share of the poses believed after the first 2 s that are nearer to the
-truth than to its half turn. "stuck": longest time, from 5 s on, within 10 cm of one place although told to drive,
+A robot's estimate is compared with the truth after every frame. "near": ratio of all frames with an estimated pose
+within 5 cm and 3 degrees of the truth, in the right half of the field. "lost": longest time on end with no estimate, or
+one more than 10 cm or 5 degrees off. "half": ratio of the poses estimated after the first 2 s that are nearer to the
+truth than to its half turn. "stuck": longest time, from 5 s on, within 10 cm of one place although commanded to drive,
 faster than 5 cm/s, for at least half of it, and free wheels would have come twice as far. Recovery: from a fault's end
-(a push's moment) until the belief is near the truth and stays so for half a second; the other robots of that match have
-faults of their own.
+(a push's moment) until the estimate is near the truth and stays so for half a second; the other robots of that match
+have faults of their own.
 
 --full plays longer, and one match of a simulated hour (soak) whose memory must not grow.
 """
@@ -103,7 +103,7 @@ def judge_matches(seed: int, matches: int, seconds: float) -> bool:
         ),
         f"{matches} matches of {seconds:g} s; near, lost, half and stuck: of the worst robot",
         name="matches",
-        # of two frames one after the other the second tells little new
+        # of two frames one after the other the second adds little
         samples=round(seconds),
     )
     results = play(plan_matches(MatchPlan(seconds=seconds, seed=seed), matches))

@@ -40,7 +40,7 @@ MIN_REAL_TIME = 2.0
 
 
 def measure_rendering(count: int, seed: int) -> bool:
-    """Print the ratios of drawing a frame; tell whether they are reached."""
+    """Print the ratios of drawing a frame; return whether they are reached."""
     rng = np.random.default_rng(seed)
     world = World(FIELD, 2, RobotLimits(), rng)
     eyes = {
@@ -75,7 +75,7 @@ def measure_rendering(count: int, seed: int) -> bool:
 
 
 def measure_match(simulated_s: float, seed: int) -> bool:
-    """Print how much faster than real time a match runs, and its stages; tell whether it is fast enough."""
+    """Print how much faster than real time a match runs, and its stages; return whether it is fast enough."""
     arena = Arena(FIELD, 2, seed, camera=CAMERA)
     players = [BuiltInPlayer(arena.setup(index)) for index in range(4)]
     stages: dict[str, float] = {}

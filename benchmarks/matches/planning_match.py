@@ -23,7 +23,7 @@ from sim2d.match.tournament import local_workers, plan_matches, play_matches
 from sim2d.players.catalog import player_factory
 
 # (matches, seconds each)
-QUICK, DEFAULT, FULL = (2, 8.0), (40, 20.0), (40, 60.0)
+QUICK, DEFAULT, FULL = (2, 6.0), (40, 20.0), (40, 60.0)
 MAX_STUCK_S = 5.0
 
 

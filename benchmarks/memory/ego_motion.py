@@ -44,7 +44,7 @@ MOVERS, OWN_MPS, MOVERS_MPS = 6, 0.5, (0.2, 1.0)
 DIRECTIONS, NOISE_PX = 256, 0.25
 # of the floor's edge in rendered images, as measured against the truth on other drives
 EDGE_PX = 0.16
-# nothing is told beyond this
+# profiles end beyond this range
 MIN_INVERSE_PER_M = 0.05
 WORLD, CHAIN = SOURCES = ("world", "Vision")
 # frames, control periods between them
@@ -88,8 +88,8 @@ def nearest_m(discs: FloatArray, pose: Pose2) -> FloatArray:
     cross = ray[:, None, 0] * along[:, 1] - ray[:, None, 1] * along[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         away = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
-        share = (start[:, 0] * ray[:, None, 1] - start[:, 1] * ray[:, None, 0]) / cross
-    to_wall = np.where((away > 0) & (share >= 0) & (share <= 1), away, np.inf).min(axis=1)
+        fraction = (start[:, 0] * ray[:, None, 1] - start[:, 1] * ray[:, None, 0]) / cross
+    to_wall = np.where((away > 0) & (fraction >= 0) & (fraction <= 1), away, np.inf).min(axis=1)
     toward = ray @ (discs - at).T
     root = toward**2 - (np.sum((discs - at) ** 2, axis=1) - LIMITS.radius_m**2)
     to_disc = np.where((root > 0) & (toward > 0), toward - np.sqrt(np.maximum(root, 0.0)), np.inf).min(axis=1)
@@ -104,7 +104,7 @@ class Wanderer:
         self._goal = rng.uniform(-half_m, half_m)
 
     def command(self, t_s: float, own: Pose2, others: FloatArray) -> Command:
-        """Say what it does next."""
+        """Return the next command."""
         at = own.array[:2]
         way = self._goal - at
         apart = others - at
@@ -208,7 +208,7 @@ def upright(points_m: FloatArray) -> FloatArray:
 
 
 def follow(frames: Sequence[Frame], source: str, stride: int, method: str) -> Result:
-    """Run a method on every so-manieth frame."""
+    """Run a method on every `stride`-th frame."""
     result = Result()
     seconds = stride * CONTROL_PERIOD_S
     directions = len(frames[0].radius_px[source])

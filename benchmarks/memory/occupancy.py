@@ -1,7 +1,7 @@
 """The free-space map from two sensors against truth: what stands there and is called free, what is free and called so.
 
 A robot drives in the 2D simulation among boxes, robots, fallen robots that the range sensor looks over, and a ball,
-under reflections of lamps that move with the viewpoint, sun patches and hard shadows; it knows where it is by its own
+under reflections of lamps that move with the viewpoint, sun patches and hard shadows; it is located by its own
 camera and odometry. Four methods see the same evidence with the same learnt probabilities: the map's rule, "both
 free", log-odds of both sensors summed in one grid, and each sensor alone. A cell counts as occupied if it is covered
 by half or more, has a wall in it, or holds the ball's middle, and lies within the camera's reach of the way so far; as
@@ -259,19 +259,19 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
     for kind, counts in by_light.items():
         for row, method in enumerate(METHODS):
             dazzled = percent(ratio(counts, row, 4)) if counts[row, 5] else None
-            shares = percent(ratio(counts, row, 0)), int(counts[row, 1]), percent(ratio(counts, row, 2)), dazzled
-            table.row(kind if row == 0 else "", method, *shares)
+            ratios = percent(ratio(counts, row, 0)), int(counts[row, 1]), percent(ratio(counts, row, 2)), dazzled
+            table.row(kind if row == 0 else "", method, *ratios)
     total = sum(by_light.values())
     glare = sum(by_light[kind] for kind in GLARE)
     assert not isinstance(total, int)
     assert not isinstance(glare, int)
     columns = ("figure                                                    ", "target", col.measured(), "verdict")
     judged = Table(columns, name="figures")
-    share = float(total[0, 0] / max(total[2, 0], 1))
+    called_free = float(total[0, 0] / max(total[2, 0], 1))
     points = 100 * (ratio(glare, 0, 2) - ratio(glare, 1, 2))
     in_glare = 100 * (ratio(glare, 0, 4) - ratio(glare, 1, 4))
-    is_safe, is_open = share <= MAX_CALLED_FREE, points >= MIN_POINTS
-    judged.row("occupied called free, map / summed log-odds", "<= 0.2", share, verdict(is_safe), kind=Kind.ERROR)
+    is_safe, is_open = called_free <= MAX_CALLED_FREE, points >= MIN_POINTS
+    judged.row("occupied called free, map / summed log-odds", "<= 0.2", called_free, verdict(is_safe), kind=Kind.ERROR)
     judged.row(
         "free recall in runs with glare, map - both free, points", ">= 3", points, verdict(is_open), kind=Kind.SCORE
     )
@@ -300,10 +300,8 @@ def main() -> None:
     table = Table(columns, name="smear", samples=CELL_SAMPLES)
     masked, plain = (row / max(int(row[0]), 1) for row in swept)
     is_clean = bool(masked[2] <= 0.2 * plain[2])
-    for name, row, share in (("masked by tracks", swept[0], masked), ("not masked", swept[1], plain)):
-        table.row(
-            name, int(row[0]), percent(share[1]), percent(share[2]), verdict(is_clean) if share is masked else None
-        )
+    for name, row, part in (("masked by tracks", swept[0], masked), ("not masked", swept[1], plain)):
+        table.row(name, int(row[0]), percent(part[1]), percent(part[2]), verdict(is_clean) if part is masked else None)
     best, asking = seconds_per_update(arguments.seed, 5 if arguments.quick else 20)
     table = Table(("a move and an update by both sensors", "ms", col.time_ratio("ratio"), "verdict"), name="time")
     small, large = (best[name] for name in FIELDS_TIMED)

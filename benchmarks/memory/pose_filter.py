@@ -6,23 +6,23 @@ halts; the frames of one are rendered 30 times a second (256 x 220, noise sigma 
 1 s on. "single": the newest frame's candidate nearest to what the one before led to, carried by odometry. "EKF":
 filterpy's, with the same odometry noise and covariances, each frame taken as it comes (a late one carried on by
 odometry). "ratio": RMS of the position to that of "single"; the target is that of the first condition, and where
-frames are few or late all methods share the error of the odometry since the last. NEES: 3 degrees of freedom. "flips":
+frames are few or late all methods have the error of the odometry since the last. NEES: 3 degrees of freedom. "flips":
 runs in which the belief is ever nearer to the half turn of the truth than to the truth. Conditions, all made from the
 same frames:
 - every frame
 - 30 % missing: at random; 3 Hz: one frame in ten
 - late: all by 100 ms; out of order: by 0 to 200 ms at random
 - odometry off: a fifth too much in every second run, a fifth too little in the others
-- open halves: one frame in twenty tells the half, in spells of 0.1 s, one spell in fifty wrongly; the others are open,
+- open halves: one frame in twenty shows the half, in spells of 0.1 s, one spell in fifty wrongly; the others are open,
   first candidate at random; before the first frame all know about where the robot stands
 - outliers: one frame in fifty begins a spell (0.1 s) that shows another place, the same for the whole spell
 
 KIDNAPPED: a robot that drives is carried elsewhere, turned by 0.5 to 3 rad, or pushed by 0.25 m in 0.2 s, unfelt, every
 4 s. Recovery: from then (a push's end) until the belief is within 5 cm and 3 degrees and stays there for half a second.
-"single" believes every frame, so it recovers at once, and follows every outlier as readily.
+"single" takes every frame, so it recovers at once, and follows every outlier as readily.
 
-SYNTHETIC: the errors of frames drawn by the filter's model, with a share of their variance that lasts for some metres,
-to see what NEES a wrong guess of that share costs.
+SYNTHETIC: the errors of frames drawn by the filter's model, with a part of their variance that lasts for some metres,
+to see what NEES a wrong guess of that part costs.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ except ImportError:
 
 WORKERS = 2
 # runs of wandering, of kidnapping, synthetic ones of each kind
-QUICK, DEFAULT, FULL = (4, 3, 4), (20, 10, 20), (200, 40, 100)
+QUICK, DEFAULT, FULL = (2, 1, 2), (20, 10, 20), (200, 40, 100)
 MAX_RATIO, NEES_BOUNDS, MAX_RECOVERY_S = 0.6, (1.5, 6.0), 1.0
 NEES_95 = 7.815
 NEAR_M, NEAR_RAD, STAYS_S = 0.05, math.radians(3.0), 0.5
@@ -77,7 +77,7 @@ CONDITIONS = (
     "outliers",
 )
 KIDNAPPED_CONDITIONS = ("every frame", "30 % missing", "100 ms late")
-LASTING = tuple((share, way_m) for way_m in (0.5, 5.0) for share in (0.0, 0.2, 0.5, 0.9))
+BIASES = tuple((ratio, way_m) for way_m in (0.5, 5.0) for ratio in (0.0, 0.2, 0.5, 0.9))
 METHODS = ("single", "EKF", "filter")
 
 
@@ -244,7 +244,7 @@ class Tally:
 
 
 def follow(follower: Follower, steps: list[Step], coming: list[Arrival]) -> list[PoseEstimate | NotLocated]:
-    """Run one method; what it believes at each step."""
+    """Run one method; its estimate at each step."""
     beliefs, at = [], 0
     if steps:
         x, y, theta = (steps[0].truth.array + np.array([0.1, -0.1, 0.2])).tolist()
@@ -290,11 +290,11 @@ def judge_all(steps: list[Step], seed: int, run: int) -> dict[tuple[str, str], T
     results = {}
     for number, condition in enumerate(CONDITIONS):
         coming = arrivals(steps, condition, np.random.default_rng([seed, run, 2, number]))
-        felt = with_odometry(steps, 0.8 if run % 2 else 1.2) if condition == "odometry off" else steps
+        reported = with_odometry(steps, 0.8 if run % 2 else 1.2) if condition == "odometry off" else steps
         for method in METHODS:
             if method == "EKF" and ExtendedKalmanFilter is None:
                 continue
-            results[condition, method] = judge(steps, follow(FOLLOWERS[method](), felt, coming))
+            results[condition, method] = judge(steps, follow(FOLLOWERS[method](), reported, coming))
     return results
 
 
@@ -354,13 +354,13 @@ def main() -> None:
     with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
         all_ok = print_wandering(list(pool.map(wander, [(arguments.seed, run) for run in range(wandering)])))
         all_ok &= print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run) for run in range(kidnapped)])))
-        tasks = [(arguments.seed, run, *lasting) for lasting in LASTING for run in range(synthetic)]
+        tasks = [(arguments.seed, run, *lasting) for lasting in BIASES for run in range(synthetic)]
         all_ok &= print_synthetic(synthetic, list(pool.map(synthesize, tasks)))
     finish(arguments.check, all_ok)
 
 
 def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
-    """Print a row for each condition and method; tell whether the filter's are as wanted."""
+    """Print a row for each condition and method; return whether the filter's are as wanted."""
     table = Table(
         (
             "condition   ",
@@ -415,7 +415,7 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
 
 
 def print_kidnapped(results: list[dict[tuple[str, str, str], list[float]]]) -> bool:
-    """Print a row for each kind and condition; tell whether the filter recovers in time."""
+    """Print a row for each kind and condition; return whether the filter recovers in time."""
     table = Table(
         (
             "kidnapped",
@@ -456,7 +456,7 @@ def print_kidnapped(results: list[dict[tuple[str, str, str], list[float]]]) -> b
 
 
 def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> bool:
-    """Print NEES by how long errors truly last; tell whether the filter's is as wanted."""
+    """Print NEES by how long errors truly last; return whether the filter's is as wanted."""
     guess = FrameErrors()
     table = Table(
         (
@@ -475,7 +475,7 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> bool:
         samples=round(runs * RUN_S),
     )
     all_ok = True
-    for number, (share, way_m) in enumerate(LASTING):
+    for number, (bias, way_m) in enumerate(BIASES):
         tallies = {method: Tally() for method in results[0]}
         for result in results[number * runs : (number + 1) * runs]:
             for method, tally in result.items():
@@ -486,7 +486,7 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> bool:
             ok = NEES_BOUNDS[0] <= mean <= NEES_BOUNDS[1]
             all_ok &= ok or method != "filter"
             table.row(
-                f"{share:g}" if method == METHODS[0] else "",
+                f"{bias:g}" if method == METHODS[0] else "",
                 f"{way_m:g}" if method == METHODS[0] else "",
                 method,
                 1e3 * tally.rms_m,

@@ -1,27 +1,27 @@
 """Accuracy of the mirror camera's whole job on rendered images: pose, free space and ball, condition by condition.
 
 Images: ssl_2001, 256 x 220, each condition of `sim2d.rendering.random_scenes.CONDITIONS` (what `robocup-vision render
---condition` draws): 400 each (--quick: 60, --full: 2000) with 0 to 8 boxes, and 120 (30, 400) nominal ones of 640 x
+--condition` draws): 400 each (--quick: 24, --full: 2000) with 0 to 8 boxes, and 120 (12, 400) nominal ones of 640 x
 480. One setting of `Vision` for all; it forgets before every image. Everything below counts modulo a half turn about
 the field's centre, and only the first candidate, never the one that truth likes better.
 
-POSE. "5 cm/3 deg", "10 cm/5 deg": share of ALL images located that near. "mm", "deg": median errors of the located
-ones. NEES: 3 degrees of freedom, over the located ones, so an honest one has a mean of 3, a median of 2.37 and 95 %
+POSE. "5 cm/3 deg", "10 cm/5 deg": ratio of ALL images located that near. "mm", "deg": median errors of the located
+ones. NEES: 3 degrees of freedom, over the located ones, so a consistent one has a mean of 3, a median of 2.37 and 95 %
 inside the bound 7.81; wanted on the nominal set are a mean of 1.5 to 6 and 90 to 99 % inside. "hull" rows, for
 comparison: the published method. Right half: of the nominal images in which at least 20 pixels within the usable
-radius show the inside of a goal (by casting a ray through every second pixel at walls and boxes), the share whose
+radius show the inside of a goal (by casting a ray through every second pixel at walls and boxes), the ratio whose
 first candidate is the pose and not its half turn; images not located count as wrong.
 
 FREE SPACE. A bearing is one of the directions of `Vision.grid` in one image. Its truth is the least exact free
 range (`Scene.free_range_m`) over 33 rays across its sector; measured and true ranges become numbers of free rings,
-the true one at most the rings that the image shows there. "within 1 cell": share of bearings whose numbers differ by
-at most 1. "false, any": share of bearings more than one ring short of the truth; "false, line/shadow": those of them
+the true one at most the rings that the image shows there. "within 1 cell": ratio of bearings whose numbers differ by
+at most 1. "false, any": ratio of bearings more than one ring short of the truth; "false, line/shadow": those of them
 whose blocking cell has a painted line or the hard shadow in it. "missed": of the pairs of a bearing and a box that is
 the first thing on its rays and hides, from its foot to the top of its image, at least half of some cell (in image
-radius and bearing), the share whose measured range reaches beyond the first such cell.
+radius and bearing), the ratio whose measured range reaches beyond the first such cell.
 
-BALL. Half of the images have one in the open, 1.5 m away at most. "found": share of these in which it is reported
-within 0.10 m of its place; "mm": median error of those; "false": share of the images without one in which one is
+BALL. Half of the images have one in the open, 1.5 m away at most. "found": ratio of these in which it is reported
+within 0.10 m of its place; "mm": median error of those; "false": ratio of the images without one in which one is
 reported, with red and orange boxes in view.
 """
 
@@ -62,7 +62,7 @@ WORKERS, CHUNK = 2, 20
 RAYS_PER_SECTOR = 33
 MIN_GOAL_PIXELS, PIXEL_STRIDE = 20, 2
 BALL_FOUND_M = 0.10
-# least shares within 5 cm/3 deg and 10 cm/5 deg, greatest median in mm; the last of "miscalibrated" is only reported
+# least ratios within 5 cm/3 deg and 10 cm/5 deg, greatest median in mm; the last of "miscalibrated" is only reported
 POSE_TARGETS: dict[str, tuple[float, float, float]] = {
     "nominal": (1.0, 1.0, 1.5),
     "noisy": (0.995, 1.0, 3.5),
@@ -268,8 +268,8 @@ def _boxes(
         top_px = np.where(first, top_px, -np.inf)
         low, high = bounds_px[:-1], bounds_px[1:]
         overlap = np.minimum(top_px[..., None], high) - np.maximum(foot_px[..., None], low)
-        share = np.maximum(overlap, 0.0).mean(axis=1) / (high - low)
-        is_covered = (share >= 0.5) & (np.arange(len(low)) < seen[:, None])
+        ratio = np.maximum(overlap, 0.0).mean(axis=1) / (high - low)
+        is_covered = (ratio >= 0.5) & (np.arange(len(low)) < seen[:, None])
         counts = is_covered.any(axis=1)
         covered += int(np.count_nonzero(counts))
         missed += int(np.count_nonzero(counts & (ring > is_covered.argmax(axis=1))))
@@ -281,7 +281,7 @@ def _start_worker() -> None:
 
 
 def pose_line(table: Table, label: str, rows: Sequence[Row], *, judged: bool = True) -> bool:
-    """Print one condition's poses; tell whether they reach the target."""
+    """Print one condition's poses; return whether they reach the target."""
     got = figures(rows)
     near, fair, millimetres, degrees = (
         got.within_5cm_3deg or 0.0,
@@ -315,19 +315,19 @@ def print_outliers(records: dict[str, list[Record]]) -> None:
         rows = [record.row for record in found]
         far = [row for row in rows if row.error is None or not row.error.within(FAIR_M, FAIR_RAD)]
         if far:
-            said = ", ".join(
+            listed = ", ".join(
                 f"{row.image} ({row.reason if row.error is None else f'{row.error.position_m:.2f} m'})" for row in far
             )
-            print(f"not within 10 cm/5 deg in {label}: images {said}")
+            print(f"not within 10 cm/5 deg in {label}: images {listed}")
 
 
 def print_consistency(records: Sequence[Record]) -> bool:
-    """Print what only the nominal set is held to: honest covariances, and the right half."""
+    """Print what only the nominal set is held to: consistent covariances, and the right half."""
     got = figures([record.row for record in records])
     mean, inside = got.nees_mean or math.inf, got.nees_inside_95 or 0.0
     in_view = [record for record in records if record.goal_in_view]
-    share = sum(record.right_half for record in in_view) / max(len(in_view), 1)
-    told = sum(len(r.row.estimate.candidates) == 1 for r in in_view if r.row.estimate is not None)
+    ratio = sum(record.right_half for record in in_view) / max(len(in_view), 1)
+    single = sum(len(r.row.estimate.candidates) == 1 for r in in_view if r.row.estimate is not None)
     rows = (
         (
             "NEES, mean",
@@ -346,16 +346,16 @@ def print_consistency(records: Sequence[Record]) -> bool:
         (
             f"right half, goal in view in {len(in_view)}",
             Kind.SHARE,
-            percent(share),
+            percent(ratio),
             ">= 99",
-            share >= MIN_RIGHT_HALF,
+            ratio >= MIN_RIGHT_HALF,
         ),
     )
     columns = ("nominal, 256 x 220" + " " * 20, col.measured(), "target      ", "verdict")
     table = Table(columns, name="consistency", samples=len(in_view))
     for name, kind, measured, target, ok in rows:
         table.row(name, measured, target, verdict(ok), kind=kind)
-    one = percent(told / max(len(in_view), 1))
+    one = percent(single / max(len(in_view), 1))
     table.row("  of these with one candidate only", one, None, None, kind=Kind.SHARE)
     return all(ok for *_, ok in rows)
 
@@ -383,9 +383,9 @@ def print_free_space(records: dict[str, list[Record]]) -> bool:
         missed = sum(f.missed for f in frees) / max(covered, 1)
         ok = within >= MIN_WITHIN_CELL and blamed <= MAX_FALSE and missed <= MAX_MISSED
         falsely = sum(f.falsely_blocked for f in frees) / bearings
-        shares = (percent(within), percent(falsely), percent(blamed), str(covered), percent(missed))
+        ratios = (percent(within), percent(falsely), percent(blamed), str(covered), percent(missed))
         # the bearings of one image are no independent samples
-        table.row(label, str(bearings), *shares, verdict(ok), samples=len(frees))
+        table.row(label, str(bearings), *ratios, verdict(ok), samples=len(frees))
         all_ok &= ok
     return all_ok
 
@@ -408,10 +408,10 @@ def print_balls(records: dict[str, list[Record]]) -> bool:
         errors = [record.ball_error_m for record in found if record.has_ball]
         near = [error for error in errors if error is not None and error <= BALL_FOUND_M]
         without = [record.ball_error_m is not None for record in found if not record.has_ball]
-        share, false = len(near) / max(len(errors), 1), sum(without) / max(len(without), 1)
+        ratio, false = len(near) / max(len(errors), 1), sum(without) / max(len(without), 1)
         median_m = float(np.median(near)) if near else math.inf
-        ok = share >= MIN_FOUND and median_m <= MAX_BALL_ERROR_M and false <= MAX_FALSE_BALLS
-        cells = str(len(errors)), percent(share), 1e3 * median_m, str(len(without)), percent(false), verdict(ok)
+        ok = ratio >= MIN_FOUND and median_m <= MAX_BALL_ERROR_M and false <= MAX_FALSE_BALLS
+        cells = str(len(errors)), percent(ratio), 1e3 * median_m, str(len(without)), percent(false), verdict(ok)
         table.row(label, *cells, samples=min(len(errors), len(without)))
         all_ok &= ok
     return all_ok
@@ -420,7 +420,7 @@ def print_balls(records: dict[str, list[Record]]) -> bool:
 def main() -> None:
     """Render, measure and print."""
     arguments = parse_arguments(str(__doc__))
-    count, large = (60, 30) if arguments.quick else (2000, 400) if arguments.full else (400, 120)
+    count, large = (24, 12) if arguments.quick else (2000, 400) if arguments.full else (400, 120)
     sets = [(name, name, SMALL, count) for name in CONDITIONS] + [("nominal 640x480", "nominal", LARGE, large)]
     vision_for(SMALL, "field")  # compiles once, for the workers to load
     records: dict[str, list[Record]] = {}

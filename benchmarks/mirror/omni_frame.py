@@ -1,6 +1,6 @@
 """Time of one frame of the mirror camera, look and steer together, as a ratio to cv2.cvtColor(BGR2HSV) of that frame.
 
-Frames: 40 different ones (--quick: 20) of ssl_2001 in the nominal condition, cycled; colours are learnt before. Each of
+Frames: 40 different ones (--quick: 10) of ssl_2001 in the nominal condition, cycled; colours are learnt before. Each of
 500 frames (--quick: 100, --full: 2000) is copied into one buffer, as a camera's driver would, looked at without a prior
 and with one (its own estimate from before, off by a normally distributed 10 mm and 1 degree, which is about what
 odometry adds), and converted to HSV: the three in turns, in changing order, in one thread, so that a slow moment of the
@@ -87,7 +87,7 @@ def milliseconds(seconds: list[float]) -> float:
 
 
 def measure_frames(size: tuple[int, int], frames: list[np.ndarray], count: int, rng: np.random.Generator) -> bool:
-    """Print the ratios, stages and first frames of one image size; tell whether the ratios are reached."""
+    """Print the ratios, stages and first frames of one image size; return whether the ratios are reached."""
     vision = Vision(FIELD, sekimori_camera(*size))
     steering = Steering(robot_radius_m=0.09, acceleration_mps2=0.3, dead_time_s=0.03, speed_mps=0.4)
     hull = Vision(FIELD, vision.camera, method="hull")
@@ -175,7 +175,7 @@ def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__))
     cv2.setNumThreads(1)
-    different, count = (20, 100) if arguments.quick else (40, 2000) if arguments.full else (40, 500)
+    different, count = (10, 100) if arguments.quick else (40, 2000) if arguments.full else (40, 500)
     all_ok = True
     rows = []
     for size in TARGETS:

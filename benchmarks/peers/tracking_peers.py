@@ -26,7 +26,7 @@ class _Track:
     mean: FloatArray
     covariance: FloatArray
     hits: list[bool]
-    believed: bool = False
+    confirmed: bool = False
 
 
 @dataclass
@@ -39,7 +39,7 @@ class NearestNeighbours:
     hits: int = 3
     window: int = 4
     patience: int = 8
-    doubt: int = 2
+    tentative_patience: int = 2
     quiet: int = 1000
     gate: float = 13.8
     tracks: list[_Track] = field(default_factory=list)
@@ -73,14 +73,16 @@ class NearestNeighbours:
                 track.hits[-1] = True
                 free.discard(int(j))
         for track in self.tracks:
-            track.believed |= sum(track.hits[-self.window :]) >= self.hits
-        self.tracks = [t for t in self.tracks if any(t.hits[-(self.patience if t.believed else self.doubt) :])]
+            track.confirmed |= sum(track.hits[-self.window :]) >= self.hits
+        self.tracks = [
+            t for t in self.tracks if any(t.hits[-(self.patience if t.confirmed else self.tentative_patience) :])
+        ]
         for j in sorted(free):
             self.count += 1
             covariance = np.diag([0.0, 0.0, self.speed_mps**2, self.speed_mps**2])
             covariance[:2, :2] = spreads[j]
             self.tracks.append(_Track(self.count, np.array([*places_m[j], 0.0, 0.0]), covariance, [True]))
-        return [(t.number, t.mean[:2]) for t in self.tracks if t.believed and any(t.hits[-self.quiet :])]
+        return [(t.number, t.mean[:2]) for t in self.tracks if t.confirmed and any(t.hits[-self.quiet :])]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ medians of 9 (--quick: 3, --full: 50). Overlays are written to out/real_photogra
 The forward camera: six photographs from a small-size robot, with poses from overhead cameras, most of them while it
 moves, so that the given pose is that of another moment (drawn from it, the lines lie up to 5 degrees beside those in
 the picture). Of each, priors are drawn about the given pose (0.1 m, 0.1 m, 5 degrees, one standard deviation), and the
-mean errors of prior and refined pose stand side by side; "stiff": with tilt and roll held as the camera file says.
+mean errors of prior and refined pose stand side by side; "stiff": with tilt and roll fixed as the camera file says.
 """
 
 from __future__ import annotations
@@ -114,13 +114,13 @@ def forward_camera(draws: int, seed: int) -> bool:
         for _ in range(draws):
             x, y, theta = (truth.array + rng.normal(0.0, PRIOR_STD)).tolist()
             prior = PoseEstimate(Pose2(x, y, theta), np.diag(PRIOR_STD**2), 1.0, 0.0)
-            refined, held = locate_nearby(points, localizer.line_map, prior, camera)
+            refined, fitted = locate_nearby(points, localizer.line_map, prior, camera)
             rigid, _ = locate_nearby(points, localizer.line_map, prior, stiff)
             if not refined:
                 continue
             left = [e.pose.error_to(truth) if e else (math.nan, math.nan) for e in (prior, refined, rigid)]
             own.append(np.array(left))
-            sway.append(((held.tilt_rad or 0.0) - (camera.tilt_rad or 0.0), held.roll_rad or 0.0))
+            sway.append(((fitted.tilt_rad or 0.0) - (camera.tilt_rad or 0.0), fitted.roll_rad or 0.0))
         located += len(own)
         errors += own
         mean = [error_text(own, k) for k in range(3)]
@@ -137,10 +137,10 @@ def forward_camera(draws: int, seed: int) -> bool:
 
 def error_text(errors: list[FloatArray], which: int) -> str:
     """Mean error in metres and degrees; poses that were not located do not count."""
-    told = [one[which] for one in errors if np.isfinite(one[which]).all()]
-    if not told:
+    found = [one[which] for one in errors if np.isfinite(one[which]).all()]
+    if not found:
         return "-"
-    away, turn = np.mean(told, axis=0)
+    away, turn = np.mean(found, axis=0)
     return f"{away:.3f}, {math.degrees(turn):.1f}"
 
 

@@ -9,7 +9,7 @@ readings, planned again after each look. `--out DIR` draws where the next viewpo
 Expected passage times (section 6.2): of two or three gaps and a way round (gap_choices.py) the one with the least
 expected time, by the speeds that are safe at each width; against the one that would be quickest if each were as wide as
 it is on the average. All is driven, turning back with it. The rules are asked again at each look; or only once the gap
-taken is known to be blocked (judged); or only once the robot is stuck. An oracle is told the widths at the start.
+taken is known to be blocked (judged); or only once the robot is stuck. An oracle gets the widths at the start.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Case:
 def draw_case(rng: np.random.Generator) -> Case:
     """Draw a case whose outcome is open: width needed within 2 standard deviations of the one believed.
 
-    The gap is 1 to 4 m ahead and up to 60 degrees askew, believed as well as 1 to 4 looks from the start would tell;
+    The gap is 1 to 4 m ahead and up to 60 degrees askew, as certain as 1 to 4 looks from the start would make it;
     the detour is 20 to 150 % longer.
     """
     speed, acceleration = MOTIONS[int(rng.integers(len(MOTIONS)))]
@@ -207,9 +207,9 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
         open_ones = np.array([action == "look" for action in chosen])
         means = times[open_ones].mean(axis=0)
         best = int(np.argmin(means[1:]))
-        share = percent(float(open_ones.mean()))
+        looking = percent(float(open_ones.mean()))
         table.row(
-            f"  where it looks first ({share} %), over '{SINGLE[best]}'",
+            f"  where it looks first ({looking} %), over '{SINGLE[best]}'",
             percent(1 - means[0] / means[1 + best]),
             "-",
             None,
@@ -235,7 +235,7 @@ class Step:
     plan: GatePlan
 
     @property
-    def share(self) -> float | None:
+    def side(self) -> float | None:
         """From the line to the detour (0) to the line to the gap (1), by bearing; None without a viewpoint."""
         if self.plan.viewpoint_m is None:
             return None
@@ -254,8 +254,8 @@ def widen_prior() -> list[Step]:
     planner = GatePlanner(MotionLimits(0.4, 4.0), WidthSensor(0.015, 1.2), 0.22, look_s=0.3)
     gap_side, detour_side = np.array(FORK_GAP_M), np.array(FORK_DETOUR_M[0])
     count = 12
-    shares = [(i / count, j / count) for i in range(count) for j in range(count + 1 - i) if i + j]
-    viewpoints = np.array([i * gap_side + j * detour_side for i, j in shares])
+    sides = [(i / count, j / count) for i in range(count) for j in range(count + 1 - i) if i + j]
+    viewpoints = np.array([i * gap_side + j * detour_side for i, j in sides])
     steps = []
     for width in np.linspace(0.10, 0.40, 31).tolist():
         gap = Gap(FORK_GAP_M, 0.0, width, 0.08)
@@ -273,14 +273,14 @@ def measure_fork(out: Path | None) -> bool:
     )
     for step in steps[::3]:
         place = None if step.plan.viewpoint_m is None else "({:.1f}, {:.1f})".format(*step.plan.viewpoint_m)
-        table.row(f"{1000 * step.width_m:.0f}", step.plan.action, place, step.share)
-    shares = [step.share for step in steps if step.share is not None]
-    back = max((a - b for a, b in itertools.pairwise(shares)), default=math.inf)
+        table.row(f"{1000 * step.width_m:.0f}", step.plan.action, place, step.side)
+    sides = [step.side for step in steps if step.side is not None]
+    back = max((a - b for a, b in itertools.pairwise(sides)), default=math.inf)
     # a viewpoint right before the gap may lie a little beyond the line to it
-    ok = bool(shares) and shares[0] <= 0.5 and shares[-1] >= 0.95 and back <= 0.05
+    ok = bool(sides) and sides[0] <= 0.5 and sides[-1] >= 0.95 and back <= 0.05
     columns = ("the viewpoint as the width grows", "from", "to", "at most back", col.compared_verdict())
     table = Table(columns, name="viewpoint")
-    ends = f"{shares[0]:.2f}", f"{shares[-1]:.2f}", f"{max(back, 0.0):.2f}"
+    ends = f"{sides[0]:.2f}", f"{sides[-1]:.2f}", f"{max(back, 0.0):.2f}"
     table.row("from the detour's side (0) to the gap's (1)", *ends, verdict(ok))
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
@@ -311,7 +311,7 @@ def draw_fork(steps: list[Step], path: Path) -> None:
     floor.legend(loc="lower left")
     for action, mark in (("detour", "x"), ("look", "o"), ("pass", "^")):
         widths = [1000 * step.width_m for step in steps if step.plan.action == action]
-        heights = [{"detour": 0.0, "pass": 1.0}.get(action, step.share) for step in steps if step.plan.action == action]
+        heights = [{"detour": 0.0, "pass": 1.0}.get(action, step.side) for step in steps if step.plan.action == action]
         sides.plot(widths, heights, mark, label=action)
     sides.axvline(220, color="tab:gray", lw=0.8)
     sides.set(xlabel="believed width, mm (220 needed)", ylabel="detour's side 0, gap's side 1")
@@ -354,15 +354,15 @@ def measure_passage(count: int, aside_m: float, seed: int) -> bool:
         jobs = [gap_choices.RowJob(seed, number, aside_m, rule, ways) for number in range(rows)]
         with ProcessPoolExecutor(os.cpu_count()) as pool:
             found = np.array([row for row in pool.map(gap_choices.row_seconds, jobs, chunksize=20) if row is not None])
-        told, touched = float(found[:, -2].mean()), max(touched, float(found[:, -1].mean()))
+        oracle_s, touched = float(found[:, -2].mean()), max(touched, float(found[:, -1].mean()))
         for k, again in enumerate(ways):
             its, ours = float(found[:, 2 * k].mean()), float(found[:, 2 * k + 1].mean())
-            doubt = float(np.std(found[:, 2 * k] - found[:, 2 * k + 1])) / math.sqrt(len(found)) / its
+            standard_error = float(np.std(found[:, 2 * k] - found[:, 2 * k + 1])) / math.sqrt(len(found)) / its
             saved, judged = 1 - ours / its, again == gap_choices.JUDGED and rule == "mean width"
             ok &= not judged or saved >= 0.04
             table.row(
-                rule, again, str(rows), percent(len(found) / rows), its, ours, percent(saved), percent(doubt),
-                percent(1 - told / its), verdict(saved >= 0.04) if judged else None,
+                rule, again, str(rows), percent(len(found) / rows), its, ours, percent(saved), percent(standard_error),
+                percent(1 - oracle_s / its), verdict(saved >= 0.04) if judged else None,
             )  # fmt: skip
     table.note(f"sets of drives in which one touches: at most {percent(touched)} %")
     return ok
@@ -389,9 +389,9 @@ def measure_times(drives: int, seed: int) -> None:
             found.append(gap_choices.drive_row(row, np.array([width, 1.2]), "mean width", "if stuck", times, rng, 0))
         passed = np.array([drive.seconds for drive in found if not drive.turned_back])
         model = times.planner.follower.limits.travel_s(math.dist((0.0, 0.0), gap_choices.GOAL_M)) + times.extra_s(width)
-        doubt = float(passed.std()) / math.sqrt(len(passed)) if len(passed) else None
+        standard_error = float(passed.std()) / math.sqrt(len(passed)) if len(passed) else None
         mean = float(passed.mean()) if len(passed) else None
-        table.row(f"{ratio:.1f}", model, mean, doubt, percent(len(passed) / drives))
+        table.row(f"{ratio:.1f}", model, mean, standard_error, percent(len(passed) / drives))
 
 
 def main() -> None:
@@ -399,7 +399,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--out", type=Path, metavar="DIR", help="draw the viewpoints there")
     arguments = parse_arguments(str(__doc__), parser=parser)
-    count, brute, drives = (60, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
+    count, brute, drives = (30, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
     all_ok = measure_gates(count, brute, drives, arguments.seed)
     all_ok &= measure_fork(arguments.out)
     measure_times(count // 10, arguments.seed)

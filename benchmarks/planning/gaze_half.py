@@ -90,9 +90,9 @@ class Case:
         self._localizer = GoalLocalizer(FIELD, CAMERA)
         self._shown: dict[tuple[float, int], int] = {}
 
-    def hypotheses(self, share: FloatArray) -> list[Believed]:
+    def hypotheses(self, probability: FloatArray) -> list[Believed]:
         """Poses with their probabilities."""
-        return [Believed(p, c, float(s)) for (p, c), s in zip(self.poses, share, strict=True)]
+        return [Believed(p, c, float(s)) for (p, c), s in zip(self.poses, probability, strict=True)]
 
     def look(self, pan_rad: float, count: int) -> int:
         """Which goal the count-th look at a pan shows: the same to every rule."""
@@ -123,13 +123,13 @@ def ask_all(seed: list[int]) -> dict[str, Asked]:
 def ask(case: Case, rule: str) -> Asked:
     """Ask one question under one rule."""
     question = GoalQuestion(FIELD, CAMERA, NECK)
-    share, pan, looks = np.array([0.5, 0.5]), 0.0, 0
+    probability, pan, looks = np.array([0.5, 0.5]), 0.0, 0
     looked: list[float] = []
     order = case.goal_pans()
     if rule == "nearest goal first" and case.goal_ranges()[1] < case.goal_ranges()[0]:
         order = order[::-1]
-    while looks < MAX_LOOKS and entropy_nat(share) > ENOUGH_NAT:
-        hypotheses = case.hypotheses(share)
+    while looks < MAX_LOOKS and entropy_nat(probability) > ENOUGH_NAT:
+        hypotheses = case.hypotheses(probability)
         if rule == "expected entropy":
             chosen = question.choose(hypotheses, pan, case.blockers)
             if chosen.pan_rad is None:
@@ -139,18 +139,18 @@ def ask(case: Case, rule: str) -> Asked:
             pan = float(STOPS[looks % len(STOPS)])
         else:
             pan = order[looks % 2]
-        share = question.observe(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
+        probability = question.observe(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
         looked.append(pan)
         looks += 1
-    answered = entropy_nat(share) <= ENOUGH_NAT
-    return Asked(looks, answered, bool(answered and int(np.argmax(share)) == int(case.turned)))
+    answered = entropy_nat(probability) <= ENOUGH_NAT
+    return Asked(looks, answered, bool(answered and int(np.argmax(probability)) == int(case.turned)))
 
 
 def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
-    """Print the table; tell whether every acceptance row is ok."""
-    runs = 60 if arguments.quick else 1200 if arguments.full else 600
-    told_all = list(pool.map(ask_all, [[arguments.seed, 11, i] for i in range(runs)], chunksize=10))
-    asked = {rule: [told[rule] for told in told_all] for rule in RULES}
+    """Print the table; return whether every acceptance row is ok."""
+    runs = 16 if arguments.quick else 1200 if arguments.full else 600
+    all_asked = list(pool.map(ask_all, [[arguments.seed, 11, i] for i in range(runs)], chunksize=10))
+    asked = {rule: [of_rule[rule] for of_rule in all_asked] for rule in RULES}
     # rules are compared where each has an answer: without one, a count of looks says when patience ended
     common = [i for i in range(runs) if all(asked[r][i].answered for r in RULES)]
     table = Table(
@@ -170,8 +170,8 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     )
     looks = {r: float(np.mean([asked[r][i].looks for i in common])) for r in RULES}
     ours, all_ok = looks["expected entropy"], True
-    for rule, told in asked.items():
-        answered = [a for a in told if a.answered]
+    for rule, of_rule in asked.items():
+        answered = [a for a in of_rule if a.answered]
         right = sum(a.right for a in answered) / max(len(answered), 1)
         ratio = ours / looks[rule]
         target, text = "", ""
@@ -191,7 +191,7 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
             percent(right),
             looks[rule],
             ratio,
-            float(np.mean([a.looks for a in told])),
+            float(np.mean([a.looks for a in of_rule])),
             target if judged else "",
             text,
         )

@@ -45,7 +45,7 @@ WALK_MPS, TURN_RPS = 0.3, 1.5
 OTHERS, OTHER_RADIUS_M, OTHER_HEIGHT_M = 5, 0.15, 0.28
 TRACKED_SHARE, TRACK_STD_M = 0.8, 0.08
 ODOMETRY_SHARE, PUSH = 0.2, np.array([0.02, 0.02, 0.05])
-# the same as the filter of frames is told it: a slip that lasts for a run
+# what the filter of frames reckons with: a slip that lasts for a run
 ODOMETRY = OdometryNoise(slip_ratio=ODOMETRY_SHARE / 2, slip_s=RUN_S, push_m=PUSH[0], push_rad=PUSH[2])
 LOST_M = 0.5
 RULES = ("planned", "planned, |P|", "fixed sweep")
@@ -79,7 +79,7 @@ def draw_walk(seed: Sequence[int], seconds: float, frame_s: float) -> Walk:
         bearing = wrap_angle(math.atan2(target[1] - pose.y_m, target[0] - pose.x_m) - pose.theta_rad)
         turn = max(-TURN_RPS, min(TURN_RPS, 4 * bearing)) * frame_s
         ahead = WALK_MPS * frame_s * max(0.0, math.cos(bearing))
-        told = Pose2(ahead, 0.0, turn)
+        reported = Pose2(ahead, 0.0, turn)
         pushed = rng.normal(0, 1, 3) * PUSH * math.sqrt(frame_s)
         pose = pose.compose(
             Pose2(ahead * (1 + slip[0]) + pushed[0], ahead * slip[1] + pushed[1], turn * (1 + slip[2]) + pushed[2])
@@ -95,7 +95,7 @@ def draw_walk(seed: Sequence[int], seconds: float, frame_s: float) -> Walk:
             if np.hypot(*off) < 0.4:  # they keep their distance
                 others[k] = (pose.x_m, pose.y_m) + off / max(np.hypot(*off), 1e-6) * 0.4
         poses.append(pose)
-        odometry.append(told)
+        odometry.append(reported)
         places.append(others.copy())
     return Walk(poses, odometry, np.array(places), tracked, list(seed))
 
@@ -192,7 +192,7 @@ def see_landmarks(
 
 @dataclass(frozen=True)
 class RunScore:
-    """One run: RMS of the position (m), mean |P|^(1/6), shares of frames lost and of frames that showed nothing."""
+    """One run: RMS of the position (m), mean |P|^(1/6), ratios of frames lost and of frames that showed nothing."""
 
     rms_m: float
     spread: float
@@ -336,7 +336,7 @@ def project(pose: Pose2, tilt_rad: float, roll_rad: float, height_m: float) -> F
 
 def detectors(arguments: Namespace, pool: ProcessPoolExecutor) -> None:
     """Print what the real detectors see, beside what the planner takes them to see."""
-    count = 60 if arguments.quick else 160
+    count = 24 if arguments.quick else 160
     seen = list(pool.map(sighting, [[arguments.seed, 7, i] for i in range(count)], chunksize=8))
     table = Table(
         ("in view            ", "frames", col.share("found %"), "assumed", col.error("px"), "assumed"),
@@ -345,18 +345,18 @@ def detectors(arguments: Namespace, pool: ProcessPoolExecutor) -> None:
     )
     post, crossing = DETECTORS["post"], DETECTORS["crossing"]
     whole, alone, crossed = post.detection_probability, post.alone_probability, crossing.detection_probability
-    for name, of, key, share, std in (
+    for name, of, key, found_ratio, std in (
         ("both posts of a goal", [s for s in seen if s.posts == 2], "by_posts_px", whole, post.std_px),
         ("one post", [s for s in seen if s.posts == 1], "by_posts_px", alone, post.std_px),
         ("crossings, by lines", [s for s in seen if s.crossings], "by_lines_px", crossed, crossing.std_px),
     ):
         errors = [e for s in of if (e := getattr(s, key)) is not None]
         px = 1.48 * float(np.median(np.abs(np.vstack(errors)))) if errors else None
-        table.row(name, len(of), percent(len(errors) / len(of)), percent(share), px, std, samples=len(of))
+        table.row(name, len(of), percent(len(errors) / len(of)), percent(found_ratio), px, std, samples=len(of))
 
 
 def compare(table: Table, scores: dict[str, list[RunScore]], *, judged: bool) -> bool:
-    """Print each rule beside the fixed sweep; tell whether the planned gaze holds what is asked of it."""
+    """Print each rule beside the fixed sweep; return whether the planned gaze reaches its targets."""
     middle = {
         rule: [float(np.median([getattr(s, key) for s in runs])) for key in ("rms_m", "spread")]
         for rule, runs in scores.items()
@@ -388,7 +388,7 @@ def compare(table: Table, scores: dict[str, list[RunScore]], *, judged: bool) ->
 
 
 def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
-    """Print the tables; tell whether every acceptance row is ok."""
+    """Print the tables; return whether every acceptance row is ok."""
     detectors(arguments, pool)
     columns = (
         "rule          ",
@@ -401,7 +401,7 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
         col.loss("nothing seen %"),
         "verdict",
     )
-    runs = 24 if arguments.quick else 400 if arguments.full else 120
+    runs = 10 if arguments.quick else 400 if arguments.full else 120
     table = Table(
         columns,
         f"pose by landmarks as measured above (targets: ratios {MAX_RMS} and {MAX_SPREAD}, lost no more)",
@@ -412,7 +412,7 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
         r: list(pool.map(landmark_run, [([arguments.seed, i], r) for i in range(runs)], chunksize=4)) for r in RULES
     }
     all_ok = compare(table, scores, judged=True)
-    runs = 4 if arguments.quick else 120 if arguments.full else 40
+    runs = 2 if arguments.quick else 120 if arguments.full else 40
     table = Table(
         columns,
         "pose by rendered frames, the goal localiser and PoseFilter (the same targets)",
@@ -421,7 +421,7 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     )
     rules = ("planned", "fixed sweep")
     rendered = {r: list(pool.map(rendered_run, [([arguments.seed, i], r) for i in range(runs)])) for r in rules}
-    # a few runs tell nothing
+    # a few runs show nothing
     return compare(table, rendered, judged=not arguments.quick) and all_ok
 
 

@@ -1,7 +1,7 @@
 """Which region of a coarse scan to look at again: the first undecided place on the path beside two simpler orders.
 
 Miura and Shirai 2004, section 4.1. A coarse scan leaves undecided what lies behind the nearest thing in its bearing. A
-look settles 20 degrees, and one in ten looks is in vain. Every rule stops when the shortest path is free of doubt. The
+look settles 20 degrees, and one in ten looks shows nothing. Every rule stops when the shortest path is decided. The
 best path is the one planned when everything in sight has been looked at.
 """
 
@@ -25,10 +25,10 @@ SHAPE = (round(LENGTH_M / CELL_M), round(WIDTH_M / CELL_M))
 CORNER_M = (-LENGTH_M / 2, -WIDTH_M / 2)
 RADIUS_M = 0.15
 OTHERS = (8, 16)
-# bearings of the coarse scan, and rays in each of them that a look at full resolution tells apart
+# bearings of the coarse scan, and rays in each of them that a look at full resolution separates
 BINS, RAYS = 36, 16
 LOOK_RAD = math.radians(10.0)  # to either side of what is looked at
-IN_VAIN = 0.1  # share of looks that tell nothing
+EMPTY_RATIO = 0.1  # ratio of looks that show nothing
 MAX_LOOKS = 80
 RULES = ("first on the path", "nearest first", "along the straight line")
 MAX_OF_NEAREST = 0.5
@@ -101,7 +101,7 @@ class Found:
 
 
 def find_way(job: tuple[list[int], str]) -> Found:
-    """Look in one rule's order until the shortest path is free of doubt."""
+    """Look in one rule's order until the shortest path is decided."""
     seed, rule = job
     world, planner = World(seed), SelectiveLook(CELL_M, RADIUS_M, LOOK_RAD)
     rng = np.random.default_rng([*seed, 3])
@@ -115,7 +115,7 @@ def find_way(job: tuple[list[int], str]) -> Found:
             at = chosen.at_m
         tried.append(at)
         planner.observe(at, world.start)
-        if rng.random() >= IN_VAIN:
+        if rng.random() >= EMPTY_RATIO:
             world.look(at)
     return Found(MAX_LOOKS, math.inf)
 
@@ -155,7 +155,7 @@ def best_length_m(seed: list[int]) -> float:
 
 
 def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
-    """Print the table; tell whether every acceptance row is ok."""
+    """Print the table; return whether every acceptance row is ok."""
     maps = 40 if arguments.quick else 1000 if arguments.full else 200
     seeds = [[arguments.seed, 13, i] for i in range(maps)]
     best = list(pool.map(best_length_m, seeds, chunksize=10))

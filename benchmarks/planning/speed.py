@@ -2,9 +2,9 @@
 
 Known surroundings (Miura 2004, section 6.2): gaps of 2 to 3.5 robot widths, 1.2 to 1.8 m ahead. The robot knows where
 its opponents are up to 12 mm, and where it is by a look every 0.8 s (a landmark now and then: 20 mm from look to look,
-18 mm in all looks alike) and by odometry that slips in between. It is told estimates only, and followed in truth. Where
-it finds no safe speed for 4 s it goes another way: such a drive counts as refused, with its time so far and that of the
-constant speed for the whole course.
+18 mm in all looks alike) and by odometry that slips in between. The planner gets estimates only; the robot moves in
+truth. Where it finds no safe speed for 4 s it goes another way: such a drive counts as refused, with its time so far
+and that of the constant speed for the whole course.
 
 Unknown surroundings (section 6.3): 5.2 m through opponents with others hidden behind them; looks every 0.2 s, 2.5 m
 far, that miss an opponent one time in ten when near and six in ten when far; a cell is decided at 49 to 1. All rules
@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from benchmarks.worlds import hidden_opponents
-from benchmarks.worlds.doubtful_robot import (
+from benchmarks.worlds.uncertain_robot import (
     BIAS_STD,
     DISC_STD_M,
     LOOK_STD,
@@ -32,7 +32,7 @@ from benchmarks.worlds.doubtful_robot import (
     PERIOD_S,
     PLAN_EVERY,
     RADIUS_M,
-    DoubtfulRobot,
+    UncertainRobot,
 )
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import Disc
@@ -43,7 +43,7 @@ LATEST_S = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Slalom:
-    """Opponents in pairs, as they stand and as the robot believes, and the path it has planned between them."""
+    """Opponents in pairs, as they stand and as the robot estimates them, and the path it has planned between them."""
 
     discs: FloatArray
     believed: tuple[Disc, ...]
@@ -84,7 +84,7 @@ def draw_slalom(widths_m: Sequence[float], rng: np.random.Generator) -> Slalom:
 
 def drive_slalom(course: Slalom, constant_mps: float | None, rng: np.random.Generator) -> Drive:
     """Drive it, at a constant speed or as planned (None)."""
-    robot, collided, stopped, missed_s, speed = DoubtfulRobot(rng), False, False, 0.0, constant_mps or 0.0
+    robot, collided, stopped, missed_s, speed = UncertainRobot(rng), False, False, 0.0, constant_mps or 0.0
     places, speeds = [robot.place_m], [0.0]
 
     def ended(refused: bool) -> Drive:
@@ -194,7 +194,7 @@ def measure_widths(constant: float, runs: int, seed: int) -> bool:
         )  # fmt: skip
         other_struck, other_s = sum(d.collided for d in others), float(np.mean([d.seconds for d in others]))
         own_s = with_refusals_s(mine, other_s)
-        # too narrow for a single look: it stops, and goes on only if more looks tell it that it may
+        # too narrow for a single look: it stops, and goes on only if more looks show that it may
         ok = stopped >= 0.95 * runs and struck == 0 if high <= 2.0 else None
         all_ok &= ok is not False
         table.row(
@@ -263,8 +263,8 @@ def measure_unknown(runs: int, others: int, seed: int) -> bool:
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__))
-    runs = 90 if arguments.quick else 1500 if arguments.full else 300
-    hidden, others = (60, 20) if arguments.quick else (1500, 150)
+    runs = 30 if arguments.quick else 1500 if arguments.full else 300
+    hidden, others = (20, 10) if arguments.quick else (1500, 150)
     all_ok = measure_unknown(hidden, others, arguments.seed)
     all_ok &= measure_known(runs, arguments.seed)
     finish(arguments.check, all_ok)

@@ -27,12 +27,12 @@ from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.world import World
 
 BEARINGS = 256
-# ranges: error common to a thing in a frame, and of each bearing; metres and share of the range
+# ranges: error common to a thing in a frame, and of each bearing; metres and fraction of the range
 COMMON_STD, SINGLE_STD = (0.008, 0.015), (0.004, 0.008)
 LONGEST_M = 2.5
-# the same for the obstacles in a mirror camera's images, metres and share; farther away they are not used
+# the same for the obstacles in a mirror camera's images, metres and fraction; farther away they are not used
 CAMERA_STD, CAMERA_LONGEST_M = (0.01, 0.05), 1.3
-# share of the frames in which a thing in view is missed, frames in a row, share in which its middle shows through
+# ratio of the frames in which a thing in view is missed, frames in a row, ratio in which its middle shows through
 MISSED, MISSED_FRAMES, THROUGH = 0.12, 2.0, 0.05
 # specks in a frame, all over the field
 SPECKS = 0.6
@@ -41,7 +41,7 @@ POSE_STD, POSE_TIME_S = (0.012, 0.012, 0.012), 0.5
 
 
 class Sensor:
-    """Ranges of one robot and its idea of where it is.
+    """Ranges of one robot and its estimated pose.
 
     Parameters
     ----------
@@ -67,20 +67,20 @@ class Sensor:
         # the number of walls' edges each ray may meet is small: segments (S, 2, 2)
         self._walls = np.stack([field.floor_polygon, np.roll(field.floor_polygon, -1, axis=0)], axis=1)
 
-    def believed(self, pose: Pose2) -> Pose2:
-        """Where it takes itself to be in this frame."""
+    def estimated(self, pose: Pose2) -> Pose2:
+        """Return the estimated pose in this frame."""
         fresh = math.sqrt(1 - self._kept**2)
         self._offset = self._kept * self._offset + fresh * self._rng.standard_normal(3) * POSE_STD
         return Pose2(*(pose.array + self._offset).tolist())
 
     def ranges(self, pose: Pose2, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Measured ranges (J,) from a pose with things at places (N, 2), and the true share of each in view (N,)."""
+        """Measured ranges (J,) from a pose with things at places (N, 2), and the true ratio of each in view (N,)."""
         rng = self._rng
         walls = wall_ranges(self._walls, pose, self.bearing_rad)
         bodies = disc_ranges(places_m, self._radius_m, pose, self.bearing_rad)
         first = np.minimum(bodies.min(axis=0), walls) if len(bodies) else walls
         in_view = (bodies <= first) & np.isfinite(bodies)
-        share = in_view.sum(axis=1) / np.maximum(np.isfinite(bodies).sum(axis=1), 1)
+        ratio = in_view.sum(axis=1) / np.maximum(np.isfinite(bodies).sum(axis=1), 1)
         # a miss lasts for some frames
         again = 1 - 1 / MISSED_FRAMES
         begin = MISSED * (1 - again) / (1 - MISSED)
@@ -107,7 +107,7 @@ class Sensor:
             hit = np.arange(at, at + wide) % BEARINGS
             seen[hit] = np.minimum(seen[hit], math.hypot(x, y))
         seen = seen + rng.standard_normal(BEARINGS) * (SINGLE_STD[0] + SINGLE_STD[1] * seen)
-        return np.where(seen > LONGEST_M, np.inf, np.maximum(seen, 0.01)), share
+        return np.where(seen > LONGEST_M, np.inf, np.maximum(seen, 0.01)), ratio
 
 
 def disc_ranges(places_m: FloatArray, radius_m: float, pose: Pose2, bearing_rad: FloatArray) -> FloatArray:
@@ -189,7 +189,7 @@ class Wanderer:
         self._pause_s = 0.5 if self._rng.random() < 0.2 else 0.0
 
     def command(self, pose: Pose2, others_m: FloatArray) -> Command:
-        """Return what it wants now: towards its place, pushed off by those close before it."""
+        """Return the velocity it aims at: towards its place, pushed off by those close before it."""
         here = np.array([pose.x_m, pose.y_m])
         way = self._goal - here
         if math.hypot(*way) < 0.08 or self._rng.random() < 0.3 * CONTROL_PERIOD_S:
@@ -233,7 +233,7 @@ def film(
         if period % every == 0:
             truth, places, velocities = _truth(world)
             range_m, in_view = sensor.ranges(truth, places)
-            robot, covariance = sensor.believed(truth), sensor.pose_covariance
+            robot, covariance = sensor.estimated(truth), sensor.pose_covariance
             seen = detector.in_profile(sensor.bearing_rad, range_m, robot, covariance)
             taken.append(Frame(world.t_s, robot, covariance, truth, seen, places, velocities, in_view > 0.3))
     return taken

@@ -1,8 +1,8 @@
 """A row of opponents across the way, driven through by the gap that a rule takes: for gaps.py.
 
 Two or three gaps of uncertain width, each between two opponents, and a sure way round the row, 20 to 150 % longer than
-the straight one (as at the gate). The robot is that of doubtful_robot.py. At each look it sees all opponents again, the
-nearer and the straighter the better; where no speed is safe for 4 s it takes a gap to be blocked, and turns back.
+the straight one (as at the gate). The robot is that of uncertain_robot.py. At each look it sees all opponents again,
+the nearer and the straighter the better; where no speed is safe for 4 s it takes a gap to be blocked, and turns back.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.worlds.doubtful_robot import (
+from benchmarks.worlds.uncertain_robot import (
     DISC_STD_M,
     LIMITS,
     PATIENCE_S,
@@ -23,7 +23,7 @@ from benchmarks.worlds.doubtful_robot import (
     PLAN_EVERY,
     PLANNER,
     RADIUS_M,
-    DoubtfulRobot,
+    UncertainRobot,
 )
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import Disc, Gap, PassageTimes, WidthSensor, choose_gap
@@ -41,7 +41,7 @@ _ROUND_M = 1.2
 
 @dataclass(frozen=True)
 class Row:
-    """Gaps side by side, as believed from the start, and the sure way round: the last one."""
+    """Gaps side by side, as estimated from the start, and the sure way round: the last one."""
 
     gaps: tuple[Gap, ...]
     sensor: WidthSensor
@@ -66,7 +66,7 @@ def draw_sensor(rng: np.random.Generator) -> WidthSensor:
 def draw_row(narrowest_m: float, aside_m: float, sensor: WidthSensor, rng: np.random.Generator) -> Row:
     """Draw gaps 1.5 to 2.5 m ahead, so far aside at the most, from just too narrow to wide.
 
-    Each is known as well as 1 to 4 looks from the start tell.
+    Each is as certain as 1 to 4 looks from the start make it.
     """
     x, count = rng.uniform(1.5, 2.5), int(rng.integers(2, 4))
     while True:
@@ -90,7 +90,7 @@ def draw_row(narrowest_m: float, aside_m: float, sensor: WidthSensor, rng: np.ra
 
 
 def draw_widths(row: Row, rng: np.random.Generator) -> FloatArray:
-    """Draw what the widths are in truth, by what is believed of them."""
+    """Draw the true widths from their estimates."""
     width, sigma = np.array([(gap.width_m, gap.sigma_m) for gap in row.gaps]).T
     return np.array(width + sigma * rng.standard_normal(len(width)))
 
@@ -107,7 +107,7 @@ def pick(rule: str, times: PassageTimes, place_m: Point, gaps: Sequence[Gap]) ->
 
 
 class _Opponents:
-    """Those who make the gaps: where they stand, and where they are believed to."""
+    """The opponents that make the gaps: where they stand, and where they are estimated to."""
 
     def __init__(self, row: Row, widths_m: FloatArray, rng: np.random.Generator) -> None:
         self._row, self._rng = row, rng
@@ -134,17 +134,17 @@ class _Opponents:
             self._variance[one] *= 1 - gain
 
     def discs(self) -> tuple[Disc, ...]:
-        """As believed, never better than opponents are placed from nearby."""
-        doubts = np.maximum(self._variance, DISC_STD_M**2).tolist()
+        """Estimates, never better than opponents are placed from nearby."""
+        variances = np.maximum(self._variance, DISC_STD_M**2).tolist()
         return tuple(
-            Disc(self._row.x_m, y, RADIUS_M, doubt * np.eye(2))
-            for y, doubt in zip(self._y.tolist(), doubts, strict=True)
+            Disc(self._row.x_m, y, RADIUS_M, variance * np.eye(2))
+            for y, variance in zip(self._y.tolist(), variances, strict=True)
         )
 
     def gaps(self) -> list[Gap]:
-        """As believed, and the way round."""
-        doubts = [variance * np.eye(2) for variance in self._variance.tolist()]
-        discs = [Disc(self._row.x_m, y, RADIUS_M, d) for y, d in zip(self._y.tolist(), doubts, strict=True)]
+        """Estimates, and the way round."""
+        covariances = [variance * np.eye(2) for variance in self._variance.tolist()]
+        discs = [Disc(self._row.x_m, y, RADIUS_M, d) for y, d in zip(self._y.tolist(), covariances, strict=True)]
         return [gap_between(a, b) for a, b in zip(discs[::2], discs[1::2], strict=True)] + [self._row.gaps[-1]]
 
 
@@ -183,7 +183,7 @@ def drive_row(
 ) -> RowDrive:
     """Drive to the goal by a rule, asked again as `again` says; `first` is the gap taken first if that is given."""
     opponents = _Opponents(row, widths_m, np.random.default_rng(rng.integers(2**32)))
-    robot = DoubtfulRobot(rng)
+    robot = UncertainRobot(rng)
     round_it, collided, missed_s, speed = len(row.gaps) - 1, False, 0.0, 0.0
     blocked: set[int] = set()
     taken, path, stuck, places = -1, np.empty((0, 2)), False, [robot.place_m]
@@ -234,7 +234,7 @@ class RowJob:
 def row_seconds(job: RowJob) -> FloatArray | None:
     """Mean seconds of one row: for each way of asking again the rule and ours, the oracle; and touches.
 
-    All have the same true widths and errors. The oracle is told the widths at the start, and takes the gap that is
+    All have the same true widths and errors. The oracle gets the widths at the start, and takes the gap that is
     quickest by them. None if the two rules do not differ.
     """
     times = passage_times()
@@ -253,7 +253,7 @@ def row_seconds(job: RowJob) -> FloatArray | None:
             for again in job.again
             for rule in rules
         ]
-        told = np.random.default_rng(drive_seed)
-        drives.append(drive_row(row, widths, "mean width", "if blocked", times, told, best))
+        oracle_rng = np.random.default_rng(drive_seed)
+        drives.append(drive_row(row, widths, "mean width", "if blocked", times, oracle_rng, best))
         found.append([drive.seconds for drive in drives] + [float(any(drive.collided for drive in drives))])
     return np.array(np.mean(found, axis=0))

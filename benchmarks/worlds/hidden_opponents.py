@@ -76,11 +76,11 @@ def draw_opponents(rng: np.random.Generator) -> FloatArray:
 
 
 class Robot:
-    """Believes what its looks have told: cells' log-odds, and opponents found where cells are blocked."""
+    """Estimates from its looks: cells' log-odds, and opponents found where cells are blocked."""
 
     def __init__(self, opponents: FloatArray, rule: str, constant_mps: float | None, rng: np.random.Generator) -> None:
         self.opponents, self.rule, self.constant_mps, self.rng = opponents, rule, constant_mps, rng
-        # where a tracker has those that are found: it knows their size, and their place up to its error
+        # where a tracker has those that are found: their size is known, and their place up to its error
         self.tracked = opponents + PLACE_STD_M * np.pad(rng.standard_normal((len(opponents), 2)), ((0, 0), (0, 1)))
         self.log_odds = np.zeros(_X.shape)
         self.found = np.zeros(len(opponents), dtype=int)
@@ -91,7 +91,7 @@ class Robot:
         self.known, self.speed, self.reason = 0, 0.0, ""
 
     def look(self, place: FloatArray) -> None:
-        """Take in one look around: what is hit by a ray, what lies before that, nothing of what lies behind."""
+        """Update by one look around: what is hit by a ray, what lies before that, nothing of what lies behind."""
         away = np.hypot(self.opponents[:, 0] - place[0], self.opponents[:, 1] - place[1])
         towards = np.arctan2(self.opponents[:, 1] - place[1], self.opponents[:, 0] - place[0])
         rays = (np.arange(BEARINGS) + 0.5) * (math.tau / BEARINGS)
@@ -109,7 +109,7 @@ class Robot:
         gain = free_gain(range_m)
         lower = (range_m < np.minimum(front[ray], SIGHT_M)) * gain
         for k in np.unique(nearest[np.isfinite(front)]).tolist():
-            # of an opponent that can be seen at all, all of its floor is told
+            # of an opponent that can be seen at all, all of its floor is shown
             under = np.hypot(_X - self.opponents[k, 0], _Y - self.opponents[k, 1]) <= self.opponents[k, 2]
             if away[k] > SIGHT_M:
                 continue
@@ -135,7 +135,7 @@ class Robot:
             looks[looks > 0] = 0
         plan = self.undecided.plan(self.path, UndecidedFloor(looks, (0.0, 0.0), CELL_M))
         if self.constant_mps is None:
-            # and no faster than the controller keeps off what it knows
+            # and no faster than the controller keeps off what is found
             discs = [Disc(x, y, radius, PLACE_STD_M**2 * np.eye(2)) for x, y, radius in known.tolist()]
             pose = Pose2(float(place[0]), float(place[1]), 0.0)
             other = self.among.plan(self.path, pose, NOISE.look_covariance, self.velocity, discs, self.pending)
@@ -158,8 +158,8 @@ def way_round(start: FloatArray, goal: FloatArray, known: FloatArray) -> FloatAr
     length = np.hypot(step[..., 0], step[..., 1])
     for (x, y, _), off in zip(known.tolist(), room.tolist(), strict=True):
         to = np.array([x, y]) - nodes
-        share = np.clip((step * to[:, None]).sum(axis=2) / np.maximum(length**2, 1e-12), 0.0, 1.0)
-        away = np.hypot(share * step[..., 0] - to[:, None, 0], share * step[..., 1] - to[:, None, 1])
+        fraction = np.clip((step * to[:, None]).sum(axis=2) / np.maximum(length**2, 1e-12), 0.0, 1.0)
+        away = np.hypot(fraction * step[..., 0] - to[:, None, 0], fraction * step[..., 1] - to[:, None, 1])
         # whoever is too near already may leave
         own = np.minimum(np.hypot(to[:, 0], to[:, 1]), off)[:, None]
         length[away < own - 1e-6] = np.inf

@@ -30,7 +30,7 @@ SPELL_S = 0.1
 
 @dataclass(frozen=True)
 class Step:
-    """A control step: the truth, the odometry since the step before, and what the frame taken now tells."""
+    """A control step: the truth, the odometry since the step before, and the estimate of the frame taken now."""
 
     t_s: float
     truth: Pose2
@@ -63,7 +63,7 @@ class Wanderer:
         return place, 0.0 if halts else speed, 0.0 if halts else turn, until_s
 
     def commands(self, poses: Iterable[Pose2], t_s: float) -> dict[int, Command]:
-        """Return what each shall do."""
+        """Return each robot's command."""
         commands = {}
         for index, pose in enumerate(poses):
             place, speed, turn, until_s = self._plans[index]
@@ -71,8 +71,8 @@ class Wanderer:
             far = math.hypot(x, y)
             if t_s > until_s or (far < 0.1 and speed):
                 self._plans[index] = self._plan(t_s)
-            share = min(speed, 1.5 * far) / max(far, 1e-6)
-            commands[index] = Command(share * x, share * y, turn)
+            fraction = min(speed, 1.5 * far) / max(far, 1e-6)
+            commands[index] = Command(fraction * x, fraction * y, turn)
         return commands
 
 
@@ -120,7 +120,7 @@ def hands_in(world: World, kind: str, rng: np.random.Generator) -> tuple[float, 
 
 
 def arrivals(steps: list[Step], condition: str, rng: np.random.Generator) -> list[Arrival]:
-    """When which frame comes, and what it says, under a condition."""
+    """When which frame comes, and its estimate, under a condition."""
     found = []
     spell: tuple[int, Pose2 | None] = (-1, None)
     length = max(1, round(SPELL_S / CONTROL_PERIOD_S))
@@ -158,7 +158,7 @@ def arrivals(steps: list[Step], condition: str, rng: np.random.Generator) -> lis
 
 
 def with_odometry(steps: list[Step], gain: float) -> list[Step]:
-    """Return the steps with odometry that tells too much or too little."""
+    """Return the steps with odometry that is too long or too short."""
     scaled = []
     for step in steps:
         x, y, theta = (gain * step.odometry.array).tolist()

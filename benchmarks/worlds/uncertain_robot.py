@@ -1,6 +1,6 @@
-"""A robot that knows its place by a look now and then, and by odometry that slips in between: for speed.py and gaps.py.
+"""A robot located by a look now and then, and by odometry that slips in between: for speed.py and gap_choices.py.
 
-It is told estimates only, and followed in truth.
+Its planner gets estimates only; it moves in truth.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _LOOK_EVERY = round(LOOK_PERIOD_S / PERIOD_S)
 _STANDS_MPS = 0.02
 
 
-class DoubtfulRobot:
-    """Starts at rest about the origin, and believes to be there.
+class UncertainRobot:
+    """Starts at rest near the origin, and estimates to be there.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class DoubtfulRobot:
 
     @property
     def pose(self) -> Pose2:
-        """As believed."""
+        """The estimate."""
         return Pose2(*self._believed.tolist())
 
     @property
@@ -78,13 +78,13 @@ class DoubtfulRobot:
         return True
 
     def plan(self, path_m: FloatArray, discs: tuple[Disc, ...]) -> SpeedPlan:
-        """Return the largest safe speed by what is believed."""
+        """Return the largest safe speed by its estimates."""
         # velocities as the robot thinks them to be: turned by its error of heading
         off = float(self._believed[2]) - self._turn
-        felt, asked = (Pose2(0, 0, off).transform(v).tolist() for v in (self.velocity_mps, self._pending))
+        measured, pending = (Pose2(0, 0, off).transform(v).tolist() for v in (self.velocity_mps, self._pending))
         left_s = (_LOOK_EVERY - self._step % _LOOK_EVERY) * PERIOD_S
         return PLANNER.plan(
-            path_m, self.pose, self._covariance + np.diag(BIAS_STD**2), felt, discs, asked, left_s
+            path_m, self.pose, self._covariance + np.diag(BIAS_STD**2), measured, discs, pending, left_s
         )  # fmt: skip
 
     def follow(self, path_m: FloatArray, speed_mps: float) -> None:
