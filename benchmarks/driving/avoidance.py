@@ -162,7 +162,7 @@ def main() -> None:
             col.label("steering          "),
             "routes",
             col.count("collided"),
-            col.fraction("reached %"),
+            col.share("reached %"),
             col.error("s, both"),
             "mm",
             "verdict",
