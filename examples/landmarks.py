@@ -36,7 +36,7 @@ for moment in take(hall, (HALL_CAMERA,), shifted, seed=2, light=HallLight(level=
         print("not located:", view.pose.reason)
         continue
     error_m, error_rad = view.pose.pose.error_to(moment.pose)
-    print(f"{len(view.sight.matched)} of {len(view.sight.expected)} landmarks found", end=", ")
+    print(f"{len(view.match.matched)} of {len(view.match.expected)} landmarks found", end=", ")
     print(f"off by {1e3 * error_m:.1f} mm and {math.degrees(error_rad):.3f} deg")
 
 cv2.imwrite(str(OUT / "landmarks.png"), draw_landmarks(view, moment.images[0]))

@@ -27,11 +27,12 @@ import numpy.typing as npt
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
+from benchmarks.landmarks.orb import OrbExtractor
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.landmarks.features import Features, OrbExtractor, SiftExtractor
+from robocup_vision.landmarks.features import Features, SiftExtractor
 from robocup_vision.landmarks.landmark_map import LandmarkMap, expect
-from robocup_vision.landmarks.locate import LandmarkLocalizer, Sight
+from robocup_vision.landmarks.locate import LandmarkLocalizer, LandmarkMatch
 from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
 from robocup_vision.landmarks.selection import Selection
 from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
@@ -120,7 +121,7 @@ def score(
     """Locate every frame from the truth of the frame before."""
     errors, nees, own, matching, looked, matched = [], [], [], [], [], []
     for index, (features, pose) in enumerate(zip(runs, truth, strict=True)):
-        sight: Sight = localizer.look_at(features, truth[max(index - 1, 0)], rng=rng)
+        sight: LandmarkMatch = localizer.look_at(features, truth[max(index - 1, 0)], rng=rng)
         times = sight.timings_s
         own.append(sum(times.values()))
         matching.append(times.get("match", 0.0))

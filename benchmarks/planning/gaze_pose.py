@@ -22,10 +22,11 @@ from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, compose_covariance, wrap_angle
 from robocup_vision.localization.filter.pose_filter import OdometryNoise, PoseFilter
-from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT, camera_rotation
+from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
 from robocup_vision.localization.goal.localizer import GoalLocalizer
 from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze.pose_gaze import DETECTORS, GOAL_DETECTORS, Neck, PoseGaze

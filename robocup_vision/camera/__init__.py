@@ -3,7 +3,8 @@
 from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
 
 __all__ = [
     "Camera",

@@ -6,7 +6,6 @@ the camera's own frame still works. Only the mappings to and from the robot fram
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,25 +14,12 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.geometry import Pose2
 
 DISTORTION_LENGTHS = (0, 4, 5, 8)
 _WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
 _DISTORTED_STEP = 1e-12
-
-
-def camera_rotation(pan_rad: float, tilt_rad: float, roll_rad: float) -> FloatArray:
-    """Rotation (3, 3) of directions from the camera frame into the robot frame, Rz(pan) Ry(-tilt) Rx(roll).
-
-    Both frames are x forward, y left, z up; a positive tilt looks up.
-    """
-    cp, sp = math.cos(pan_rad), math.sin(pan_rad)
-    ct, st = math.cos(tilt_rad), math.sin(tilt_rad)
-    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
-    pan = np.array([[cp, -sp, 0.0], [sp, cp, 0.0], [0.0, 0.0, 1.0]])
-    tilt = np.array([[ct, 0.0, -st], [0.0, 1.0, 0.0], [st, 0.0, ct]])
-    roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
-    return np.asarray(pan @ tilt @ roll)
 
 
 @dataclass(frozen=True, eq=False)

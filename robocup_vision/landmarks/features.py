@@ -18,7 +18,7 @@ import numpy.typing as npt
 from field_models.errors import FrameError
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.landmarks.matching import best_two
+from robocup_vision.kernels.landmarks.matching import Described, best_two
 
 RATIO = 0.7  # eq. 3
 # unit descriptors farther apart than this are of different things even where no rival is near: a right angle is 1.41
@@ -123,14 +123,14 @@ class SiftExtractor:
         keypoints, descriptors = self._sift.detectAndCompute(grey, None)
         return features_of(self.camera, keypoints, descriptors, float(self.shrink))
 
-    def extract_near(self, frame: UInt8Array, places_px: FloatArray, max_share: float) -> Features:
+    def extract_near(self, frame: UInt8Array, places_px: FloatArray, max_ratio: float) -> Features:
         """Find the features around some places (K, 2) of a frame only, the first places first.
 
-        Tiles around the places are put side by side into one small picture, up to `max_share` of the frame's area;
+        Tiles around the places are put side by side into one small picture, up to `max_ratio` of the frame's area;
         keypoints near a tile's edge are dropped, for what is beyond it is not what the frame shows there.
         """
         check_frame(frame, self.camera)
-        tiles = _tiles(places_px, self.camera.size_px, max_share)
+        tiles = _tiles(places_px, self.camera.size_px, max_ratio)
         if not tiles:
             return features_of(self.camera, (), None)
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
@@ -155,10 +155,10 @@ class SiftExtractor:
         return features_of(self.camera, moved, descriptors[kept])
 
 
-def _tiles(places_px: FloatArray, size_px: tuple[int, int], max_share: float) -> list[tuple[int, int]]:
-    """Corners of tiles around places that no earlier tile has well inside, as many as the share of the area allows."""
+def _tiles(places_px: FloatArray, size_px: tuple[int, int], max_ratio: float) -> list[tuple[int, int]]:
+    """Corners of tiles around places that no earlier tile has well inside, as many as that ratio of the area allows."""
     width, height = size_px
-    most = max(int(max_share * width * height / TILE_PX**2), 1)
+    most = max(int(max_ratio * width * height / TILE_PX**2), 1)
     tiles: list[tuple[int, int]] = []
     for u, v in places_px:
         if any(
@@ -175,34 +175,6 @@ def _tiles(places_px: FloatArray, size_px: tuple[int, int], max_share: float) ->
         if len(tiles) >= most:
             break
     return tiles
-
-
-class OrbExtractor:
-    """Finds ORB features: a fraction of SIFT's time, and coarser. A map must be made with what it is used with.
-
-    Parameters
-    ----------
-    camera : PinholeCamera
-        As for `SiftExtractor`.
-    at_most : int
-        Keep this many.
-    """
-
-    def __init__(self, camera: PinholeCamera, *, at_most: int = 800) -> None:
-        self.camera = camera
-        self._orb = cv2.ORB.create(nfeatures=at_most)
-
-    def extract(self, frame: UInt8Array) -> Features:
-        """Find the features of a frame, (H, W, 3) uint8 BGR; the descriptors' 256 bits as unit vectors."""
-        check_frame(frame, self.camera)
-        keypoints, packed = self._orb.detectAndCompute(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), None)
-        if packed is None:
-            return features_of(self.camera, (), None)
-        bits = np.unpackbits(np.asarray(packed, dtype=np.uint8), axis=1)
-        features = features_of(self.camera, keypoints, bits.astype(np.float32))
-        octave = np.array([k.octave for k in keypoints], dtype=np.float64)
-        scale = np.asarray(float(self._orb.getScaleFactor()) ** octave, dtype=np.float64)
-        return Features(features.pixels, features.size_px, scale, features.contrast, features.descriptors)
 
 
 def check_frame(frame: UInt8Array, camera: PinholeCamera) -> None:
@@ -277,7 +249,7 @@ def match(
     Returns
     -------
     (K,), (K,) int64
-        Int64Array of partners.
+        Numbers of the partners in `first` and in `second`.
     """
     if not len(first) or not len(second):
         none = np.empty(0, dtype=np.int64)
@@ -292,27 +264,11 @@ def match(
 
 
 def match_by_loop(
-    first: Float32Array,
-    first_px: FloatArray,
-    first_size: FloatArray,
-    second: Features,
-    gate_px: tuple[float, float],
-    size_ratio: float,
-    *,
-    ratio: float = RATIO,
+    first: Described, second: Features, gate_px: tuple[float, float], size_ratio: float, *, ratio: float = RATIO
 ) -> tuple[Int64Array, Int64Array]:
     """Match as `match` does, landmark by landmark, within `gate_px` of where each is expected; compiled."""
-    best, nearest, runner_up = best_two(
-        first,
-        first_px,
-        first_size,
-        second.descriptors,
-        second.pixels,
-        second.size_px,
-        gate_px[0],
-        gate_px[1],
-        size_ratio,
-    )
+    features = Described(second.descriptors, second.pixels, second.size_px)
+    best, nearest, runner_up = best_two(first, features, gate_px, size_ratio)
     return _accept(best, nearest, runner_up, len(second), ratio)
 
 

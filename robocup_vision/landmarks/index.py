@@ -13,7 +13,8 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.landmarks.index import views_in_frustum
+from robocup_vision.kernels.algebra.pinhole import PinholeView
+from robocup_vision.kernels.landmarks.index import FloorPlan, InView, views_in_frustum
 from robocup_vision.landmarks.landmark_map import DIRECTIONS, VIEW_REACH_RAD, Expected, LandmarkMap, nearest_views
 
 
@@ -37,42 +38,49 @@ class MapIndex:
             raise ArgumentError(f"cell_m, keep and reach_m must be positive, got {cell_m}, {keep}, {reach_m}")
         self.landmarks = landmarks
         self._reach_m = reach_m
-        self._cell_m = cell_m
         of = landmarks.view_landmark
         places = landmarks.positions_m[of]
-        self._corner = places.min(axis=0) - 1e-6 if len(places) else np.zeros(3)
-        cell = ((places - self._corner) / cell_m).astype(np.int64)
+        corner = places.min(axis=0) - 1e-6 if len(places) else np.zeros(3)
+        cell = ((places - corner) / cell_m).astype(np.int64)
         wide, deep, _ = cell.max(axis=0, initial=0) + 1
-        self._columns = (int(wide), int(deep))
         column = cell[:, 1] * wide + cell[:, 0]
         box = (column * (cell[:, 2].max(initial=0) + 1) + cell[:, 2]) * DIRECTIONS + landmarks.view_direction
         order = np.lexsort((-landmarks.view_contrast, -landmarks.success[of], box))
         rank = np.arange(len(order)) - np.searchsorted(box[order], box[order])
         self._views = order[rank < keep].astype(np.int64)
-        self._starts = np.searchsorted(column[self._views], np.arange(wide * deep + 1))
-        self._positions = np.ascontiguousarray(places[self._views])
-        self._bearings = landmarks.view_direction[self._views] * (math.tau / DIRECTIONS)
-        self._found = np.empty(len(self._views), dtype=np.int64)
-        self._pixels = np.empty((len(self._views), 2))
-        self._depth = np.empty(len(self._views))
+        self._plan = FloorPlan(
+            np.ascontiguousarray(places[self._views]),
+            landmarks.view_direction[self._views] * (math.tau / DIRECTIONS),
+            np.searchsorted(column[self._views], np.arange(wide * deep + 1)),
+            (int(wide), int(deep)),
+            corner,
+            cell_m,
+        )
+        count = len(self._views)
+        self._found = InView(np.empty(count, dtype=np.int64), np.empty((count, 2)), np.empty(count))
 
     def __len__(self) -> int:
         return len(self._views)
 
     def expect(self, camera: PinholeCamera, pose: FloatArray) -> Expected:
         """Landmarks in the view frustum of a robot at a pose (3,), as `landmark_map.expect`, of each cell the best."""
+        found = self._found
         count = views_in_frustum(
-            pose, *kernel_camera(camera), np.array(camera.size_px, dtype=np.float64), self._reach_m,
-            VIEW_REACH_RAD + math.pi / DIRECTIONS, self._positions, self._bearings, self._starts, self._columns,
-            self._corner, self._cell_m, self._found, self._pixels, self._depth,
-        )  # fmt: skip
-        views = self._views[self._found[:count]]
-        return nearest_views(self.landmarks, camera, pose, views, self._pixels[:count], self._depth[:count])
+            pinhole_view(camera),
+            camera.size_px,
+            pose,
+            self._plan,
+            self._reach_m,
+            VIEW_REACH_RAD + math.pi / DIRECTIONS,
+            found,
+        )
+        views = self._views[found.number[:count]]
+        return nearest_views(self.landmarks, camera, pose, views, found.pixels[:count], found.depth_m[:count])
 
 
-def kernel_camera(camera: PinholeCamera) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return what the kernels take of a camera: robot to camera rotation, viewpoint, focal length and centre."""
-    return (
+def pinhole_view(camera: PinholeCamera) -> PinholeView:
+    """Return what the kernels need of a camera."""
+    return PinholeView(
         np.ascontiguousarray(camera.camera_to_robot.T),
         np.array(camera.viewpoint_m),
         np.array(camera.focal_px, dtype=np.float64),

@@ -18,7 +18,8 @@ from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.landmarks.fit import descend
+from robocup_vision.kernels.landmarks.fit import LandmarkPixels, fit_pose
+from robocup_vision.kernels.landmarks.matching import Described
 from robocup_vision.landmarks.features import (
     PIXEL_STD_PER_SPACING,
     Extractor,
@@ -28,32 +29,72 @@ from robocup_vision.landmarks.features import (
     match_by_loop,
     near,
 )
-from robocup_vision.landmarks.index import MapIndex, kernel_camera
+from robocup_vision.landmarks.index import MapIndex, pinhole_view
 from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap, expect
-from robocup_vision.landmarks.pose_fit import CHI2_2DOF, PoseFit, fit_pixels
+from robocup_vision.landmarks.pose_fit import CHI2_2DOF, PoseFit
 from robocup_vision.landmarks.projection import project, to_camera
 from robocup_vision.landmarks.relocate import Relocator
 from robocup_vision.landmarks.selection import Selection, TimeBudget, select
 
 Matching = Literal["loop", "product"]
 
-GATE_PX = 40.0  # eqs. 16 and 17, for images 320 wide
-_KNOWN_GATE_PX = 4.0
-_SIZE_RATIO = 1.6
-_SCOUTS = 16
-_REGIONS_SHARE = 0.17
-_MIN_SCOUT_SHARE = 0.6
-_WIDTHS = np.array([30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0])
-MIN_INLIERS = 6
-_MIN_SHARE = 0.4
-# a pose less certain than this tells too little
-_MAX_STD_M = 0.2
-PRIOR_COVARIANCE = np.diag([0.1**2, 0.1**2, math.radians(5.0) ** 2])
+
+@dataclass(frozen=True, slots=True)
+class LandmarkSettings:
+    """What `LandmarkLocalizer` can be tuned by. Pixels are those of an image 320 wide; they grow with the width.
+
+    Parameters
+    ----------
+    gate_px : float
+        Half the window around where the prior puts a landmark (eqs. 16 and 17): a prior 0.1 m off at 1 m.
+    ratio : float
+        Eq. 3 in that window: the nearest descriptor must be nearer than this times the second nearest.
+    known_gate_px, known_ratio : float
+        The same once a first fit has placed the camera: few rivals are left in so small a window.
+    size_ratio : float
+        A feature's diameter may differ from the expected one by this factor: half an octave and some noise.
+    scouts : int
+        The most informative landmarks are matched first; if they agree, the others need no wide window.
+    min_scout_inlier_ratio : float
+        So many of the scouts' matches must agree, or all landmarks are matched in the wide window.
+    region_ratio : float
+        Area of the tiles that `regions` looks at, of the frame's: a third of a frame costs as much as the whole.
+    weight_widths : tuple of float
+        Of the weights in each iteration of the fit, standard deviations: wide for a poor prior, then down to the noise.
+    min_inliers : int
+        A pose has three unknowns and each landmark two numbers; six leave enough over to tell a wrong pose.
+    min_inlier_ratio : float
+        Of the matches; where fewer agree, the pose is as likely one of chance.
+    max_std_m : float
+        A pose less certain than this tells too little.
+    prior_std_m, prior_std_rad : float
+        How well the prior is known when landmarks are selected.
+    """
+
+    gate_px: float = 40.0
+    ratio: float = 0.7
+    known_gate_px: float = 4.0
+    known_ratio: float = 0.85
+    size_ratio: float = 1.6
+    scouts: int = 16
+    min_scout_inlier_ratio: float = 0.6
+    region_ratio: float = 0.17
+    weight_widths: tuple[float, ...] = (30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0)
+    min_inliers: int = 6
+    min_inlier_ratio: float = 0.4
+    max_std_m: float = 0.2
+    prior_std_m: float = 0.1
+    prior_std_rad: float = math.radians(5.0)
+
+    @property
+    def prior_covariance(self) -> FloatArray:
+        """(3, 3) float64, of x, y and theta."""
+        return np.diag([self.prior_std_m**2, self.prior_std_m**2, self.prior_std_rad**2])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """What a frame showed of the map.
+class LandmarkMatch:
+    """The landmarks found in a frame, and the pose they give.
 
     Parameters
     ----------
@@ -99,8 +140,8 @@ class LandmarkLocalizer:
     regions : bool
         With a prior, look for SIFT features only in tiles around the most telling landmarks, a sixth of the frame.
         The prior must then be good to some 10 pixels; where it was not, the whole frame is looked at.
-    exhaustive : bool
-        Search the pose as the paper does: slow and coarse, a reference.
+    settings : LandmarkSettings
+        Windows and thresholds.
     """
 
     def __init__(
@@ -113,7 +154,7 @@ class LandmarkLocalizer:
         matching: Matching = "loop",
         extractor: Extractor | None = None,
         regions: bool = False,
-        exhaustive: bool = False,
+        settings: LandmarkSettings = LandmarkSettings(),
     ) -> None:
         if not camera.known_orientation:
             raise ArgumentError("a landmark map needs a camera of known tilt_rad")
@@ -125,11 +166,13 @@ class LandmarkLocalizer:
         self.extractor = extractor or SiftExtractor(camera)
         self._regions = SiftExtractor(camera) if regions else None
         self._matching = matching
-        self._exhaustive = exhaustive
         self._index = MapIndex(landmarks)
         self._budget = None if limit_s is None else TimeBudget(limit_s)
         self._relocator = Relocator(landmarks, camera)
-        self._kernel_camera = kernel_camera(camera)
+        self._settings = settings
+        self._widths = np.array(settings.weight_widths)
+        self._prior_covariance = settings.prior_covariance
+        self._view = pinhole_view(camera)
         self._scale = camera.size_px[0] / 320
 
     def locate(
@@ -156,26 +199,26 @@ class LandmarkLocalizer:
 
     def look(
         self, frame: UInt8Array, prior: PoseEstimate | Pose2 | None = None, *, rng: np.random.Generator | None = None
-    ) -> Sight:
-        """Locate the robot as `locate` does, and tell how."""
+    ) -> LandmarkMatch:
+        """Locate the robot as `locate` does; return the landmarks found, too."""
         started = time.perf_counter()
         in_regions_s = 0.0
         if self._regions is not None and prior is not None:
             pose = prior.pose.array if isinstance(prior, PoseEstimate) else prior.array
             expected = self._expect(pose, rng)
             extracting = time.perf_counter()
-            features = self._regions.extract_near(frame, expected.pixels, _REGIONS_SHARE)
+            features = self._regions.extract_near(frame, expected.pixels, self._settings.region_ratio)
             in_regions_s = time.perf_counter() - extracting
-            sight = self._find(features, pose, expected, extracting - started)
-            if sight.pose:
-                sight.timings_s["features"] = in_regions_s
-                return sight
+            result = self._find(features, pose, expected, extracting - started)
+            if result.pose:
+                result.timings_s["features"] = in_regions_s
+                return result
         extracting = time.perf_counter()
         features = self.extractor.extract(frame)
         extracted_s = time.perf_counter() - extracting
-        sight = self.look_at(features, prior, rng=rng)
-        sight.timings_s["features"] = in_regions_s + extracted_s
-        return sight
+        result = self.look_at(features, prior, rng=rng)
+        result.timings_s["features"] = in_regions_s + extracted_s
+        return result
 
     def prepare(self) -> None:
         """Build the index of the whole map's descriptors now, not at the first frame without a prior."""
@@ -183,30 +226,30 @@ class LandmarkLocalizer:
 
     def look_at(
         self, features: Features, prior: PoseEstimate | Pose2 | None = None, *, rng: np.random.Generator | None = None
-    ) -> Sight:
+    ) -> LandmarkMatch:
         """Locate the robot by features that are known already."""
-        sight = None
+        result = None
         if prior is not None:
             pose = prior.pose if isinstance(prior, PoseEstimate) else prior
-            sight = self._near(features, pose.array, rng)
-            if sight.pose:
-                return sight
+            result = self._near(features, pose.array, rng)
+            if result.pose:
+                return result
         started = time.perf_counter()
         found = self._relocator.relocate(features)
         relocated_s = time.perf_counter() - started
         if isinstance(found, NotLocated):
-            sight = sight or _nothing(found)
-            sight.timings_s["relocate"] = relocated_s
-            return sight
-        sight = self._near(features, found, rng)
-        sight.timings_s["relocate"] = relocated_s
-        return sight
+            result = result or _nothing(found)
+            result.timings_s["relocate"] = relocated_s
+            return result
+        result = self._near(features, found, rng)
+        result.timings_s["relocate"] = relocated_s
+        return result
 
-    def look_near(self, features: Features, prior: Pose2) -> Sight:
+    def look_near(self, features: Features, prior: Pose2) -> LandmarkMatch:
         """Locate the robot by features near a prior only: the whole map is not searched where that fails."""
         return self._near(features, prior.array, None)
 
-    def _near(self, features: Features, pose: FloatArray, rng: np.random.Generator | None) -> Sight:
+    def _near(self, features: Features, pose: FloatArray, rng: np.random.Generator | None) -> LandmarkMatch:
         started = time.perf_counter()
         expected = self._expect(pose, rng)
         return self._find(features, pose, expected, time.perf_counter() - started)
@@ -219,50 +262,61 @@ class LandmarkLocalizer:
             expected = expect(self.landmarks, self.camera, pose)
         at_most = None if self._budget is None else self._budget.landmarks
         chosen = select(
-            self.selection, self.landmarks, expected, self.camera, pose, PRIOR_COVARIANCE, at_most=at_most, rng=rng
+            self.selection,
+            self.landmarks,
+            expected,
+            self.camera,
+            pose,
+            self._prior_covariance,
+            at_most=at_most,
+            rng=rng,
         )
         return expected.take(chosen)
 
-    def _find(self, features: Features, pose: FloatArray, expected: Expected, selected_s: float) -> Sight:
+    def _find(self, features: Features, pose: FloatArray, expected: Expected, selected_s: float) -> LandmarkMatch:
         """Match the expected landmarks and fit the pose to them."""
         started = time.perf_counter()
-        matching_s = 0.0
+        matching_s, settings = 0.0, self._settings
         fit, rows, partners = None, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         # the first few say where the others must be: these then need no wide gate
-        for first in (_SCOUTS, len(expected)) if self._in_order(expected) else (len(expected),):
+        for first in (settings.scouts, len(expected)) if self._in_order(expected) else (len(expected),):
             started_s = time.perf_counter()
             scouts = expected.take(np.arange(first))
-            rows, partners = self._match(scouts, scouts.pixels, features, GATE_PX * self._scale, 0.7)
+            rows, partners = self._match(scouts, scouts.pixels, features, settings.gate_px, settings.ratio)
             matching_s += time.perf_counter() - started_s
-            fit = self._fit(pose, expected, rows, features, partners) if len(rows) >= MIN_INLIERS else None
-            if fit is not None and fit.inliers.sum() >= max(MIN_INLIERS, _MIN_SCOUT_SHARE * len(rows)):
+            fit = self._fit(pose, expected, rows, features, partners) if len(rows) >= settings.min_inliers else None
+            if fit is not None and fit.inliers.sum() >= max(
+                settings.min_inliers, settings.min_scout_inlier_ratio * len(rows)
+            ):
                 break
-        if fit is not None and fit.inliers.sum() >= MIN_INLIERS:
+        if fit is not None and fit.inliers.sum() >= settings.min_inliers:
             pixels = self._project(fit.pose, expected)
             started_s = time.perf_counter()
-            rows, partners = self._match(expected, pixels, features, _KNOWN_GATE_PX * self._scale, 0.85)
+            rows, partners = self._match(expected, pixels, features, settings.known_gate_px, settings.known_ratio)
             matching_s += time.perf_counter() - started_s
-            fit = self._fit(fit.pose, expected, rows, features, partners) if len(rows) >= MIN_INLIERS else None
+            fit = self._fit(fit.pose, expected, rows, features, partners) if len(rows) >= settings.min_inliers else None
         done = time.perf_counter()
         timings = {"select": selected_s, "match": matching_s, "fit": done - started - matching_s}
         if self._budget is not None:
             self._budget.learn(selected_s + done - started - matching_s, matching_s, len(expected))
         inliers = np.zeros(len(rows), dtype=bool) if fit is None else fit.inliers
         pixels = features.pixels[partners]
-        return Sight(self._judge(fit, len(rows), len(expected)), expected, rows, pixels, inliers, timings)
+        return LandmarkMatch(self._judge(fit, len(rows), len(expected)), expected, rows, pixels, inliers, timings)
 
     def _in_order(self, expected: Expected) -> bool:
         """Whether the most telling landmarks come first, and there are more than the scouts."""
-        return self.selection.choice == "informative" and len(expected) > _SCOUTS
+        return self.selection.choice == "informative" and len(expected) > self._settings.scouts
 
     def _match(
         self, expected: Expected, pixels: FloatArray, features: Features, gate_px: float, ratio: float
     ) -> tuple[Int64Array, Int64Array]:
         unit = self.landmarks.view_unit[expected.view]
-        gate = (gate_px, gate_px)
+        settings = self._settings
+        gate = (gate_px * self._scale, gate_px * self._scale)
         if self._matching == "loop":
-            return match_by_loop(unit, pixels, expected.size_px, features, gate, _SIZE_RATIO, ratio=ratio)
-        allowed = near(pixels, expected.size_px, features, gate, _SIZE_RATIO)
+            described = Described(unit, pixels, expected.size_px)
+            return match_by_loop(described, features, gate, settings.size_ratio, ratio=ratio)
+        allowed = near(pixels, expected.size_px, features, gate, settings.size_ratio)
         return match(unit, features.descriptors, allowed, ratio=ratio)
 
     def _project(self, pose: FloatArray, expected: Expected) -> FloatArray:
@@ -275,33 +329,31 @@ class LandmarkLocalizer:
         positions, covariances = self.landmarks.positions_m[of], self.landmarks.covariances[of]
         pixels = features.pixels[partners]
         std = PIXEL_STD_PER_SPACING * self.landmarks.noise[of] * features.spacing_px[partners]
-        if self._exhaustive:
-            return fit_pixels(self.camera, start, positions, covariances, pixels, std, exhaustive=True)
         pose, squared = np.empty(3), np.empty(len(rows))
-        normal = descend(
-            start, *self._kernel_camera, positions, covariances, pixels, std, _WIDTHS, CHI2_2DOF, pose, squared
-        )
+        matches = LandmarkPixels(positions, covariances, pixels, std)
+        normal = fit_pose(self._view, start, matches, self._widths, CHI2_2DOF, pose, squared)
         covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         return PoseFit(pose, covariance, squared <= CHI2_2DOF, squared)
 
     def _judge(self, fit: PoseFit | None, matched: int, expected: int) -> PoseEstimate | NotLocated:
         if fit is None:
             return NotLocated(f"only {matched} of {expected} expected landmarks were found")
+        settings = self._settings
         agree = int(fit.inliers.sum())
-        if agree < MIN_INLIERS or agree < _MIN_SHARE * matched:
+        if agree < settings.min_inliers or agree < settings.min_inlier_ratio * matched:
             return NotLocated(f"only {agree} of {matched} found landmarks agree on a pose")
-        # what the found landmarks leave open (more in poor light than the map was made in), and what they all share
+        # the found landmarks' own error (larger in poorer light than the map was made in), and the map's drift
         poorer = max(float(fit.squared[fit.inliers].sum()) / max(2 * agree - 3, 1), 1.0)
         covariance = fit.covariance * poorer + self.landmarks.drift(fit.pose)
         std = np.sqrt(np.diag(covariance))
-        if not max(std[:2]) < _MAX_STD_M:
-            return NotLocated(f"{agree} landmarks tell the position to {max(std[:2]):.2f} m only")
+        if not max(std[:2]) < settings.max_std_m:
+            return NotLocated(f"{agree} landmarks give the position to {max(std[:2]):.2f} m only")
         residual = math.sqrt(float(fit.squared[fit.inliers].mean()) / 2)
         pose = Pose2(*(float(v) for v in fit.pose))
         return PoseEstimate(pose, read_only(covariance), agree / matched, residual)
 
 
-def _nothing(reason: NotLocated) -> Sight:
+def _nothing(reason: NotLocated) -> LandmarkMatch:
     none = np.empty(0, dtype=np.int64)
     empty = Expected(none, none, np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
-    return Sight(reason, empty, none, np.empty((0, 2)), np.empty(0, dtype=bool), {})
+    return LandmarkMatch(reason, empty, none, np.empty((0, 2)), np.empty(0, dtype=bool), {})

@@ -12,6 +12,7 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.projection import project_ideal
 
 
 def world_to_camera(camera: PinholeCamera, theta_rad: FloatArray) -> FloatArray:
@@ -40,9 +41,7 @@ def to_world(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> F
 
 def project(camera: PinholeCamera, points_m: FloatArray) -> FloatArray:
     """Ideal pixels (N, 2) of points (N, 3) in the camera frame; NaN behind the camera. Eq. 15."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = np.where(points_m[:, :1] > 1e-6, -points_m[:, 1:] / points_m[:, :1], np.nan)
-    return np.asarray(slopes * camera.focal_px + camera.center_px)
+    return project_ideal(camera.focal_px, camera.center_px, points_m)
 
 
 def pixel_by_point(camera: PinholeCamera, points_m: FloatArray) -> FloatArray:

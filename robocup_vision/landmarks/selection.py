@@ -16,7 +16,7 @@ from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.landmarks.fit import most_informative
 from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING
-from robocup_vision.landmarks.index import kernel_camera
+from robocup_vision.landmarks.index import pinhole_view
 from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap
 
 Choice = Literal["informative", "cells", "frequency", "response", "random", "all"]
@@ -107,7 +107,7 @@ def select(
         return chosen
     of = expected.landmark[chosen]
     best = most_informative(
-        pose, *kernel_camera(camera), landmarks.positions_m[of], landmarks.covariances[of],
+        pinhole_view(camera), pose, landmarks.positions_m[of], landmarks.covariances[of],
         PIXEL_STD_PER_SPACING * landmarks.noise[of] * np.maximum(expected.spacing_px[chosen], 0.5), success[chosen],
         np.asarray(np.linalg.inv(prior_cov), dtype=np.float64), count,
     )  # fmt: skip

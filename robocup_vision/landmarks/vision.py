@@ -1,4 +1,4 @@
-"""What a robot embeds to go by a landmark map: frames in, poses out, each one the prior of the next."""
+"""Locates a robot by a landmark map frame after frame; each pose is the prior of the next."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.features import check_frame
 from robocup_vision.landmarks.landmark_map import LandmarkMap
-from robocup_vision.landmarks.locate import LandmarkLocalizer, Sight
+from robocup_vision.landmarks.locate import LandmarkLocalizer, LandmarkMatch, LandmarkSettings
 from robocup_vision.landmarks.selection import Selection
 
 _MIN_WIDTH = 640
@@ -33,16 +33,16 @@ class LandmarkView:
     ----------
     pose : PoseEstimate or NotLocated
         The robot on the field.
-    sight : Sight
-        The landmarks behind it.
+    match : LandmarkMatch
+        The landmarks that it rests on.
     timings_s : mapping of str to float
         Seconds each stage took, and ``total``.
     t_s : float or None
-        When the frame was taken, as `look` was told.
+        When the frame was taken, as given to `look`.
     """
 
     pose: PoseEstimate | NotLocated
-    sight: Sight
+    match: LandmarkMatch
     timings_s: Mapping[str, float]
     t_s: float | None = None
 
@@ -64,6 +64,8 @@ class LandmarkVision:
         After the first frame look for features only around the landmarks expected: a fraction of the time.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
+    settings : LandmarkSettings, optional
+        Windows and thresholds.
     """
 
     def __init__(
@@ -75,10 +77,18 @@ class LandmarkVision:
         limit_s: float | None = None,
         regions: bool = False,
         mask: UInt8Array | None = None,
+        settings: LandmarkSettings | None = None,
     ) -> None:
         if mask is not None and mask.shape != (camera.size_px[1], camera.size_px[0]):
             raise ArgumentError(f"mask must be as large as the camera's images, got {mask.shape}")
-        self.localizer = LandmarkLocalizer(landmarks, camera, selection=selection, limit_s=limit_s, regions=regions)
+        self.localizer = LandmarkLocalizer(
+            landmarks,
+            camera,
+            selection=selection,
+            limit_s=limit_s,
+            regions=regions,
+            settings=settings or LandmarkSettings(),
+        )
         # the first frame is without a prior: what it needs is made ready here
         self.localizer.prepare()
         self.camera = camera
@@ -92,7 +102,7 @@ class LandmarkVision:
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
     ) -> LandmarkView:
-        """See where a frame was taken.
+        """Locate the robot by a frame.
 
         Parameters
         ----------
@@ -118,13 +128,13 @@ class LandmarkVision:
             frame[self._hidden] = 0
         if prior is None and self._last is not None:
             prior = self._last if odometry is None else self._last.compose(odometry)
-        sight = self.localizer.look(frame, prior)
-        if sight.pose:
-            self._last = sight.pose.pose
+        match = self.localizer.look(frame, prior)
+        if match.pose:
+            self._last = match.pose.pose
         elif self._last is not None:
             # lost for a frame or two: odometry carries on, and the whole map is searched anyway
             self._last = None if odometry is None else self._last.compose(odometry)
-        return LandmarkView(sight.pose, sight, {**sight.timings_s, "total": time.perf_counter() - started}, t_s)
+        return LandmarkView(match.pose, match, {**match.timings_s, "total": time.perf_counter() - started}, t_s)
 
     def forget(self) -> None:
         """Forget the last pose: the next frame stands alone."""
@@ -141,17 +151,17 @@ def draw_landmarks(view: LandmarkView, frame: UInt8Array) -> UInt8Array:
     """
     scale = max(1, math.ceil(_MIN_WIDTH / frame.shape[1]))
     canvas = np.asarray(cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
-    sight = view.sight
+    match = view.match
 
     def place(pixel: npt.NDArray[np.float64]) -> tuple[int, int]:
         u, v = (pixel + 0.5) * scale - 0.5
         return round(float(u)), round(float(v))
 
-    found = np.zeros(len(sight.expected), dtype=bool)
-    found[sight.matched] = True
-    for pixel in sight.expected.pixels[~found]:
+    found = np.zeros(len(match.expected), dtype=bool)
+    found[match.matched] = True
+    for pixel in match.expected.pixels[~found]:
         cv2.circle(canvas, place(pixel), 4, _UNSEEN, 1, cv2.LINE_AA)
-    for pixel, is_inlier in zip(sight.pixels, sight.inliers, strict=True):
+    for pixel, is_inlier in zip(match.pixels, match.inliers, strict=True):
         cv2.circle(canvas, place(pixel), 4, _GOOD if is_inlier else _BAD, 2, cv2.LINE_AA)
     if not isinstance(view.pose, NotLocated):
         pose, std = view.pose.pose, view.pose.std

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
-from robocup_vision.kernels.algebra.camera_axes import camera_axes
+from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 
 _WASHED = 0.5
 
@@ -212,7 +212,7 @@ def goal_points(shape: FloatArray, view: FloatArray, p: FloatArray, offsets: Flo
     bool
         Whether all of it is in front of the camera.
     """
-    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
+    axes = camera_axes(p[2], p[3], p[4])
     line_x, half, top, radius = shape[0], 0.5 * shape[1], shape[2], shape[3]
     dx, dz = line_x - p[0], top - p[5]
     side = -1.0 if dx < 0 else 1.0
@@ -251,12 +251,10 @@ def goal_points(shape: FloatArray, view: FloatArray, p: FloatArray, offsets: Flo
             x = line_x + radius * (offset * uy - along * ux)
             y = post_y + radius * (-offset * ux - along * uy)
             z = 0.0 if n < 12 + 2 * count else 0.5 * radius
-        x, y, z = x - p[0], y - p[1], z - p[5]
-        depth = x * r00 + y * r10 + z * r20
+        depth, left, up = in_camera(axes, x - p[0], y - p[1], z - p[5])
         if depth <= 0.05:
             return False
-        points[n, 0] = view[2] - view[0] * (x * r01 + y * r11 + z * r21) / depth
-        points[n, 1] = view[3] - view[1] * (x * r02 + y * r12 + z * r22) / depth
+        points[n, 0], points[n, 1] = ideal_pixel(view[0], view[1], view[2], view[3], depth, left, up)
     return True
 
 

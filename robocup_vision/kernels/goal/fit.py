@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
-from robocup_vision.kernels.algebra.camera_axes import camera_axes
 from robocup_vision.kernels.algebra.cholesky import solve_symmetric
+from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 
 
 @njit(cache=True, nogil=True)
@@ -31,7 +31,7 @@ def goal_prediction(
     lines, feet : float64
         Results.
     """
-    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
+    axes = camera_axes(p[2], p[3], p[4])
     scale = math.exp(p[6])
     fu, fv = view[0] * scale, view[1] * scale
     dx = shape[0] - p[0]
@@ -57,9 +57,7 @@ def goal_prediction(
             nx, nz = -side * (bar_sin * bar_rest + bar_cos * bar_half), bar_cos * bar_rest - bar_sin * bar_half
         else:
             nx, nz = side * (bar_sin * bar_rest - bar_cos * bar_half), -(bar_cos * bar_rest + bar_sin * bar_half)
-        cx = nx * r00 + ny * r10 + nz * r20
-        cy = nx * r01 + ny * r11 + nz * r21
-        cz = nx * r02 + ny * r12 + nz * r22
+        cx, cy, cz = in_camera(axes, nx, ny, nz)
         a, b = -cy / fu, -cz / fv
         c = cx - a * view[2] - b * view[3]
         norm = math.sqrt(a * a + b * b)
@@ -72,11 +70,9 @@ def goal_prediction(
             along = math.sqrt(1.0 - offsets[k] ** 2)
             x = dx + shape[3] * (offsets[k] * uy - along * ux)
             y = dy + shape[3] * (-offsets[k] * ux - along * uy)
-            z = -p[5]
-            depth = x * r00 + y * r10 + z * r20
+            depth, left, up = in_camera(axes, x, y, -p[5])
             if depth > 1e-6:
-                feet[post, k, 0] = view[2] - fu * (x * r01 + y * r11 + z * r21) / depth
-                feet[post, k, 1] = view[3] - fv * (x * r02 + y * r12 + z * r22) / depth
+                feet[post, k, 0], feet[post, k, 1] = ideal_pixel(fu, fv, view[2], view[3], depth, left, up)
             else:
                 feet[post, k, 0] = np.nan
                 feet[post, k, 1] = np.nan
@@ -120,14 +116,12 @@ def floor_residuals(
     view: FloatArray, p: FloatArray, mark_m: FloatArray, uv: FloatArray, direction: FloatArray, residual: FloatArray
 ) -> None:
     """Signed pixel residuals, along a direction each, of floor points (N, 2) in the field frame, metres."""
-    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
+    axes = camera_axes(p[2], p[3], p[4])
     scale = math.exp(p[6])
     for n in range(mark_m.shape[0]):
-        x, y, z = mark_m[n, 0] - p[0], mark_m[n, 1] - p[1], -p[5]
-        depth = x * r00 + y * r10 + z * r20
+        depth, left, up = in_camera(axes, mark_m[n, 0] - p[0], mark_m[n, 1] - p[1], -p[5])
         if depth > 1e-6:
-            u = view[2] - scale * view[0] * (x * r01 + y * r11 + z * r21) / depth
-            v = view[3] - scale * view[1] * (x * r02 + y * r12 + z * r22) / depth
+            u, v = ideal_pixel(scale * view[0], scale * view[1], view[2], view[3], depth, left, up)
             residual[n] = (uv[n, 0] - u) * direction[n, 0] + (uv[n, 1] - v) * direction[n, 1]
         else:
             residual[n] = np.nan

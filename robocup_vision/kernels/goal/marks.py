@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.kernels.algebra.camera_axes import camera_axes
+from robocup_vision.kernels.algebra.pinhole import camera_axes, in_camera
 from robocup_vision.kernels.goal.edges import sample
 from robocup_vision.kernels.goal.fit import floor_residuals
 
@@ -58,18 +58,18 @@ def line_marks(
     int
         How many places there are.
     """
-    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
+    axes = camera_axes(p[2], p[3], p[4])
+    (r00, r01, r02), (r10, r11, r12), _ = axes
     fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
     n = 0
     last_u, last_v = -1e9, -1e9
     z = -p[5]
     for k in range(points.shape[0]):
         x, y = points[k, 0] - p[0], points[k, 1] - p[1]
-        depth = x * r00 + y * r10 + z * r20
+        depth, left, up = in_camera(axes, x, y, z)
         if depth < 0.1:
             continue
-        a = (x * r01 + y * r11 + z * r21) / depth
-        b = (x * r02 + y * r12 + z * r22) / depth
+        a, b = left / depth, up / depth
         u, v = view[2] - fu * a, view[3] - fv * b
         if not (3.0 < u < size[0] - 4.0 and 3.0 < v < size[1] - 4.0):
             continue

@@ -3,43 +3,72 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, point_in_camera
+
+
+class LandmarkPixels(NamedTuple):
+    """Landmarks and where a frame shows them.
+
+    Parameters
+    ----------
+    positions_m, covariances : (N, 3), (N, 3, 3) float64
+        In the field frame.
+    pixels, std_px : (N, 2), (N,) float64
+        Ideal pixels and their standard deviations.
+    """
+
+    positions_m: FloatArray
+    covariances: FloatArray
+    pixels: FloatArray
+    std_px: FloatArray
+
+
+class Linearised(NamedTuple):
+    """What `linearise` writes of one landmark.
+
+    Parameters
+    ----------
+    pixel : (2,) float64
+        Where the pose puts it.
+    jacobian : (2, 3) float64
+        Derivative of the pixel by the pose.
+    weight : (2, 2) float64
+        Inverse covariance of the pixel's residual.
+    """
+
+    pixel: FloatArray
+    jacobian: FloatArray
+    weight: FloatArray
 
 
 @njit(cache=True, nogil=True)
 def linearise(
+    view: PinholeView,
     pose: FloatArray,
-    turn: FloatArray,
-    viewpoint: FloatArray,
-    focal: FloatArray,
-    center: FloatArray,
     landmark: FloatArray,
     covariance: FloatArray,
     std_px: float,
-    predicted: FloatArray,
-    jacobian: FloatArray,
-    weight: FloatArray,
+    out: Linearised,
 ) -> bool:
-    """Write a landmark's pixel (2,), its derivative by the pose (2, 3) and its inverse covariance (2, 2).
+    """Write a landmark's pixel, its derivative by the pose and its inverse covariance.
 
     Parameters
     ----------
+    view : PinholeView
+        The robot's camera.
     pose : (3,) float64
         x, y, theta of the robot.
-    turn : (3, 3) float64
-        Robot to camera frame.
-    viewpoint : (3,) float64
-        Of the camera in the robot frame.
-    focal, center : (2,) float64
     landmark, covariance : (3,), (3, 3) float64
         In the field frame.
     std_px : float
         Noise of the pixel.
-    predicted, jacobian, weight
+    out : Linearised
         Written.
 
     Returns
@@ -47,17 +76,14 @@ def linearise(
     bool
         False if the landmark is behind the camera.
     """
+    turn, focal = view.robot_to_camera, view.focal_px
+    jacobian, weight = out.jacobian, out.weight
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]
-    rx, ry, rz = c * dx + s * dy, c * dy - s * dx, landmark[2]
-    px, py, pz = rx - viewpoint[0], ry - viewpoint[1], rz - viewpoint[2]
-    x = turn[0, 0] * px + turn[0, 1] * py + turn[0, 2] * pz
-    y = turn[1, 0] * px + turn[1, 1] * py + turn[1, 2] * pz
-    z = turn[2, 0] * px + turn[2, 1] * py + turn[2, 2] * pz
+    x, y, z = point_in_camera(view, c, s, dx, dy, landmark[2])
     if x < 0.05:
         return False
-    predicted[0] = center[0] - focal[0] * y / x
-    predicted[1] = center[1] - focal[1] * z / x
+    out.pixel[0], out.pixel[1] = ideal_pixel(focal[0], focal[1], view.center_px[0], view.center_px[1], x, y, z)
     by_world = np.empty((2, 3))
     for k in range(3):
         # derivative of the camera point by world coordinate k
@@ -91,30 +117,25 @@ def linearise(
 
 
 @njit(cache=True, nogil=True)
-def descend(
+def fit_pose(
+    view: PinholeView,
     start: FloatArray,
-    turn: FloatArray,
-    viewpoint: FloatArray,
-    focal: FloatArray,
-    center: FloatArray,
-    landmarks: FloatArray,
-    covariances: FloatArray,
-    pixels: FloatArray,
-    std_px: FloatArray,
+    matches: LandmarkPixels,
     widths: FloatArray,
     bound: float,
     pose: FloatArray,
     squared: FloatArray,
 ) -> FloatArray:
-    """Fit the pose by Gauss-Newton with redescending weights; `pose_fit.fit_pixels` is its plain twin.
+    """Fit the pose by Gauss-Newton with redescending weights (Ogawa et al. 2011, eqs. 14 to 19).
 
     Parameters
     ----------
+    view : PinholeView
+        The robot's camera.
     start : (3,) float64
-    turn, viewpoint, focal, center
-        As in `linearise`.
-    landmarks, covariances : (N, 3), (N, 3, 3) float64
-    pixels, std_px : (N, 2), (N,) float64
+        Pose to start from.
+    matches : LandmarkPixels
+        N landmarks, with the pixels' own noise.
     widths : (I,) float64
         Of the weights in each iteration, standard deviations.
     bound : float
@@ -127,41 +148,29 @@ def descend(
     (3, 3) float64
         The inliers' normal matrix.
     """
-    predicted, jacobian, weight = np.empty(2), np.empty((2, 3)), np.empty((2, 2))
+    out = Linearised(np.empty(2), np.empty((2, 3)), np.empty((2, 2)))
+    jacobian, weight = out.jacobian, out.weight
     pose[:] = start
     normal = np.zeros((3, 3))
     for step in range(len(widths) + 1):
         final = step == len(widths)
         normal[:] = 0.0
         gradient = np.zeros(3)
-        for n in range(landmarks.shape[0]):
-            ahead = linearise(
-                pose,
-                turn,
-                viewpoint,
-                focal,
-                center,
-                landmarks[n],
-                covariances[n],
-                std_px[n],
-                predicted,
-                jacobian,
-                weight,
-            )
-            if not ahead:
+        for n in range(matches.positions_m.shape[0]):
+            if not linearise(view, pose, matches.positions_m[n], matches.covariances[n], matches.std_px[n], out):
                 squared[n] = np.inf
                 continue
-            ru, rv = pixels[n, 0] - predicted[0], pixels[n, 1] - predicted[1]
+            ru, rv = matches.pixels[n, 0] - out.pixel[0], matches.pixels[n, 1] - out.pixel[1]
             wu, wv = weight[0, 0] * ru + weight[0, 1] * rv, weight[1, 0] * ru + weight[1, 1] * rv
             squared[n] = ru * wu + rv * wv
             if final:
-                share = 1.0 if squared[n] <= bound else 0.0
+                counts = 1.0 if squared[n] <= bound else 0.0
             else:
-                share = 1.0 / (1.0 + squared[n] / widths[step] ** 2) ** 2
+                counts = 1.0 / (1.0 + squared[n] / widths[step] ** 2) ** 2
             for i in range(3):
-                gradient[i] += share * (jacobian[0, i] * wu + jacobian[1, i] * wv)
-                bu = share * (jacobian[0, i] * weight[0, 0] + jacobian[1, i] * weight[1, 0])
-                bv = share * (jacobian[0, i] * weight[0, 1] + jacobian[1, i] * weight[1, 1])
+                gradient[i] += counts * (jacobian[0, i] * wu + jacobian[1, i] * wv)
+                bu = counts * (jacobian[0, i] * weight[0, 0] + jacobian[1, i] * weight[1, 0])
+                bv = counts * (jacobian[0, i] * weight[0, 1] + jacobian[1, i] * weight[1, 1])
                 for j in range(3):
                     normal[i, j] += bu * jacobian[0, j] + bv * jacobian[1, j]
         for i in range(3):
@@ -172,13 +181,41 @@ def descend(
 
 
 @njit(cache=True, nogil=True)
-def most_informative(
+def _whitened(
+    view: PinholeView,
     pose: FloatArray,
-    turn: FloatArray,
-    viewpoint: FloatArray,
-    focal: FloatArray,
-    center: FloatArray,
-    landmarks: FloatArray,
+    positions_m: FloatArray,
+    covariances: FloatArray,
+    std_px: FloatArray,
+    success: FloatArray,
+    rows: FloatArray,
+) -> Int64Array:
+    """Write the landmarks' derivatives (N, 2, 3) in standard deviations, by their chance; return those in view."""
+    out = Linearised(np.empty(2), np.empty((2, 3)), np.empty((2, 2)))
+    jacobian, weight = out.jacobian, out.weight
+    seen = np.empty(positions_m.shape[0], dtype=np.int64)
+    count = 0
+    for n in range(positions_m.shape[0]):
+        if not linearise(view, pose, positions_m[n], covariances[n], std_px[n], out):
+            continue
+        seen[count] = n
+        count += 1
+        # whitened by the Cholesky factor of the weight
+        l00 = math.sqrt(weight[0, 0])
+        l10 = weight[1, 0] / l00
+        l11 = math.sqrt(max(weight[1, 1] - l10 * l10, 0.0))
+        chance = math.sqrt(success[n])
+        for j in range(3):
+            rows[n, 0, j] = chance * (l00 * jacobian[0, j] + l10 * jacobian[1, j])
+            rows[n, 1, j] = chance * l11 * jacobian[1, j]
+    return seen[:count]
+
+
+@njit(cache=True, nogil=True)
+def most_informative(
+    view: PinholeView,
+    pose: FloatArray,
+    positions_m: FloatArray,
     covariances: FloatArray,
     std_px: FloatArray,
     success: FloatArray,
@@ -189,9 +226,12 @@ def most_informative(
 
     Parameters
     ----------
-    pose, turn, viewpoint, focal, center
-        As in `linearise`.
-    landmarks, covariances, std_px : (N, 3), (N, 3, 3), (N,) float64
+    view : PinholeView
+        The robot's camera.
+    pose : (3,) float64
+        x, y, theta of the robot.
+    positions_m, covariances, std_px : (N, 3), (N, 3, 3), (N,) float64
+        The landmarks in the field frame, and the noise of their pixels.
     success : (N,) float64
         Chance that each is observed: what it would add counts by as much.
     information : (3, 3) float64
@@ -204,24 +244,10 @@ def most_informative(
     (K,) int64
         In the order chosen.
     """
-    total = landmarks.shape[0]
-    predicted, jacobian, weight = np.empty(2), np.empty((2, 3)), np.empty((2, 2))
+    total = positions_m.shape[0]
     rows = np.zeros((total, 2, 3))
-    left = np.ones(total, dtype=np.bool_)
-    for n in range(total):
-        left[n] = linearise(
-            pose, turn, viewpoint, focal, center, landmarks[n], covariances[n], std_px[n], predicted, jacobian, weight
-        )
-        if not left[n]:
-            continue
-        # whitened by the Cholesky factor of the weight
-        l00 = math.sqrt(weight[0, 0])
-        l10 = weight[1, 0] / l00
-        l11 = math.sqrt(max(weight[1, 1] - l10 * l10, 0.0))
-        chance = math.sqrt(success[n])
-        for j in range(3):
-            rows[n, 0, j] = chance * (l00 * jacobian[0, j] + l10 * jacobian[1, j])
-            rows[n, 1, j] = chance * l11 * jacobian[1, j]
+    left = np.zeros(total, dtype=np.bool_)
+    left[_whitened(view, pose, positions_m, covariances, std_px, success, rows)] = True
     known = information.copy()
     chosen = np.empty(min(count, total), dtype=np.int64)
     found = 0

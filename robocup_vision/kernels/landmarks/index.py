@@ -3,72 +3,92 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, point_in_camera
+
+
+class FloorPlan(NamedTuple):
+    """Views of landmarks, sorted by the column of a floor plan that they stand in.
+
+    Parameters
+    ----------
+    positions_m, bearings_rad : (E, 3), (E,) float64
+        Of the views: place of the landmark, and line of sight it was seen along.
+    starts : (C + 1,) int64
+        First view of each column, rows of y one after another.
+    columns : (int, int)
+        Number along x and along y.
+    corner_m : (2,) float64
+        Of the floor plan.
+    cell_m : float
+        Side of a column.
+    """
+
+    positions_m: FloatArray
+    bearings_rad: FloatArray
+    starts: Int64Array
+    columns: tuple[int, int]
+    corner_m: FloatArray
+    cell_m: float
+
+
+class InView(NamedTuple):
+    """What `views_in_frustum` writes, of each view found: its number, (E,), pixel (E, 2) and depth (E,)."""
+
+    number: Int64Array
+    pixels: FloatArray
+    depth_m: FloatArray
 
 
 @njit(cache=True, nogil=True)
 def views_in_frustum(
+    view: PinholeView,
+    size_px: tuple[int, int],
     pose: FloatArray,
-    turn: FloatArray,
-    viewpoint: FloatArray,
-    focal: FloatArray,
-    center: FloatArray,
-    size: FloatArray,
+    plan: FloorPlan,
     reach_m: float,
     view_reach_rad: float,
-    positions: FloatArray,
-    bearings: FloatArray,
-    starts: Int64Array,
-    columns: tuple[int, int],
-    corner: FloatArray,
-    cell_m: float,
-    found: Int64Array,
-    pixels: FloatArray,
-    depth: FloatArray,
+    out: InView,
 ) -> int:
-    """Write which entries are in view and were seen from about this side; return how many.
+    """Write which views are in the image and were seen from about this side; return how many.
 
     Parameters
     ----------
-    pose, turn, viewpoint, focal, center
-        As in `landmark_fit.linearise`.
-    size : (2,) float64
-        Width and height of the image, pixels.
+    view : PinholeView
+        The robot's camera.
+    size_px : (int, int)
+        Width and height of the image.
+    pose : (3,) float64
+        x, y, theta of the robot.
+    plan : FloorPlan
+        The map's views.
     reach_m : float
         Farthest distance looked up.
     view_reach_rad : float
-        Most between an entry's bearing and the line of sight.
-    positions, bearings : (E, 3), (E,) float64
-        Of the entries, sorted by column: place, and line of sight it was seen along.
-    starts : (C + 1,) int64
-        First entry of each column of the floor plan, rows of y one after another.
-    columns : (int, int)
-        Number along x and along y.
-    corner : (2,) float64
-        Of the floor plan.
-    cell_m : float
-        Side of a column.
-    found, pixels, depth : (E,), (E, 2), (E,)
+        Largest angle between a view's bearing and the line of sight.
+    out : InView
         Written.
     """
+    turn, viewpoint, corner, cell_m = view.robot_to_camera, view.viewpoint_m, plan.corner_m, plan.cell_m
     c, s = math.cos(pose[2]), math.sin(pose[2])
     ex = pose[0] + c * viewpoint[0] - s * viewpoint[1]
     ey = pose[1] + s * viewpoint[0] + c * viewpoint[1]
     # the optical axis on the floor
     ax, ay = c * turn[0, 0] - s * turn[0, 1], s * turn[0, 0] + c * turn[0, 1]
     level = math.sqrt(ax * ax + ay * ay)
-    half = math.atan(math.hypot(size[0], size[1]) / min(focal[0], focal[1]))
+    half = math.atan(math.hypot(size_px[0], size_px[1]) / min(view.focal_px[0], view.focal_px[1]))
     count = 0
     low_i = max(int((ex - reach_m - corner[0]) / cell_m), 0)
-    high_i = min(int((ex + reach_m - corner[0]) / cell_m), columns[0] - 1)
+    high_i = min(int((ex + reach_m - corner[0]) / cell_m), plan.columns[0] - 1)
     low_j = max(int((ey - reach_m - corner[1]) / cell_m), 0)
-    high_j = min(int((ey + reach_m - corner[1]) / cell_m), columns[1] - 1)
+    high_j = min(int((ey + reach_m - corner[1]) / cell_m), plan.columns[1] - 1)
     for j in range(low_j, high_j + 1):
         for i in range(low_i, high_i + 1):
-            first, last = starts[j * columns[0] + i], starts[j * columns[0] + i + 1]
+            first, last = plan.starts[j * plan.columns[0] + i], plan.starts[j * plan.columns[0] + i + 1]
             if first == last:
                 continue
             mx, my = corner[0] + (i + 0.5) * cell_m - ex, corner[1] + (j + 0.5) * cell_m - ey
@@ -81,25 +101,19 @@ def views_in_frustum(
                 if aside > half + math.asin(min(cell_m / away, 1.0)):
                     continue
             for n in range(first, last):
-                wx, wy, wz = positions[n, 0] - pose[0], positions[n, 1] - pose[1], positions[n, 2]
-                rx, ry, rz = c * wx + s * wy - viewpoint[0], c * wy - s * wx - viewpoint[1], wz - viewpoint[2]
-                x = turn[0, 0] * rx + turn[0, 1] * ry + turn[0, 2] * rz
+                wx, wy, wz = plan.positions_m[n, 0], plan.positions_m[n, 1], plan.positions_m[n, 2]
+                x, y, z = point_in_camera(view, c, s, wx - pose[0], wy - pose[1], wz)
                 if x < 0.1 or x > reach_m:
                     continue
-                y = turn[1, 0] * rx + turn[1, 1] * ry + turn[1, 2] * rz
-                u = center[0] - focal[0] * y / x
-                if u < 0 or u > size[0] - 1:
+                u, v = ideal_pixel(view.focal_px[0], view.focal_px[1], view.center_px[0], view.center_px[1], x, y, z)
+                if u < 0 or u > size_px[0] - 1 or v < 0 or v > size_px[1] - 1:
                     continue
-                z = turn[2, 0] * rx + turn[2, 1] * ry + turn[2, 2] * rz
-                v = center[1] - focal[1] * z / x
-                if v < 0 or v > size[1] - 1:
-                    continue
-                off = math.atan2(positions[n, 1] - ey, positions[n, 0] - ex) - bearings[n]
+                off = math.atan2(wy - ey, wx - ex) - plan.bearings_rad[n]
                 off = math.fabs(off - 2 * math.pi * math.floor(off / (2 * math.pi) + 0.5))
                 if off > view_reach_rad:
                     continue
-                found[count] = n
-                pixels[count, 0], pixels[count, 1] = u, v
-                depth[count] = x
+                out.number[count] = n
+                out.pixels[count, 0], out.pixels[count, 1] = u, v
+                out.depth_m[count] = x
                 count += 1
     return count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,30 +11,36 @@ from numba import njit
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 
 
+class Described(NamedTuple):
+    """What matching needs of landmarks or features.
+
+    Parameters
+    ----------
+    descriptors : (N, D) float32
+        Unit vectors.
+    pixels : (N, 2) float64
+        Where each is, or is expected.
+    size_px : (N,) float64
+        Diameter.
+    """
+
+    descriptors: Float32Array
+    pixels: FloatArray
+    size_px: FloatArray
+
+
 @njit(cache=True, nogil=True)
 def best_two(
-    first: Float32Array,
-    first_px: FloatArray,
-    first_size: FloatArray,
-    second: Float32Array,
-    second_px: FloatArray,
-    second_size: FloatArray,
-    gate_u: float,
-    gate_v: float,
-    size_ratio: float,
+    landmarks: Described, features: Described, gate_px: tuple[float, float], size_ratio: float
 ) -> tuple[Int64Array, Float32Array, Float32Array]:
     """Find each landmark's nearest and second nearest descriptor in a window around where it is expected.
 
     Parameters
     ----------
-    first, second : (N, D), (M, D) float32
-        Unit descriptors of landmarks and of features.
-    first_px, second_px : (N, 2), (M, 2) float64
-        Where they are expected, and where they are.
-    first_size, second_size : (N,), (M,) float64
-        Their diameters, pixels.
-    gate_u, gate_v : float
-        Half the window, pixels.
+    landmarks, features : Described
+        N landmarks, M features.
+    gate_px : (float, float)
+        Half the window along u and v.
     size_ratio : float
         Diameters may differ by this factor.
 
@@ -42,18 +49,19 @@ def best_two(
     (N,) int64, (N,) float32, (N,) float32
         The nearest, its inner product and that of the second nearest; -1 where there is none.
     """
+    first, second = landmarks.descriptors, features.descriptors
     count, length = first.shape[0], first.shape[1]
     best = np.zeros(count, dtype=np.int64)
     nearest = np.full(count, -1.0, dtype=np.float32)
     runner_up = np.full(count, -1.0, dtype=np.float32)
     for n in range(count):
-        low, high = first_size[n] / size_ratio, first_size[n] * size_ratio
+        low, high = landmarks.size_px[n] / size_ratio, landmarks.size_px[n] * size_ratio
         for m in range(second.shape[0]):
-            if math.fabs(first_px[n, 0] - second_px[m, 0]) > gate_u:
+            if math.fabs(landmarks.pixels[n, 0] - features.pixels[m, 0]) > gate_px[0]:
                 continue
-            if math.fabs(first_px[n, 1] - second_px[m, 1]) > gate_v:
+            if math.fabs(landmarks.pixels[n, 1] - features.pixels[m, 1]) > gate_px[1]:
                 continue
-            if second_size[m] < low or second_size[m] > high:
+            if features.size_px[m] < low or features.size_px[m] > high:
                 continue
             product = np.float32(0.0)
             for k in range(length):

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray
-from robocup_vision.kernels.algebra.camera_axes import camera_axes
+from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 
 _STEP_PX = 0.8
 _REACH = 2
@@ -46,7 +46,8 @@ def draw_lines(
     """
     height, width = drawing.shape
     drawing[:, :] = 0.0
-    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = camera_axes(p[2], p[3], p[4])
+    axes = camera_axes(p[2], p[3], p[4])
+    (r00, r01, r02), (r10, r11, r12), _ = axes
     fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
     z = -p[5]
     curve = 0.5 / blur_px**2
@@ -55,12 +56,12 @@ def draw_lines(
     before_u, before_v, before_depth = 0.0, 0.0, -1.0
     for k in range(points.shape[0]):
         x, y = points[k, 0] - p[0], points[k, 1] - p[1]
-        depth = x * r00 + y * r10 + z * r20
+        depth, left, up = in_camera(axes, x, y, z)
         if depth < 0.1:
             before_depth = -1.0
             continue
-        u = view[2] - fu * (x * r01 + y * r11 + z * r21) / depth
-        v = view[3] - fv * (x * r02 + y * r12 + z * r22) / depth - first_row
+        u, v = ideal_pixel(fu, fv, view[2], view[3], depth, left, up)
+        v -= first_row
         last_u, last_v, last_depth = before_u, before_v, before_depth
         before_u, before_v, before_depth = u, v, depth
         if k == 0 or last_depth < 0.0:

@@ -1,4 +1,4 @@
-"""A map in the making: landmarks are added, updated and merged, and every sighting is kept for the refinement."""
+"""A map in the making: landmarks are added, updated and merged, and every observation is kept for the refinement."""
 
 from __future__ import annotations
 
@@ -9,13 +9,10 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.landmarks.features import Features, to_bytes
 from robocup_vision.landmarks.landmark_map import LandmarkMap
-from robocup_vision.landmarks.mapping.refinement import Sightings
+from robocup_vision.landmarks.mapping.refinement import Observations
 from robocup_vision.landmarks.mapping.stereo import StereoPoints
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF
 
-# two landmarks that look like this much the same (distance of unit descriptors) may be one
-_SAME_LOOK = 0.45
-_SAME_PLACE_M = 0.15
 _CHUNK = 512
 
 
@@ -29,7 +26,7 @@ def _no_index() -> Int64Array:
 
 @dataclass(eq=False)
 class DraftMap:
-    """Growing arrays of a `LandmarkMap`, with the sightings."""
+    """Growing arrays of a `LandmarkMap`, with the observations."""
 
     positions_m: FloatArray = field(default_factory=lambda: _none(3))
     covariances: FloatArray = field(default_factory=lambda: _none(3, 3))
@@ -43,7 +40,9 @@ class DraftMap:
     view_contrast: FloatArray = field(default_factory=_none)
     view_size_m: FloatArray = field(default_factory=_none)
     view_spacing_m: FloatArray = field(default_factory=_none)
-    sightings: Sightings = field(default_factory=lambda: Sightings(_no_index(), _no_index(), _none(4), _none()))
+    observations: Observations = field(
+        default_factory=lambda: Observations(_no_index(), _no_index(), _none(4), _none())
+    )
     _row: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -61,7 +60,7 @@ class DraftMap:
         self.last_frame = np.append(self.last_frame, np.full(count, frame))
         return np.arange(start, start + count)
 
-    def look(self, landmarks: Int64Array, directions: Int64Array, features: Features, per_px: FloatArray) -> None:
+    def note_views(self, landmarks: Int64Array, directions: Int64Array, features: Features, per_px: FloatArray) -> None:
         """Note what landmarks look like: a direction already known is updated, a new one added.
 
         Parameters
@@ -92,10 +91,10 @@ class DraftMap:
         self.view_size_m = np.append(self.view_size_m, features.size_px[new] * per_px[new])
         self.view_spacing_m = np.append(self.view_spacing_m, features.spacing_px[new] * per_px[new])
 
-    def sight(self, landmarks: Int64Array, points: StereoPoints, frame: int) -> None:
+    def note_observations(self, landmarks: Int64Array, points: StereoPoints, frame: int) -> None:
         """Note that a frame saw landmarks (N,) as N stereo points."""
-        old = self.sightings
-        self.sightings = Sightings(
+        old = self.observations
+        self.observations = Observations(
             np.append(old.frame, np.full(len(landmarks), frame)),
             np.append(old.landmark, landmarks),
             np.concatenate([old.measured_px, points.measured_px]),
@@ -103,11 +102,17 @@ class DraftMap:
         )
         self.last_frame[landmarks] = frame
 
-    def merge_duplicates(self) -> int:
-        """Make one of landmarks that look alike at one place and were never seen side by side; return how many went."""
-        pairs = self._alike()
+    def merge_duplicates(self, same_place_m: float, same_look: float) -> int:
+        """Merge landmarks that look alike at one place and were never seen in one image; return how many went.
+
+        Parameters
+        ----------
+        same_place_m, same_look : float
+            See `MapperSettings`.
+        """
+        pairs = self._alike(same_place_m, same_look)
         together: dict[int, set[int]] = {}
-        for frame, landmark in zip(self.sightings.frame.tolist(), self.sightings.landmark.tolist(), strict=True):
+        for frame, landmark in zip(self.observations.frame.tolist(), self.observations.landmark.tolist(), strict=True):
             together.setdefault(landmark, set()).add(frame)
         into = np.arange(len(self))
         for i, j in pairs:
@@ -128,13 +133,16 @@ class DraftMap:
             self.last_frame[keep] = max(self.last_frame[keep], self.last_frame[drop])
         kept = into == np.arange(len(self))
         self.view_landmark = into[self.view_landmark]
-        self.sightings = Sightings(
-            self.sightings.frame, into[self.sightings.landmark], self.sightings.measured_px, self.sightings.std_px
+        self.observations = Observations(
+            self.observations.frame,
+            into[self.observations.landmark],
+            self.observations.measured_px,
+            self.observations.std_px,
         )
         self.keep(kept)
         return int((~kept).sum())
 
-    def _alike(self) -> list[tuple[int, int]]:
+    def _alike(self, same_place_m: float, same_look: float) -> list[tuple[int, int]]:
         """Pairs at one place that look alike, the nearest first."""
         count = len(self)
         look = np.zeros((count, self.view_descriptors.shape[1]), dtype=np.float32)
@@ -144,10 +152,10 @@ class DraftMap:
         for low in range(0, count, _CHUNK):
             high = min(low + _CHUNK, count)
             apart2 = square[low:high, None] + square[None] - 2 * self.positions_m[low:high] @ self.positions_m.T
-            i, j = np.nonzero(apart2 < _SAME_PLACE_M**2)
+            i, j = np.nonzero(apart2 < same_place_m**2)
             i += low
             i, j = i[i < j], j[i < j]
-            i, j = (index[(look[i] * look[j]).sum(axis=1) > 1 - _SAME_LOOK**2 / 2] for index in (i, j))
+            i, j = (index[(look[i] * look[j]).sum(axis=1) > 1 - same_look**2 / 2] for index in (i, j))
             offset = self.positions_m[i] - self.positions_m[j]
             weight = np.linalg.inv(self.covariances[i] + self.covariances[j])
             squared = np.einsum("ni,nij,nj->n", offset, weight, offset)
@@ -156,7 +164,7 @@ class DraftMap:
         return [(i, j) for _, i, j in sorted(found)]
 
     def keep(self, kept: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> None:
-        """Drop the other landmarks, with their views and sightings."""
+        """Drop the other landmarks, with their views and observations."""
         number = np.cumsum(kept) - 1
         for name in ("positions_m", "covariances", "noise", "seen", "missed", "last_frame"):
             setattr(self, name, getattr(self, name)[kept])
@@ -176,8 +184,8 @@ class DraftMap:
             (int(landmark), int(direction)): r
             for r, (landmark, direction) in enumerate(zip(self.view_landmark, self.view_direction, strict=True))
         }
-        s = self.sightings.take(kept[self.sightings.landmark])
-        self.sightings = Sightings(s.frame, number[s.landmark], s.measured_px, s.std_px)
+        s = self.observations.take(kept[self.observations.landmark])
+        self.observations = Observations(s.frame, number[s.landmark], s.measured_px, s.std_px)
 
     def finished(self, trajectory: FloatArray, trajectory_cov: FloatArray) -> LandmarkMap:
         """Return the map as it is now."""

@@ -23,7 +23,7 @@ _WIDTH2 = 9.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sightings:
+class Observations:
     """What a run measured: K times a landmark from a frame.
 
     Parameters
@@ -41,9 +41,9 @@ class Sightings:
     measured_px: FloatArray
     std_px: FloatArray
 
-    def take(self, index: npt.NDArray[np.intp] | Int64Array | BoolArray) -> Sightings:
+    def take(self, index: npt.NDArray[np.intp] | Int64Array | BoolArray) -> Observations:
         """Return some of them."""
-        return Sightings(self.frame[index], self.landmark[index], self.measured_px[index], self.std_px[index])
+        return Observations(self.frame[index], self.landmark[index], self.measured_px[index], self.std_px[index])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +75,7 @@ def refine(
     rig: TrinocularRig,
     poses: FloatArray,
     landmarks_m: FloatArray,
-    sightings: Sightings,
+    observations: Observations,
     fixed: BoolArray,
     *,
     iterations: int = 5,
@@ -91,7 +91,7 @@ def refine(
         Where to start.
     landmarks_m : (L, 3) float64
         Where to start.
-    sightings : Sightings
+    observations : Observations
         Int64Array are into `poses` and `landmarks_m`.
     fixed : (F,) bool
         Poses that stay. At least one must, or nothing says where the map lies.
@@ -101,8 +101,8 @@ def refine(
         Stop when no pose moves farther.
     """
     poses, landmarks = np.array(poses), np.array(landmarks_m)
-    order = np.argsort(sightings.landmark, kind="stable")
-    s = sightings.take(order)
+    order = np.argsort(observations.landmark, kind="stable")
+    s = observations.take(order)
     slot = np.cumsum(~fixed) - 1  # of each free pose among the unknowns
     for _ in range(iterations):
         system = _linearise(rig, poses, landmarks, s)
@@ -127,7 +127,7 @@ def refine(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _System:
-    """Normal equations a sighting: pose part (K, 3, 3), landmark part, cross part, both gradients (K, 3), residuals."""
+    """Normal equations of K observations: pose, landmark and cross part (K, 3, 3), both gradients (K, 3), residuals."""
 
     pose: FloatArray
     landmark: FloatArray
@@ -137,7 +137,7 @@ class _System:
     squared: FloatArray
 
 
-def _linearise(rig: TrinocularRig, poses: FloatArray, landmarks: FloatArray, s: Sightings) -> _System:
+def _linearise(rig: TrinocularRig, poses: FloatArray, landmarks: FloatArray, s: Observations) -> _System:
     camera, b = rig.right, rig.baseline_m
     (fx, fy), (cu, cv) = camera.focal_px, camera.center_px
     turn = world_to_camera(camera, poses[:, 2])[s.frame]
@@ -183,14 +183,14 @@ def _sum_by(index: Int64Array, values: FloatArray, count: int) -> FloatArray:
     return total.reshape(count, *values.shape[1:])
 
 
-def _landmark_inverses(system: _System, s: Sightings, count: int) -> FloatArray:
+def _landmark_inverses(system: _System, s: Observations, count: int) -> FloatArray:
     normal = _sum_by(s.landmark, system.landmark, count)
     # a landmark nobody sees, or only outliers do, stays where it is
     return np.asarray(np.linalg.inv(normal + 1e-3 * np.eye(3)))
 
 
 def _blocks(
-    system: _System, s: Sightings, slot: Int64Array, fixed: BoolArray, count: int
+    system: _System, s: Observations, slot: Int64Array, fixed: BoolArray, count: int
 ) -> list[tuple[int, int, FloatArray]]:
     """Cross parts as dense matrices (3 * free poses, 3 * landmarks), a chunk of landmarks at a time."""
     free = int((~fixed).sum())
@@ -207,7 +207,7 @@ def _blocks(
 
 
 def _reduce(
-    system: _System, s: Sightings, slot: Int64Array, fixed: BoolArray, count: int
+    system: _System, s: Observations, slot: Int64Array, fixed: BoolArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Equations of the free poses alone, their right side, and the landmarks' inverse normal matrices."""
     free = int((~fixed).sum())
@@ -226,15 +226,15 @@ def _reduce(
     return reduced, gradient, inverse
 
 
-def _back(system: _System, s: Sightings, moves: FloatArray, count: int) -> FloatArray:
+def _back(system: _System, s: Observations, moves: FloatArray, count: int) -> FloatArray:
     """Return the landmarks' steps that go with steps of the poses."""
     own = system.landmark_gradient - np.einsum("nij,ni->nj", system.cross, moves[s.frame])
     return np.asarray(np.einsum("lij,lj->li", _landmark_inverses(system, s, count), _sum_by(s.landmark, own, count)))
 
 
-def _noise(system: _System, s: Sightings, count: int) -> FloatArray:
-    """Root mean square of each landmark's residuals, drawn towards 1 as if by a sighting more."""
-    # a sighting has four numbers; placing the landmark takes three of all of them
+def _noise(system: _System, s: Observations, count: int) -> FloatArray:
+    """Root mean square of each landmark's residuals, drawn towards 1 as if by one more observation."""
+    # an observation has four numbers; placing the landmark takes three of all of them
     numbers = np.maximum(4.0 * np.bincount(s.landmark, minlength=count) - 3.0, 0.0)
     total = np.bincount(s.landmark, weights=system.squared, minlength=count)
     return np.asarray(np.sqrt((4.0 + total) / (4.0 + numbers)))

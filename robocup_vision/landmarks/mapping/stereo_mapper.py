@@ -19,22 +19,57 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, near
 from robocup_vision.landmarks.landmark_map import LandmarkMap, direction_of, expect
 from robocup_vision.landmarks.mapping.draft import DraftMap
-from robocup_vision.landmarks.mapping.refinement import Sightings, refine
+from robocup_vision.landmarks.mapping.refinement import Observations, refine
 from robocup_vision.landmarks.mapping.rig import TrinocularRig
 from robocup_vision.landmarks.mapping.stereo import StereoPoints, correspond
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo
 from robocup_vision.landmarks.projection import to_world, world_to_camera
 
-GATE_PX = (40.0, 20.0)  # for images 320 wide
-_DEPTH_RATIO = 1.25
-_SIZE_RATIO = 1.6
-_KNOWN_GATE_PX = 6.0
-_MIN_INLIERS = 8
-_WINDOW = 12
-_REFINE_EVERY = 4
-# what was not seen for so many frames and is seen again closes a loop, if it is so many landmarks
-_AWAY_FRAMES = 30
-_MIN_RETURNED = 12
+
+@dataclass(frozen=True, slots=True)
+class MapperSettings:
+    """What `StereoMapper` can be tuned by. Pixels are those of an image 320 wide; they grow with the width.
+
+    Parameters
+    ----------
+    gate_px : (float, float)
+        Half the window, along u and v, around where the predicted pose puts a landmark; the paper's.
+    wider : float
+        The window of a second attempt, in windows of the first, where too little agrees.
+    depth_ratio : float
+        A stereo point's depth may differ from the expected one by this factor: stereo error at 5 m.
+    size_ratio : float
+        A feature's diameter may differ from the expected one by this factor: half an octave and some noise.
+    known_gate_px : float
+        Half the window once the pose is found.
+    known_ratio : float
+        Ratio test in that window: few rivals are left in it.
+    min_inliers : int
+        A pose has three unknowns and each landmark three numbers; eight leave enough over to tell a wrong pose.
+    min_inlier_ratio : float
+        Of the matches.
+    window, refine_every : int
+        Moments whose poses and landmarks are adjusted together, and after how many moments.
+    away_frames, min_returned : int
+        A loop closes where so many landmarks are seen again that were not seen for so many moments.
+    same_place_m, same_look : float
+        Landmarks no farther apart, with descriptors (unit vectors) no more different, may be one.
+    """
+
+    gate_px: tuple[float, float] = (40.0, 20.0)
+    wider: float = 2.0
+    depth_ratio: float = 1.25
+    size_ratio: float = 1.6
+    known_gate_px: float = 6.0
+    known_ratio: float = 0.85
+    min_inliers: int = 8
+    min_inlier_ratio: float = 0.4
+    window: int = 12
+    refine_every: int = 4
+    away_frames: int = 30
+    min_returned: int = 12
+    same_place_m: float = 0.15
+    same_look: float = 0.45
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +105,10 @@ class StereoMapper:
         The robot at the first moment, in the field frame.
     bound_drift : bool
         Adjust poses and landmarks together; without it, as in the paper, errors add up along the run.
-    exhaustive : bool
-        Find each state by the paper's exhaustive search, a reference: slow, and coarse.
     extractor : Extractor, optional
         What finds the features of all three cameras; SIFT unless given.
+    settings : MapperSettings
+        Windows and thresholds.
     """
 
     def __init__(
@@ -82,14 +117,14 @@ class StereoMapper:
         start: Pose2,
         *,
         bound_drift: bool = True,
-        exhaustive: bool = False,
         extractor: Extractor | None = None,
+        settings: MapperSettings = MapperSettings(),
     ) -> None:
         self.rig = rig
         self._start = start
         self._bound_drift = bound_drift
-        self._exhaustive = exhaustive
         self._extractor = extractor or SiftExtractor(rig.right)
+        self._settings = settings
         self._draft = DraftMap()
         self._poses: list[FloatArray] = []
         self._pose_covariances: list[FloatArray] = []
@@ -98,7 +133,7 @@ class StereoMapper:
 
     @property
     def poses(self) -> tuple[Pose2, ...]:
-        """Of the robot at every moment that is in the map, as now believed."""
+        """Estimates of the robot's pose at every moment that is in the map."""
         return tuple(Pose2(*(float(v) for v in pose)) for pose in self._poses)
 
     def __len__(self) -> int:
@@ -135,12 +170,15 @@ class StereoMapper:
         self._poses.append(fit.pose)
         self._pose_covariances.append(fit.covariance)
         matched, returned = self._update(seen[0], points)
-        closes = returned >= _MIN_RETURNED and len(self._poses) - self._last_closure > _AWAY_FRAMES
+        closes = (
+            returned >= self._settings.min_returned
+            and len(self._poses) - self._last_closure > self._settings.away_frames
+        )
         if self._bound_drift:
             if closes:
                 self._refine(0)
-            elif len(self._poses) % _REFINE_EVERY == 0:
-                self._refine(max(len(self._poses) - _WINDOW, 0))
+            elif len(self._poses) % self._settings.refine_every == 0:
+                self._refine(max(len(self._poses) - self._settings.window, 0))
         if closes:
             self._last_closure = len(self._poses)
         residual = math.sqrt(float(fit.squared[fit.inliers].mean()) / 3) if fit.inliers.any() else 0.0
@@ -156,13 +194,13 @@ class StereoMapper:
             If no landmark was seen twice.
         """
         draft = self._draft
-        draft.merge_duplicates()
+        draft.merge_duplicates(self._settings.same_place_m, self._settings.same_look)
         if self._bound_drift and len(self._poses) > 1:
             self._refine(0, iterations=10)
-            draft.merge_duplicates()
+            draft.merge_duplicates(self._settings.same_place_m, self._settings.same_look)
             # now that it is known how precisely each landmark is seen
             self._refine(0, iterations=5, by_noise=True)
-        twice = np.bincount(draft.sightings.landmark, minlength=len(draft)) >= 2
+        twice = np.bincount(draft.observations.landmark, minlength=len(draft)) >= 2
         if not twice.any():
             raise ArgumentError("no landmark was seen twice: the run gives no map")
         draft.keep(twice)
@@ -178,16 +216,16 @@ class StereoMapper:
 
     def _track(self, points: StereoPoints, predicted: FloatArray) -> PoseFit | None:
         """Find the state: the paper's gates first, and once more twice as wide if too little agrees."""
-        camera = self.rig.right
+        camera, settings = self.rig.right, self._settings
         scale = camera.size_px[0] / 320
-        for widen in (1.0, 2.0):
+        for widen in (1.0, settings.wider):
             expected = expect(self._draft, camera, predicted)
-            gate = (GATE_PX[0] * scale * widen, GATE_PX[1] * scale * widen)
-            allowed = near(expected.pixels, expected.size_px, points.features, gate, _SIZE_RATIO)
+            gate = (settings.gate_px[0] * scale * widen, settings.gate_px[1] * scale * widen)
+            allowed = near(expected.pixels, expected.size_px, points.features, gate, settings.size_ratio)
             ratio = np.log(expected.depth_m)[:, None] - np.log(points.points_m[:, 0])[None, :]
-            allowed &= np.abs(ratio) <= math.log(_DEPTH_RATIO) * widen
+            allowed &= np.abs(ratio) <= math.log(settings.depth_ratio) * widen
             rows, partners = match(self._draft.view_descriptors[expected.view], points.features.descriptors, allowed)
-            if len(rows) < _MIN_INLIERS:
+            if len(rows) < settings.min_inliers:
                 continue
             of = expected.landmark[rows]
             fit = fit_stereo(
@@ -197,21 +235,25 @@ class StereoMapper:
                 self._draft.covariances[of],
                 points.points_m[partners],
                 points.covariances[partners],
-                exhaustive=self._exhaustive,
             )
-            if fit.inliers.sum() >= _MIN_INLIERS and fit.inliers.mean() > 0.4:
+            if fit.inliers.sum() >= settings.min_inliers and fit.inliers.mean() > settings.min_inlier_ratio:
                 return fit
         return None
 
     def _update(self, right: Features, points: StereoPoints) -> tuple[int, int]:
         """Match again from the state just found; update, count and extend. Return how many matched and returned."""
         draft, camera, pose = self._draft, self.rig.right, self._poses[-1]
+        settings = self._settings
         frame = len(self._poses) - 1
         expected = expect(draft, camera, pose)
-        gate = _KNOWN_GATE_PX * camera.size_px[0] / 320
-        allowed = near(expected.pixels, expected.size_px, right, (gate, gate), _SIZE_RATIO)
+        gate = settings.known_gate_px * camera.size_px[0] / 320
+        allowed = near(expected.pixels, expected.size_px, right, (gate, gate), settings.size_ratio)
         rows, partners = match(
-            draft.view_descriptors[expected.view], right.descriptors, allowed, ratio=0.85, best_claim_wins=True
+            draft.view_descriptors[expected.view],
+            right.descriptors,
+            allowed,
+            ratio=settings.known_ratio,
+            best_claim_wins=True,
         )
         draft.seen[expected.landmark[rows]] += 1
         unseen = np.ones(len(expected), dtype=bool)
@@ -230,7 +272,7 @@ class StereoMapper:
         squared = np.einsum("ni,nij,nj->n", offset, np.linalg.inv(draft.covariances[landmarks] + noise), offset)
         good = squared < 2 * CHI2_3DOF  # the pose has an error of its own
         landmarks, which, gain, offset = landmarks[good], which[good], gain[good], offset[good]
-        returned = int((draft.last_frame[landmarks] < frame - _AWAY_FRAMES).sum())
+        returned = int((draft.last_frame[landmarks] < frame - self._settings.away_frames).sum())
         draft.positions_m[landmarks] += np.einsum("nij,nj->ni", gain, offset)
         left_over = np.eye(3) - gain
         updated = left_over @ draft.covariances[landmarks]
@@ -263,20 +305,20 @@ class StereoMapper:
         )
         per_px = part.points_m[:, 0] / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         directions = direction_of(camera, pose, to_world(camera, pose, part.points_m))
-        self._draft.look(landmarks, directions, part.features, per_px)
-        self._draft.sight(landmarks, part, len(self._poses) - 1)
+        self._draft.note_views(landmarks, directions, part.features, per_px)
+        self._draft.note_observations(landmarks, part, len(self._poses) - 1)
 
     def _refine(self, first: int, *, iterations: int = 4, by_noise: bool = False) -> None:
         """Adjust the poses from `first` on, and all landmarks these see; of all poses, the very first stays."""
         draft = self._draft
-        everything = draft.sightings
+        everything = draft.observations
         involved = np.zeros(len(draft), dtype=bool)
         involved[everything.landmark[everything.frame >= first]] = True
         part = everything.take(involved[everything.landmark])
         number = np.cumsum(involved) - 1
         noise = draft.noise[involved] if by_noise else np.ones(int(involved.sum()))
         landmark = number[part.landmark]
-        part = Sightings(part.frame, landmark, part.measured_px, part.std_px * noise[landmark])
+        part = Observations(part.frame, landmark, part.measured_px, part.std_px * noise[landmark])
         fixed = np.arange(len(self._poses)) < max(first, 1)
         refined = refine(
             self.rig, np.array(self._poses), draft.positions_m[involved], part, fixed, iterations=iterations

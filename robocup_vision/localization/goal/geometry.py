@@ -15,6 +15,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
+from robocup_vision.camera.projection import camera_rotation, project_ideal
 from robocup_vision.geometry import Pose2
 
 # What a fit can vary, in this order everywhere: camera position, heading of the optical axis, tilt (up), roll, height,
@@ -71,19 +72,6 @@ def goal_shape(field: Field) -> GoalShape:
         raise ArgumentError(f"field '{field.name}' has no goals of posts and a bar (its goals: {kind})")
     goal = field.goals[0]
     return GoalShape(abs(goal.line_x_m), goal.width_m, goal.height_m, goal.post_radius_m)
-
-
-def camera_rotation(heading_rad: npt.ArrayLike, tilt_rad: npt.ArrayLike, roll_rad: npt.ArrayLike) -> FloatArray:
-    """Rotation (..., 3, 3) of directions from the camera (x forward, y left, z up) into the field: Rz Ry(-tilt) Rx."""
-    cp, sp = np.cos(heading_rad), np.sin(heading_rad)
-    ct, st = np.cos(tilt_rad), np.sin(tilt_rad)
-    cr, sr = np.cos(roll_rad), np.sin(roll_rad)
-    rows = [
-        [cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr],
-        [sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr],
-        [st + 0 * cp, ct * sr + 0 * cp, ct * cr + 0 * cp],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,15 +136,8 @@ def project(view: IdealView, unknowns: npt.ArrayLike, points_m: npt.ArrayLike) -
     rotation = camera_rotation(p[..., HEADING], p[..., TILT], p[..., ROLL])
     eye = np.stack([p[..., X], p[..., Y], p[..., HEIGHT]], axis=-1)
     ray = (np.asarray(points_m, dtype=np.float64) - eye[..., None, :]) @ rotation
-    depth = np.where(ray[..., 0] > 1e-6, ray[..., 0], np.nan)
     scale = np.exp(p[..., LOG_FOCAL])[..., None]
-    return np.stack(
-        [
-            view.center_px[0] - view.focal_px[0] * scale * ray[..., 1] / depth,
-            view.center_px[1] - view.focal_px[1] * scale * ray[..., 2] / depth,
-        ],
-        axis=-1,
-    )
+    return project_ideal((view.focal_px[0] * scale, view.focal_px[1] * scale), view.center_px, ray)
 
 
 def foot_points(shape: GoalShape, unknowns: npt.ArrayLike, offsets: npt.ArrayLike) -> FloatArray:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.kernels.goal.marks import measure_ridges
 from robocup_vision.localization.goal.edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel, residuals
@@ -30,7 +31,6 @@ from robocup_vision.localization.goal.geometry import (
     UNKNOWNS,
     X,
     Y,
-    camera_rotation,
 )
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LineFinder, LinePoints

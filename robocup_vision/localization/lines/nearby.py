@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.lines.fit import LineRows, LineRowsFit, fit_line_rows, pixel_residuals, stretches

@@ -9,10 +9,9 @@ from field_models.errors import ArgumentError, FrameError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.landmarks.matching import best_two
+from robocup_vision.kernels.landmarks.matching import Described
 from robocup_vision.landmarks.features import (
     Features,
-    OrbExtractor,
     SiftExtractor,
     from_bytes,
     match,
@@ -37,20 +36,20 @@ def off(pose: Pose2) -> Pose2:
 def test_a_second_run_is_located_to_a_centimetre(short_run, choice, matching):
     localizer = LandmarkLocalizer(short_run.landmarks, HALL_CAMERA, selection=Selection(choice), matching=matching)
     frame = short_run.second[1]
-    sight = localizer.look(frame.images[0], off(frame.pose))
-    error_m, error_rad = sight.pose.pose.error_to(frame.pose)
+    found = localizer.look(frame.images[0], off(frame.pose))
+    error_m, error_rad = found.pose.pose.error_to(frame.pose)
     assert error_m < 0.02
     assert error_rad < 0.006
-    assert choice == "all" or len(sight.expected) <= 60 or choice == "cells"
-    assert set(sight.timings_s) == {"features", "select", "match", "fit"}
+    assert choice == "all" or len(found.expected) <= 60 or choice == "cells"
+    assert set(found.timings_s) == {"features", "select", "match", "fit"}
 
 
 def test_without_a_prior_the_whole_map_is_searched(short_run):
     localizer = LandmarkLocalizer(short_run.landmarks, HALL_CAMERA)
     for frame in short_run.second:
-        sight = localizer.look(frame.images[0])
-        assert sight.pose.pose.error_to(frame.pose)[0] < 0.02
-        assert "relocate" in sight.timings_s
+        found = localizer.look(frame.images[0])
+        assert found.pose.pose.error_to(frame.pose)[0] < 0.02
+        assert "relocate" in found.timings_s
         # a wrong prior is seen through
         assert localizer.locate(frame.images[0], Pose2(-1.0, 1.0, -2.0)).pose.error_to(frame.pose)[0] < 0.02
 
@@ -83,8 +82,8 @@ def test_regions_and_half_size_find_the_same_place(short_run):
     half = SiftExtractor(HALL_CAMERA, shrink=2).extract(frame.images[0])
     assert 20 < len(half) < len(whole)
     localizer = LandmarkLocalizer(short_run.landmarks, HALL_CAMERA, regions=True)
-    sight = localizer.look(frame.images[0], Pose2(frame.pose.x_m + 0.01, frame.pose.y_m, frame.pose.theta_rad))
-    assert sight.pose.pose.error_to(frame.pose)[0] < 0.03
+    found = localizer.look(frame.images[0], Pose2(frame.pose.x_m + 0.01, frame.pose.y_m, frame.pose.theta_rad))
+    assert found.pose.pose.error_to(frame.pose)[0] < 0.03
     # features of the tiles are those of the whole frame
     expected = expect(short_run.landmarks, HALL_CAMERA, frame.pose.array)
     tiles = SiftExtractor(HALL_CAMERA).extract_near(frame.images[0], expected.pixels, 0.25)
@@ -93,15 +92,6 @@ def test_regions_and_half_size_find_the_same_place(short_run):
     assert np.median(apart) < 0.3
     # far off, the tiles show nothing of use and the whole frame is looked at
     assert localizer.look(frame.images[0], Pose2(-1.0, 1.0, -2.0)).pose.pose.error_to(frame.pose)[0] < 0.03
-
-
-def test_orb_features_are_unit_vectors(short_run):
-    image = short_run.frames[0].images[0]
-    features = OrbExtractor(HALL_CAMERA).extract(image)
-    assert features.descriptors.shape == (len(features), 256)
-    np.testing.assert_allclose(np.linalg.norm(features.descriptors, axis=1), 1, rtol=1e-5)
-    assert features.spacing_px.min() == 1.0
-    assert len(OrbExtractor(HALL_CAMERA).extract(np.full_like(image, 50))) == 0
 
 
 def test_distortion_is_taken_out(short_run):
@@ -125,25 +115,9 @@ def test_the_loop_and_the_product_match_the_same(short_run):
         gate, ratio = (60.0, 40.0), 1.6
         allowed = near(first.pixels, first.size_px, second, gate, ratio)
         product = match(first.descriptors, second.descriptors, allowed, ratio=0.9)
-        loop = match_by_loop(first.descriptors, first.pixels, first.size_px, second, gate, ratio, ratio=0.9)
+        loop = match_by_loop(Described(first.descriptors, first.pixels, first.size_px), second, gate, ratio, ratio=0.9)
         for a, b in zip(product, loop, strict=True):
             np.testing.assert_array_equal(a, b)
-        best, nearest, runner_up = best_two(
-            first.descriptors,
-            first.pixels,
-            first.size_px,
-            second.descriptors,
-            second.pixels,
-            second.size_px,
-            *gate,
-            ratio,
-        )
-        masked = np.where(allowed, first.descriptors @ second.descriptors.T, -1)
-        ordered = np.sort(masked, axis=1)
-        np.testing.assert_allclose(nearest, ordered[:, -1], atol=1e-5)
-        np.testing.assert_allclose(runner_up, ordered[:, -2], atol=1e-5)
-        found = nearest > -1
-        np.testing.assert_array_equal(best[found], masked.argmax(axis=1)[found])
 
 
 def test_contested_partners_are_dropped_or_go_to_the_nearest():

@@ -9,12 +9,10 @@ from hypothesis import strategies as st
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.kernels.landmarks.fit import descend, most_informative
-from robocup_vision.landmarks.index import kernel_camera
-from robocup_vision.landmarks.mapping.refinement import Sightings, refine
+from robocup_vision.landmarks.mapping.refinement import Observations, refine
 from robocup_vision.landmarks.mapping.rig import TrinocularRig
 from robocup_vision.landmarks.mapping.stereo import place
-from robocup_vision.landmarks.pose_fit import CHI2_2DOF, fit_pixels, fit_stereo
+from robocup_vision.landmarks.pose_fit import fit_stereo
 from robocup_vision.landmarks.projection import (
     pixel_by_point,
     point_by_pose,
@@ -41,13 +39,6 @@ def scene(pose, seed, count=30):
     return landmarks, covariance, project(CAMERA, points), points
 
 
-def compiled(start, landmarks, covariance, pixels, std):
-    pose, squared = np.empty(3), np.empty(len(landmarks))
-    widths = np.array([30.0, 15.0, 8.0, 5.0, 3.5, 3.5, 3.5, 3.5])
-    args = (*kernel_camera(CAMERA), landmarks, covariance, pixels, std, widths, CHI2_2DOF, pose, squared)
-    return pose, np.linalg.inv(descend(start, *args)), squared
-
-
 @settings(max_examples=30, deadline=None)
 @given(POSES, st.integers(0, 10**6))
 def test_projection_inverts_and_derives(pose, seed):
@@ -71,61 +62,13 @@ def test_projection_inverts_and_derives(pose, seed):
 
 @settings(max_examples=20, deadline=None)
 @given(POSES, st.integers(0, 10**6))
-def test_exact_pixels_give_the_exact_pose(pose, seed):
-    landmarks, covariance, pixels, points = scene(pose, seed)
+def test_exact_points_give_the_exact_pose(pose, seed):
+    landmarks, covariance, _, points = scene(pose, seed)
     start = pose + np.array([0.06, -0.05, 0.04])
-    fit = fit_pixels(CAMERA, start, landmarks, covariance, pixels, np.full(len(pixels), 0.3))
+    spread = np.tile(np.eye(3) * 1e-4, (len(points), 1, 1))
+    fit = fit_stereo(CAMERA, start, landmarks, covariance, points, spread)
     np.testing.assert_allclose(fit.pose, pose, atol=1e-5)
     assert fit.inliers.all()
-    spread = np.tile(np.eye(3) * 1e-4, (len(points), 1, 1))
-    np.testing.assert_allclose(fit_stereo(CAMERA, start, landmarks, covariance, points, spread).pose, pose, atol=1e-5)
-
-
-@settings(max_examples=20, deadline=None)
-@given(POSES, st.integers(0, 10**6))
-def test_the_compiled_fit_is_the_plain_one(pose, seed):
-    landmarks, covariance, pixels, _ = scene(pose, seed)
-    rng = np.random.default_rng(seed)
-    std = rng.uniform(0.2, 1.0, len(pixels))
-    pixels = pixels + rng.normal(0, 1, pixels.shape) * std[:, None]
-    start = pose + np.array([0.02, 0.03, -0.02])
-    plain = fit_pixels(CAMERA, start, landmarks, covariance, pixels, std)
-    fast, cov, squared = compiled(start, landmarks, covariance, pixels, std)
-    np.testing.assert_allclose(fast, plain.pose, atol=1e-5)
-    np.testing.assert_allclose(squared, plain.squared, rtol=0.02, atol=0.02)
-    if ((squared <= CHI2_2DOF) == plain.inliers).all():
-        np.testing.assert_allclose(cov, plain.covariance, rtol=1e-2, atol=1e-12)
-
-
-def test_outliers_are_told_apart():
-    pose = np.array([0.3, -0.4, 0.5])
-    landmarks, covariance, pixels, _ = scene(pose, 5)
-    std = np.full(len(pixels), 0.3)
-    pixels[:8] += np.random.default_rng(1).uniform(10, 30, (8, 2))
-    fit, _, squared = compiled(pose + np.array([0.03, 0.0, 0.02]), landmarks, covariance, pixels, std)
-    np.testing.assert_allclose(fit, pose, atol=2e-3)
-    assert (squared[:8] > CHI2_2DOF).all()
-    assert (squared[8:] < CHI2_2DOF).all()
-
-
-def test_a_landmark_behind_the_camera_counts_for_nothing():
-    pose = np.zeros(3)
-    landmarks, covariance, pixels, _ = scene(pose, 6)
-    landmarks[0] = (-3.0, 0.0, 0.5)
-    fit, _, squared = compiled(
-        pose + np.array([0.02, 0.01, 0.01]), landmarks, covariance, pixels, np.full(len(pixels), 0.3)
-    )
-    np.testing.assert_allclose(fit, pose, atol=1e-4)
-    assert squared[0] == np.inf
-
-
-def test_the_exhaustive_search_finds_a_pose_whole_steps_away():
-    pose = np.array([0.3, -0.4, 0.5])
-    landmarks, covariance, pixels, _ = scene(pose, 7, count=12)
-    start = pose + np.array([0.03, -0.03, math.radians(2.0)])
-    fit = fit_pixels(CAMERA, start, landmarks, covariance, pixels, np.full(12, 0.5), exhaustive=True)
-    np.testing.assert_allclose(fit.pose, pose, atol=1e-9)
-    assert (np.sqrt(np.diag(fit.covariance)) >= np.array([0.01, 0.01, math.radians(1.0)]) / math.sqrt(12)).all()
 
 
 def test_stereo_placement_and_its_covariance():
@@ -159,47 +102,22 @@ def test_refinement_undoes_what_was_disturbed():
         )
         rows += [(k, i, *pixels[i], *shift[i]) for i in np.flatnonzero(depth > 0.3)]
     table = np.array(rows)
-    sightings = Sightings(
+    observations = Observations(
         table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:], np.full(len(table), 0.3)
     )
     fixed = np.arange(6) == 0
     start = poses + ~fixed[:, None] * rng.normal(0, 0.01, poses.shape)
-    refined = refine(rig, start, landmarks + rng.normal(0, 0.02, landmarks.shape), sightings, fixed, iterations=15)
+    refined = refine(rig, start, landmarks + rng.normal(0, 0.02, landmarks.shape), observations, fixed, iterations=15)
     np.testing.assert_allclose(refined.poses, poses, atol=1e-5)
     np.testing.assert_allclose(refined.landmarks_m, landmarks, atol=1e-3)
     assert (refined.pose_covariances[0] == 0).all()
     assert (np.linalg.eigvalsh(refined.pose_covariances[1:]) > 0).all()
     assert refined.noise.max() < 1  # nothing is left over
     # with noise, what is left over is what was put in
-    noisy = Sightings(
-        sightings.frame,
-        sightings.landmark,
-        sightings.measured_px + rng.normal(0, 0.3, (len(table), 4)),
-        sightings.std_px,
+    noisy = Observations(
+        observations.frame,
+        observations.landmark,
+        observations.measured_px + rng.normal(0, 0.3, (len(table), 4)),
+        observations.std_px,
     )
     assert np.median(refine(rig, poses, landmarks, noisy, fixed).noise) == pytest.approx(1.0, abs=0.1)
-
-
-def test_informative_landmarks_beat_the_first_ones():
-    pose = np.zeros(3)
-    landmarks, covariance, _, _ = scene(pose, 9, count=80)
-    std, success = np.full(80, 0.3), np.full(80, 0.7)
-    known = np.diag([100.0, 100.0, 100.0])
-    chosen = most_informative(pose, *kernel_camera(CAMERA), landmarks, covariance, std, success, known, 10)
-    assert len(set(chosen.tolist())) == 10
-
-    def information(index):
-        total = known.copy()
-        turn = world_to_camera(CAMERA, pose[2])
-        points = to_camera(CAMERA, pose, landmarks[index])
-        by_point = pixel_by_point(CAMERA, points)
-        by_pose = by_point @ point_by_pose(CAMERA, pose, landmarks[index])
-        spread = by_point @ turn @ covariance[index] @ turn.T @ by_point.transpose(0, 2, 1) + 0.09 * np.eye(2)
-        total += 0.7 * (by_pose.transpose(0, 2, 1) @ np.linalg.inv(spread) @ by_pose).sum(axis=0)
-        return np.linalg.slogdet(total)[1]
-
-    best = information(chosen)
-    rng = np.random.default_rng(0)
-    assert all(best > information(rng.permutation(80)[:10]) for _ in range(50))
-    # greedy: no single landmark says more than the first
-    assert all(information(chosen[:1]) >= information(np.array([k])) - 1e-9 for k in range(80))

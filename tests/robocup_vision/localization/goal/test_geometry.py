@@ -8,13 +8,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from field_models import ArgumentError, load_field
-from robocup_vision.camera.pinhole import camera_rotation as one_rotation
 from robocup_vision.localization.goal.geometry import (
     EDGES,
     GoalAngles,
     IdealView,
     angles_between,
-    camera_rotation,
     foot_points,
     goal_shape,
     position_from_angles,
@@ -98,11 +96,6 @@ def test_feet_lie_on_the_near_half_of_the_post(x, y, offset):
         assert math.hypot(px - SHAPE.line_x_m, py - post_y) == pytest.approx(SHAPE.radius_m)
         assert math.hypot(px - x, py - y) < math.hypot(SHAPE.line_x_m - x, post_y - y)
         assert pz == 0.0
-
-
-@given(st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
-def test_batched_rotation_is_the_camera_model_s(pan, tilt, roll):
-    np.testing.assert_allclose(camera_rotation(pan, tilt, roll), one_rotation(pan, tilt, roll), atol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "kind"), [("four_legged_2005", "panels"), ("msl_6x4", "none")])

@@ -1,0 +1,87 @@
+"""A pinhole camera in compiled code: its axes, points of the field in its frame, and their ideal pixels.
+
+Camera frame: x ahead along the optical axis, y left, z up. Ideal pixels are those of a lens without distortion.
+`camera.projection` holds the same for NumPy arrays.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+from robocup_vision.arrays import FloatArray
+
+Axis = tuple[float, float, float]
+
+
+class PinholeView(NamedTuple):
+    """What the kernels need of a camera that a robot carries.
+
+    Parameters
+    ----------
+    robot_to_camera : (3, 3) float64
+        Rotation of directions.
+    viewpoint_m : (3,) float64
+        Centre of projection in the robot frame.
+    focal_px, center_px : (2,) float64
+        Along u and v.
+    """
+
+    robot_to_camera: FloatArray
+    viewpoint_m: FloatArray
+    focal_px: FloatArray
+    center_px: FloatArray
+
+
+@njit(cache=True, nogil=True)
+def camera_axes(pan_rad: float, tilt_rad: float, roll_rad: float) -> tuple[Axis, Axis, Axis]:
+    """Rows of R = Rz(pan) Ry(-tilt) Rx(roll), whose columns are the camera's axes: ahead, left and up."""
+    cp, sp = math.cos(pan_rad), math.sin(pan_rad)
+    ct, st = math.cos(tilt_rad), math.sin(tilt_rad)
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    return (
+        (cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr),
+        (sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr),
+        (st, ct * sr, ct * cr),
+    )
+
+
+@njit(cache=True, nogil=True)
+def in_camera(rotation: tuple[Axis, Axis, Axis], x: float, y: float, z: float) -> Axis:
+    """Components ahead, left and up of a vector of the frame that `camera_axes` is given in."""
+    (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rotation
+    return x * r00 + y * r10 + z * r20, x * r01 + y * r11 + z * r21, x * r02 + y * r12 + z * r22
+
+
+@njit(cache=True, nogil=True)
+def point_in_camera(view: PinholeView, c: float, s: float, x: float, y: float, z: float) -> Axis:
+    """Camera frame of a point of the field.
+
+    Parameters
+    ----------
+    view : PinholeView
+        The robot's camera.
+    c, s : float
+        Cosine and sine of the robot's heading.
+    x, y : float
+        The point less the robot's position, field frame, metres.
+    z : float
+        Its height over the floor.
+    """
+    turn, viewpoint = view.robot_to_camera, view.viewpoint_m
+    px, py, pz = c * x + s * y - viewpoint[0], c * y - s * x - viewpoint[1], z - viewpoint[2]
+    return (
+        turn[0, 0] * px + turn[0, 1] * py + turn[0, 2] * pz,
+        turn[1, 0] * px + turn[1, 1] * py + turn[1, 2] * pz,
+        turn[2, 0] * px + turn[2, 1] * py + turn[2, 2] * pz,
+    )
+
+
+@njit(cache=True, nogil=True)
+def ideal_pixel(
+    fu: float, fv: float, cu: float, cv: float, ahead: float, left: float, up: float
+) -> tuple[float, float]:
+    """Pixel u and v of a point of the camera frame; `ahead` must be positive."""
+    return cu - fu * left / ahead, cv - fv * up / ahead
