@@ -37,6 +37,7 @@ test: $(INSTALLED)
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
+	.venv/bin/lint-imports --no-cache
 	$(PYTHON) -m pytest -m "not slow" --cov --cov-report=term:skip-covered --cov-fail-under=90
 
 slow: $(INSTALLED)

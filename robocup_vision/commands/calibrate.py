@@ -21,7 +21,7 @@ _MAX_PICTURES = 8
 _AGREES_PX = 3.0
 
 
-def add_calibrate_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `calibrate` to the subparsers of an argparse parser; every kind sets its own `run`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "calibrate",

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 
-def add_map_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `map` to the subparsers of an argparse parser; `run_map` runs what it parses."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "map",
@@ -29,6 +29,7 @@ def add_map_parser(subparsers: Any) -> argparse.ArgumentParser:
     locate.add_argument("--at-most", metavar="N", type=int, default=60, help="landmarks looked for (default: 60)")
     locate.add_argument("--limit-ms", metavar="T", type=float, help="as many landmarks as fit into T ms, without SIFT")
     locate.add_argument("--picture", metavar="PNG", help="draw the map with where the images were taken")
+    parser.set_defaults(run=run_map)
     return parser
 
 

@@ -7,7 +7,7 @@ import shlex
 from typing import Any
 
 
-def add_goal_evidence_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `learn-goal-evidence` to an argparse parser's subparsers; `run_goal_evidence` runs it."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "learn-goal-evidence",
@@ -20,6 +20,7 @@ def add_goal_evidence_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--count", type=int, default=1000, metavar="N", help="number of looks (default: 1000)")
     add("--seed", type=int, default=0, metavar="S", help="look i depends on S and i alone (default: 0)")
     add("out", metavar="OUT.toml", help="file to write")
+    parser.set_defaults(run=run_goal_evidence)
     return parser
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 CONDITION_NAMES = ("nominal", "noisy", "warm", "cold", "dark", "crowd", "bad_day", "miscalibrated")
 
 
-def add_render_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `render` to the subparsers of an argparse parser; `run_render` runs what it parses."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "render",
@@ -43,6 +43,7 @@ def add_render_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--ball", dest="ball_share", type=float, metavar="SHARE", help="share of images with a ball, 0 to 1")
     add("--symmetry", choices=("none", "point"), help="how errors count (default: point)")
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
+    parser.set_defaults(run=run_render)
     return parser
 
 

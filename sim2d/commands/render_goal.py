@@ -20,7 +20,7 @@ PLACES = ("paper", "anywhere")
 VIEWS = ("goal", "negative")
 
 
-def add_render_goal_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `render-goal` to the subparsers of an argparse parser; `run_render_goal` runs what it parses."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "render-goal",
@@ -36,6 +36,7 @@ def add_render_goal_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--seed", type=int, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
     add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="small .jpg files of quality 1 to 100, not .png")
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
+    parser.set_defaults(run=run_render_goal)
     return parser
 
 

@@ -10,7 +10,7 @@ FIELD = "four_legged_2007"
 _SECOND_SHIFT_M = 0.2
 
 
-def add_render_hall_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `render-hall` to the subparsers of an argparse parser; `run_render_hall` runs what it parses."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "render-hall",
@@ -26,6 +26,7 @@ def add_render_hall_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--level", type=float, default=0.5, metavar="L", help="light of the second run (default: 0.5 of the first)")
     add("--moved", type=float, default=0.0, metavar="SHARE", help="posters moved or covered before it (default: 0)")
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
+    parser.set_defaults(run=run_render_hall)
     return parser
 
 

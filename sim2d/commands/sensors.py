@@ -7,7 +7,7 @@ import shlex
 from typing import Any
 
 
-def add_sensors_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `sensors` to the subparsers of an argparse parser; `run_sensors` runs what it parses."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "sensors",
@@ -30,6 +30,7 @@ def add_sensors_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--runs", type=int, default=6, metavar="N", help="runs under each kind of light (default: 6)")
     add("--frames", type=int, default=80, metavar="N", help="frames a run, ten a second (default: 80)")
     add("--seed", type=int, default=0, metavar="S", help="which runs (default: 0)")
+    parser.set_defaults(run=run_sensors)
     return parser
 
 

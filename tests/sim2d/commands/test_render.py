@@ -16,7 +16,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from field_models.toml_file import read_toml
 from robocup_vision.camera import load_camera, save_camera
-from sim2d.commands.render import add_render_parser, run_render
+from sim2d.commands.render import add_parser, run_render
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.dataset import write_dataset
 from sim2d.rendering.random_scenes import CONDITIONS, Condition, sample
@@ -27,7 +27,7 @@ SMALL = "sekimori:128x110"
 
 def render(*words: str | Path) -> int:
     parser = argparse.ArgumentParser()
-    add_render_parser(parser.add_subparsers())
+    add_parser(parser.add_subparsers())
     return run_render(parser.parse_args(["render", *map(str, words)]))
 
 

@@ -10,7 +10,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.sensor_model import load_sensors
-from sim2d.commands.sensors import add_sensors_parser, run_sensors
+from sim2d.commands.sensors import add_parser, run_sensors
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.sensors.runs import KINDS, map_vision, sensor_run
 
@@ -78,7 +78,7 @@ def test_a_field_without_room_is_refused(vision):
 
 def learn(*words):
     parser = argparse.ArgumentParser()
-    add_sensors_parser(parser.add_subparsers())
+    add_parser(parser.add_subparsers())
     return run_sensors(parser.parse_args(["sensors", "learn", *map(str, words)]))
 
 

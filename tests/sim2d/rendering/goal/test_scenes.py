@@ -17,7 +17,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from field_models.toml_file import read_toml
 from robocup_vision.camera import PinholeCamera, load_camera
-from sim2d.commands.render_goal import GOAL_CONDITION_NAMES, add_render_goal_parser, run_render_goal
+from sim2d.commands.render_goal import GOAL_CONDITION_NAMES, add_parser, run_render_goal
 from sim2d.rendering.goal.light import Glare, goal_outline
 from sim2d.rendering.goal.scenes import (
     GOAL_CONDITIONS,
@@ -196,7 +196,7 @@ def test_what_cannot_be_drawn_is_refused():
 
 def render_goal(*words: str | Path) -> int:
     parser = argparse.ArgumentParser()
-    add_render_goal_parser(parser.add_subparsers())
+    add_parser(parser.add_subparsers())
     return run_render_goal(parser.parse_args(["render-goal", *map(str, words)]))
 
 

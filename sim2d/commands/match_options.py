@@ -1,0 +1,31 @@
+"""Options that commands which play matches share, and the plan they make."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim2d.match.run import MatchPlan
+
+
+def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
+    """Add field, players, length, seed and folder to a command's parser."""
+    add = parser.add_argument
+    add("--field", default="ssl_2001", metavar="F", help="built-in field's name, or a field file (default: ssl_2001)")
+    add("--players", type=int, default=2, metavar="N", help="players per side (default: 2)")
+    add("--seconds", type=float, default=60.0, metavar="T", help="length of a match (default: 60)")
+    add("--seed", type=int, default=0, metavar="S", help="the same seed plays the same match (default: 0)")
+    names = "plain, memory or planning (default: plain)"
+    add("--ours", default="plain", metavar="NAME", help=f"players of the side that attacks +x: {names}")
+    add("--theirs", default="plain", metavar="NAME", help=f"players of the other side: {names}")
+    add("--out", default=out, metavar="DIR", help=f"folder for the files (default: {out})")
+
+
+def match_plan(args: argparse.Namespace) -> MatchPlan:
+    """Make the plan of one match from a command's parsed options."""
+    from sim2d.match.run import MatchPlan
+    from sim2d.players.catalog import player_factory
+
+    ours, theirs = player_factory(args.ours), player_factory(args.theirs)
+    return MatchPlan(args.field, args.players, args.seconds, args.seed, ours, theirs)

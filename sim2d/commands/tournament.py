@@ -1,0 +1,59 @@
+"""`robocup-vision tournament`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from sim2d.commands.match_options import add_match_options, match_plan
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `tournament` to the subparsers of an argparse parser."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "tournament",
+        help="play many simulated matches on many processes or machines",
+        description="Play many simulated matches, the first with seed S, the next with S + 1 and so on, and write "
+        "tournament.json. It does not depend on who plays them; a match lost with its worker is played again.",
+    )
+    parser.add_argument("--matches", type=int, default=10, metavar="M", help="number of matches (default: 10)")
+    add_match_options(parser, "out/tournament")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--jobs", type=int, default=1, metavar="N", help="processes on this machine (default: 1)")
+    where.add_argument(
+        "--dask", metavar="ADDRESS", help="scheduler of a dask.distributed cluster, e.g. tcp://host:8786"
+    )
+    parser.set_defaults(run=run_tournament)
+    return parser
+
+
+def run_tournament(args: argparse.Namespace) -> int:
+    """Play the matches and print their totals; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from pathlib import Path
+
+    from robocup_vision.progress import progress
+    from sim2d.match.tournament import dask_workers, local_workers, plan_matches, play_matches, tournament_json
+    from sim2d.report.match_file import write_json
+
+    plan = match_plan(args)
+    plans = plan_matches(plan, args.matches)
+    workers = local_workers(args.jobs) if args.dask is None else dask_workers(args.dask)
+    # what is wrong with it is told here once, before any worker starts
+    plan.begin()
+    results = dict(progress(play_matches(plans, workers), len(plans), "tournament"))
+    values = tournament_json(plan, [results[index] for index in range(len(plans))])
+    path = Path(args.out) / "tournament.json"
+    write_json(path, values)
+    totals = values["totals"]
+    print(f"{args.field}, {args.players} against {args.players}, {totals['matches']} matches of {args.seconds:g} s")
+    print(f"goals {totals['goals'][0]} : {totals['goals'][1]}")
+    print(f"won, drawn, lost by the side that attacks +x: {totals['won']}, {totals['drawn']}, {totals['lost']}")
+    print(f"frames within 5 cm / 3 deg: {100 * totals['within_5cm_3deg']:.1f} %")
+    print(f"results: {path}")
+    return 0
