@@ -27,7 +27,7 @@ def frame(ssl_field, paper_camera):
     return np.clip(MirrorRenderer(paper_camera, 2).render(Scene(ssl_field), TRUTH), 0, 255).astype(np.uint8)
 
 
-def colors(field, white=PaintColor(1.0, 1.0)):  # noqa: B008  (a frozen value)
+def colors(field, white=PaintColor(1.0, 1.0)):
     return colors_for(field, FLOOR, white)
 
 
