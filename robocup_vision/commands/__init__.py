@@ -1,5 +1,6 @@
-"""The commands of `robocup-vision`, one file each: options in, calls, prints; other packages register theirs beside them.
+"""The commands of `robocup-vision`, one file each: options in, calls, prints.
 
+Other packages register their commands beside these.
 A command is a function that adds its parser to the subparsers of an argparse parser and sets the parser's default `run`
 to a function of the parsed arguments, which returns the exit status. A package registers it as an entry point of the
 group `robocup_vision.commands`.
