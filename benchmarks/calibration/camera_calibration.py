@@ -197,8 +197,8 @@ def measure_photographs(quick: bool) -> bool:
         starts: list[tuple[str, OmniCamera | None]] = [("none", None)]
         for by_a, by_b in ((0.8, 0.8), (0.8, 1.2), (1.2, 0.8), (1.2, 1.2)):
             middle = (width - 1) / 2, (height - 1) / 2
-            start = dataclasses.replace(reference, center_px=middle, floor_range=Tangent(a * by_a, b * by_b))
-            starts.append((f"a x {by_a}, b x {by_b}", start))
+            poor = dataclasses.replace(reference, center_px=middle, floor_range=Tangent(a * by_a, b * by_b))
+            starts.append((f"a x {by_a}, b x {by_b}", poor))
         for label, start in starts[1:2] if quick else starts:
             begin = process_time()
             result = calibrate_omni(field, [frame], start)

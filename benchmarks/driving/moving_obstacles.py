@@ -161,7 +161,8 @@ def drive(place: Place, method: str, seed: int, run: int) -> Outcome:
             at = truth.inverse().transform(places)
             speeds = Pose2(0.0, 0.0, -truth.theta_rad).transform(velocities)
             moving = tuple(
-                MovingObstacle(*p, *v, LIMITS.radius_m) for p, v in zip(at.tolist(), speeds.tolist(), strict=True)
+                MovingObstacle(p[0], p[1], v[0], v[1], LIMITS.radius_m)
+                for p, v in zip(at.tolist(), speeds.tolist(), strict=True)
             )
         if side * robot.x_m > ends - 0.1:
             outcome.legs += 1

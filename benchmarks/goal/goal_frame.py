@@ -18,6 +18,7 @@ import numpy as np
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.localization.goal.fit import refine
 from robocup_vision.localization.goal.localizer import GoalLocalizer
 from robocup_vision.localization.goal.search import GoalSearch
@@ -39,6 +40,16 @@ def median_s(call: Callable[[], object], repeats: int) -> float:
     return float(np.median(times))
 
 
+def masks(search: GoalSearch, frame: UInt8Array) -> object:
+    """Mark the paint of both goals."""
+    return hue_masks(search.reduced(frame)[0], search.families)
+
+
+def pairs(search: GoalSearch, frame: UInt8Array) -> object:
+    """Find the first two pairs of posts."""
+    return list(itertools.islice(search.proposals(frame), 2))
+
+
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__))
@@ -55,15 +66,15 @@ def main() -> None:
         columns = ("stage                ", "ms", col.time_ratio("x cvtColor"), "verdict")
         table = Table(columns, name, name=name)
         frames = [s.frame for s in samples]
-        unit = float(np.median([median_s(lambda f=f: cv2.cvtColor(f, cv2.COLOR_BGR2HSV), 5 * repeats) for f in frames]))
-        stages: list[tuple[str, Callable[[np.ndarray], object]]] = []
+        unit = float(np.median([median_s(partial(cv2.cvtColor, f, cv2.COLOR_BGR2HSV), 5 * repeats) for f in frames]))
+        stages: list[tuple[str, Callable[[UInt8Array], object]]] = []
         if search.families:
-            stages.append(("masks of both hues", lambda f, s=search: hue_masks(s.reduced(f)[0], s.families)))
-        stages.append(("masks, posts, pairs", lambda f, s=search: list(itertools.islice(s.proposals(f), 2))))
+            stages.append(("masks of both hues", partial(masks, search)))
+        stages.append(("masks, posts, pairs", partial(pairs, search)))
         stages.append(("goal search", search.candidates))
         stages.append(("whole locate()", localizer.locate))
         for stage, call in stages:
-            typical = float(np.median([median_s(lambda f=f, call=call: call(f), repeats) for f in frames]))
+            typical = float(np.median([median_s(partial(call, f), repeats) for f in frames]))
             judged = stage == "whole locate()" and name == "clean_416x320"
             ok = typical / unit <= MAX_RATIO
             all_ok &= ok or not judged

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -79,7 +80,7 @@ def faulty_plan(seed: int, index: int) -> tuple[MatchPlan, dict[tuple[int, float
     return MatchPlan(seconds=seconds, seed=seed + index, faults=tuple(faults)), kinds
 
 
-def play(plans: list[MatchPlan]) -> list[dict]:
+def play(plans: list[MatchPlan]) -> list[dict[str, Any]]:
     """Play matches on all processors; a match.json each."""
     results = dict(play_matches(plans, local_workers(os.cpu_count() or 1)))
     return [results[index] for index in range(len(plans))]

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -27,13 +28,13 @@ QUICK, DEFAULT, FULL = (2, 6.0), (40, 20.0), (40, 60.0)
 MAX_STUCK_S = 5.0
 
 
-def play(plans: list[MatchPlan]) -> list[dict]:
+def play(plans: list[MatchPlan]) -> list[dict[str, Any]]:
     """Play matches on all processors; a match.json each."""
     results = dict(play_matches(plans, local_workers(os.cpu_count() or 1)))
     return [results[index] for index in range(len(plans))]
 
 
-def figures_of(match: dict) -> tuple[float, float, float, float]:
+def figures_of(match: dict[str, Any]) -> tuple[float, float, float, float]:
     """Contacts of our robots, goals for, goals against, and the longest time one of ours was stuck."""
     ours = [robot for robot in match["robots"] if robot["side"] > 0]
     goals_for, against = match["score"]
@@ -67,7 +68,8 @@ def main() -> None:
     ok = row("contacts", without[:, 0], with_[:, 0], "fewer", -1)
     row("goals for", without[:, 1], with_[:, 1])
     row("goals against", without[:, 2], with_[:, 2])
-    ok &= row("goals for less against", *(part[:, 1] - part[:, 2] for part in (without, with_)), "no lower", 1)
+    for_less_against = [part[:, 1] - part[:, 2] for part in (without, with_)]
+    ok &= row("goals for less against", for_less_against[0], for_less_against[1], "no lower", 1)
     stuck = float(without[:, 3].max()), float(with_[:, 3].max())
     is_free = stuck[1] <= MAX_STUCK_S
     cells = *stuck, stuck[1] - stuck[0], None, f"<= {MAX_STUCK_S:g}", verdict(is_free)

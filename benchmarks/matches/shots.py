@@ -101,7 +101,7 @@ def main() -> None:
     sure = float(scored[chance >= BINS[-2]].mean()) if (chance >= BINS[-2]).any() else 0.0
     verdicts = Table(("how good the chances are" + 20 * " ", col.measured(), "target", "verdict"), name="verdicts")
     is_informative, is_sure = ratio <= MAX_LOG_LOSS, sure >= MIN_SURE
-    cells = ratio, f"<= {MAX_LOG_LOSS}", verdict(is_informative)
+    cells: tuple[float | str, str, str] = ratio, f"<= {MAX_LOG_LOSS}", verdict(is_informative)
     verdicts.row("log loss to that of the mean ratio", *cells, kind=Kind.ERROR, samples=len(kicks))
     surest = int((chance >= BINS[-2]).sum())
     cells = percent(sure), f">= {100 * MIN_SURE:g}", verdict(is_sure)

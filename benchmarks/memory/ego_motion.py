@@ -126,7 +126,7 @@ def drive(seed: Sequence[int], periods: int) -> list[Frame]:
         place = rng.uniform(-half, half)
         if all(np.hypot(*(place - other)) > 0.3 for other in places):
             places.append(place)
-    starts = [Pose2(*place.tolist(), rng.uniform(-math.pi, math.pi)) for place in places]
+    starts = [Pose2(float(place[0]), float(place[1]), rng.uniform(-math.pi, math.pi)) for place in places]
     world = World.course(FIELD, (), starts, LIMITS, rng)
     eye, vision = MatchCamera(FIELD, CAMERA, LIMITS, rng), Vision(FIELD, CAMERA)
     pilots = [Wanderer(OWN_MPS, 1.0, half, rng)]

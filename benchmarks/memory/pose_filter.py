@@ -32,7 +32,7 @@ import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -136,7 +136,7 @@ class Ekf:
 
     def __init__(self) -> None:
         self._clock, self._noise = PoseFilter(), OdometryNoise()
-        self._filter = None
+        self._filter: Any = None
         self._t_s = 0.0
         self._expected: Pose2 | None = None
 

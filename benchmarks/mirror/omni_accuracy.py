@@ -115,10 +115,10 @@ def vision_for(size: Size, method: Method) -> Vision:
 def measure(task: tuple[str, Size, int, range]) -> list[Record]:
     """Render and judge some images of one condition."""
     name, size, seed, indices = task
-    condition, vision = CONDITIONS[name], vision_for(size, "field")
-    true_camera = condition.true_camera(vision.camera)
+    condition, vision, camera = CONDITIONS[name], vision_for(size, "field"), sekimori_camera(*size)
+    true_camera = condition.true_camera(camera)
     records = []
-    for drawn in sample(FIELD, vision.camera, condition, seed, 0, indices=indices):
+    for drawn in sample(FIELD, camera, condition, seed, 0, indices=indices):
         vision.forget()
         view = vision.look(drawn.frame)
         truth = drawn.pose
@@ -253,6 +253,7 @@ def _boxes(
 ) -> tuple[int, int]:
     """Pairs of bearing and box that covers half a cell, and those of them in which it was missed."""
     bounds, eye_height = vision.grid.ring_bounds_m, float(vision.camera.viewpoint_m[2])
+    assert isinstance(vision.camera, OmniCamera)
     curve = vision.camera.floor_range
     bounds_px = curve.radius_px(1.0 / bounds)
     walls_m = Scene(FIELD).free_range_m(pose, rays).reshape(exact_m.shape)

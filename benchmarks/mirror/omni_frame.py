@@ -151,7 +151,8 @@ def measure_line_search(size: tuple[int, int], count: int, seed: int) -> tuple[l
     """Seconds of the search by the lines alone, each frame as if it were the first, and how many were located."""
     camera = sekimori_camera(*size)
     localizer = LineLocalizer(CARPET_FIELD, camera)
-    seconds, located = [], 0
+    seconds: list[float] = []
+    located = 0
     for drawn in sample(CARPET_FIELD, camera, CONDITIONS["nominal"], seed, count):
         if not seconds:  # compiled code is loaded before the clock runs
             localizer.locate(drawn.frame)
@@ -177,7 +178,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     different, count = (10, 100) if arguments.quick else (40, 2000) if arguments.full else (40, 500)
     all_ok = True
-    rows = []
+    rows: list[tuple[str | None, ...]] = []
     for size in TARGETS:
         drawn = sample(FIELD, sekimori_camera(*size), CONDITIONS["nominal"], arguments.seed, different)
         frames = [one.frame for one in drawn]

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.figures import Column
 from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.arrays import UInt8Array
@@ -76,7 +77,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     count = 4 if arguments.quick else 100 if arguments.full else 10
     outline, hull = (Vision(FIELD, CAMERA, method=method) for method in ("floor", "hull"))
-    columns = (
+    columns: tuple[str | Column, ...] = (
         "place (mm)   ",
         col.label("method        "),
         col.share("located"),

@@ -122,7 +122,7 @@ def every_plan_s(tables: GateTables, looks: int) -> tuple[float, int]:
                 after = (joint[:, None, :] * tables.likelihood[x]).reshape(-1, joint.shape[1])
                 seen = least(after, x, left - 1).reshape(-1, readings).sum(axis=1)
                 cost = np.minimum(cost, (narrow + wide) * (tables.move_s[place, x] + LOOK_S) + seen)
-        return cost
+        return np.asarray(cost)
 
     return float(least(tables.prior[None], 0, looks)[0]), total
 

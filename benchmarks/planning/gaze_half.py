@@ -31,8 +31,9 @@ from sim2d.sensors.goal_evidence import draw_scene
 from sim2d.sensors.match_camera import MATCH_SENSOR
 
 FIELD = load_field("four_legged_2007")
-CAMERA = replace(camera_for(FIELD), pan_rad=0.0)
-assert isinstance(CAMERA, PinholeCamera)
+HEAD_CAMERA = camera_for(FIELD)
+assert isinstance(HEAD_CAMERA, PinholeCamera)
+CAMERA = replace(HEAD_CAMERA, pan_rad=0.0)
 # who does not know the half turns on the spot to find out: head and body reach all round
 NECK = Neck(limit_rad=math.pi)
 STD = np.array([0.15, 0.15, 0.08])
@@ -68,7 +69,8 @@ class Case:
     def __init__(self, seed: list[int]) -> None:
         self._seed, rng = seed, np.random.default_rng(seed)
         half = np.array([FIELD.length_m, FIELD.width_m]) / 2 - 0.3
-        self.pose = Pose2(*rng.uniform(-half, half), float(rng.uniform(-math.pi, math.pi)))
+        x, y = rng.uniform(-half, half).tolist()
+        self.pose = Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
         self._scene = draw_scene(FIELD, (self.pose.x_m, self.pose.y_m), rng)
         believed = Pose2(*(self.pose.array + rng.normal(0, STD)))
         covariance = np.diag(STD**2)
@@ -77,16 +79,11 @@ class Case:
         self.poses = [(first, covariance), (first.half_turn(), half_turn_covariance(covariance))]
         # tracked beside the robot, so they lie where the first hypothesis has them
         to_belief = first.compose(self.pose.inverse())
-        self.blockers = [
-            Blocker(
-                *to_belief.transform(rng.normal((r.x_m, r.y_m), TRACK_STD_M)),
-                r.radius_m,
-                np.eye(2) * TRACK_STD_M**2,
-                r.height_m,
-            )
-            for r in self._scene.robots
-            if rng.random() < TRACKED_SHARE
-        ]
+        self.blockers = []
+        for robot in self._scene.robots:
+            if rng.random() < TRACKED_SHARE:
+                x, y = to_belief.transform(rng.normal((robot.x_m, robot.y_m), TRACK_STD_M)).tolist()
+                self.blockers.append(Blocker(x, y, robot.radius_m, np.eye(2) * TRACK_STD_M**2, robot.height_m))
         self._localizer = GoalLocalizer(FIELD, CAMERA)
         self._shown: dict[tuple[float, int], int] = {}
 

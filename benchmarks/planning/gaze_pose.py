@@ -13,9 +13,11 @@ from argparse import Namespace
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
@@ -38,8 +40,9 @@ from sim2d.rendering.scene import Robot, Scene
 from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR
 
 FIELD = load_field("four_legged_2007")
-CAMERA = replace(camera_for(FIELD), pan_rad=0.0)
-assert isinstance(CAMERA, PinholeCamera)
+HEAD_CAMERA = camera_for(FIELD)
+assert isinstance(HEAD_CAMERA, PinholeCamera)
+CAMERA = replace(HEAD_CAMERA, pan_rad=0.0)
 NECK = Neck(limit_rad=1.4, speed_rps=8.0, std_rad=0.01)
 FRAME_S, RUN_S = 1 / 15, 20.0
 WALK_MPS, TURN_RPS = 0.3, 1.5
@@ -61,7 +64,7 @@ class Walk:
     poses: list[Pose2]
     odometry: list[Pose2]
     others: FloatArray
-    tracked: FloatArray
+    tracked: npt.NDArray[np.bool_]
     seed: list[int]
 
 
@@ -69,7 +72,8 @@ def draw_walk(seed: Sequence[int], seconds: float, frame_s: float) -> Walk:
     """Walk from waypoint to waypoint; the others stroll."""
     rng = np.random.default_rng(list(seed))
     half = np.array([FIELD.length_m / 2 - 0.3, FIELD.width_m / 2 - 0.2])
-    pose = Pose2(*rng.uniform(-half, half), float(rng.uniform(-math.pi, math.pi)))
+    x, y = rng.uniform(-half, half).tolist()
+    pose = Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
     target = rng.uniform(-half, half)
     others = rng.uniform(-half, half, (OTHERS, 2))
     aims = rng.uniform(-half, half, (OTHERS, 2))
@@ -173,7 +177,7 @@ def see_landmarks(
     """Landmarks (N, 3) that a frame shows, their bearings and elevations (N, 2), and standard deviations (N,)."""
     eye = (pose.x_m, pose.y_m, CAMERA.height_m)
     way = PLACES - eye
-    rotation = camera_rotation(pose.theta_rad + pan_rad, CAMERA.tilt_rad, 0.0)
+    rotation = camera_rotation(pose.theta_rad + pan_rad, CAMERA.tilt_rad or 0.0, 0.0)
     pixels = CAMERA.camera_ray_to_pixel(way @ rotation)
     with np.errstate(invalid="ignore"):
         seen = ((pixels >= 0) & (pixels <= np.array(CAMERA.size_px) - 1)).all(axis=1)
@@ -209,7 +213,7 @@ def landmark_run(job: tuple[list[int], str]) -> RunScore:
     start = np.array([0.15, 0.15, 0.1])
     first = Pose2(*(walk.poses[0].array + start * rng.standard_normal(3)))
     track = LandmarkFilter(first, np.diag(start**2))
-    criterion = "volume" if rule.endswith("|P|") else "position"
+    criterion: Literal["volume", "position"] = "volume" if rule.endswith("|P|") else "position"
     gaze = PoseGaze(FIELD, CAMERA, NECK, frame_s=FRAME_S, criterion=criterion)
     pan, errors, spreads, empty = 0.0, [], [], 0
     for k in range(1, len(walk.poses)):

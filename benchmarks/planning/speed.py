@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
@@ -63,7 +62,7 @@ class Drive:
     speeds_mps: FloatArray
 
 
-def draw_slalom(widths_m: Sequence[float], rng: np.random.Generator) -> Slalom:
+def draw_slalom(widths_m: FloatArray, rng: np.random.Generator) -> Slalom:
     """Draw a course through gaps of these widths, 1.2 to 1.8 m apart."""
     discs, believed, path = [], [], [(0.0, 0.0)]
     x = 0.0

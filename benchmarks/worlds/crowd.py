@@ -9,7 +9,7 @@ with an error that wanders, and its covariance.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +59,7 @@ class Sensor:
 
     def __init__(self, field: Field, others: int, radius_m: float, period_s: float, rng: np.random.Generator) -> None:
         self._field, self._radius_m, self._rng = field, radius_m, rng
-        self.bearing_rad: FloatArray = (np.arange(BEARINGS) + 0.5) * (math.tau / BEARINGS) - math.pi
+        self.bearing_rad: FloatArray = np.asarray((np.arange(BEARINGS) + 0.5) * (math.tau / BEARINGS) - math.pi)
         self.pose_covariance: FloatArray = np.diag(np.square(POSE_STD))
         self._missed = rng.random(others) < MISSED
         self._kept = math.exp(-period_s / POSE_TIME_S)
@@ -130,7 +130,7 @@ def wall_ranges(walls_m: FloatArray, pose: Pose2, bearing_rad: FloatArray) -> Fl
         away = (edge[:, 0] * a[:, 1] - edge[:, 1] * a[:, 0])[:, None] / cross
         along = (a[:, :1] * ray[1] - a[:, 1:] * ray[0]) / -cross
         meets = (away > 0) & (along >= 0) & (along <= 1)
-    return np.where(meets, away, np.inf).min(axis=0)
+    return np.asarray(np.where(meets, away, np.inf).min(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +207,7 @@ class Wanderer:
 
 
 def film(
-    field: Field, seed: npt.ArrayLike, others: int = 6, frames: int = 150, every: int = 2, fastest_mps: float = 1.0
+    field: Field, seed: Sequence[int], others: int = 6, frames: int = 150, every: int = 2, fastest_mps: float = 1.0
 ) -> list[Frame]:
     """Frames of a robot that drives among others.
 
@@ -215,7 +215,7 @@ def film(
     ----------
     field : Field
         Where.
-    seed : int or sequence of int
+    seed : sequence of int
         Of everything.
     others, frames : int
         How many.
@@ -239,7 +239,7 @@ def film(
     return taken
 
 
-def camera_film(field: Field, seed: npt.ArrayLike, others: int = 4, frames: int = 90, every: int = 2) -> list[Frame]:
+def camera_film(field: Field, seed: Sequence[int], others: int = 4, frames: int = 90, every: int = 2) -> list[Frame]:
     """Do the same through the images of a mirror camera: poses and obstacles are those of `Vision`.
 
     Counted are the others within `CAMERA_LONGEST_M`, hidden or not: what is farther away is a pixel or two.
