@@ -231,9 +231,10 @@ class _Check:
         pairs = []
         for name, view in zip(self.names, views, strict=True):
             truth = self.dataset.truth.get(name)
-            if view.pose and truth is not None and not (with_heading and truth.theta_rad is None):
-                theta = view.pose.pose.theta_rad if truth.theta_rad is None else truth.theta_rad
-                pairs.append((view.pose.pose, Pose2(truth.x_m, truth.y_m, theta)))
+            found = view.pose if self.dataset.pose_of == "robot" else view.camera_pose
+            if found and truth is not None and not (with_heading and truth.theta_rad is None):
+                theta = found.pose.theta_rad if truth.theta_rad is None else truth.theta_rad
+                pairs.append((found.pose, Pose2(truth.x_m, truth.y_m, theta)))
         return pairs
 
     def _turns_by_odometry(self) -> tuple[int, int] | None:

@@ -1,6 +1,10 @@
-"""A folder of images (or a video) with its field, camera, truth and odometry, checked before any frame is looked at.
+"""A folder of images (or a video) with its field, camera, truth and odometry, checked before any frame is read.
 
 Frames stay on the disk until they are asked for, one at a time: a dataset may be larger than memory.
+
+dataset.toml says with `pose_of` whose poses truth.csv holds, and then results.csv: "robot" (default), or "camera", the
+camera's foot on the floor and the heading of its optical axis. The two are one where the camera file has neither
+pan_rad nor offset_m. frames.csv holds the robot's motion in either case.
 """
 
 from __future__ import annotations
@@ -30,11 +34,13 @@ if TYPE_CHECKING:
     from robocup_vision.perception.color_table import Colors
 
 Word = TypeVar("Word", bound=str)
-# "hull", the published form of "floor", is ours: other people's datasets need not know it
+# "hull" is the published form of "floor", for comparison: datasets of other people do not need it
 Method = Literal["floor", "field", "goal", "landmarks", "hull"]
 METHODS: tuple[Method, ...] = ("floor", "field", "goal", "landmarks", "hull")
 Symmetry = Literal["none", "point"]
 SYMMETRIES: tuple[Symmetry, ...] = ("none", "point")
+PoseOf = Literal["robot", "camera"]
+POSES_OF: tuple[PoseOf, ...] = ("robot", "camera")
 
 
 class _DatasetFile(StrictStruct):
@@ -49,11 +55,12 @@ class _DatasetFile(StrictStruct):
     mask: str | None = None
     map: str | None = None
     symmetry: str = "none"
+    pose_of: str = "robot"
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Where the robot (method "goal": the camera) really was; `theta_rad` is None where nobody measured it."""
+    """True pose of the robot, or with `pose_of = "camera"` of the camera; `theta_rad` is None where not measured."""
 
     x_m: float
     y_m: float
@@ -83,7 +90,7 @@ class Dataset:
     field, camera, colors
         What `robocup_vision.Vision` needs; `colors` is None where they are learnt from the images.
     method : {"floor", "field", "goal", "landmarks", "hull"}
-        How the pose is told.
+        How the pose is found.
     times : mapping of str to FrameTime, or None
         By image; a dataset with times is a sequence.
     truth : mapping of str to Truth
@@ -92,6 +99,9 @@ class Dataset:
         Non-zero where pixels are never to be looked at.
     symmetry : {"none", "point"}
         "point": errors count modulo a half turn about the field's centre.
+    pose_of : {"robot", "camera"}
+        Whose poses `truth` and the results hold: the robot's, or the camera's (its foot on the floor and the heading of
+        its optical axis). Odometry in `times` is always the robot's.
     notes : tuple of str
         Lines the user should see, such as that a video ends early.
     landmarks : LandmarkMap or None
@@ -109,6 +119,7 @@ class Dataset:
     truth: Mapping[str, Truth]
     mask: npt.NDArray[np.uint8] | None
     symmetry: Symmetry
+    pose_of: PoseOf = "robot"
     notes: tuple[str, ...] = ()
     landmarks: LandmarkMap | None = None
 
@@ -162,7 +173,7 @@ def load_dataset(
     camera, colors : str or Path, optional
         Paths of camera and colour file.
     method : {"floor", "field", "goal", "landmarks", "hull"}, optional
-        How the pose is told.
+        How the pose is found.
     landmark_map : str or Path, optional
         Path of the map that method "landmarks" locates by; given alone, it chooses that method.
 
@@ -211,6 +222,7 @@ def load_dataset(
         truth=_truth(_beside(folder, description.truth), image_names),
         mask=_mask(mask_path, loaded_camera.size_px),
         symmetry=_one_of(description_path, "symmetry", description.symmetry, SYMMETRIES),
+        pose_of=_one_of(description_path, "pose_of", description.pose_of, POSES_OF),
         notes=notes,
         landmarks=_landmarks(description_path, map_path, loaded_camera) if chosen == "landmarks" else None,
     )

@@ -16,11 +16,11 @@ from robocup_vision.evaluation.plots import BLUE, GREY, INK, RED, draw_field, en
 from robocup_vision.evaluation.scoring import Row
 
 _ERRORS_CM = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
-_SHARES = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+_RATIOS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 _MAP_CAPTION = "Position error where each image was taken; the colours end at 20 cm. Crosses: not located."
 _PARETO_CAPTION = (
-    "Images by position error, and by that error as a share of the distance to the goal in view; bars: images in each "
-    "range, line: share of all images up to it (dashed: the paper's 20 cm and 10 %)."
+    "Images by position error, and by that error as a ratio of the distance to the goal in view; bars: images in each "
+    "range, line: ratio of all images up to it (dashed: the paper's 20 cm and 10 %)."
 )
 
 
@@ -31,7 +31,7 @@ def draw_goal_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
     return [(_error_map(field, rows), _MAP_CAPTION), (_pareto(field, rows), _PARETO_CAPTION)]
 
 
-def share_of_distance(field: Field, row: Row) -> float | None:
+def error_ratio(field: Field, row: Row) -> float | None:
     """Position error over the distance to the middle of the goal that the camera looked at; None without an error."""
     if row.error is None or row.truth is None or row.estimate is None or not field.goals:
         return None
@@ -45,11 +45,11 @@ def share_of_distance(field: Field, row: Row) -> float | None:
 
 def _error_map(field: Field, rows: Sequence[Row]) -> str:
     figure, axes = draw_field(field)
-    judged = [(row.truth, row.error) for row in rows if row.truth is not None and row.error is not None]
+    scored = [(row.truth, row.error) for row in rows if row.truth is not None and row.error is not None]
     dots = axes.scatter(
-        [truth.x_m for truth, _ in judged],
-        [truth.y_m for truth, _ in judged],
-        c=[1e2 * error.position_m for _, error in judged],
+        [truth.x_m for truth, _ in scored],
+        [truth.y_m for truth, _ in scored],
+        c=[1e2 * error.position_m for _, error in scored],
         s=46,
         cmap="viridis_r",
         vmin=0.0,
@@ -72,10 +72,10 @@ def _error_map(field: Field, rows: Sequence[Row]) -> str:
 def _pareto(field: Field, rows: Sequence[Row]) -> str:
     figure = new_figure(8.0, 3.4)
     errors_cm = [1e2 * row.error.position_m for row in rows if row.error is not None]
-    shares = [1e2 * share for share in (share_of_distance(field, row) for row in rows) if share is not None]
+    ratios = [1e2 * ratio for ratio in (error_ratio(field, row) for row in rows) if ratio is not None]
     for axes, values, bounds, paper, label in (
         (figure.subplots(1, 2)[0], errors_cm, _ERRORS_CM, 20.0, "position error (cm)"),
-        (figure.axes[1], shares, _SHARES, 10.0, "error / distance to the goal (%)"),
+        (figure.axes[1], ratios, _RATIOS, 10.0, "error / distance to the goal (%)"),
     ):
         counts = np.histogram(values, [*bounds, math.inf])[0]
         counts = np.append(counts, len(rows) - len(values))

@@ -17,7 +17,7 @@ WORST_COUNT = 8
 SPREAD_COUNT = 16
 _JPEG_QUALITY = 85
 
-Badness = tuple[float, float]
+Severity = tuple[float, float]
 
 
 def spread_indices(count: int) -> frozenset[int]:
@@ -29,16 +29,16 @@ class WorstSoFar:
     """The indices of the `WORST_COUNT` worst images, of equally bad ones the earlier, with a picture of each."""
 
     def __init__(self) -> None:
-        self._heap: list[tuple[Badness, int, bytes]] = []
+        self._heap: list[tuple[Severity, int, bytes]] = []
 
-    def admits(self, index: int, badness: Badness) -> bool:
+    def admits(self, index: int, severity: Severity) -> bool:
         """Whether this image belongs among the worst so far."""
-        return len(self._heap) < WORST_COUNT or (badness, -index) > self._heap[0][:2]
+        return len(self._heap) < WORST_COUNT or (severity, -index) > self._heap[0][:2]
 
-    def add(self, index: int, badness: Badness, jpeg: bytes) -> None:
+    def add(self, index: int, severity: Severity, jpeg: bytes) -> None:
         """Add an image that `admits` lets in; the least bad one leaves."""
         push = heapq.heappush if len(self._heap) < WORST_COUNT else heapq.heapreplace
-        push(self._heap, (badness, -index, jpeg))
+        push(self._heap, (severity, -index, jpeg))
 
     @property
     def pictures(self) -> list[tuple[int, bytes]]:

@@ -152,7 +152,7 @@ def _error_cdf(rows: Sequence[Row]) -> str:
         axis.xaxis.set_major_formatter("{x:g}")
         axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_ylim(0, 102)
-        tidy(axis, label, "share of all images (%)" if axis is axes[0] else "")
+        tidy(axis, label, "images (%)" if axis is axes[0] else "")
     return encode(figure)
 
 

@@ -73,7 +73,7 @@ def render_report(
     from jinja2 import Environment
 
     template = (files("robocup_vision.evaluation") / "report.html").read_text(encoding="utf-8")
-    ranked = sorted(range(len(rows)), key=lambda index: (rows[index].badness, -index), reverse=True)
+    ranked = sorted(range(len(rows)), key=lambda index: (rows[index].severity, -index), reverse=True)
     worst_indices = {index for index, _ in worst}
     others = [(index, jpeg) for index, jpeg in sorted(spread.items()) if index not in worst_indices]
     plots = draw_plots(dataset.field, rows)
@@ -100,9 +100,9 @@ def render_report(
 
 
 def _tiles(figures: Figures) -> list[tuple[str, str]]:
-    share = figures.located / figures.images
+    located = figures.located / figures.images
     return [
-        (f"{figures.located}/{figures.images}", f"located ({100 * share:.1f} %)"),
+        (f"{figures.located}/{figures.images}", f"located ({100 * located:.1f} %)"),
         (percent(figures.within_5cm_3deg), "within 5 cm and 3°"),
         (percent(figures.within_10cm_5deg), "within 10 cm and 5°"),
         (millimetres(figures.median_error_m), "median position error"),
@@ -111,9 +111,9 @@ def _tiles(figures: Figures) -> list[tuple[str, str]]:
     ]
 
 
-def percent(share: float | None) -> str:
-    """Show a share, 0 to 1, or a dash."""
-    return "–" if share is None else f"{100 * share:.1f} %"
+def percent(ratio: float | None) -> str:
+    """Show a ratio, 0 to 1, in per cent, or a dash."""
+    return "–" if ratio is None else f"{100 * ratio:.1f} %"
 
 
 def millimetres(length_m: float | None) -> str:
@@ -159,6 +159,7 @@ def _conditions(dataset: Dataset) -> list[tuple[str, str]]:
         ("Method", dataset.method),
         ("Images", "one sequence" if dataset.times is not None else "each stands alone"),
         ("Truth", f"{len(dataset.truth)} of {len(dataset.image_names)} images"),
+        ("Poses", f"of the {dataset.pose_of}"),
         ("Symmetry", "errors modulo a half turn" if dataset.symmetry == "point" else "none"),
         ("Mask", "none" if dataset.mask is None else f"hides {100 * hidden:.1f} % of the image"),
         ("Versions", ", ".join(f"{name} {number}" for name, number in versions.items())),

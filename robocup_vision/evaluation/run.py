@@ -33,11 +33,14 @@ OUTPUT_NAMES = ("results.csv", "summary.json", "trajectory.tum", "report.html")
 
 
 class ViewLike(Protocol):
-    """What a localiser returns for one frame."""
+    """What a localiser returns for one frame.
+
+    A dataset with `pose_of = "camera"` needs a property `camera_pose` of the same type beside `pose`.
+    """
 
     @property
     def pose(self) -> PoseEstimate | NotLocated:
-        """What this frame says."""
+        """The robot's pose as this frame alone shows it."""
         ...
 
 
@@ -49,7 +52,7 @@ class VisionLike(Protocol):
         ...
 
     def forget(self) -> None:
-        """Forget everything earlier frames taught."""
+        """Forget everything learnt from earlier frames."""
         ...
 
 
@@ -69,7 +72,7 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
 
 
 def draw_default_overlay(view: Any, frame: UInt8Array, vision: Any) -> UInt8Array:
-    """Draw a frame with what `Vision` or `LandmarkVision` saw in it."""
+    """Draw a frame with what `Vision` or `LandmarkVision` found in it."""
     from robocup_vision.landmarks.vision import LandmarkView, draw_landmarks
 
     if isinstance(view, LandmarkView):
@@ -105,7 +108,7 @@ class Summary:
 
     @property
     def problem(self) -> str | None:
-        """One line on the images that failed, or None if every image was read and looked at."""
+        """One line on the images that failed, or None if every image was read and scored."""
         failed = [row for row in self.rows if row.failed]
         if not failed:
             return None
@@ -159,23 +162,23 @@ def evaluate(
         notes.append("a sequence (frames.csv) runs in order in one process: --jobs is ignored")
         jobs = 1
     plan = _Plan(dataset, make_vision, draw_overlay, not missing)
-    # built here even when others do the work: a wrong field or colour is told once, and compiled code is cached
-    looker = _Looker(plan)
-    looks = _look_here(looker) if jobs == 1 else _look_elsewhere(plan, jobs)
+    # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
+    scorer = _FrameScorer(plan)
+    results = _score_here(scorer) if jobs == 1 else _score_elsewhere(plan, jobs)
 
     rows: list[Row] = []
     spread: dict[int, bytes] = {}
     worst = WorstSoFar()
-    for look in progress(looks, len(dataset.image_names), dataset.name):
+    for result in progress(results, len(dataset.image_names), dataset.name):
         index = len(rows)
-        rows.append(look.row)
-        if look.jpeg is not None:
+        rows.append(result.row)
+        if result.jpeg is not None:
             if index in plan.spread:
-                spread[index] = look.jpeg
-            if worst.admits(index, look.row.badness):
-                worst.add(index, look.row.badness, look.jpeg)
-        if look.overlay_problem and not any(note.startswith("overlays") for note in notes):
-            notes.append(f"overlays show the bare image where drawing fails: {look.overlay_problem}")
+                spread[index] = result.jpeg
+            if worst.admits(index, result.row.severity):
+                worst.add(index, result.row.severity, result.jpeg)
+        if result.overlay_problem and not any(note.startswith("overlays") for note in notes):
+            notes.append(f"overlays show the bare image where drawing fails: {result.overlay_problem}")
 
     summary = Summary(figures(rows), tuple(rows), out, None if missing else out / "report.html", tuple(notes))
     try:
@@ -203,14 +206,14 @@ class _Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class _Look:
+class _FrameResult:
     row: Row
     jpeg: bytes | None = None
     overlay_problem: str = ""
 
 
-class _Looker:
-    """One localiser, and the pictures its process still holds for the worst."""
+class _FrameScorer:
+    """One localiser of one process, and the ranking of the worst frames so far."""
 
     def __init__(self, plan: _Plan) -> None:
         self._plan = plan
@@ -220,14 +223,14 @@ class _Looker:
         self._unused_odometry: Pose2 | None = Pose2(0.0, 0.0, 0.0)
         self._vision = plan.make_vision(plan.dataset)
 
-    def look(self, index: int, frame: UInt8Array | FrameError) -> _Look:
-        """Look at one frame; whatever goes wrong becomes its row's reason."""
+    def score(self, index: int, frame: UInt8Array | FrameError) -> _FrameResult:
+        """Score one frame; an error of any kind becomes its row's reason."""
         image = self._dataset.image_names[index]
         row = Row(image, truth=self._dataset.truth.get(image))
         t_s, odometry = self._motion(image)
         if isinstance(frame, FrameError):
             self._unused_odometry = odometry
-            return _Look(replace(row, reason=_one_line(str(frame).removeprefix(f"{image}: ")), failed=True))
+            return _FrameResult(replace(row, reason=_one_line(str(frame).removeprefix(f"{image}: ")), failed=True))
         self._unused_odometry = Pose2(0.0, 0.0, 0.0)
         view = None
         try:
@@ -236,11 +239,11 @@ class _Looker:
             started_s = time.perf_counter()
             view = self._vision.look(frame, t_s=t_s, odometry=odometry)
             row = replace(row, time_s=time.perf_counter() - started_s)
-            row = self._judge(row, view.pose)
+            row = self._score(row, self._pose(view))
         except Exception as error:  # a bug in one frame must not cost the others
             row = replace(row, estimate=None, error=None, reason=_describe(error), failed=True)
             with contextlib.suppress(Exception):
-                self._vision.forget()  # whatever it had half learnt is not to be trusted
+                self._vision.forget()  # its state after an error is unknown
         return self._picture(index, row, view, frame)
 
     def _motion(self, image: str) -> tuple[float | None, Pose2 | None]:
@@ -252,7 +255,7 @@ class _Looker:
             return now.t_s, None
         return now.t_s, self._unused_odometry.compose(now.odometry)
 
-    def _judge(self, row: Row, pose: PoseEstimate | NotLocated) -> Row:
+    def _score(self, row: Row, pose: PoseEstimate | NotLocated) -> Row:
         if not isinstance(pose, PoseEstimate):
             return replace(row, reason=_one_line(pose.reason) or "no reason given")
         values = [*pose.pose.array, *pose.covariance.ravel(), pose.inlier_share, pose.residual_px]
@@ -263,10 +266,18 @@ class _Looker:
             error = pose_error(pose, row.truth, symmetric=self._dataset.symmetry == "point")
         return replace(row, estimate=pose, error=error)
 
-    def _picture(self, index: int, row: Row, view: ViewLike | None, frame: UInt8Array) -> _Look:
-        is_worst = self._worst.admits(index, row.badness)
+    def _pose(self, view: ViewLike) -> PoseEstimate | NotLocated:
+        if self._dataset.pose_of == "robot":
+            return view.pose
+        pose = getattr(view, "camera_pose", None)
+        if not isinstance(pose, PoseEstimate | NotLocated):
+            raise ArgumentError('the localiser gives no camera_pose, which pose_of = "camera" in dataset.toml needs')
+        return pose
+
+    def _picture(self, index: int, row: Row, view: ViewLike | None, frame: UInt8Array) -> _FrameResult:
+        is_worst = self._worst.admits(index, row.severity)
         if not self._plan.wants_overlays or not (is_worst or index in self._spread):
-            return _Look(row)
+            return _FrameResult(row)
         picture, problem = frame, ""
         if view is not None:
             try:
@@ -275,8 +286,8 @@ class _Looker:
                 problem = _describe(error)
         jpeg = encode_jpeg(picture)
         if is_worst:
-            self._worst.add(index, row.badness, b"")  # only the ranking is needed here, the caller keeps the picture
-        return _Look(row, jpeg, problem)
+            self._worst.add(index, row.severity, b"")  # only the ranking is needed here, the caller keeps the picture
+        return _FrameResult(row, jpeg, problem)
 
 
 def _describe(error: Exception) -> str:
@@ -289,41 +300,41 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _look_here(looker: _Looker) -> Iterator[_Look]:
-    for index, frame in enumerate(looker._dataset.read_frames()):
-        yield looker.look(index, frame)
+def _score_here(scorer: _FrameScorer) -> Iterator[_FrameResult]:
+    for index, frame in enumerate(scorer._dataset.read_frames()):
+        yield scorer.score(index, frame)
 
 
-_worker: _Looker | None = None  # one per worker process, which is what an initialiser is for
+_worker: _FrameScorer | None = None  # one per worker process, which is what an initialiser is for
 
 
 def _start_worker(plan: _Plan) -> None:
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process stops the run
     cv2.setNumThreads(0)
-    _worker = _Looker(plan)
+    _worker = _FrameScorer(plan)
 
 
-def _look_in_worker(index: int, frame: UInt8Array | FrameError | None) -> _Look:
+def _score_in_worker(index: int, frame: UInt8Array | FrameError | None) -> _FrameResult:
     assert _worker is not None
     if frame is None:
         try:
             frame = _worker._dataset.read_frame(index)
         except FrameError as error:
             frame = error
-    return _worker.look(index, frame)
+    return _worker.score(index, frame)
 
 
-def _look_elsewhere(plan: _Plan, jobs: int) -> Iterator[_Look]:
+def _score_elsewhere(plan: _Plan, jobs: int) -> Iterator[_FrameResult]:
     count = len(plan.dataset.image_names)
     # a video can only be read in order, so this process reads it; images are read where they are looked at
     frames = plan.dataset.read_frames() if plan.dataset.is_video else iter([None] * count)
     context = multiprocessing.get_context("spawn")
     executor = ProcessPoolExecutor(min(jobs, count), context, initializer=_start_worker, initargs=(plan,))
-    waiting: deque[Future[_Look]] = deque()
+    waiting: deque[Future[_FrameResult]] = deque()
     try:
         for index, frame in enumerate(frames):
-            waiting.append(executor.submit(_look_in_worker, index, frame))
+            waiting.append(executor.submit(_score_in_worker, index, frame))
             if len(waiting) >= 4 * jobs:  # no more than this many frames are in memory
                 yield waiting.popleft().result()
         while waiting:

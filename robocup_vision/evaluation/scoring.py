@@ -1,7 +1,7 @@
-"""What one image's pose is worth: its error against the truth, its NEES, and the figures over all images.
+"""Error and NEES of each image's pose, and the figures over all images.
 
-Nothing here knows where images come from. Shares are of ALL images, so an image that was not located, could not be read
-or has no truth never makes a figure better.
+Ratios are of ALL images, so an image that was not located, could not be read or has no truth never makes a figure
+better.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class PoseError:
         return math.hypot(self.x_m, self.y_m)
 
     def within(self, position_m: float, heading_rad: float) -> bool:
-        """Whether position and heading are both known to be as near as that."""
+        """Whether position and heading are both known, and within these bounds."""
         return self.theta_rad is not None and self.position_m <= position_m and abs(self.theta_rad) <= heading_rad
 
 
@@ -56,9 +56,9 @@ def pose_error(estimate: PoseEstimate, truth: Truth, *, symmetric: bool) -> Pose
     Parameters
     ----------
     estimate : PoseEstimate
-        What the localiser says.
+        From the localiser.
     truth : Truth
-        Where the robot was.
+        True pose of the robot, or of the camera where the dataset says so.
     symmetric : bool
         Count modulo a half turn about the field's centre: the turn that `Pose2.error_to` takes, or, where the truth has
         no heading, the nearer one.
@@ -101,11 +101,11 @@ class Row:
     error : PoseError or None
         None where it was not located or there is no truth.
     time_s : float or None
-        How long the localiser took; None where it never saw the image.
+        How long the localiser took; None where it did not get the image.
     reason : str
         Why it was not located, else empty.
     failed : bool
-        The image could not be used, or the localiser broke on it: somebody has something to mend.
+        The image could not be used, or the localiser raised an error.
     """
 
     image: str
@@ -117,8 +117,8 @@ class Row:
     failed: bool = False
 
     @property
-    def badness(self) -> tuple[float, float]:
-        """The worse the greater: images that failed, then those not located, then by error, else by residual."""
+    def severity(self) -> tuple[float, float]:
+        """Sort key, larger for worse: images that failed, then those not located, then by error, else by residual."""
         if self.estimate is None:
             return (3.0 if self.failed else 2.0), 0.0
         if self.error is not None:
@@ -135,16 +135,16 @@ class Figures:
     images, located : int
         How many there are, and how many of them got a pose.
     within_5cm_3deg, within_10cm_5deg : float or None
-        Shares of all images, 0 to 1, whose position and heading are that near the truth; None if no image has a truth
+        Ratio of all images, 0 to 1, whose position and heading are that near the truth; None if no image has a truth
         with a heading.
     median_error_m, median_error_rad, rms_x_m, rms_y_m, rms_theta_rad : float or None
         Over the located images with truth.
     nees_mean : float or None
         Over the located images whose truth has a heading, 3 degrees of freedom; None also if a covariance is singular.
     nees_median, nees_inside_95 : float or None
-        Likewise: the median, and the share inside the 95 % bound, which an honest covariance puts at 0.95.
+        Likewise: the median, and the ratio inside the 95 % bound, which an honest covariance puts at 0.95.
     median_ms : float or None
-        Over the images that the localiser saw.
+        Over the images that the localiser got.
     """
 
     images: int
@@ -167,16 +167,16 @@ def figures(rows: Sequence[Row]) -> Figures:
     errors = [row.error for row in rows if row.error is not None]
     headings = [error.theta_rad for error in errors if error.theta_rad is not None]
     nees = [error.nees for error in errors if error.nees is not None]
-    judged = any(row.truth is not None and row.truth.theta_rad is not None for row in rows)
+    scored = any(row.truth is not None and row.truth.theta_rad is not None for row in rows)
 
-    def share(position_m: float, heading_rad: float) -> float | None:
-        return sum(error.within(position_m, heading_rad) for error in errors) / len(rows) if judged else None
+    def ratio_within(position_m: float, heading_rad: float) -> float | None:
+        return sum(error.within(position_m, heading_rad) for error in errors) / len(rows) if scored else None
 
     return Figures(
         images=len(rows),
         located=sum(row.estimate is not None for row in rows),
-        within_5cm_3deg=share(NEAR_M, NEAR_RAD),
-        within_10cm_5deg=share(FAIR_M, FAIR_RAD),
+        within_5cm_3deg=ratio_within(NEAR_M, NEAR_RAD),
+        within_10cm_5deg=ratio_within(FAIR_M, FAIR_RAD),
         median_error_m=_median([error.position_m for error in errors]),
         median_error_rad=_median([abs(heading) for heading in headings]),
         rms_x_m=_rms([error.x_m for error in errors]),

@@ -37,6 +37,8 @@ class LandmarkView:
         The landmarks that it rests on.
     timings_s : mapping of str to float
         Seconds each stage took, and ``total``.
+    camera : PinholeCamera
+        As mounted on the robot.
     t_s : float or None
         When the frame was taken, as given to `look`.
     """
@@ -44,7 +46,15 @@ class LandmarkView:
     pose: PoseEstimate | NotLocated
     match: LandmarkMatch
     timings_s: Mapping[str, float]
+    camera: PinholeCamera
     t_s: float | None = None
+
+    @property
+    def camera_pose(self) -> PoseEstimate | NotLocated:
+        """The camera on the field: its foot on the floor, and the heading of its optical axis."""
+        if isinstance(self.pose, NotLocated):
+            return self.pose
+        return self.pose.seen_from(self.camera.camera_in_robot)
 
 
 class LandmarkVision:
@@ -134,7 +144,8 @@ class LandmarkVision:
         elif self._last is not None:
             # lost for a frame or two: odometry carries on, and the whole map is searched anyway
             self._last = None if odometry is None else self._last.compose(odometry)
-        return LandmarkView(match.pose, match, {**match.timings_s, "total": time.perf_counter() - started}, t_s)
+        timings_s = {**match.timings_s, "total": time.perf_counter() - started}
+        return LandmarkView(match.pose, match, timings_s, self.camera, t_s)
 
     def forget(self) -> None:
         """Forget the last pose: the next frame stands alone."""

@@ -44,6 +44,23 @@ class View:
         self.pose = pose
 
 
+class MountedView(View):
+    @property
+    def camera_pose(self):
+        return self.pose.seen_from(Pose2(0.3, 0.0, 0.5)) if self.pose else self.pose
+
+
+class MountedVision:
+    def __init__(self, dataset):
+        self.vision = FakeVision(dataset)
+
+    def look(self, frame, t_s=None, odometry=None):
+        return MountedView(self.vision.look(frame, t_s, odometry).pose)
+
+    def forget(self):
+        self.vision.forget()
+
+
 class FakeVision:
     def __init__(self, dataset):
         self.calls = []

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from field_models import ArgumentError, FrameError, RobocupVisionError
+from field_models import ArgumentError, FileError, FrameError, RobocupVisionError
 from robocup_vision.evaluation.dataset import METHODS, Truth, load_dataset
 from robocup_vision.geometry import Pose2
 
@@ -270,3 +270,22 @@ def test_paths_and_arguments_that_are_nothing(folder: Path, tmp_path: Path) -> N
     (tmp_path / "bare").mkdir()
     with pytest.raises(RobocupVisionError, match="no images found"):
         load_dataset(tmp_path / "bare", field="ssl_2001", camera=folder / "camera.toml")
+
+
+def test_truth_is_the_robots_unless_the_file_says_the_cameras(folder: Path) -> None:
+    assert load_dataset(folder).pose_of == "robot"
+    add(folder, 'pose_of = "camera"')
+    assert load_dataset(folder).pose_of == "camera"
+
+
+@pytest.mark.parametrize(("value", "shown"), [('"goal"', "'goal'"), ('""', "''")])
+def test_an_unknown_pose_of_is_refused(folder: Path, value: str, shown: str) -> None:
+    add(folder, f"pose_of = {value}")
+    with pytest.raises(FileError, match=rf"dataset\.toml: key 'pose_of': must be one of robot, camera, got {shown}$"):
+        load_dataset(folder)
+
+
+def test_a_pose_of_that_is_no_word_is_refused(folder: Path) -> None:
+    add(folder, "pose_of = 1")
+    with pytest.raises(FileError, match=r"dataset\.toml: .*pose_of"):
+        load_dataset(folder)

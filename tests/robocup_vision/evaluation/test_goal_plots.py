@@ -13,7 +13,7 @@ from field_models.errors import ArgumentError, FileError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.dataset import Truth, load_dataset
-from robocup_vision.evaluation.goal_plots import draw_goal_plots, share_of_distance
+from robocup_vision.evaluation.goal_plots import draw_goal_plots, error_ratio
 from robocup_vision.evaluation.run import evaluate
 from robocup_vision.evaluation.scoring import Row, pose_error
 from robocup_vision.geometry import Pose2
@@ -27,20 +27,20 @@ def row(truth, x_m, y_m, theta_rad=0.0):
 
 
 @pytest.mark.parametrize(("theta_rad", "goal_x_m"), [(0.1, 2.7), (math.pi - 0.1, -2.7), (None, 2.7)])
-def test_errors_are_shares_of_the_distance_to_the_goal_in_view(theta_rad, goal_x_m):
+def test_errors_are_ratios_of_the_distance_to_the_goal_in_view(theta_rad, goal_x_m):
     field = load_field("four_legged_2007")
     truth = Truth(0.7, 1.0, theta_rad)
     distance = math.hypot(goal_x_m - 0.7, 1.0)
-    assert share_of_distance(field, row(truth, 0.7, 1.3)) == pytest.approx(0.3 / distance)
+    assert error_ratio(field, row(truth, 0.7, 1.3)) == pytest.approx(0.3 / distance)
 
 
-def test_without_an_error_there_is_no_share_and_no_plot():
+def test_without_an_error_there_is_no_ratio_and_no_plot():
     field = load_field("four_legged_2007")
     lost = Row("b.png", truth=Truth(0.0, 0.0, 0.0), reason="no goal")
-    assert share_of_distance(field, lost) is None
+    assert error_ratio(field, lost) is None
     assert draw_goal_plots(field, [lost]) == []
     bare = dataclasses.replace(field, goals=())
-    assert share_of_distance(bare, row(Truth(0.0, 0.0, 0.0), 0.1, 0.0)) is None
+    assert error_ratio(bare, row(Truth(0.0, 0.0, 0.0), 0.1, 0.0)) is None
     plots = draw_goal_plots(field, [lost, row(Truth(1.0, 0.5, 0.0), 1.02, 0.5)])
     assert [source[:22] for source, _ in plots] == ["data:image/png;base64,"] * 2
 

@@ -25,11 +25,11 @@ def test_the_worst_of_all_are_kept(values: list[int], workers: int) -> None:
     expected = sorted(range(len(values)), key=lambda i: (-values[i], i))[:WORST_COUNT]
     everything, each = WorstSoFar(), [WorstSoFar() for _ in range(workers)]
     for index, value in enumerate(values):
-        badness = (1.0, float(value))
+        severity = (1.0, float(value))
         mine = each[index * 7 % workers]
-        if not mine.admits(index, badness):
+        if not mine.admits(index, severity):
             continue
-        mine.add(index, badness, b"")
-        if everything.admits(index, badness):
-            everything.add(index, badness, bytes([index]))
+        mine.add(index, severity, b"")
+        if everything.admits(index, severity):
+            everything.add(index, severity, bytes([index]))
     assert everything.pictures == [(index, bytes([index])) for index in expected]

@@ -222,3 +222,30 @@ def test_arguments_that_cannot_be_meant(folder: Path, fake: ModuleType, tmp_path
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError, match=r"file: cannot be written \(File exists"):
         evaluate(dataset, tmp_path / "file", make_vision=fake.FakeVision)
+
+
+def test_a_datasets_poses_may_be_those_of_the_camera(folder: Path, tmp_path: Path, fake: ModuleType) -> None:
+    robots = evaluate(load_dataset(folder), tmp_path / "robot", make_vision=fake.MountedVision, draw_overlay=fake.draw)
+    with (folder / "dataset.toml").open("a") as stream:
+        stream.write('pose_of = "camera"\n')
+    dataset = load_dataset(folder)
+    cameras = evaluate(dataset, tmp_path / "camera", make_vision=fake.MountedVision, draw_overlay=fake.draw)
+    mounted = Pose2(0.3, 0.0, 0.5)
+    for robot, camera in zip(robots.rows, cameras.rows, strict=True):
+        expected = robot.estimate.pose.compose(mounted)
+        np.testing.assert_allclose(camera.estimate.pose.array, expected.array, atol=1e-12)
+        # the truth in the file is one and the same, and now counts as the camera's
+        assert camera.error.x_m == pytest.approx(expected.x_m - camera.truth.x_m)
+    assert read_rows(tmp_path / "camera")[0]["x_m"] != read_rows(tmp_path / "robot")[0]["x_m"]
+
+
+def test_a_localiser_without_camera_poses_cannot_be_scored_by_them(
+    folder: Path, tmp_path: Path, fake: ModuleType
+) -> None:
+    with (folder / "dataset.toml").open("a") as stream:
+        stream.write('pose_of = "camera"\n')
+    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    assert {row.reason for row in summary.rows} == {
+        'the localiser gives no camera_pose, which pose_of = "camera" in dataset.toml needs'
+    }
+    assert summary.problem is not None

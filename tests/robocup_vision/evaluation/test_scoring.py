@@ -80,7 +80,7 @@ def test_nees_of_honest_errors_averages_three() -> None:
     assert got.nees_inside_95 == pytest.approx(0.95, abs=0.015)
 
 
-def test_a_truth_without_heading_is_judged_by_position_alone() -> None:
+def test_a_truth_without_heading_is_scored_by_position_alone() -> None:
     one = estimate(Pose2(-1.0, -0.51, 0.3))
     error = pose_error(one, Truth(1.0, 0.5, None), symmetric=True)
     assert (error.x_m, error.y_m) == pytest.approx((0.0, 0.01))
@@ -149,4 +149,4 @@ def test_the_worst_come_first() -> None:
         located(0.1, here),
         located(9.0, None),
     ]
-    assert sorted(rows, key=lambda row: row.badness, reverse=True) == rows
+    assert sorted(rows, key=lambda row: row.severity, reverse=True) == rows
