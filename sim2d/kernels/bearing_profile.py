@@ -1,8 +1,8 @@
 """Compiled: what a viewpoint sees along each bearing, as a stack of spans from steeply down to above the horizon.
 
-Along one bearing a ray is told by its slope (rise over run). Things that stand on the floor hide what is behind them
-from the slope of their foot up to that of their upper edge, nearest first, so a bearing's picture is a list of spans of
-slope; a pixel is then the mean over the slopes it covers.
+A ray of one bearing has a slope (rise over run). Things that stand on the floor hide what is behind them from the slope
+of their foot up to that of their upper edge, nearest first. A bearing's picture is therefore a list of spans of slope,
+and a pixel is the mean over the slopes it covers.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ import math
 import numpy as np
 from numba import njit
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
+from robocup_vision.arrays import Float32Array, FloatArray
+from sim2d.kernels.frame_values import BallSphere, Bearings, Crossings, Lighting, RoomWall, Spans, Things, Viewpoint
 
 # kinds of spans
 FLOOR, PAINT, BALL = 0, 1, 2
-# columns of the bearings' lists
+# columns of `Crossings.entries`
 NEAR, FAR, THING, SHADE = range(4)
-# the room's wall is worked out for every so many bearings, and between them by proportion
+# the room's wall is computed for every so many bearings, and interpolated between them
 ROOM_STRIDE = 16
-# columns of `things`: one row for each wall, box face, cylinder
+# columns of `Things.rows`
 HEIGHT, BANDS, COLOR, TOP_COLOR, MARKER_COLOR, MARKER_GAP_M2, IS_EDGE = range(7)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _add(
-    bearing: int, near_m: float, far_m: float, thing: int, shade: float, count: Int32Array, entries: Float32Array
-) -> None:
+def _add(bearing: int, near_m: float, far_m: float, thing: int, shade: float, crossings: Crossings) -> None:
     """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
+    count, entries = crossings.lengths, crossings.entries
     k = count[bearing]
     is_full = k == entries.shape[1]
     if is_full:
@@ -47,11 +47,9 @@ def _add(
 def meet_walls(
     walls: FloatArray,
     first: int,
-    eye: FloatArray,
-    directions: FloatArray,
-    per_turn: int,
-    count: Int32Array,
-    entries: Float32Array,
+    eye: Viewpoint,
+    bearings: Bearings,
+    crossings: Crossings,
 ) -> None:
     """Enter upright sheets into the lists of the bearings that meet them.
 
@@ -61,23 +59,20 @@ def meet_walls(
         x0, y0, x1, y1, field frame, metres.
     first : int
         Wall w is thing `first + 2 w` seen from its left and `first + 2 w + 1` from its right.
-    eye : (3,) float64
-        x, y (m) and heading (rad) of the viewpoint.
-    directions : (K, 3) float64
-        Bearing (rad), its cosine and sine, in the eye's frame, evenly spaced.
-    per_turn : int
-        How many bearings would make a full turn.
-    count : (K,) int32
-        Lengths of the lists.
-    entries : (K, E, 4) float32
-        The lists: distances where a thing begins and ends (m), its number, its shade.
+    eye : Viewpoint
+        The camera.
+    bearings : Bearings
+        Of the frame.
+    crossings : Crossings
+        Extended.
     """
-    c, s = math.cos(eye[2]), math.sin(eye[2])
+    directions, per_turn = bearings.directions, bearings.per_turn
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     per_rad = per_turn / math.tau
     for w in range(len(walls)):
-        x, y = walls[w, 0] - eye[0], walls[w, 1] - eye[1]
+        x, y = walls[w, 0] - eye.x_m, walls[w, 1] - eye.y_m
         ax, ay = c * x + s * y, c * y - s * x
-        x, y = walls[w, 2] - eye[0], walls[w, 3] - eye[1]
+        x, y = walls[w, 2] - eye.x_m, walls[w, 3] - eye.y_m
         bx, by = c * x + s * y, c * y - s * x
         turn = ax * by - ay * bx
         thing = first + 2 * w
@@ -96,29 +91,28 @@ def meet_walls(
             across = directions[k, 2] * (ax - bx) - directions[k, 1] * (ay - by)
             if across > 0:
                 distance = turn / across
-                _add(k, distance, distance, thing, 1.0, count, entries)
+                _add(k, distance, distance, thing, 1.0, crossings)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def meet_cylinders(
     cylinders: FloatArray,
     first: int,
-    eye: FloatArray,
+    eye: Viewpoint,
     lamp_rad: float,
-    directions: FloatArray,
-    per_turn: int,
-    count: Int32Array,
-    entries: Float32Array,
+    bearings: Bearings,
+    crossings: Crossings,
 ) -> None:
     """Enter upright cylinders, (C, 3) float64: x, y, radius (m), field frame; cylinder i is thing `first + i`.
 
     Other parameters as in `meet_walls`; `lamp_rad` is the field-frame direction of the light.
     """
-    c, s = math.cos(eye[2]), math.sin(eye[2])
-    lamp_x, lamp_y = math.cos(lamp_rad - eye[2]), math.sin(lamp_rad - eye[2])
+    directions, per_turn = bearings.directions, bearings.per_turn
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    lamp_x, lamp_y = math.cos(lamp_rad - eye.heading_rad), math.sin(lamp_rad - eye.heading_rad)
     per_rad = per_turn / math.tau
     for i in range(len(cylinders)):
-        dx, dy, radius = cylinders[i, 0] - eye[0], cylinders[i, 1] - eye[1], cylinders[i, 2]
+        dx, dy, radius = cylinders[i, 0] - eye.x_m, cylinders[i, 1] - eye.y_m, cylinders[i, 2]
         x, y = c * dx + s * dy, c * dy - s * dx
         away = math.hypot(x, y)
         if away <= radius:
@@ -135,29 +129,28 @@ def meet_cylinders(
             chord = math.sqrt(max(radius * radius - aside * aside, 0.0))
             distance = toward - chord
             facing = ((distance * cos - x) * lamp_x + (distance * sin - y) * lamp_y) / radius
-            _add(k, distance, toward + chord, first + i, 0.75 + 0.20 * facing, count, entries)
+            _add(k, distance, toward + chord, first + i, 0.75 + 0.20 * facing, crossings)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def meet_boxes(
     corners: FloatArray,
     first: int,
-    eye: FloatArray,
-    directions: FloatArray,
-    per_turn: int,
-    count: Int32Array,
-    entries: Float32Array,
+    eye: Viewpoint,
+    bearings: Bearings,
+    crossings: Crossings,
 ) -> None:
     """Enter upright boxes, (B, 4, 2) float64 corners, field frame (m), counter-clockwise.
 
     Face f of box b, between corners f - 1 and f, is thing `first + 4 b + f`. Other parameters as in `meet_walls`.
     """
-    c, s = math.cos(eye[2]), math.sin(eye[2])
+    directions, per_turn = bearings.directions, bearings.per_turn
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     per_rad = per_turn / math.tau
     x, y = np.empty(4), np.empty(4)
     for b in range(len(corners)):
         for f in range(4):
-            dx, dy = corners[b, f, 0] - eye[0], corners[b, f, 1] - eye[1]
+            dx, dy = corners[b, f, 0] - eye.x_m, corners[b, f, 1] - eye.y_m
             x[f], y[f] = c * dx + s * dy, c * dy - s * dx
         middle_x, middle_y = (x[0] + x[2]) / 2, (y[0] + y[2]) / 2
         low, high = 0.0, 0.0
@@ -187,101 +180,106 @@ def meet_boxes(
                 else:
                     leave = min(leave, at)
             if face >= 0 and 0 < enter < leave:
-                _add(k, enter, leave, first + 4 * b + face, 1.0, count, entries)
+                _add(k, enter, leave, first + 4 * b + face, 1.0, crossings)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _room_wall(along: float, aside: float, c: float, s: float, eye: FloatArray, radius_m: float) -> tuple[float, float]:
-    """Distance (m) of the round wall in a direction of the eye's frame, and its azimuth in turns, 0 to 1."""
+def _room_wall(along: float, aside: float, c: float, s: float, eye: Viewpoint, radius_m: float) -> tuple[float, float]:
+    """Return the distance (m) of the round wall in a direction of the eye's frame, and its azimuth in turns, 0 to 1."""
     cos, sin = c * along - s * aside, s * along + c * aside
-    toward = -(cos * eye[0] + sin * eye[1])
-    away2 = eye[0] * eye[0] + eye[1] * eye[1]
+    toward = -(cos * eye.x_m + sin * eye.y_m)
+    away2 = eye.x_m * eye.x_m + eye.y_m * eye.y_m
     distance = toward + math.sqrt(max(toward * toward + radius_m * radius_m - away2, 0.0))
-    turn = math.atan2(eye[1] + distance * sin, eye[0] + distance * cos) / math.tau
+    turn = math.atan2(eye.y_m + distance * sin, eye.x_m + distance * cos) / math.tau
     return distance, turn - math.floor(turn)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _end_span(
-    k: int,
-    n: int,
-    end: float,
-    kind: int,
-    color: FloatArray,
-    light: float,
-    ends: Float32Array,
-    kinds: Int32Array,
-    paint: Float32Array,
-) -> int:
+def _end_span(k: int, n: int, end: float, kind: int, color: FloatArray, light: float, spans: Spans) -> int:
     """Append a span to bearing k's stack of n unless it is hidden or the stack is full; return the new n."""
-    if (n > 0 and end <= ends[k, n - 1]) or n == ends.shape[1] - 1:
+    if (n > 0 and end <= spans.ends[k, n - 1]) or n == spans.ends.shape[1] - 1:
         return n
-    ends[k, n], kinds[k, n] = end, kind
+    spans.ends[k, n], spans.kinds[k, n] = end, kind
     for channel in range(3):
-        paint[k, n, channel] = color[channel] * light
+        spans.paint[k, n, channel] = color[channel] * light
     return n + 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _ball_slopes(toward: float, aside: float, radius: float, height_m: float) -> tuple[float, float, float]:
+    """Return where a bearing meets the ball: distance (infinite: never), slopes of the two rays that touch it."""
+    # slopes of the rays that touch its section with the bearing's upright plane
+    section2 = radius * radius - aside * aside
+    if section2 > 0 and toward > 0 and toward * toward > section2:
+        drop = height_m - radius
+        root = math.sqrt(section2 * (toward * toward + drop * drop - section2))
+        low = (-toward * drop - root) / (toward * toward - section2)
+        return toward, low, (-toward * drop + root) / (toward * toward - section2)
+    return math.inf, 0.0, 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _end_thing(k: int, n: int, entry: Float32Array, lit: float, height_m: float, things: Things, spans: Spans) -> int:
+    """Append the spans of one thing to bearing k's stack of n: its bands, its top and a marker there."""
+    row, distance = things.rows[int(entry[THING])], float(entry[NEAR])
+    height, bands = row[HEIGHT], int(row[BANDS])
+    for band in range(bands):
+        top = (height * (band + 1) / bands - height_m) / distance
+        n = _end_span(k, n, top, PAINT, things.colors[int(row[COLOR]) + band], lit * entry[SHADE], spans)
+    if row[TOP_COLOR] >= 0 and height < height_m:
+        drop, far = height - height_m, entry[FAR]
+        top_color = things.colors[int(row[TOP_COLOR])]
+        middle, half = (distance + far) / 2, (far - distance) / 2
+        marker2 = half * half - row[MARKER_GAP_M2]
+        if row[MARKER_COLOR] >= 0 and marker2 > 0:
+            marker = math.sqrt(marker2)
+            marker_color = things.colors[int(row[MARKER_COLOR])]
+            n = _end_span(k, n, drop / (middle - marker), PAINT, top_color, lit, spans)
+            n = _end_span(k, n, drop / (middle + marker), PAINT, marker_color, lit, spans)
+        n = _end_span(k, n, drop / far, PAINT, top_color, lit, spans)
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def stack_spans(
-    count: Int32Array,
-    entries: Float32Array,
-    things: FloatArray,
-    colors: FloatArray,
-    directions: FloatArray,
-    eye: FloatArray,
-    height_m: float,
-    light: FloatArray,
-    ground: FloatArray,
-    room: Float32Array,
-    room_rows_per_m: float,
-    room_radius_m: float,
-    ball: FloatArray,
-    ends: Float32Array,
-    kinds: Int32Array,
-    paint: Float32Array,
-    near_ball: Int32Array,
+    crossings: Crossings,
+    things: Things,
+    bearings: Bearings,
+    eye: Viewpoint,
+    light: Lighting,
+    room: RoomWall,
+    ball: BallSphere,
+    spans: Spans,
 ) -> None:
     """Turn each bearing's list into spans of slope, in ascending order.
 
     Parameters
     ----------
-    count, entries
-        The lists, nearest first.
-    things : (T, 7) float64
-        See the columns' names: height (m), number of colour bands, row of the lowest band's colour, of the top's and
-        of the marker's colour (-1: none), squared radius less that of the marker (m^2), whether the floor ends there.
-    colors : (C, 3) float64
-        BGR.
-    directions, eye
-        As in `meet_walls`.
-    height_m : float
-        Of the viewpoint.
-    light : (4,) float64
-        Level at the field's centre, change per metre along x and y, least level.
-    ground : (3,) float64
-        BGR of the ground where the floor has ended.
-    room : (H, W, 3) float32
-        The round wall behind everything, row 0 at the floor; a bearing shows one colour of it.
-    room_rows_per_m, room_radius_m : float
-        Its scale and radius.
-    ball : (4,) float64
-        x, y (field frame), radius (0: none), metres, and reach of its shade on the floor.
-    ends : (K, S) float32
-        Filled with the slope at which each span ends; the last is infinite.
-    kinds : (K, S) int32
-        Filled with what each span shows: FLOOR, PAINT or BALL.
-    paint : (K, S, 3) float32
-        Filled with the light of PAINT spans, BGR.
-    near_ball : (K,) int32
-        Filled with whether the ball's shade may be met.
+    crossings : Crossings
+        The lists.
+    things : Things
+        Heights and colours of their entries.
+    bearings : Bearings
+        Of the frame.
+    eye : Viewpoint
+        The camera.
+    light : Lighting
+        On everything but the room's wall.
+    room : RoomWall
+        Behind everything.
+    ball : BallSphere
+        The ball.
+    spans : Spans
+        Filled.
     """
-    c, s = math.cos(eye[2]), math.sin(eye[2])
-    dx, dy = ball[0] - eye[0], ball[1] - eye[1]
+    directions, count, entries, picture = bearings.directions, crossings.lengths, crossings.entries, room.picture
+    ends, kinds, ground, height_m = spans.ends, spans.kinds, room.ground, eye.height_m
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    dx, dy = ball.x_m - eye.x_m, ball.y_m - eye.y_m
     ball_x, ball_y = c * dx + s * dy, c * dy - s * dx
-    radius = ball[2]
+    radius, reach = ball.radius_m, ball.shade_reach_m
     from_k, until_k = 0, 0
-    room_from, turn_from = _room_wall(directions[0, 1], directions[0, 2], c, s, eye, room_radius_m)
+    room_from, turn_from = _room_wall(directions[0, 1], directions[0, 2], c, s, eye, room.radius_m)
     room_until, turn_until = room_from, turn_from
     for k in range(len(directions)):
         cos, sin = c * directions[k, 1] - s * directions[k, 2], s * directions[k, 1] + c * directions[k, 2]
@@ -289,64 +287,40 @@ def stack_spans(
             from_k, room_from, turn_from = until_k, room_until, turn_until
             until_k = min(until_k + ROOM_STRIDE, len(directions) - 1)
             room_until, turn_until = _room_wall(
-                directions[until_k, 1], directions[until_k, 2], c, s, eye, room_radius_m
+                directions[until_k, 1], directions[until_k, 2], c, s, eye, room.radius_m
             )
             turn_until += np.rint(turn_from - turn_until)
         part = (k - from_k) / max(until_k - from_k, 1)
         room_m = room_from + part * (room_until - room_from)
         turn = turn_from + part * (turn_until - turn_from)
-        column = int((turn - math.floor(turn)) * room.shape[1]) % room.shape[1]
+        column = int((turn - math.floor(turn)) * picture.shape[1]) % picture.shape[1]
 
-        # the ball: slopes of the two rays that touch its section with the bearing's upright plane
-        ball_m, ball_low, ball_high = math.inf, 0.0, 0.0
         toward = directions[k, 1] * ball_x + directions[k, 2] * ball_y
         aside = directions[k, 1] * ball_y - directions[k, 2] * ball_x
-        near_ball[k] = radius > 0 and abs(aside) < ball[3] and toward > -ball[3]
-        section2 = radius * radius - aside * aside
-        if section2 > 0 and toward > 0 and toward * toward > section2:
-            drop = height_m - radius
-            root = math.sqrt(section2 * (toward * toward + drop * drop - section2))
-            ball_m = toward
-            ball_low = (-toward * drop - root) / (toward * toward - section2)
-            ball_high = (-toward * drop + root) / (toward * toward - section2)
+        spans.near_ball[k] = radius > 0 and abs(aside) < reach and toward > -reach
+        ball_m, ball_low, ball_high = _ball_slopes(toward, aside, radius, height_m)
 
         on_floor, n = True, 0
-        lit_ground = light[0]
+        lit_ground = light.level
         for e in range(count[k] + 1):
             is_last = e == count[k]
             distance = room_m if is_last else float(entries[k, e, NEAR])
             if ball_m < distance:
-                n = _end_span(k, n, ball_low, FLOOR if on_floor else PAINT, ground, lit_ground, ends, kinds, paint)
-                n = _end_span(k, n, ball_high, BALL, ground, 0.0, ends, kinds, paint)
+                n = _end_span(k, n, ball_low, FLOOR if on_floor else PAINT, ground, lit_ground, spans)
+                n = _end_span(k, n, ball_high, BALL, ground, 0.0, spans)
                 ball_m = math.inf
-            lit = max(light[0] + light[1] * (eye[0] + distance * cos) + light[2] * (eye[1] + distance * sin), light[3])
-            foot = -height_m / distance
-            n = _end_span(k, n, foot, FLOOR if on_floor else PAINT, ground, lit, ends, kinds, paint)
+            x_m, y_m = eye.x_m + distance * cos, eye.y_m + distance * sin
+            lit = max(light.level + light.per_m_x * x_m + light.per_m_y * y_m, light.min_level)
+            n = _end_span(k, n, -height_m / distance, FLOOR if on_floor else PAINT, ground, lit, spans)
             if is_last:
                 break
-            thing = int(entries[k, e, THING])
-            if things[thing, IS_EDGE]:
+            if things.rows[int(entries[k, e, THING]), IS_EDGE]:
                 on_floor = not on_floor
-            height, bands = things[thing, HEIGHT], int(things[thing, BANDS])
-            for band in range(bands):
-                top = (height * (band + 1) / bands - height_m) / distance
-                row = int(things[thing, COLOR]) + band
-                n = _end_span(k, n, top, PAINT, colors[row], lit * entries[k, e, SHADE], ends, kinds, paint)
-            if things[thing, TOP_COLOR] >= 0 and height < height_m:
-                drop, far = height - height_m, entries[k, e, FAR]
-                top_color = colors[int(things[thing, TOP_COLOR])]
-                middle, half = (distance + far) / 2, (far - distance) / 2
-                marker2 = half * half - things[thing, MARKER_GAP_M2]
-                if things[thing, MARKER_COLOR] >= 0 and marker2 > 0:
-                    marker = math.sqrt(marker2)
-                    marker_color = colors[int(things[thing, MARKER_COLOR])]
-                    n = _end_span(k, n, drop / (middle - marker), PAINT, top_color, lit, ends, kinds, paint)
-                    n = _end_span(k, n, drop / (middle + marker), PAINT, marker_color, lit, ends, kinds, paint)
-                n = _end_span(k, n, drop / far, PAINT, top_color, lit, ends, kinds, paint)
+            n = _end_thing(k, n, entries[k, e], lit, height_m, things, spans)
             lit_ground = lit
         # seen at the middle between the last edge and the horizon
         up = height_m + room_m * (float(ends[k, n - 1]) + 0.02) / 2
-        row = min(max(int(up * room_rows_per_m), 0), room.shape[0] - 1)
+        row = min(max(int(up * room.rows_per_m), 0), picture.shape[0] - 1)
         ends[k, n], kinds[k, n] = np.float32(math.inf), PAINT
         for channel in range(3):
-            paint[k, n, channel] = room[row, column, channel]
+            spans.paint[k, n, channel] = picture[row, column, channel]

@@ -1,7 +1,7 @@
 """Compiled: which rays of a match camera meet paint on the floor, found where each bearing crosses each line.
 
-Along a bearing a straight line is met on one interval of distance, a circle on two, both in closed form; only rays
-whose patch of floor reaches into one are looked at.
+Along a bearing a straight line is met on one interval of distance, a circle on two, both in closed form. Only rays
+whose patch of floor reaches into one are computed.
 """
 
 from __future__ import annotations
@@ -11,26 +11,28 @@ import math
 import numpy as np
 from numba import njit
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
+from robocup_vision.arrays import Float32Array, FloatArray
 from sim2d.kernels.bearing_profile import FLOOR
+from sim2d.kernels.frame_values import PaintMarks, PixelRays, Spans, Viewpoint
 
 # unsigned indices need no check for negative ones
 ONE = np.uintp(1)
-# rows of `rays`
+# rows of `PixelRays.rays`
 X, Y, SLOPE_LOW, SLOPE_HIGH, GAIN, RADIAL, TANGENTIAL, NEAR, FAR = range(9)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float32:
-    """Share of an interval of `size` around `offset` that lies within `half` of 0."""
+    """Return the fraction of an interval of `size` around `offset` that lies within `half` of 0."""
     reach = max(size, np.float32(1e-6)) * np.float32(0.5)
     covered = min(offset + reach, half) - max(offset - reach, -half)
     return max(covered, np.float32(0.0)) / (reach + reach)
 
 
 @njit(cache=True, nogil=True)
-def floor_until(ends: Float32Array, kinds: Int32Array, height_m: float, farthest_m: float, until_m: FloatArray) -> None:
-    """Tell for each bearing how far away the floor is seen at most, metres; parameters as in `stack_spans`."""
+def floor_until(spans: Spans, height_m: float, farthest_m: float, until_m: FloatArray) -> None:
+    """Fill in for each bearing how far away the floor is seen at most, metres; `spans` as `stack_spans` leaves them."""
+    ends, kinds = spans.ends, spans.kinds
     for k in range(len(until_m)):
         until_m[k] = 0.0
         n = 0
@@ -54,7 +56,7 @@ def _cut(speed: float, room: float, low: float, high: float) -> tuple[float, flo
 
 @njit(cache=True, nogil=True, inline="always")
 def _seek(low_m: float, i: int, start: int, stop: int, far_of: Float32Array) -> int:
-    """First ray of a bearing that reaches beyond a distance, sought from ray i on."""
+    """Return the first ray of a bearing that reaches beyond a distance, searched from ray i on."""
     limit = np.float32(low_m)
     i = min(max(i, start), stop)
     while i > start and far_of[np.uintp(i - 1)] >= limit:
@@ -65,53 +67,63 @@ def _seek(low_m: float, i: int, start: int, stop: int, far_of: Float32Array) -> 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _bearings_of_line(
+    ahead: float, aside: float, half: tuple[float, float], x: float, y: float, turns: int
+) -> tuple[int, int]:
+    """Return the first and last bearing that can meet a line grown to a box.
+
+    `ahead`, `aside`: the line's middle from the eye, along the line and to its left; `half`: half the box's length and
+    width; x, y: the middle in the eye's frame.
+    """
+    if abs(ahead) <= half[0] and abs(aside) <= half[1]:
+        return 0, turns - 1
+    low, high = 0.0, 0.0
+    for corner in range(4):
+        along = ahead + (half[0] if corner & 1 else -half[0])
+        across = aside + (half[1] if corner & 2 else -half[1])
+        beside = math.atan2(ahead * across - aside * along, ahead * along + aside * across)
+        low, high = min(low, beside), max(high, beside)
+    middle = math.atan2(y, x)
+    return math.floor((middle + low) * turns / math.tau), math.ceil((middle + high) * turns / math.tau)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def mark_lines(
-    rays: Float32Array,
-    first: Int32Array,
-    directions: FloatArray,
-    eye: FloatArray,
+    pixels: PixelRays,
+    eye: Viewpoint,
     until_m: FloatArray,
-    spread: FloatArray,
     half: float,
     lines: FloatArray,
-    share: Float32Array,
-    marked: Int32Array,
+    marks: PaintMarks,
     count: int,
 ) -> int:
-    """Note the painted share of the patches that straight lines meet.
+    """Mark the painted fraction of the patches that straight lines meet.
 
     Parameters
     ----------
-    rays : (9, P) float32
-        As in `match_pixels.draw_pixels`.
-    first : (K + 1,) int32
-        First ray of each bearing, and P.
-    directions : (K, 3) float64
-        Bearing (rad), its cosine and sine, in the eye's frame, evenly spaced over a full turn from 0.
-    eye : (3,) float64
-        x, y (m) and heading (rad) of the viewpoint.
+    pixels : PixelRays
+        Of the camera.
+    eye : Viewpoint
+        The camera.
     until_m : (K,) float64
         How far the floor is seen.
-    spread : (2,) float64
-        Half a patch's tangential size and how far its middle may lie beside the bearing are together at most
-        `spread[0] + spread[1] * distance`, metres.
     half : float
         Half a line's width, metres.
     lines : (N, 5) float64
         Start x, y, unit direction x, y, length (m), field frame.
-    share : (P,) float32
-        Painted shares so far, raised to those of these lines.
-    marked : (P,) int32
-        The first `count` are the rays whose share is not 0; extended.
+    marks : PaintMarks
+        Painted fractions so far, raised to those of these lines.
     count : int
-        How many are marked.
+        How many rays are marked.
 
     Returns
     -------
     int
-        How many are marked now.
+        How many rays are marked now.
     """
-    c, s = math.cos(eye[2]), math.sin(eye[2])
+    rays, first, directions, spread = pixels.rays, pixels.first, pixels.directions, pixels.spread
+    fraction = marks.fraction
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
     near_of, far_of = rays[NEAR], rays[FAR]
     turns = len(directions)
@@ -120,22 +132,12 @@ def mark_lines(
     for line in range(len(lines)):
         tx, ty = c * lines[line, 2] + s * lines[line, 3], c * lines[line, 3] - s * lines[line, 2]
         half_length = lines[line, 4] / 2
-        dx, dy = lines[line, 0] - eye[0], lines[line, 1] - eye[1]
+        dx, dy = lines[line, 0] - eye.x_m, lines[line, 1] - eye.y_m
         x, y = c * dx + s * dy + half_length * tx, c * dy - s * dx + half_length * ty
         # the line's middle from the eye, along the line and to its left
         ahead, aside = x * tx + y * ty, y * tx - x * ty
         extra = wide + spread[1] * (math.hypot(x, y) + half_length)
-        from_k, until_k = 0, turns - 1
-        if abs(ahead) > half_length + extra or abs(aside) > extra:
-            low, high = 0.0, 0.0
-            for corner in range(4):
-                along = ahead + (half_length + extra if corner & 1 else -half_length - extra)
-                across = aside + (extra if corner & 2 else -extra)
-                beside = math.atan2(ahead * across - aside * along, ahead * along + aside * across)
-                low, high = min(low, beside), max(high, beside)
-            middle = math.atan2(y, x)
-            from_k = math.floor((middle + low) * turns / math.tau)
-            until_k = math.ceil((middle + high) * turns / math.tau)
+        from_k, until_k = _bearings_of_line(ahead, aside, (half_length + extra, extra), x, y, turns)
         middle_x, middle_y = np.float32(x), np.float32(y)
         t_x, t_y, long = np.float32(tx), np.float32(ty), np.float32(half_length)
         guess = 0
@@ -165,41 +167,39 @@ def mark_lines(
                 if covered > zero:
                     size = along_ray * radial + across_ray * tangential
                     covered *= _overlap(off_x * t_x + off_y * t_y, long + half_width, size)
-                    if covered > share[i]:
-                        if share[i] == zero:
-                            marked[count] = i
+                    if covered > fraction[i]:
+                        if fraction[i] == zero:
+                            marks.marked[count] = i
                             count += 1
-                        share[i] = covered
+                        fraction[i] = covered
                 i += ONE
     return count
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def mark_arcs(
-    rays: Float32Array,
-    first: Int32Array,
-    directions: FloatArray,
-    eye: FloatArray,
+    pixels: PixelRays,
+    eye: Viewpoint,
     until_m: FloatArray,
-    spread: FloatArray,
     half: float,
     arcs: FloatArray,
-    share: Float32Array,
-    marked: Int32Array,
+    marks: PaintMarks,
     count: int,
 ) -> int:
-    """Note the painted share of the patches that arcs meet.
+    """Mark the painted fraction of the patches that arcs meet.
 
     `arcs` is (M, 6) float64: centre x, y, radius (m), direction x, y of the middle, cosine of half the sweep (-2: a
     full circle), field frame; other parameters as in `mark_lines`.
     """
-    c, s = math.cos(eye[2]), math.sin(eye[2])
+    rays, first, directions, spread = pixels.rays, pixels.first, pixels.directions, pixels.spread
+    fraction = marks.fraction
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
     near_of, far_of = rays[NEAR], rays[FAR]
     turns = len(directions)
     half_width, zero, least = np.float32(half), np.float32(0.0), np.float32(1e-6)
     for arc in range(len(arcs)):
-        dx, dy = arcs[arc, 0] - eye[0], arcs[arc, 1] - eye[1]
+        dx, dy = arcs[arc, 0] - eye.x_m, arcs[arc, 1] - eye.y_m
         x, y, radius = c * dx + s * dy, c * dy - s * dx, arcs[arc, 2]
         away = math.hypot(x, y)
         extra = half + spread[0] + spread[1] * (away + radius)
@@ -245,11 +245,11 @@ def mark_arcs(
                         across = abs(ray_cos * off_x + ray_sin * off_y) * radial_of[i]
                         across += abs(ray_cos * off_y - ray_sin * off_x) * tangential_of[i]
                         covered = _overlap(from_center - size_m, half_width, across / from_center)
-                        if covered > share[i]:
-                            if share[i] == zero:
-                                marked[count] = i
+                        if covered > fraction[i]:
+                            if fraction[i] == zero:
+                                marks.marked[count] = i
                                 count += 1
-                            share[i] = covered
+                            fraction[i] = covered
                     i += ONE
                 done = np.int64(i)
     return count

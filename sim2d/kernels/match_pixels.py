@@ -7,14 +7,15 @@ import math
 import numpy as np
 from numba import njit
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int16Array, Int32Array, UInt8Array, UInt32Array
-from sim2d.kernels.bearing_profile import FLOOR, PAINT
+from robocup_vision.arrays import Float32Array, Int16Array, UInt8Array
+from sim2d.kernels.bearing_profile import BALL, FLOOR, PAINT
 from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y
+from sim2d.kernels.frame_values import BallSphere, Lighting, PaintMarks, PixelRays, Spans, Viewpoint
 
 
 @njit(cache=True, nogil=True)
 def fill_carpet(
-    floor: Float32Array, light: FloatArray, eye: FloatArray, color: Float32Array, body: UInt8Array, out: UInt8Array
+    floor: Float32Array, light: Lighting, eye: Viewpoint, color: Float32Array, body: UInt8Array, out: UInt8Array
 ) -> None:
     """Fill a frame with plain carpet, as if nothing stood or were painted on it.
 
@@ -22,8 +23,10 @@ def fill_carpet(
     ----------
     floor : (3, N) float32
         Floor point of every pixel of the image in the eye's frame (m), and its gain.
-    light, eye
-        As in `draw_pixels`.
+    light : Lighting
+        On the field.
+    eye : Viewpoint
+        The camera.
     color : (3,) float32
         BGR of the carpet.
     body : (3, N) uint8
@@ -32,7 +35,7 @@ def fill_carpet(
         The frame's planes.
     """
     here, along_x, along_y = _light_ahead(light, eye)
-    least = np.float32(light[3])
+    least = np.float32(light.min_level)
     blue, green, red = color[0], color[1], color[2]
     most, half = np.float32(255.0), np.float32(0.5)
     x, y, gain = floor[0], floor[1], floor[2]
@@ -46,115 +49,89 @@ def fill_carpet(
 
 
 @njit(cache=True, nogil=True)
-def _light_ahead(light: FloatArray, eye: FloatArray) -> tuple[np.float32, np.float32, np.float32]:
-    """Level at the eye, and its change per metre along the eye's own axes."""
-    c, s = math.cos(eye[2]), math.sin(eye[2])
-    here = light[0] + light[1] * eye[0] + light[2] * eye[1]
-    return np.float32(here), np.float32(light[1] * c + light[2] * s), np.float32(light[2] * c - light[1] * s)
+def _light_ahead(light: Lighting, eye: Viewpoint) -> tuple[np.float32, np.float32, np.float32]:
+    """Return the level at the eye, and its change per metre along the eye's own axes."""
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    along_x, along_y = light.per_m_x, light.per_m_y
+    here = light.level + along_x * eye.x_m + along_y * eye.y_m
+    return np.float32(here), np.float32(along_x * c + along_y * s), np.float32(along_y * c - along_x * s)
 
 
 @njit(cache=True, nogil=True)
 def paint_marked(
-    rays: Float32Array,
-    pixels: UInt32Array,
-    light: FloatArray,
-    eye: FloatArray,
+    pixels: PixelRays,
+    light: Lighting,
+    eye: Viewpoint,
     plain: Float32Array,
-    share: Float32Array,
-    marked: Int32Array,
+    marks: PaintMarks,
     count: int,
     out: UInt8Array,
 ) -> None:
-    """Paint the rays that lines meet, and forget their shares.
+    """Paint the rays that lines meet, and clear their fractions.
 
     Parameters
     ----------
-    rays, pixels, light, eye, plain, out
+    pixels, light, eye, plain, out
         As in `draw_pixels`.
-    share, marked, count
-        As `floor_lines.mark_lines` leaves them; all shares become 0.
+    marks, count
+        As `floor_lines.mark_lines` leaves them; all fractions become 0.
     """
     here, along_x, along_y = _light_ahead(light, eye)
-    least, most, half = np.float32(light[3]), np.float32(255.0), np.float32(0.5)
-    x_of, y_of, gain_of = rays[X], rays[Y], rays[GAIN]
+    least, most, half = np.float32(light.min_level), np.float32(255.0), np.float32(0.5)
+    x_of, y_of, gain_of = pixels.rays[X], pixels.rays[Y], pixels.rays[GAIN]
+    fraction, marked, pixel_of = marks.fraction, marks.marked, pixels.pixels
     blue, green, red = plain[0, 0], plain[0, 1], plain[0, 2]
     more_blue, more_green, more_red = plain[1, 0] - blue, plain[1, 1] - green, plain[1, 2] - red
     for m in range(count):
         i = np.uintp(marked[m])
         bright = max(here + along_x * x_of[i] + along_y * y_of[i], least) * gain_of[i]
-        pixel, part = pixels[i], share[i]
+        pixel, part = pixel_of[i], fraction[i]
         out[pixel, 0] = np.uint8(min(bright * (blue + part * more_blue) + half, most))
         out[pixel, 1] = np.uint8(min(bright * (green + part * more_green) + half, most))
         out[pixel, 2] = np.uint8(min(bright * (red + part * more_red) + half, most))
-        share[i] = np.float32(0.0)
+        fraction[i] = np.float32(0.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def draw_pixels(
-    rays: Float32Array,
-    pixels: UInt32Array,
-    first: Int32Array,
-    directions: FloatArray,
-    eye: FloatArray,
-    height_m: float,
-    lamp_rad: float,
-    ends: Float32Array,
-    kinds: Int32Array,
-    paint: Float32Array,
-    near_ball: Int32Array,
-    ball: FloatArray,
+    pixels: PixelRays,
+    eye: Viewpoint,
+    spans: Spans,
+    ball: BallSphere,
     plain: Float32Array,
-    light: FloatArray,
+    light: Lighting,
     out: UInt8Array,
 ) -> None:
     """Draw what stands on the floor, and the ball's shade, over the painted carpet: along each bearing outwards.
 
     Parameters
     ----------
-    rays : (9, P) float32
-        See the rows' names in `floor_lines`: floor point in the eye's frame (m), least and greatest slope, gain,
-        radial and tangential size of the patch of floor, distances where it begins and ends (m).
-    pixels : (P,) uint32
-        Flat indices of the pixels.
-    first : (K + 1,) int32
-        First pixel of each bearing, and P.
-    directions : (K, 3) float64
-        Bearing (rad), its cosine and sine, in the eye's frame.
-    eye : (3,) float64
-        x, y (m) and heading (rad) of the viewpoint.
-    height_m, lamp_rad : float
-        Of the viewpoint; direction of the light, field frame.
-    ends, kinds, paint, near_ball
-        The bearings' spans, as `bearing_profile.stack_spans` leaves them.
-    ball : (4,) float64
-        As in `stack_spans`.
+    pixels : PixelRays
+        Of the camera.
+    eye : Viewpoint
+        The camera.
+    spans : Spans
+        As `bearing_profile.stack_spans` leaves them.
+    ball : BallSphere
+        The ball.
     plain : (3, 3) float32
         BGR of carpet, line, ball.
-    light : (4,) float64
-        As in `stack_spans`.
+    light : Lighting
+        On the field.
     out : (H * W, 3) uint8
         The frame, filled with the painted carpet.
     """
-    c, s = math.cos(eye[2]), math.sin(eye[2])
-    most, half, zero, one = np.float32(255.0), np.float32(0.5), np.float32(0.0), np.float32(1.0)
-    x_of, y_of, low_of, high_of, gain_of = rays[X], rays[Y], rays[SLOPE_LOW], rays[SLOPE_HIGH], rays[GAIN]
-    at_ball = np.float32(max(light[0] + light[1] * ball[0] + light[2] * ball[1], light[3]))
-    dx, dy = ball[0] - eye[0], ball[1] - eye[1]
-    ball_x, ball_y = np.float32(c * dx + s * dy), np.float32(c * dy - s * dx)
-    shade2, per_radius2 = np.float32(ball[3] * ball[3]), np.float32(1 / max(ball[2] * ball[2], 1e-12))
-    for k in range(len(first) - 1):
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    most, half = np.float32(255.0), np.float32(0.5)
+    ends, kinds, paint, pixel_of, directions = spans.ends, spans.kinds, spans.paint, pixels.pixels, pixels.directions
+    low_of, high_of, gain_of = pixels.rays[SLOPE_LOW], pixels.rays[SLOPE_HIGH], pixels.rays[GAIN]
+    at_ball = max(light.level + light.per_m_x * ball.x_m + light.per_m_y * ball.y_m, light.min_level)
+    ball_light = np.float32(at_ball)
+    for k in range(len(pixels.first) - 1):
         bearing = np.uintp(k)
-        i, stop, n = np.uintp(first[bearing]), np.uintp(first[k + 1]), np.uintp(0)
-        if near_ball[bearing]:
-            while i < stop and low_of[i] < zero:
-                away_x, away_y = x_of[i] - ball_x, y_of[i] - ball_y
-                away2 = away_x * away_x + away_y * away_y
-                if away2 < shade2:
-                    left, pixel = one - np.float32(0.55 * math.exp(-away2 * per_radius2)), pixels[i]
-                    for channel in range(3):
-                        out[pixel, channel] = np.uint8(np.float32(out[pixel, channel]) * left + half)
-                i += ONE
-            i = np.uintp(first[bearing])
+        i, stop, n = np.uintp(pixels.first[bearing]), np.uintp(pixels.first[k + 1]), np.uintp(0)
+        if spans.near_ball[bearing]:
+            _shade_floor(pixels, i, stop, eye, ball, out)
         cos, sin = c * directions[bearing, 1] - s * directions[bearing, 2], c * directions[bearing, 2]
         sin += s * directions[bearing, 1]
         while i < stop:
@@ -162,7 +139,7 @@ def draw_pixels(
             if kind == PAINT:
                 b, g, r = paint[bearing, n, 0], paint[bearing, n, 1], paint[bearing, n, 2]
                 while i < stop and high_of[i] <= end:
-                    gain, pixel = gain_of[i], pixels[i]
+                    gain, pixel = gain_of[i], pixel_of[i]
                     out[pixel, 0] = np.uint8(min(b * gain + half, most))
                     out[pixel, 1] = np.uint8(min(g * gain + half, most))
                     out[pixel, 2] = np.uint8(min(r * gain + half, most))
@@ -172,51 +149,91 @@ def draw_pixels(
                     i += ONE
             # pixels at the edge to what comes next, and all of the ball
             while i < stop and low_of[i] < end:
-                low, high = low_of[i], high_of[i]
-                part = one if high <= end else (end - low) / (high - low)
-                gain, pixel = gain_of[i], pixels[i]
-                blue, green, red = half, half, half
-                for turn in range(2):
-                    span = n if turn == 0 else n + ONE
-                    weight = part if turn == 0 else one - part
-                    if weight == zero:
-                        break
-                    if kinds[bearing, span] == FLOOR:
-                        blue += weight * np.float32(out[pixel, 0])
-                        green += weight * np.float32(out[pixel, 1])
-                        red += weight * np.float32(out[pixel, 2])
-                        continue
-                    weight *= gain
-                    if kinds[bearing, span] == PAINT:
-                        blue += weight * paint[bearing, span, 0]
-                        green += weight * paint[bearing, span, 1]
-                        red += weight * paint[bearing, span, 2]
-                    else:
-                        shade = ball_shade(cos, sin, (low + high) / 2, eye, height_m, ball, lamp_rad)
-                        weight *= np.float32(shade) * at_ball
-                        blue += weight * plain[2, 0]
-                        green += weight * plain[2, 1]
-                        red += weight * plain[2, 2]
-                out[pixel, 0] = np.uint8(min(blue, most))
-                out[pixel, 1] = np.uint8(min(green, most))
-                out[pixel, 2] = np.uint8(min(red, most))
+                shade = np.float32(0.0)
+                if kind == BALL or (high_of[i] > end and kinds[bearing, n + ONE] == BALL):
+                    slope = (low_of[i] + high_of[i]) / 2
+                    shade = np.float32(ball_shade(cos, sin, slope, eye, ball, light.lamp_rad)) * ball_light
+                _mix_spans(pixels, i, spans, bearing, n, plain, shade, out)
                 i += ONE
             n += ONE
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _shade_floor(
+    pixels: PixelRays, i: np.uintp, stop: np.uintp, eye: Viewpoint, ball: BallSphere, out: UInt8Array
+) -> None:
+    """Darken the floor around the ball along one bearing, rays i to stop."""
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    half, zero, one = np.float32(0.5), np.float32(0.0), np.float32(1.0)
+    x_of, y_of, low_of = pixels.rays[X], pixels.rays[Y], pixels.rays[SLOPE_LOW]
+    dx, dy = ball.x_m - eye.x_m, ball.y_m - eye.y_m
+    ball_x, ball_y = np.float32(c * dx + s * dy), np.float32(c * dy - s * dx)
+    shade2 = np.float32(ball.shade_reach_m * ball.shade_reach_m)
+    per_radius2 = np.float32(1 / max(ball.radius_m * ball.radius_m, 1e-12))
+    while i < stop and low_of[i] < zero:
+        away_x, away_y = x_of[i] - ball_x, y_of[i] - ball_y
+        away2 = away_x * away_x + away_y * away_y
+        if away2 < shade2:
+            left, pixel = one - np.float32(0.55 * math.exp(-away2 * per_radius2)), pixels.pixels[i]
+            for channel in range(3):
+                out[pixel, channel] = np.uint8(np.float32(out[pixel, channel]) * left + half)
+        i += ONE
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mix_spans(
+    pixels: PixelRays,
+    i: np.uintp,
+    spans: Spans,
+    bearing: np.uintp,
+    n: np.uintp,
+    plain: Float32Array,
+    shade: np.float32,
+    out: UInt8Array,
+) -> None:
+    """Draw the pixel of ray i, which covers spans n and n + 1 of a bearing, by the slopes in each."""
+    most, half, zero, one = np.float32(255.0), np.float32(0.5), np.float32(0.0), np.float32(1.0)
+    low, high, end = pixels.rays[SLOPE_LOW, i], pixels.rays[SLOPE_HIGH, i], spans.ends[bearing, n]
+    part = one if high <= end else (end - low) / (high - low)
+    gain, pixel = pixels.rays[GAIN, i], pixels.pixels[i]
+    blue, green, red = half, half, half
+    for turn in range(2):
+        span = n if turn == 0 else n + ONE
+        weight = part if turn == 0 else one - part
+        if weight == zero:
+            break
+        if spans.kinds[bearing, span] == FLOOR:
+            blue += weight * np.float32(out[pixel, 0])
+            green += weight * np.float32(out[pixel, 1])
+            red += weight * np.float32(out[pixel, 2])
+            continue
+        weight *= gain
+        if spans.kinds[bearing, span] == PAINT:
+            blue += weight * spans.paint[bearing, span, 0]
+            green += weight * spans.paint[bearing, span, 1]
+            red += weight * spans.paint[bearing, span, 2]
+        else:
+            weight *= shade
+            blue += weight * plain[2, 0]
+            green += weight * plain[2, 1]
+            red += weight * plain[2, 2]
+    out[pixel, 0] = np.uint8(min(blue, most))
+    out[pixel, 1] = np.uint8(min(green, most))
+    out[pixel, 2] = np.uint8(min(red, most))
+
+
 @njit(cache=True, nogil=True)
-def ball_shade(
-    cos: float, sin: float, slope: float, eye: FloatArray, height_m: float, ball: FloatArray, lamp_rad: float
-) -> float:
-    """Shade of a ball where a ray (direction in the field frame, slope) meets it: light from above and the lamp."""
-    dx, dy, dz = ball[0] - eye[0], ball[1] - eye[1], ball[2] - height_m
+def ball_shade(cos: float, sin: float, slope: float, eye: Viewpoint, ball: BallSphere, lamp_rad: float) -> float:
+    """Return the shade of the ball where a ray (direction in the field frame, slope) meets it."""
+    # lit from above and by the lamp
+    dx, dy, dz = ball.x_m - eye.x_m, ball.y_m - eye.y_m, ball.radius_m - eye.height_m
     toward = cos * dx + sin * dy + slope * dz
     norm2 = 1 + slope * slope
-    root2 = toward * toward - norm2 * (dx * dx + dy * dy + dz * dz - ball[2] * ball[2])
+    root2 = toward * toward - norm2 * (dx * dx + dy * dy + dz * dz - ball.radius_m * ball.radius_m)
     distance = (toward - math.sqrt(max(root2, 0.0))) / norm2
     facing = (distance * cos - dx) * 0.5 * math.cos(lamp_rad) + (distance * sin - dy) * 0.5 * math.sin(lamp_rad)
     facing += (distance * slope - dz) * math.sqrt(0.75)
-    return float(0.62 + 0.42 * facing / ball[2])
+    return float(0.62 + 0.42 * facing / ball.radius_m)
 
 
 @njit(cache=True, nogil=True)

@@ -1,8 +1,9 @@
-"""Compiled ray casting of textured rectangles: which one each ray meets first, and the light that comes from there."""
+"""Compiled ray casting of textured rectangles: which one each ray meets first, and the light it sends back."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,41 +12,96 @@ from numba import njit
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 
 
-@njit(cache=True, nogil=True)
-def first_panel(
-    directions: Float32Array,
-    cos: float,
-    sin: float,
-    eye: FloatArray,
-    origin: FloatArray,
-    along: FloatArray,
-    up: FloatArray,
-    size: FloatArray,
-    window: Int64Array,
-    depth: Float32Array,
-    met: npt.NDArray[np.int16],
-) -> None:
-    """Find the rectangle each ray meets first; panels are seen from the front only.
+class RayFan(NamedTuple):
+    """All rays of an image.
 
     Parameters
     ----------
     directions : (H, W, S, 3) float32
-        S rays a pixel in the robot frame, scaled so that the ray parameter is what `depth` measures.
+        S rays a pixel in the robot frame, scaled so that the ray parameter is what `PanelHits.depth` measures.
     cos, sin : float
         Of the robot's heading.
     eye : (3,) float64
         Centre of projection, field frame, metres.
+    ray_rad : float
+        Angle between neighbouring rays.
+    """
+
+    directions: Float32Array
+    cos: float
+    sin: float
+    eye: FloatArray
+    ray_rad: float
+
+
+class Panels(NamedTuple):
+    """Rectangles, seen from the front only.
+
+    Parameters
+    ----------
     origin, along, up : (P, 3) float64
         A corner and the unit directions of both edges; the front is the side that ``along x up`` points to.
     size : (P, 2) float64
         Lengths of the edges, metres.
+    texture : (P,) int64
+        Number of each panel's texture.
+    """
+
+    origin: FloatArray
+    along: FloatArray
+    up: FloatArray
+    size: FloatArray
+    texture: Int64Array
+
+
+class PanelHits(NamedTuple):
+    """What each ray meets first.
+
+    Parameters
+    ----------
+    depth : (H, W, S) float32
+        Ray parameter of the first hit, inf where there is none.
+    met : (H, W, S) int16
+        Number of the panel, -1 where there is none.
+    """
+
+    depth: Float32Array
+    met: npt.NDArray[np.int16]
+
+
+class Pyramids(NamedTuple):
+    """All textures, each at several scales.
+
+    Parameters
+    ----------
+    texels : (N, 3) uint8
+        One pyramid after another, BGR, rows from the top down.
+    levels : (T, L, 3) int64
+        Of each texture's level: first texel, rows, columns.
+    """
+
+    texels: npt.NDArray[np.uint8]
+    levels: Int64Array
+
+
+@njit(cache=True, nogil=True)
+def first_panel(rays: RayFan, panels: Panels, window: Int64Array, hits: PanelHits) -> None:
+    """Find the rectangle each ray meets first.
+
+    Parameters
+    ----------
+    rays : RayFan
+        Of the image.
+    panels : Panels
+        What stands there.
     window : (P, 4) int64
         Rows and columns [r0, r1) x [c0, c1) of the image that may see each panel.
-    depth : (H, W, S) float32
-        Written: ray parameter of the first hit, inf where none.
-    met : (H, W, S) int16
-        Written: index of the panel, -1 where none.
+    hits : PanelHits
+        Filled.
     """
+    directions, cos, sin, eye = rays.directions, rays.cos, rays.sin, rays.eye
+    origin, along, up, size = panels.origin, panels.along, panels.up, panels.size
+    depth, met = hits.depth, hits.met
     depth[:] = np.inf
     met[:] = -1
     samples = directions.shape[2]
@@ -81,46 +137,33 @@ def first_panel(
 
 
 @njit(cache=True, nogil=True)
-def shade(
-    directions: Float32Array,
-    cos: float,
-    sin: float,
-    eye: FloatArray,
-    origin: FloatArray,
-    along: FloatArray,
-    up: FloatArray,
-    size: FloatArray,
-    texture: Int64Array,
-    texels: npt.NDArray[np.uint8],
-    levels: Int64Array,
-    ray_rad: float,
+def shade_panels(
+    rays: RayFan,
+    panels: Panels,
+    pyramids: Pyramids,
     ambient: float,
     lamps: FloatArray,
-    depth: Float32Array,
-    met: npt.NDArray[np.int16],
+    hits: PanelHits,
     image: Float32Array,
 ) -> None:
-    """Mean light of each pixel's rays: the panels' textures (trilinear) under ambient light and lamps.
+    """Fill in the mean light of each pixel's rays: the panels' textures (trilinear) under ambient light and lamps.
 
     Parameters
     ----------
-    directions, cos, sin, eye, origin, along, up, size, depth, met
+    rays, panels, hits
         As in and from `first_panel`.
-    texture : (P,) int64
-        Which texture each panel wears.
-    texels : (N, 3) uint8
-        All textures' pyramids one after another, BGR, rows from the top down.
-    levels : (T, L, 3) int64
-        Of each texture's level: first texel, rows, columns.
-    ray_rad : float
-        Angle between neighbouring rays.
+    pyramids : Pyramids
+        The textures.
     ambient : float
         Light that comes from everywhere.
     lamps : (K, 4) float64
         Place (m) and strength of each lamp: its light on a panel that faces it 1 m away.
     image : (H, W, 3) float32
-        Written: linear light, BGR.
+        Filled: linear light, BGR.
     """
+    directions, cos, sin, eye, ray_rad = rays.directions, rays.cos, rays.sin, rays.eye, rays.ray_rad
+    origin, along, up, size, texture = panels.origin, panels.along, panels.up, panels.size, panels.texture
+    texels, levels, depth, met = pyramids.texels, pyramids.levels, hits.depth, hits.met
     samples = directions.shape[2]
     deepest = levels.shape[1] - 1
     for r in range(directions.shape[0]):
@@ -147,7 +190,7 @@ def shade(
                 per_m = math.sqrt(levels[kind, 0, 1] * levels[kind, 0, 2] / (size[p, 0] * size[p, 1]))
                 level = min(max(math.log2(max(patch_m * per_m, 1e-6)), 0.0), float(deepest))
                 low = min(int(level), deepest - 1)
-                share = level - low
+                part = level - low
                 light = ambient
                 for j in range(lamps.shape[0]):
                     lx, ly, lz = lamps[j, 0] - hx, lamps[j, 1] - hy, lamps[j, 2] - hz
@@ -155,7 +198,7 @@ def shade(
                     toward = (nx * lx + ny * ly + nz * lz) / math.sqrt(squared)
                     light += lamps[j, 3] * max(toward, 0.0) / max(squared, 0.25)
                 for step in range(2):
-                    weight = light * (share if step else 1.0 - share)
+                    weight = light * (part if step else 1.0 - part)
                     first, rows, columns = levels[kind, low + step]
                     x = min(max(a * columns - 0.5, 0.0), columns - 1.001)
                     y = min(max(b * rows - 0.5, 0.0), rows - 1.001)

@@ -1,7 +1,7 @@
-"""Frames of a bare match quickly: one ray a pixel on tables worked out before, edges averaged along each bearing.
+"""Frames of a plain match, fast: one ray a pixel from precomputed tables, edges averaged along each bearing.
 
-It draws what `MirrorRenderer` draws of walls, goals, boxes, robots, ball and lines under a light that falls off evenly;
-texture, shadows, highlights and bystanders are left to that one.
+It draws walls, goals, boxes, robots, ball and lines under evenly changing light, as `MirrorRenderer` does. Only
+`MirrorRenderer` draws texture, shadows, highlights and bystanders.
 """
 
 from __future__ import annotations
@@ -14,11 +14,21 @@ import numpy as np
 
 from field_models import COLOR_NAMES
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.bearing_profile import meet_boxes, meet_cylinders, meet_walls, stack_spans
 from sim2d.kernels.floor_lines import floor_until, mark_arcs, mark_lines
+from sim2d.kernels.frame_values import (
+    BallSphere,
+    Crossings,
+    Lighting,
+    PaintMarks,
+    RoomWall,
+    Spans,
+    Things,
+    Viewpoint,
+)
 from sim2d.kernels.match_pixels import draw_pixels, fill_carpet, paint_marked
 from sim2d.rendering.fast.line_rows import arc_rows, line_rows
 from sim2d.rendering.fast.pixel_table import mirror_pixels
@@ -62,26 +72,31 @@ class FastFrames:
         self._half_line_m = scene.field.line_width_m / 2
         self._room_radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
         self._table = mirror_pixels(camera, gain, 2 * self._room_radius_m)
-        self._room = np.ascontiguousarray(room_panorama(scene.room.seed) * lamp.level * self._cast, dtype=np.float32)
+        picture = np.ascontiguousarray(room_panorama(scene.room.seed) * lamp.level * self._cast, dtype=np.float32)
+        ground = np.array(scene.room.floor_bgr) * self._cast
+        self._room = RoomWall(picture, float(ROWS_PER_M), self._room_radius_m, ground)
         per_m = lamp.level * lamp.gradient / (scene.field.length_m / 2)
         direction = lamp.gradient_direction_rad
-        self._light = np.array(
-            [lamp.level, per_m * math.cos(direction), per_m * math.sin(direction), 0.05 * lamp.level]
+        self._light = Lighting(
+            float(lamp.level),
+            per_m * math.cos(direction),
+            per_m * math.sin(direction),
+            0.05 * lamp.level,
+            LAMP_DIRECTION_RAD,
         )
-        self._ground = np.array(scene.room.floor_bgr) * self._cast
         self._build_fixed(scene)
-        count = len(self._table.directions)
-        self._count, self._near_ball = (np.zeros(count, dtype=np.int32) for _ in range(2))
-        self._entries = np.zeros((count, ENTRIES, 4), dtype=np.float32)
-        self._ends = np.zeros((count, SPANS), dtype=np.float32)
-        self._kinds = np.zeros((count, SPANS), dtype=np.int32)
+        count, rays = len(self._table.bearings.directions), len(self._table.rays.pixels)
+        self._crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 4), dtype=np.float32))
+        self._spans = Spans(
+            np.zeros((count, SPANS), dtype=np.float32),
+            np.zeros((count, SPANS), dtype=np.int32),
+            np.zeros((count, SPANS, 3), dtype=np.float32),
+            np.zeros(count, dtype=np.int32),
+        )
         self._until_m = np.zeros(count)
-        self._share = np.zeros(len(self._table.pixels), dtype=np.float32)
-        self._marked = np.zeros(len(self._table.pixels), dtype=np.int32)
-        self._paint = np.zeros((count, SPANS, 3), dtype=np.float32)
+        self._marks = PaintMarks(np.zeros(rays, dtype=np.float32), np.zeros(rays, dtype=np.int32))
         self._planes = np.zeros((3, width * height), dtype=np.uint8)
         self._image_planes = [plane.reshape(height, width) for plane in self._planes]
-        self._eye, self._sphere = np.zeros(3), np.zeros(4)
         paints = (COLOR_NAMES["green"], COLOR_NAMES[scene.field.line_color], (0, 0, 0))
         self._plain = (np.array(paints) * self._cast).astype(np.float32)
 
@@ -124,14 +139,14 @@ class FastFrames:
         self._rows, self._colors = rows, colors
 
     @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
-    def _things(self, robots: tuple[tuple[float, float, Bgr, Bgr], ...]) -> tuple[FloatArray, FloatArray]:
-        """All rows and colours, with robots of given radius, height, colour and marker."""
+    def _things(self, robots: tuple[tuple[float, float, Bgr, Bgr], ...]) -> Things:
+        """Return all rows and colours, with robots of given radius, height, colour and marker."""
         rows, colors = [list(row) for row in self._rows], list(self._colors)
         for radius, height, color, marker in robots:
             gap = radius**2 * (1 - MARKER_SHARE**2)
             rows.append([height, 1, len(colors), len(colors), len(colors) + 1, gap, 0.0])
             colors += [color, marker]
-        return np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast
+        return Things(np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2) -> UInt8Array:
         """Draw a frame.
@@ -150,62 +165,35 @@ class FastFrames:
         (H, W, 3) uint8
             Light through the lens, neither blurred nor noisy.
         """
-        table, eye = self._table, self._eye
-        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-        forward, left = self.camera.offset_m
-        eye[:] = pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left, pose.theta_rad
-        things, colors = self._things(tuple((r.radius_m, r.height_m, r.color_bgr, r.marker_bgr) for r in robots))
+        table, plain = self._table, self._plain
+        eye = self._viewpoint(pose)
+        things = self._things(tuple((r.radius_m, r.height_m, r.color_bgr, r.marker_bgr) for r in robots))
         round_things = self._posts + [(r.x_m, r.y_m, r.radius_m) for r in robots]
         cylinders = np.array(round_things, dtype=np.float64).reshape(-1, 3)
-        lists = self._count, self._entries
-        self._count[:] = 0
-        meet_walls(self._walls, 0, eye, table.directions, table.per_turn, *lists)
-        meet_boxes(self._boxes, self._first_face, eye, table.directions, table.per_turn, *lists)
-        meet_cylinders(
-            cylinders, self._first_cylinder, eye, LAMP_DIRECTION_RAD, table.directions, table.per_turn, *lists
-        )
-        sphere, plain = self._sphere, self._plain
-        sphere[2] = 0.0
+        crossings = self._crossings
+        crossings.lengths[:] = 0
+        meet_walls(self._walls, 0, eye, table.bearings, crossings)
+        meet_boxes(self._boxes, self._first_face, eye, table.bearings, crossings)
+        meet_cylinders(cylinders, self._first_cylinder, eye, LAMP_DIRECTION_RAD, table.bearings, crossings)
+        sphere = BallSphere(0.0, 0.0, 0.0, 0.0)
         if ball is not None:
-            sphere[:] = ball.x_m, ball.y_m, ball.radius_m, SHADE_REACH * ball.radius_m
+            sphere = BallSphere(float(ball.x_m), float(ball.y_m), ball.radius_m, SHADE_REACH * ball.radius_m)
             plain[2] = ball.color_bgr
             plain[2] *= self._cast
-        spans = self._ends, self._kinds, self._paint, self._near_ball
-        stack_spans(
-            *lists,
-            things,
-            colors,
-            table.directions,
-            eye,
-            table.height_m,
-            self._light,
-            self._ground,
-            self._room,
-            ROWS_PER_M,
-            self._room_radius_m,
-            sphere,
-            *spans,
-        )
+        stack_spans(crossings, things, table.bearings, eye, self._light, self._room, sphere, self._spans)
         fill_carpet(table.floor, self._light, eye, plain[0], table.body, self._planes)
         frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
         flat = frame.reshape(-1, 3)
-        floor_until(self._ends, self._kinds, table.height_m, 2 * self._room_radius_m, self._until_m)
-        rays = table.rays, table.first, table.directions, eye, self._until_m, table.spread, self._half_line_m
-        count = mark_lines(*rays, self._lines, self._share, self._marked, 0)
-        count = mark_arcs(*rays, self._arcs, self._share, self._marked, count)
-        paint_marked(table.rays, table.pixels, self._light, eye, plain, self._share, self._marked, count, flat)
-        draw_pixels(
-            table.rays,
-            table.pixels,
-            table.first,
-            table.directions,
-            eye,
-            table.height_m,
-            LAMP_DIRECTION_RAD,
-            *spans,
-            sphere,
-            plain,
-            self._light,
-            flat,
-        )
+        floor_until(self._spans, table.height_m, 2 * self._room_radius_m, self._until_m)
+        seen = table.rays, eye, self._until_m, self._half_line_m
+        count = mark_lines(*seen, self._lines, self._marks, 0)
+        count = mark_arcs(*seen, self._arcs, self._marks, count)
+        paint_marked(table.rays, self._light, eye, plain, self._marks, count, flat)
+        draw_pixels(table.rays, eye, self._spans, sphere, plain, self._light, flat)
         return frame
+
+    def _viewpoint(self, pose: Pose2) -> Viewpoint:
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        forward, left = self.camera.offset_m
+        x_m, y_m = pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left
+        return Viewpoint(float(x_m), float(y_m), float(pose.theta_rad), self._table.height_m)

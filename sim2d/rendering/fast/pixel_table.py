@@ -1,4 +1,4 @@
-"""What a camera's pixels see of an empty floor, worked out once: floor points, slopes, patches, bearings."""
+"""What a camera's pixels see of an empty floor, computed once: floor points, slopes, patches, bearings."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera
 from sim2d.kernels.floor_lines import GAIN, X, Y
+from sim2d.kernels.frame_values import Bearings, PixelRays
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import MirrorRays
 
@@ -23,19 +24,10 @@ class PixelTable:
     ----------
     height_m : float
         Of the viewpoint.
-    rays : (9, P) float32
-        Floor point (robot frame, from the viewpoint's foot), least and greatest slope, gain, radial and tangential
-        size of the patch of floor, distances where it begins and ends; by bearing, then by slope.
-    pixels : (P,) uint32
-        Flat pixel indices.
-    first : (K + 1,) int32
-        First pixel of each bearing, and P.
-    directions : (K, 3) float64
-        Bearings, cosines, sines.
-    spread : (2,) float64
-        Bounds how far a patch reaches to the side of its bearing, as in `floor_lines.mark_lines`.
-    per_turn : int
-        How many bearings would make a full turn.
+    rays : PixelRays
+        Of every pixel that sees the scene.
+    bearings : Bearings
+        Over a full turn.
     floor : (3, H * W) float32
         Floor point and gain of every pixel in the order of the image; 0 where no ray goes.
     body : (3, H * W) uint8
@@ -43,18 +35,14 @@ class PixelTable:
     """
 
     height_m: float
-    rays: npt.NDArray[np.float32]
-    pixels: npt.NDArray[np.uint32]
-    first: npt.NDArray[np.int32]
-    directions: FloatArray
-    spread: FloatArray
-    per_turn: int
+    rays: PixelRays
+    bearings: Bearings
     floor: npt.NDArray[np.float32]
     body: npt.NDArray[np.uint8]
 
 
 def mirror_pixels(camera: OmniCamera, gain: npt.NDArray[np.float32], farthest_m: float) -> PixelTable:
-    """Work out a mirror camera's pixels.
+    """Compute a mirror camera's pixels.
 
     Parameters
     ----------
@@ -63,7 +51,7 @@ def mirror_pixels(camera: OmniCamera, gain: npt.NDArray[np.float32], farthest_m:
     gain : (H, W) float32
         Light that each pixel gets, relative.
     farthest_m : float
-        Floor points farther away are brought to this distance.
+        Floor points farther away are moved to this distance.
     """
     drawn = MirrorRays(camera, 1)
     per_turn = round(math.tau * camera.usable_radius_px[1])  # as many bearings as the rim has pixels
@@ -94,28 +82,31 @@ def mirror_pixels(camera: OmniCamera, gain: npt.NDArray[np.float32], farthest_m:
     image[:, pixel] = rays[[X, Y, GAIN]]
     body = (drawn.body_share * gain).reshape(1, -1) * np.array(BODY_BGR)[:, None]
     body[:, pixel] = 0
+    directions = np.stack([angle, np.cos(angle), np.sin(angle)], axis=1)
     return PixelTable(
         drawn.height_m,
-        rays,
-        pixel.astype(np.uint32),
-        np.searchsorted(place[order], np.arange(per_turn + 1)).astype(np.int32),
-        np.stack([angle, np.cos(angle), np.sin(angle)], axis=1),
-        _spread(along[on_floor], drawn.tangential_m[on_floor] / 2 + along[on_floor] * math.pi / per_turn),
-        per_turn,
+        PixelRays(
+            rays,
+            pixel.astype(np.uint32),
+            np.searchsorted(place[order], np.arange(per_turn + 1)).astype(np.int32),
+            directions,
+            _spread(along[on_floor], drawn.tangential_m[on_floor] / 2 + along[on_floor] * math.pi / per_turn),
+        ),
+        Bearings(directions, per_turn),
         image,
         np.rint(np.clip(body, 0, 255)).astype(np.uint8),
     )
 
 
 def _spread(along: FloatArray, reach: FloatArray) -> FloatArray:
-    """Find a straight line (constant, per metre of distance) that no reach (N,) to the side lies above."""
+    """Return a straight line (constant, per metre of distance) above every reach (N,) to the side."""
     near, far = np.argmin(along), np.argmax(along)
     per_m = max(0.0, float(reach[far] - reach[near]) / max(float(along[far] - along[near]), 1e-9))
     return np.array([float((reach - per_m * along).max()), per_m])
 
 
 def _slope_range(camera: OmniCamera, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest slope (N,) over each pixel (N, 2): half a pixel down and up the slope's gradient."""
+    """Return the least and greatest slope (N,) over each pixel (N, 2), by the gradient half a pixel away."""
 
     def slope(du: float, dv: float) -> FloatArray:
         ray = camera.pixel_to_ray(pixels + np.array([du, dv]))

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
+from robocup_vision.arrays import Float32Array, UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
-from sim2d.kernels.panels import first_panel, shade
+from sim2d.kernels.panels import PanelHits, Panels, Pyramids, RayFan, first_panel, shade_panels
 from sim2d.rendering.hall import textures as hall_textures
 from sim2d.rendering.rays import sample_offsets
 
@@ -78,9 +78,9 @@ class Hall:
     textures: tuple[UInt8Array, ...]
 
     @cached_property
-    def arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, npt.NDArray[np.int64]]:
-        """Origins, both edges' directions, sizes and textures of all panels."""
-        return (
+    def arrays(self) -> Panels:
+        """The panels as the compiled loops take them."""
+        return Panels(
             np.array([p.origin_m for p in self.panels], dtype=np.float64),
             np.array([p.along for p in self.panels], dtype=np.float64),
             np.array([p.up for p in self.panels], dtype=np.float64),
@@ -89,8 +89,8 @@ class Hall:
         )
 
     @cached_property
-    def pyramids(self) -> tuple[UInt8Array, npt.NDArray[np.int64]]:
-        """All texels of all textures' pyramids, and where each level starts and its rows and columns."""
+    def pyramids(self) -> Pyramids:
+        """All textures at all scales."""
         texels: list[UInt8Array] = []
         levels = np.zeros((len(self.textures), _LEVELS, 3), dtype=np.int64)
         first = 0
@@ -104,7 +104,7 @@ class Hall:
                 smaller = (max(columns // 2, 1), max(rows // 2, 1))
                 reduced = cv2.resize(picture, smaller, interpolation=cv2.INTER_AREA)
                 picture = np.asarray(reduced, dtype=np.float32).reshape(*smaller[::-1], 3)
-        return np.concatenate(texels), levels
+        return Pyramids(np.concatenate(texels), levels)
 
     def rearranged(self, share: float, rng: np.random.Generator) -> Hall:
         """Return the hall with this share of its posters moved along their wall or covered with a sheet, by turns."""
@@ -252,8 +252,7 @@ class HallCamera:
         self._directions = ((rays / rays[..., :1]) @ camera.camera_to_robot.T).astype(np.float32)
         self._ray_rad = 1.0 / (math.sqrt(camera.focal_px[0] * camera.focal_px[1]) * supersample)
         shape = self._directions.shape[:3]
-        self._depth = np.empty(shape, dtype=np.float32)
-        self._met = np.empty(shape, dtype=np.int16)
+        self._hits = PanelHits(np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.int16))
 
     def render(self, hall: Hall, pose: Pose2, light: HallLight | None = None) -> Float32Array:
         """Render the hall from a pose of the robot (of the camera itself, where its offset and pan are 0).
@@ -265,25 +264,19 @@ class HallCamera:
         """
         light = light or HallLight()
         eye = np.append(pose.transform(self.camera.viewpoint_m[:2]), self.camera.height_m)
-        origin, along, up, size, texture = hall.arrays
-        texels, levels = hall.pyramids
         lamps = np.array(light.lamps, dtype=np.float64).reshape(-1, 4) * (1, 1, 1, light.level)
         cos, sin = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-        window = self._windows(origin, along, up, size, pose)
-        first_panel(self._directions, cos, sin, eye, origin, along, up, size, window, self._depth, self._met)
-        image = np.empty((*self._depth.shape[:2], 3), dtype=np.float32)
-        shade(
-            self._directions, cos, sin, eye, origin, along, up, size, texture, texels, levels, self._ray_rad,
-            light.ambient * light.level, lamps, self._depth, self._met, image,
-        )  # fmt: skip
+        rays = RayFan(self._directions, cos, sin, eye, self._ray_rad)
+        first_panel(rays, hall.arrays, self._windows(hall.arrays, pose), self._hits)
+        image = np.empty((*self._hits.depth.shape[:2], 3), dtype=np.float32)
+        shade_panels(rays, hall.arrays, hall.pyramids, light.ambient * light.level, lamps, self._hits, image)
         return image
 
-    def _windows(
-        self, origin: FloatArray, along: FloatArray, up: FloatArray, size: FloatArray, pose: Pose2
-    ) -> npt.NDArray[np.int64]:
-        """Part of the image each panel can be in; all of it for one that reaches behind the camera or has no image."""
+    def _windows(self, panels: Panels, pose: Pose2) -> npt.NDArray[np.int64]:
+        """Return the part of the image each panel can be in; all of it where it reaches behind the camera."""
+        origin = panels.origin
         width, height = self.camera.size_px
-        a, b = along * size[:, :1], up * size[:, 1:]
+        a, b = panels.along * panels.size[:, :1], panels.up * panels.size[:, 1:]
         corners = np.stack([origin, origin + a, origin + b, origin + a + b], axis=1)
         robot = np.concatenate([pose.inverse().transform(corners[..., :2]), corners[..., 2:]], axis=-1)
         camera = (robot - self.camera.viewpoint_m) @ self.camera.camera_to_robot

@@ -8,12 +8,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim2d.kernels import bearing_profile as kernels
+from sim2d.kernels.frame_values import (
+    BallSphere,
+    Bearings,
+    Crossings,
+    Lighting,
+    RoomWall,
+    Spans,
+    Things,
+    Viewpoint,
+)
 
 PER_TURN = 720
 ANGLES = np.arange(PER_TURN) * math.tau / PER_TURN
 DIRECTIONS = np.stack([ANGLES, np.cos(ANGLES), np.sin(ANGLES)], axis=1)
 HEIGHT_M, LAMP = 0.2, 0.9
-LIGHT = np.array([1.0, 0.0, 0.0, 0.05])
+LIGHT = Lighting(1.0, 0.0, 0.0, 0.05, LAMP)
 FLOOR, GROUND, ROOM, BALL = -1, -2, -3, -4
 HALL_M = 3.0
 EDGES = [(1.5, -1.0, 1.5, 1.0), (1.5, 1.0, -1.5, 1.0), (-1.5, 1.0, -1.5, -1.0), (-1.5, -1.0, 1.5, -1.0)]
@@ -28,8 +38,8 @@ def corners(x, y, yaw):
 
 def stacks(eye, boxes, rounds, ball, directions=DIRECTIONS):
     """Run the kernels; colours are the numbers of things in the blue channel: wall 0-7, boxes 8, ..."""
-    count = np.zeros(len(directions), dtype=np.int32)
-    entries = np.zeros((len(directions), 12, 4), dtype=np.float32)
+    many = len(directions)
+    crossings = Crossings(np.zeros(many, dtype=np.int32), np.zeros((many, 12, 4), dtype=np.float32))
     things, colors = [], []
 
     def add(height, bands, top, gap=0.0, marker=False, is_edge=False):
@@ -51,20 +61,21 @@ def stacks(eye, boxes, rounds, ball, directions=DIRECTIONS):
     add(POST_M, 3, True)
     for _, _, radius in rounds[1:]:
         add(ROBOT_M, 1, True, radius**2 * (1 - 0.3**2), marker=True)
-    args = directions, PER_TURN, count, entries
-    kernels.meet_walls(np.array(EDGES), 0, eye, *args)
-    kernels.meet_boxes(np.array([corners(*box) for box in boxes]).reshape(-1, 4, 2), 8, eye, *args)
-    kernels.meet_cylinders(np.array(rounds), 8 + 4 * len(boxes), eye, LAMP, *args)
-    ends = np.zeros((len(directions), 24), dtype=np.float32)
-    kinds = np.zeros((len(directions), 24), dtype=np.int32)
-    paint = np.zeros((len(directions), 24, 3), dtype=np.float32)
-    near_ball = np.zeros(len(directions), dtype=np.int32)
-    room = np.tile(np.float32([ROOM, 0, 1]), (10, 36, 1))
-    kernels.stack_spans(
-        count, entries, np.array(things, dtype=float), np.array(colors, dtype=float), directions, eye, HEIGHT_M, LIGHT,
-        np.array([GROUND, 0.0, 1.0]), room, 2.0, HALL_M, np.array(ball), ends, kinds, paint, near_ball,
-    )  # fmt: skip
-    return ends, kinds, paint
+    viewpoint, bearings = Viewpoint(*eye.tolist(), HEIGHT_M), Bearings(directions, PER_TURN)
+    kernels.meet_walls(np.array(EDGES), 0, viewpoint, bearings, crossings)
+    faces = np.array([corners(*box) for box in boxes]).reshape(-1, 4, 2)
+    kernels.meet_boxes(faces, 8, viewpoint, bearings, crossings)
+    kernels.meet_cylinders(np.array(rounds), 8 + 4 * len(boxes), viewpoint, LAMP, bearings, crossings)
+    spans = Spans(
+        np.zeros((many, 24), dtype=np.float32),
+        np.zeros((many, 24), dtype=np.int32),
+        np.zeros((many, 24, 3), dtype=np.float32),
+        np.zeros(many, dtype=np.int32),
+    )
+    room = RoomWall(np.tile(np.float32([ROOM, 0, 1]), (10, 36, 1)), 2.0, HALL_M, np.array([GROUND, 0.0, 1.0]))
+    rows = Things(np.array(things, dtype=float), np.array(colors, dtype=float))
+    kernels.stack_spans(crossings, rows, bearings, viewpoint, LIGHT, room, BallSphere(*ball), spans)
+    return spans.ends, spans.kinds, spans.paint
 
 
 def meets(eye, bearing, slope, boxes, rounds, ball):
@@ -166,10 +177,11 @@ def test_a_camera_that_sees_part_of_a_turn_gets_the_same_spans():
 
 
 def test_a_full_list_keeps_what_is_nearest():
-    count, entries = np.zeros(1, dtype=np.int32), np.zeros((1, 4, 4), dtype=np.float32)
+    crossings = Crossings(np.zeros(1, dtype=np.int32), np.zeros((1, 4, 4), dtype=np.float32))
     distances = [0.9, 0.3, 0.7, 0.5, 1.1, 0.2, 0.8]
     walls = np.array([[d, -0.5, d, 0.5] for d in distances])
-    kernels.meet_walls(walls, 0, np.zeros(3), DIRECTIONS[:1], PER_TURN, count, entries)
-    assert count[0] == 4
-    assert entries[0, :, kernels.NEAR] == pytest.approx(sorted(distances)[:4])
-    assert entries[0, :, kernels.THING].tolist() == [10.0, 2.0, 6.0, 4.0]
+    eye = Viewpoint(0.0, 0.0, 0.0, HEIGHT_M)
+    kernels.meet_walls(walls, 0, eye, Bearings(DIRECTIONS[:1], PER_TURN), crossings)
+    assert crossings.lengths[0] == 4
+    assert crossings.entries[0, :, kernels.NEAR] == pytest.approx(sorted(distances)[:4])
+    assert crossings.entries[0, :, kernels.THING].tolist() == [10.0, 2.0, 6.0, 4.0]

@@ -8,6 +8,7 @@ import pytest
 from field_models import field_names, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from sim2d.kernels import floor_lines as kernels
+from sim2d.kernels.frame_values import PaintMarks, Spans, Viewpoint
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.fast.line_rows import arc_rows, line_rows
 from sim2d.rendering.fast.pixel_table import mirror_pixels
@@ -23,12 +24,12 @@ TABLES = [mirror_pixels(c, np.ones(c.size_px[::-1], dtype=np.float32), FARTHEST_
 
 def shares(table, field, eye, until_m):
     """Return the shares of all rays, and the rays marked."""
-    count = len(table.pixels)
-    share, marked = np.zeros(count, dtype=np.float32), np.zeros(count, dtype=np.int32)
-    rays = table.rays, table.first, table.directions, np.array(eye), until_m, table.spread, field.line_width_m / 2
-    found = kernels.mark_lines(*rays, line_rows(field), share, marked, 0)
-    found = kernels.mark_arcs(*rays, arc_rows(field), share, marked, found)
-    return share, marked[:found]
+    count = len(table.rays.pixels)
+    marks = PaintMarks(np.zeros(count, dtype=np.float32), np.zeros(count, dtype=np.int32))
+    seen = table.rays, Viewpoint(*map(float, eye), table.height_m), until_m, field.line_width_m / 2
+    found = kernels.mark_lines(*seen, line_rows(field), marks, 0)
+    found = kernels.mark_arcs(*seen, arc_rows(field), marks, found)
+    return marks.fraction, marks.marked[:found]
 
 
 @pytest.mark.parametrize("name", field_names())
@@ -41,11 +42,11 @@ def test_shares_are_those_of_the_ray_caster(name, table):
     x0, y0, x1, y1 = field.lines[0]
     on_a_line = ((x0 + x1) / 2, (y0 + y1) / 2, math.atan2(y1 - y0, x1 - x0))
     eyes = [(*rng.uniform(-high, high), rng.uniform(-4, 4)) for _ in range(3)] + [on_a_line, (0.0, 0.0, 0.0)]
-    x, y, _, _, _, radial, tangential, near, far = table.rays
+    x, y, _, _, _, radial, tangential, near, far = table.rays.rays
     middle = (near + far) / 2
     # every ray of a bearing is looked at in the bearing's direction
-    bearing = np.repeat(table.directions[:, 0], np.diff(table.first))
-    assert np.abs(np.angle(np.exp(1j * (bearing - np.arctan2(y, x))))).max() < 1.01 * math.pi / table.per_turn
+    bearing = np.repeat(table.bearings.directions[:, 0], np.diff(table.rays.first))
+    assert np.abs(np.angle(np.exp(1j * (bearing - np.arctan2(y, x))))).max() < 1.01 * math.pi / table.bearings.per_turn
     on_floor = middle < 0.7 * FARTHEST_M
     for eye in eyes:
         c, s = math.cos(eye[2]), math.sin(eye[2])
@@ -55,7 +56,7 @@ def test_shares_are_those_of_the_ray_caster(name, table):
         places = (p.astype(np.float32) for p in (field_x, field_y, np.cos(aim), np.sin(aim)))
         where, covered = paint.coverage(*places, radial, tangential)
         expected[where] = covered
-        share, marked = shares(table, field, eye, np.full(table.per_turn, FARTHEST_M))
+        share, marked = shares(table, field, eye, np.full(table.bearings.per_turn, FARTHEST_M))
         assert (np.sort(marked) == np.flatnonzero(share)).all()
         difference = np.abs(share - expected)[on_floor]
         assert (expected[on_floor] > 0).sum() > 20
@@ -68,9 +69,9 @@ def test_shares_are_those_of_the_ray_caster(name, table):
 
 def test_nothing_is_marked_beyond_the_floor_that_is_seen():
     field, table, eye = load_field("ssl_2001"), TABLES[0], (0.3, 0.1, 0.5)
-    free, _ = shares(table, field, eye, np.full(table.per_turn, FARTHEST_M))
-    cut, _ = shares(table, field, eye, np.full(table.per_turn, 0.4))
-    near, far = table.rays[kernels.NEAR], table.rays[kernels.FAR]
+    free, _ = shares(table, field, eye, np.full(table.bearings.per_turn, FARTHEST_M))
+    cut, _ = shares(table, field, eye, np.full(table.bearings.per_turn, 0.4))
+    near, far = table.rays.rays[kernels.NEAR], table.rays.rays[kernels.FAR]
     assert (cut[far <= 0.4] == free[far <= 0.4]).all()
     assert not cut[near > 0.4].any()
     assert free[near > 0.4].any()
@@ -82,5 +83,6 @@ def test_the_floor_is_seen_up_to_the_end_of_its_last_span():
     ends = np.array([[-0.5, -0.2, inf], [-0.5, -0.2, inf], [0.1, inf, inf], [inf, 0, 0]], dtype=np.float32)
     kinds = np.array([[floor, paint, paint], [paint, floor, paint], [floor, paint, floor], [paint, floor, 0]])
     until_m = np.full(4, -1.0)
-    kernels.floor_until(ends, kinds.astype(np.int32), 0.2, FARTHEST_M, until_m)
+    spans = Spans(ends, kinds.astype(np.int32), np.zeros((4, 3, 3), dtype=np.float32), np.zeros(4, dtype=np.int32))
+    kernels.floor_until(spans, 0.2, FARTHEST_M, until_m)
     np.testing.assert_allclose(until_m, [0.4, 1.0, FARTHEST_M, 0.0], atol=1e-6)
