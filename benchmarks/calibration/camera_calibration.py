@@ -82,7 +82,7 @@ def map_error_m(camera: OmniCamera) -> float:
 
 
 def accuracy(camera: OmniCamera, samples: list[Sample]) -> tuple[float, float]:
-    """Share within 5 cm and 3 degrees, and median error in metres, of all images."""
+    """Ratio within 5 cm and 3 degrees, and median error in metres, of all images."""
     vision = Vision(FIELD, camera)
     errors = []
     for one in samples:
@@ -98,7 +98,7 @@ def measure_accuracy(seed: int, quick: bool) -> bool:
     others = list(frames(seed + 1, 30 if quick else 300))
     images = [one.frame for one in frames(seed, IMAGES)]
     rng = np.random.default_rng(seed)
-    columns = ("accuracy      ", col.share("within 5 cm/3 deg"), col.error("median mm"), "target     ", "verdict")
+    columns = ("accuracy      ", col.rate("within 5 cm/3 deg"), col.error("median mm"), "target     ", "verdict")
     table = Table(columns, name="accuracy", samples=len(others))
     all_ok = True
     for name, start, ratio_target, median_target_m in (
@@ -125,7 +125,7 @@ def measure_convergence(seed: int, trials: int) -> bool:
     table = Table(
         (
             "convergence",
-            col.share("converged"),
+            col.rate("converged"),
             col.error("median mm"),
             col.error("worst mm"),
             "refused",

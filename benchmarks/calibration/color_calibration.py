@@ -212,7 +212,7 @@ def measure_hostile(seed: int, step: int) -> bool:
 
 def measure_files(seed: int, count: int) -> bool:
     """Print colour files from pictures."""
-    columns = ("colour file, condition", col.share("images used"), col.error("worst ratio off %"), "target", "verdict")
+    columns = ("colour file, condition", col.rate("images used"), col.error("worst ratio off %"), "target", "verdict")
     table = Table(columns, "Colour files", name="files", samples=count)
     all_ok = True
     for name in ("nominal", "warm", "cold", "dark", "bad_day"):

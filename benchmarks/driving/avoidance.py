@@ -162,7 +162,7 @@ def main() -> None:
             col.label("steering          "),
             "routes",
             col.count("collided"),
-            col.share("reached %"),
+            col.rate("reached %"),
             col.error("s, both"),
             "mm",
             "verdict",

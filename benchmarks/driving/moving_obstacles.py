@@ -36,7 +36,7 @@ SPEED_MPS, MARGIN_M = 0.6, 0.02
 CROSSING_MPS = (0.3, 1.0)
 SECONDS = 20.0
 AT_FAULT_MPS = 0.05
-MAX_SHARE = 0.2
+MAX_RATIO = 0.2
 PLAIN, TRACKED, TOLD = METHODS = ("without velocities", "tracks", "true places and velocities")
 
 
@@ -216,7 +216,7 @@ def main() -> None:
             without = at_fault if method == PLAIN else without
             ok = None
             if place is WIDE and method == TRACKED:
-                ok = at_fault <= MAX_SHARE * without
+                ok = at_fault <= MAX_RATIO * without
                 all_ok &= ok
             table.row(
                 place.name, method, len(own), at_fault, sum(o.contacts for o in own),

@@ -198,8 +198,8 @@ def main() -> None:
             (
                 "condition           ",
                 col.label("method     "),
-                col.share("located"),
-                *(col.share(name) for name in ("20 cm %", "10 %", "1 %")),
+                col.rate("located"),
+                *(col.rate(name) for name in ("20 cm %", "10 %", "1 %")),
                 col.error("median m"),
                 "NEES",
                 "verdict",

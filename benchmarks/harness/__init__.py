@@ -1,4 +1,4 @@
-"""What every benchmark shares: arguments, tables, verdicts, files of figures, and their comparison."""
+"""What all programs have in common: arguments, tables, verdicts, files of figures, and their comparison."""
 
 from benchmarks.harness.figures import Kind
 from benchmarks.harness.report import DEFAULT_SEED, Table, finish, parse_arguments, percent, verdict

@@ -10,9 +10,9 @@ def label(name: str) -> Column:
     return Column(name, Kind.LABEL)
 
 
-def share(name: str) -> Column:
+def rate(name: str) -> Column:
     """Per cent, or "a/b", of independent samples: more is better."""
-    return Column(name, Kind.SHARE)
+    return Column(name, Kind.RATE)
 
 
 def loss(name: str) -> Column:

@@ -4,7 +4,7 @@ A run repeats its seed, so that the same code gives the same figures but for tim
 move figures without making them worse: it is what another seed could give. Of `n` samples in both runs, a figure is
 worse if
 
-- a share (per cent or a/b) falls, or a loss rises, by more than 3 standard deviations of the difference of two
+- a rate (per cent or a/b) falls, or a loss rises, by more than 3 standard deviations of the difference of two
   binomial ratios, both taken to be the earlier one;
 - an error rises, or a score falls, by more than the factor 1 + 3 sqrt(2 / n): the relative standard deviation of a
   median or root mean square of n samples is about 1 / sqrt(n) (a factor of 2 where n is not said);
@@ -95,18 +95,18 @@ def is_worse(column: Column, kind: Kind, before: float, now: float, samples: int
     kind : Kind
         Of the figure.
     before, now : float
-        The figures; shares in per cent.
+        The figures; rates in per cent.
     samples : int or None
         Independent samples in each run.
     """
     if math.isnan(now) and not math.isnan(before):
         return "no number now"
-    if kind in (Kind.SHARE, Kind.LOSS):
+    if kind in (Kind.RATE, Kind.LOSS):
         n = samples or 1
-        # Laplace's rule of succession: a share of 100 % has noise, too
+        # Laplace's rule of succession: a rate of 100 % has noise, too
         ratio = (n * before / 100 + 1) / (n + 2)
         slack = 100 * SIGMAS * math.sqrt(2 * ratio * (1 - ratio) / n)
-        lost = before - now if kind is Kind.SHARE else now - before
+        lost = before - now if kind is Kind.RATE else now - before
         return f"at most {slack:.3g} points worse with {n} samples" if lost > slack else ""
     if kind is Kind.COUNT:
         slack = SIGMAS * math.sqrt(max(before, 1.0))

@@ -30,7 +30,7 @@ class Kind(str, Enum):
 
     TEXT = "text"  # not compared: words, targets, times in seconds
     LABEL = "label"  # names the row
-    SHARE = "share"  # per cent, or "a/b", of independent samples; more is better
+    RATE = "rate"  # per cent, or "a/b", of independent samples; more is better
     LOSS = "loss"  # the same, less is better
     ERROR = "error"  # an error or a ratio of errors; less is better
     SCORE = "score"  # a figure of merit; more is better

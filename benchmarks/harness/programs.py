@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-_NO_PROGRAMS = ("harness", "worlds", "peers")
+_NO_PROGRAMS = ("harness", "worlds", "peers", "scores")
 
 
 def program_names() -> list[str]:

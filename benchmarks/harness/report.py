@@ -1,4 +1,4 @@
-"""What every program shares: its arguments, its first lines, its tables, its verdicts, and its file of figures.
+"""What all programs have in common: arguments, first lines, tables, verdicts and the file of figures.
 
 A program calls `parse_arguments` once, makes a `Table` for each group of rows, and ends with `finish`. Tables print as
 they fill. `finish` writes them to a JSON file: to that of ``--json FILE``, or, for a run of default size and seed, to

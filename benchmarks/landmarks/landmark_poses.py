@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
-from benchmarks.landmarks.orb import OrbExtractor
+from benchmarks.peers.orb import OrbExtractor
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.landmarks.features import Features, SiftExtractor
@@ -58,7 +58,7 @@ PAPER_CELLS = {
     (0.2, math.inf): (33.22, 39.87, 0.49, 6.1, 45.15, 22.96),
 }
 COLUMNS = (
-    "method                     ", col.share("located"), col.error("x mm"), col.error("y mm"), col.error("deg"),
+    "method                     ", col.rate("located"), col.error("x mm"), col.error("y mm"), col.error("deg"),
     "median x, y, deg    ", "match ms", "looked for", "matched", col.error("NEES"),
     "paper: mm, mm, deg, ms, for, matched  ",
 )  # fmt: skip
@@ -420,7 +420,7 @@ def main() -> None:
             right += estimate.pose.error_to(pose)[0] < 0.05
     ok = slowest <= 0.5
     verdicts.add("without a prior: slowest, s", f"{slowest:.3f}", "<= 0.5", ok, Kind.TEXT)
-    verdicts.add("without a prior: within 5 cm", f"{right}/{tried}", "", True, Kind.SHARE)
+    verdicts.add("without a prior: within 5 cm", f"{right}/{tried}", "", True, Kind.RATE)
 
     sizes = (2_000, 20_000, 200_000) if arguments.quick else (2_000, 6_000, 20_000, 60_000, 200_000)
     every = 4 if arguments.quick else 2
@@ -444,7 +444,7 @@ def cheaper(
     table = Table(
         (
             "features              ",
-            col.share("located"),
+            col.rate("located"),
             col.error("median mm"),
             col.error("mm  "),
             col.error("deg "),

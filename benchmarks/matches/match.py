@@ -92,11 +92,11 @@ def judge_matches(seed: int, matches: int, seconds: float) -> bool:
         (
             "seed        ",
             "score",
-            col.share("near %"),
+            col.rate("near %"),
             col.error("mm"),
             col.error("p95 mm"),
             col.error("lost s", floor=MAX_LOST_S),
-            col.share("half %"),
+            col.rate("half %"),
             col.error("stuck s", floor=MAX_STUCK_S),
             "collisions",
             "m driven",

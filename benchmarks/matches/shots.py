@@ -105,10 +105,10 @@ def main() -> None:
     verdicts.row("log loss to that of the mean ratio", *cells, kind=Kind.ERROR, samples=len(kicks))
     surest = int((chance >= BINS[-2]).sum())
     cells = percent(sure), f">= {100 * MIN_SURE:g}", verdict(is_sure)
-    verdicts.row("of the surest kicks went in, %", *cells, kind=Kind.SHARE, samples=surest)
+    verdicts.row("of the surest kicks went in, %", *cells, kind=Kind.RATE, samples=surest)
     is_seen = seen >= MIN_SEEN
     cells = percent(seen), f">= {100 * MIN_SEEN:g}", verdict(is_seen)
-    verdicts.row("held balls that are seen, %", *cells, kind=Kind.SHARE, samples=len(kicks))
+    verdicts.row("held balls that are seen, %", *cells, kind=Kind.RATE, samples=len(kicks))
     finish(arguments.check, is_informative and is_sure and is_seen)
 
 

@@ -232,7 +232,7 @@ def seconds_per_update(seed: int, rounds: int) -> tuple[dict[str, float], float]
 
 
 def ratio(counts: npt.NDArray[np.int64], row: int, column: int) -> float:
-    """Share that a method gets right, or wrong, of what there is."""
+    """Ratio that a method gets right, or wrong, of what there is."""
     return float(counts[row, column] / max(counts[row, column + 1], 1))
 
 
@@ -249,8 +249,8 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
             col.label("method     "),
             col.loss("occupied called free %"),
             "of cells",
-            col.share("free called free %"),
-            col.share("in glare %"),
+            col.rate("free called free %"),
+            col.rate("in glare %"),
         ),
         name="light",
         # the cells of a run are no independent samples
@@ -278,7 +278,7 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
     judged.row("the same, only cells that have been in glare", None, in_glare, None, kind=Kind.SCORE)
     into, of_true = 100 * float(ranges[0] / ranges[1]), 100 * float(ranges[2] / ranges[3])
     judged.row("free ranges that lead into something, %", None, into, None, kind=Kind.LOSS, samples=CELL_SAMPLES)
-    judged.row("free ranges of the true ones, %", None, of_true, None, kind=Kind.SHARE, samples=CELL_SAMPLES)
+    judged.row("free ranges of the true ones, %", None, of_true, None, kind=Kind.RATE, samples=CELL_SAMPLES)
     return is_safe and is_open
 
 

@@ -32,12 +32,12 @@ import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.peers.pose_followers import HAS_FILTERPY, Ekf, Follower, Single, pose_difference
 from benchmarks.worlds.pose_runs import (
     KIDNAP_EVERY_S,
     KINDS,
@@ -52,13 +52,8 @@ from benchmarks.worlds.pose_runs import (
 )
 from robocup_vision import NotLocated, PoseEstimate
 from robocup_vision.arrays import FloatArray
-from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
-from robocup_vision.localization.filter.pose_filter import FrameErrors, OdometryNoise, PoseFilter
-
-try:
-    from filterpy.kalman import ExtendedKalmanFilter
-except ImportError:
-    ExtendedKalmanFilter = None
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.pose_filter import FrameErrors, PoseFilter
 
 WORKERS = 2
 # runs of wandering, of kidnapping, synthetic ones of each kind
@@ -79,125 +74,6 @@ CONDITIONS = (
 KIDNAPPED_CONDITIONS = ("every frame", "30 % missing", "100 ms late")
 BIASES = tuple((ratio, way_m) for way_m in (0.5, 5.0) for ratio in (0.0, 0.2, 0.5, 0.9))
 METHODS = ("single", "EKF", "filter")
-
-
-class Follower(Protocol):
-    """What is compared."""
-
-    def expect(self, pose: Pose2) -> None:
-        """Say where the robot stands, about."""
-
-    def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Take a step of odometry."""
-
-    def update(self, estimate: PoseEstimate, t_s: float) -> None:
-        """Take a frame's pose."""
-
-    @property
-    def belief(self) -> PoseEstimate | NotLocated:
-        """Where the robot is now."""
-
-
-class Single:
-    """The last single estimate, carried on by odometry."""
-
-    def __init__(self) -> None:
-        self._clock = PoseFilter()
-        self._pose: Pose2 | None = None
-        self._covariance = np.zeros((3, 3))
-
-    def expect(self, pose: Pose2) -> None:
-        """Begin there."""
-        self._pose = pose
-
-    def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Carry it."""
-        self._clock.predict(odometry, t_s)
-        if self._pose is not None:
-            self._pose = self._pose.compose(odometry)
-
-    def update(self, estimate: PoseEstimate, t_s: float) -> None:
-        """Forget what was before."""
-        motion = self._clock.motion_since(t_s)
-        if motion is None:
-            return
-        self._pose, self._covariance = nearest(estimate, motion, self._pose)
-
-    @property
-    def belief(self) -> PoseEstimate | NotLocated:
-        """The pose, with the covariance the frame gave."""
-        if self._pose is None:
-            return NotLocated("no frame yet")
-        return PoseEstimate(self._pose, self._covariance, 0.0, 0.0)
-
-
-class Ekf:
-    """filterpy's extended Kalman filter over the pose, odometry as its control."""
-
-    def __init__(self) -> None:
-        self._clock, self._noise = PoseFilter(), OdometryNoise()
-        self._filter: Any = None
-        self._t_s = 0.0
-        self._expected: Pose2 | None = None
-
-    def expect(self, pose: Pose2) -> None:
-        """Take the first frame's candidate nearest to it."""
-        self._expected = pose
-
-    def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Carry it."""
-        self._clock.predict(odometry, t_s)
-        if self._filter is not None:
-            ekf = self._filter
-            theta = float(ekf.x[2])
-            c, s = math.cos(theta), math.sin(theta)
-            jacobian = np.eye(3)
-            jacobian[:2, 2] = (-s * odometry.x_m - c * odometry.y_m, c * odometry.x_m - s * odometry.y_m)
-            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            moved = Pose2(*ekf.x).compose(odometry)
-            ekf.F = jacobian
-            ekf.Q = turn @ white_noise(self._noise, odometry, t_s - self._t_s) @ turn.T
-            ekf.predict_x = lambda u=0: setattr(ekf, "x", moved.array)
-            ekf.predict()
-        self._t_s = t_s
-
-    def update(self, estimate: PoseEstimate, t_s: float) -> None:
-        """Correct it."""
-        motion = self._clock.motion_since(t_s)
-        if motion is None:
-            return
-        if self._filter is None:
-            pose, covariance = nearest(estimate, motion, self._expected)
-            self._filter = ExtendedKalmanFilter(3, 3)
-            self._filter.x, self._filter.P = pose.array, covariance
-            return
-        pose, covariance = nearest(estimate, motion, Pose2(*self._filter.x))
-        self._filter.update(pose.array, lambda x: np.eye(3), lambda x: x, R=covariance, residual=_residual)
-
-    @property
-    def belief(self) -> PoseEstimate | NotLocated:
-        """Its state."""
-        if self._filter is None:
-            return NotLocated("no frame yet")
-        return PoseEstimate(Pose2(*self._filter.x), self._filter.P, 0.0, 0.0)
-
-
-def white_noise(noise: OdometryNoise, motion: Pose2, seconds: float) -> FloatArray:
-    """Covariance (3, 3) of a step's odometry, with errors as independent as add up to what lasting slip does."""
-    slip = noise.slip(motion)
-    return 2 * noise.slip_s / max(seconds, 0.01) * slip @ slip + noise.push(seconds)
-
-
-def _residual(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.array([a[0] - b[0], a[1] - b[1], wrap_angle(a[2] - b[2])])
-
-
-def nearest(estimate: PoseEstimate, motion: Pose2, near: Pose2 | None) -> tuple[Pose2, FloatArray]:
-    """Return the candidate nearest to a pose, carried by a motion, and its covariance."""
-    poses = [pose.compose(motion) for pose in estimate.candidates]
-    index = 0 if near is None else min(range(len(poses)), key=lambda k: sum(poses[k].error_to(near)))
-    is_turned = sum(estimate.candidates[index].error_to(estimate.pose.half_turn())) < 1e-6
-    return poses[index], half_turn_covariance(estimate.covariance) if is_turned else estimate.covariance
 
 
 FOLLOWERS: dict[str, Callable[[], Follower]] = {
@@ -267,7 +143,7 @@ def judge(steps: list[Step], beliefs: list[PoseEstimate | NotLocated]) -> Tally:
         if not isinstance(belief, PoseEstimate):
             tally.lost += 1
             continue
-        error = _residual(belief.pose.array, step.truth.array)
+        error = pose_difference(belief.pose.array, step.truth.array)
         tally.moments += 1
         tally.squares_m2 += float(error[:2] @ error[:2])
         tally.squares_rad2 += float(error[2] ** 2)
@@ -292,7 +168,7 @@ def judge_all(steps: list[Step], seed: int, run: int) -> dict[tuple[str, str], T
         coming = arrivals(steps, condition, np.random.default_rng([seed, run, 2, number]))
         reported = with_odometry(steps, 0.8 if run % 2 else 1.2) if condition == "odometry off" else steps
         for method in METHODS:
-            if method == "EKF" and ExtendedKalmanFilter is None:
+            if method == "EKF" and not HAS_FILTERPY:
                 continue
             results[condition, method] = judge(steps, follow(FOLLOWERS[method](), reported, coming))
     return results
@@ -314,7 +190,7 @@ def recoveries(
     for number, condition in enumerate(KIDNAPPED_CONDITIONS):
         coming = arrivals(steps, condition, np.random.default_rng([seed, run, 4, number]))
         for method in METHODS:
-            if method == "EKF" and ExtendedKalmanFilter is None:
+            if method == "EKF" and not HAS_FILTERPY:
                 continue
             beliefs = follow(FOLLOWERS[method](), steps, coming)
             near = np.array([_is_near(belief, step.truth) for step, belief in zip(steps, beliefs, strict=True)])
@@ -340,7 +216,7 @@ def synthesize(task: tuple[int, int, float, float]) -> dict[str, Tally]:
     seed, run, bias_ratio, bias_distance_m = task
     steps = synthetic_steps(bias_ratio, bias_distance_m, np.random.default_rng([seed, run, 3]))
     coming = arrivals(steps, "every frame", np.random.default_rng(0))
-    methods = [method for method in METHODS if method != "EKF" or ExtendedKalmanFilter is not None]
+    methods = [method for method in METHODS if method != "EKF" or HAS_FILTERPY]
     return {method: judge(steps, follow(FOLLOWERS[method](), steps, coming)) for method in methods}
 
 
@@ -348,7 +224,7 @@ def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__))
     wandering, kidnapped, synthetic = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
-    if ExtendedKalmanFilter is None:
+    if not HAS_FILTERPY:
         print("filterpy: not installed")
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
@@ -370,7 +246,7 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
             col.error("ratio"),
             "NEES mean",
             col.error("median"),
-            col.share("in 95 %"),
+            col.rate("in 95 %"),
             col.count("flips"),
             col.loss("lost %"),
             "verdict",
@@ -390,7 +266,7 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> bool:
         for method, tally in tallies.items():
             label = condition if method == METHODS[0] else ""
             if not tally.moments:
-                is_absent = method == "EKF" and ExtendedKalmanFilter is None
+                is_absent = method == "EKF" and not HAS_FILTERPY
                 table.row(label, method, "not installed" if is_absent else "none", *[None] * 8)
                 continue
             nees, ratio = tally.all_nees, tally.rms_m / tallies["single"].rms_m
@@ -466,7 +342,7 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> bool:
             col.error("RMS mm"),
             col.error("ratio"),
             col.error("NEES mean"),
-            col.share("in 95 %"),
+            col.rate("in 95 %"),
             "verdict",
         ),
         f"synthetic: {runs} runs of {RUN_S:g} s each; the filter's guess is {guess.bias_ratio:g} for "

@@ -20,8 +20,8 @@ import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.tracking_score import Score
 from benchmarks.peers.tracking_peers import NearestNeighbours, Reports, StoneSoup
+from benchmarks.scores.tracking_score import Score
 from benchmarks.worlds.crowd import Frame, camera_film, film
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
@@ -41,7 +41,7 @@ TUNED = {
     "speed_mps": 1.0,
 }
 FEW_FALSE = {"hits": 4, "window": 6, "patience": 10, "gate": 9.2, "tentative_patience": 1, "speed_mps": 1.0, "quiet": 5}
-MORE_MOTA, FALSE_SHARE, MAX_MS = 0.02, 0.2, 2.0
+MORE_MOTA, FALSE_RATIO, MAX_MS = 0.02, 0.2, 2.0
 
 Tracker = Callable[[Sequence[Frame]], list[Reports] | None]
 
@@ -134,7 +134,7 @@ def main() -> None:
     ours, tuned = score(track_splitting, films), score(partial(nearest_neighbours, settings=TUNED), films)
     assert ours is not None
     assert tuned is not None
-    ok = ours.mota >= tuned.mota + MORE_MOTA and ours.false_tracks <= FALSE_SHARE * tuned.false_tracks
+    ok = ours.mota >= tuned.mota + MORE_MOTA and ours.false_tracks <= FALSE_RATIO * tuned.false_tracks
     row("track splitting", ours, runs, ok)
     row("GNN, tuned", tuned, runs)
     row("GNN, tuned, few false tracks", score(partial(nearest_neighbours, settings=FEW_FALSE), films), runs)

@@ -203,7 +203,7 @@ def main() -> None:
         all_ok &= ok
         target = f"< {MAX_CONSTRUCTION_S:g} s"
         rows.append((f"making a Vision, {label}", f"{1e3 * construction_s:.0f}", None, None, target, verdict(ok)))
-    columns = ("once" + " " * 30, "ms     ", "slowest", col.share("located"), "target   ", "verdict")
+    columns = ("once" + " " * 30, "ms     ", "slowest", col.rate("located"), "target   ", "verdict")
     table = Table(columns, name="once")
     for row in rows:
         table.row(*row)

@@ -41,7 +41,7 @@ PRINTED = (
     ((1.2, 0.6), (21, 10, 5.2)),
 )
 BOX_PLACES = ((0.3, 0.35), (0.9, 0.3), (0.45, -0.45), (1.1, -0.35), (-0.55, -0.3), (-0.9, 0.35))
-SHARE = 1 / 5
+MAX_RATIO = 1 / 5
 HEADING_RAD = math.radians(5.0)
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 
@@ -80,7 +80,7 @@ def main() -> None:
     columns: tuple[str | Column, ...] = (
         "place (mm)   ",
         col.label("method        "),
-        col.share("located"),
+        col.rate("located"),
         *(col.error(name) for name in ("dx mm", "dy mm", "dtheta deg")),
         "verdict",
     )
@@ -92,7 +92,7 @@ def main() -> None:
         for name, vision in (("hull", hull), ("outline", outline)):
             found = errors(vision, frames)
             rms = np.sqrt(np.mean(found**2, axis=0)) if len(found) else np.full(3, np.nan)
-            ok = len(found) == count and bool(np.all(rms <= SHARE * np.array(printed)))
+            ok = len(found) == count and bool(np.all(rms <= MAX_RATIO * np.array(printed)))
             judged = name == "outline"
             all_ok &= ok or not judged
             table.row("", name, f"{len(found)}/{count}", *rms.tolist(), verdict(ok) if judged else None)

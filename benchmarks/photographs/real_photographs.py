@@ -84,7 +84,7 @@ def forward_camera(draws: int, seed: int) -> bool:
     """Refine priors about the given poses by lines, tilt and roll included and not; whether it helps on average."""
     columns = (
         "priors refined by lines ",
-        col.share("located"),
+        col.rate("located"),
         "prior m, deg",
         "refined m, deg",
         "stiff m, deg",

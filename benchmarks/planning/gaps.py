@@ -201,9 +201,9 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
         name = f"{label} time saved over '{SINGLE[best]}', %"
         if times is expected:
             # the plan's horizon is three looks; driven, it is planned again after each
-            table.row(name, percent(saved), "-", None, kind=Kind.SHARE)
+            table.row(name, percent(saved), "-", None, kind=Kind.RATE)
         else:
-            row(name, percent(saved), ">= 5", saved >= 0.05, Kind.SHARE)
+            row(name, percent(saved), ">= 5", saved >= 0.05, Kind.RATE)
         open_ones = np.array([action == "look" for action in chosen])
         means = times[open_ones].mean(axis=0)
         best = int(np.argmin(means[1:]))
@@ -372,7 +372,7 @@ def measure_times(drives: int, seed: int) -> None:
     """Print what a gap costs by its width, in the table and driven, and what turning back does."""
     times = gap_choices.passage_times()
     table = Table(
-        ("robot widths", "table's s", "driven s", "+-", col.share("passed %")),
+        ("robot widths", "table's s", "driven s", "+-", col.rate("passed %")),
         "one gap straight ahead, 2 m away; a gap that is not passed counts for nothing here",
         name="times",
         samples=drives,

@@ -37,7 +37,7 @@ CAMERA = replace(HEAD_CAMERA, pan_rad=0.0)
 # who does not know the half turns on the spot to find out: head and body reach all round
 NECK = Neck(limit_rad=math.pi)
 STD = np.array([0.15, 0.15, 0.08])
-TRACKED_SHARE, TRACK_STD_M = 0.8, 0.08
+TRACKED_RATIO, TRACK_STD_M = 0.8, 0.08
 MAX_LOOKS = 9
 # a sweep's stops overlap by a third of the view, so that a goal is whole in one of them
 STOPS = np.linspace(-math.pi, math.pi, 10)[:-1]
@@ -81,7 +81,7 @@ class Case:
         to_belief = first.compose(self.pose.inverse())
         self.blockers = []
         for robot in self._scene.robots:
-            if rng.random() < TRACKED_SHARE:
+            if rng.random() < TRACKED_RATIO:
                 x, y = to_belief.transform(rng.normal((robot.x_m, robot.y_m), TRACK_STD_M)).tolist()
                 self.blockers.append(Blocker(x, y, robot.radius_m, np.eye(2) * TRACK_STD_M**2, robot.height_m))
         self._localizer = GoalLocalizer(FIELD, CAMERA)
@@ -153,8 +153,8 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     table = Table(
         (
             "rule              ",
-            col.share("answered %"),
-            col.share("right % of these"),
+            col.rate("answered %"),
+            col.rate("right % of these"),
             col.error("looks"),
             "ratio",
             "looks of all",

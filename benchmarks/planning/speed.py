@@ -232,7 +232,7 @@ def measure_unknown(runs: int, others: int, seed: int) -> bool:
             "rule                   ",
             "runs",
             col.loss("collided %"),
-            col.share("arrived %"),
+            col.rate("arrived %"),
             "seconds",
             col.error("ratio"),
             "verdict",

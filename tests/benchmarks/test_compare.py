@@ -32,12 +32,12 @@ def one(kind: Kind, cell: object, samples: int | None = None, label: str = "near
     ("kind", "before", "now", "samples", "worse"),
     [
         # 3 sigma of the difference of two ratios of 60: 7 points at 100 %, 27 at 50 %
-        (Kind.SHARE, "100", "96.70", 60, False),
-        (Kind.SHARE, "100", "90.00", 60, True),
-        (Kind.SHARE, "50.00", "30.00", 60, False),
-        (Kind.SHARE, "50.00", "20.00", 60, True),
-        (Kind.SHARE, "50.00", "100", 60, False),
-        (Kind.SHARE, "60/60", "50/60", None, True),
+        (Kind.RATE, "100", "96.70", 60, False),
+        (Kind.RATE, "100", "90.00", 60, True),
+        (Kind.RATE, "50.00", "30.00", 60, False),
+        (Kind.RATE, "50.00", "20.00", 60, True),
+        (Kind.RATE, "50.00", "100", 60, False),
+        (Kind.RATE, "60/60", "50/60", None, True),
         (Kind.LOSS, "0.00", "3.30", 60, False),
         (Kind.LOSS, "0.00", "10.00", 60, True),
         (Kind.LOSS, "10.00", "0.00", 60, False),
@@ -147,12 +147,12 @@ def test_the_check_leaves_with_its_status(
 ) -> None:
     name = "goal/goal_sensitivity"
     monkeypatch.setattr("benchmarks.__main__.QUICK_FOLDER", tmp_path)
-    write_figures(one(Kind.SHARE, "20/20"), tmp_path / f"{name}.json")
+    write_figures(one(Kind.RATE, "20/20"), tmp_path / f"{name}.json")
 
     def run(program: str, options: Sequence[str]) -> tuple[int, str]:
         assert program == name
         assert options[:2] == ["--quick", "--json"]
-        write_figures(one(Kind.SHARE, now), Path(options[2]))
+        write_figures(one(Kind.RATE, now), Path(options[2]))
         return 0, ""
 
     assert main(["--quick", "--check", name], run) == status
@@ -170,7 +170,7 @@ def test_an_update_replaces_the_last_figures(monkeypatch: pytest.MonkeyPatch, tm
     monkeypatch.setattr("benchmarks.__main__.QUICK_FOLDER", tmp_path)
 
     def run(program: str, options: Sequence[str]) -> tuple[int, str]:
-        write_figures(one(Kind.SHARE, "9/20"), Path(options[-1]))
+        write_figures(one(Kind.RATE, "9/20"), Path(options[-1]))
         return 0, ""
 
     assert main(["--quick", "--update", "goal/goal_table"], run) == 0

@@ -25,7 +25,7 @@ def written(tmp_path: Path) -> Path:
 def run(path: Path) -> Path:
     """Do what a program does."""
     arguments = parse_arguments(DOCSTRING, ["--quick", "--json", str(path)])
-    columns = ("place    ", col.share("located"), col.error("|mm|", floor=0.1), "target", "verdict")
+    columns = ("place    ", col.rate("located"), col.error("|mm|", floor=0.1), "target", "verdict")
     table = Table(columns, "Poses", name="poses", samples=20)
     table.row("near", "19/20", 1.23456789, "<= 2", verdict(True))
     table.row("far", percent(0.5), math.inf, None, verdict(False), samples=10)
@@ -49,7 +49,7 @@ def test_a_table_becomes_json(written: Path) -> None:
     poses = figures.table("poses")
     assert [(c.name, c.kind) for c in poses.columns] == [
         ("place", Kind.LABEL),
-        ("located", Kind.SHARE),
+        ("located", Kind.RATE),
         ("|mm|", Kind.ERROR),
         ("target", Kind.TEXT),
         ("verdict", Kind.TEXT),

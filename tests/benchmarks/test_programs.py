@@ -19,7 +19,7 @@ PROGRAMS = program_names()
 
 def test_there_are_programs() -> None:
     assert "mirror/omni_accuracy" in PROGRAMS
-    assert not [name for name in PROGRAMS if name.startswith(("harness", "worlds", "peers"))]
+    assert not [name for name in PROGRAMS if name.startswith(("harness", "worlds", "peers", "scores"))]
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
