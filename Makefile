@@ -4,12 +4,13 @@ PYTHON := .venv/bin/python
 INSTALLED := .venv/installed
 
 .DEFAULT_GOAL := help
-.PHONY: help .venv test slow demo match examples figures bench-check clean
+.PHONY: help .venv test slow docs demo match examples figures bench-check clean
 
 help:
 	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
 	@echo "make test      ruff, mypy and pytest"
 	@echo "make slow      the tests that take longer than a few seconds each"
+	@echo "make docs      the documentation: out/docs/index.html"
 	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"
 	@echo "make examples  run every program in examples/"
 	@echo "make figures   render the tables of README.md and benchmarks/README.md from benchmarks/figures"
@@ -42,6 +43,14 @@ test: $(INSTALLED)
 
 slow: $(INSTALLED)
 	$(PYTHON) -m pytest -m slow
+
+docs: .venv/installed-docs
+	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs
+	@echo "out/docs/index.html"
+
+.venv/installed-docs: $(INSTALLED)
+	$(PYTHON) -m pip install -qq --disable-pip-version-check --editable '.[docs]'
+	touch $@
 
 demo: $(INSTALLED)
 	.venv/bin/robocup-vision evaluate images/omni_ssl_2001 --out out/omni_ssl_2001

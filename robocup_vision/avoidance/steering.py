@@ -84,10 +84,10 @@ class Steering:
         Speed v_c of eq. 11.
     time_threshold_s : float, optional
         The paper's T_th, one for all directions. None derives it per direction: a command is safe when it can be
-        carried out to its end and the robot can then still stop. The end is reached after |dv_j| / alpha, the stopping
-        distance v^2 / (2 alpha) takes v / (2 alpha) at speed v, and the next decision comes a period and again a dead
-        time later: T_j >= 2 dead_time + period + |dv_j| / alpha + v / (2 alpha). Then the command given now stays
-        safe until it is reached, and braking is safe after that, so that a standing world is never touched. (The
+        carried out to its end and the robot can then still stop. The end is reached after ``|dv_j|`` / alpha, the
+        stopping distance v^2 / (2 alpha) takes v / (2 alpha) at speed v, and the next decision comes a period and again
+        a dead time later: T_j >= 2 dead_time + period + ``|dv_j|`` / alpha + v / (2 alpha). Then the command given now
+        stays safe until it is reached, and braking is safe after that, so that a standing world is never touched. (The
         paper's 2.75 s is the time 2 v / alpha of a full reversal plus the dead time.)
     directions : int
         Number J of directions that are tried.

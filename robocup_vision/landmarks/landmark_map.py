@@ -50,7 +50,7 @@ class LandmarkMap:
     view_descriptors : (V, D) uint8
         Packed by `features.to_bytes`.
     view_contrast : (V,) float64
-        |D|.
+        ``|D|``.
     view_size_m : (V,) float64
         Diameter of what the keypoint describes, metres.
     view_spacing_m : (V,) float64
