@@ -27,6 +27,10 @@ def test_there_is_a_program_for_each_use():
     assert len(PROGRAMS) >= 3
 
 
+def test_the_readme_stays_short():
+    assert len(README.splitlines()) <= 150
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("program", PROGRAMS, ids=range(len(PROGRAMS)))
 def test_programs_run(program, tmp_path):
@@ -44,5 +48,5 @@ def test_commands_are_understood(command):
 
 
 def test_linked_files_are_there():
-    for target in re.findall(r"\]\(([^)#]+)\)", README):
+    for target in re.findall(r"\]\(([^)#]+)", README):
         assert target.startswith("https://") or (ROOT / target).exists(), target
