@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,17 +27,15 @@ import numpy.typing as npt
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from benchmarks.peers.orb import OrbExtractor
+from benchmarks.worlds.hall_runs import building, drift, make_runs
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.landmarks.features import Features, SiftExtractor
 from robocup_vision.landmarks.landmark_map import LandmarkMap, expect
 from robocup_vision.landmarks.locate import LandmarkLocalizer, LandmarkMatch
-from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
 from robocup_vision.landmarks.selection import Selection
-from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
-from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
+from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame
 
-SHIFT_M, DIM, MOVED = 0.2, 0.5, 0.3
 # printed: x mm, y mm, degrees, ms, projected, matched
 PAPER_ALL = (14.95, 10.70, 0.16, 472.36, 1924.59, 58.00)
 PAPER_CELLS = {
@@ -107,14 +104,6 @@ class Verdicts:
             table.row(name, measured, target, verdict(ok), kind=kind)
 
 
-def render(job: tuple[Hall, str, list[Pose2], int, int, HallLight | None]) -> list[HallFrame]:
-    """Render a part of a run: ("rig" or "one"), poses, seed, number of the first frame, light."""
-    cv2.setNumThreads(1)
-    hall, kind, poses, seed, first, light = job
-    cameras = (HALL_RIG.right, HALL_RIG.left, HALL_RIG.top) if kind == "rig" else (HALL_CAMERA,)
-    return list(take(hall, cameras, poses, seed, first=first, light=light))
-
-
 def score(
     localizer: LandmarkLocalizer, runs: Sequence[Features], truth: Sequence[Pose2], rng: np.random.Generator
 ) -> Score:
@@ -178,47 +167,6 @@ def row(table: Table, name: str, s: Score, paper: tuple[float, ...] | None = Non
     )  # fmt: skip
 
 
-def build(
-    frames: Sequence[HallFrame], *, bound_drift: bool = True, orb: bool = False
-) -> tuple[LandmarkMap, list[Pose2], int]:
-    """Build a map; return it, its estimated poses, and how many moments it could not use."""
-    extractor = OrbExtractor(HALL_CAMERA) if orb else None
-    mapper = StereoMapper(HALL_RIG, frames[0].pose, bound_drift=bound_drift, extractor=extractor)
-    lost = 0
-    for frame in frames:
-        right, left, top = frame.images
-        lost += not mapper.add(right, left, top).pose
-    landmarks = mapper.finish()
-    return landmarks, list(mapper.poses), lost
-
-
-def drift(poses: Sequence[Pose2], frames: Sequence[HallFrame]) -> npt.NDArray[np.float64]:
-    """Mean errors (3,) of the map's run, mm, mm, degrees."""
-    off = np.array([p.array - f.pose.array for p, f in zip(poses, frames, strict=True)])
-    off[:, 2] = [wrap_angle(float(v)) for v in off[:, 2]]
-    return np.asarray(np.abs(off).mean(axis=0) * (1e3, 1e3, 180 / math.pi))
-
-
-def building(landmarks: LandmarkMap, count: int, rng: np.random.Generator) -> LandmarkMap:
-    """Return a map of `count` landmarks: this hall's, and the same again in hall after hall beside it."""
-    turn = np.arange(count) // len(landmarks)
-    copies = np.concatenate([rng.permutation(len(landmarks)) for _ in range(int(turn[-1]) + 1)])[:count]
-    side = math.isqrt(int(turn[-1])) + 1
-    shift = np.stack([turn % side * 9.5, turn // side * 7.5, np.zeros(count)], axis=-1)
-    order = np.argsort(landmarks.view_landmark, kind="stable")
-    number = np.bincount(landmarks.view_landmark, minlength=len(landmarks))
-    first = np.cumsum(number) - number
-    of = np.repeat(np.arange(count), number[copies])
-    within = np.arange(len(of)) - np.repeat(np.cumsum(number[copies]) - number[copies], number[copies])
-    rows = order[first[copies[of]] + within]
-    return LandmarkMap(
-        landmarks.positions_m[copies] + shift, landmarks.covariances[copies], landmarks.noise[copies],
-        landmarks.seen[copies], landmarks.missed[copies], of, landmarks.view_direction[rows],
-        landmarks.view_descriptors[rows], landmarks.view_contrast[rows], landmarks.view_size_m[rows],
-        landmarks.view_spacing_m[rows], landmarks.trajectory.copy(), landmarks.trajectory_cov.copy(),
-    )  # fmt: skip
-
-
 def cost(
     verdicts: Verdicts,
     landmarks: LandmarkMap,
@@ -279,42 +227,21 @@ def main() -> None:
     cv2.setNumThreads(1)
     seed = arguments.seed
     count, located, turns = (48, 24, 48 / 143) if arguments.quick else (143, 100, 1.0)
-    hall = make_hall(seed)
     rng = np.random.default_rng([seed, 1])
-    first_path, second_path = loop_path(count, turns=turns), loop_path(located, shift_m=SHIFT_M, turns=turns)
-    changed = hall.rearranged(MOVED, rng)
-    dim = HallLight(level=DIM)
-    step = 12
-    jobs: list[tuple[Hall, str, list[Pose2], int, int, HallLight | None]]
-    jobs = [(hall, "rig", first_path[k : k + step], seed, k, None) for k in range(0, count, step)]
-    rigs = len(jobs)
-    for number, place in enumerate((hall, changed)):
-        jobs += [(place, "one", second_path[k : k + step], seed + 1 + number, k, dim) for k in range(0, located, step)]
-    parts_of_run = math.ceil(located / step)
-    with ProcessPoolExecutor(2) as pool:
-        parts = list(pool.map(render, jobs))
-        first_run = [f for part in parts[:rigs] for f in part]
-        second = [f for part in parts[rigs : rigs + parts_of_run] for f in part]
-        third = [f for part in parts[rigs + parts_of_run :] for f in part]
-        drifting = pool.submit(build, first_run, bound_drift=False)
-        with_orb = pool.submit(build, first_run, orb=True)
-        landmarks, poses, lost = build(first_run)
-        drifted, drifted_poses, _ = drifting.result()
-        orb_map, orb_poses, orb_lost = with_orb.result()
-    size = (
-        f"{len(first_run)} moments, {lost} left out; {len(landmarks)} landmarks, {len(landmarks.view_landmark)} views"
-    )
+    runs = make_runs(seed, count, located, turns, rng)
+    first_run, second, third, landmarks, poses = runs.first, runs.second, runs.third, runs.landmarks, runs.poses
+    size = f"{len(first_run)} moments, {runs.lost} left out; {len(landmarks)} landmarks, {len(landmarks.view_landmark)} views"
     own_run = Table(
         ("the map's own run          ", col.error("x mm"), col.error("y mm"), col.error("deg")),
         size,
         name="own run",
         samples=len(first_run),
     )
-    if lost:
+    if runs.lost:
         own_run.note("the map lost its way: nothing else can be measured SHORT")
         finish(arguments.check, False)
         return
-    for name, found in (("with", poses), ("without", drifted_poses)):
+    for name, found in (("with", poses), ("without", runs.drifted_poses)):
         if len(found) == len(first_run):
             own_run.row(f"{name} drift correction", *(float(v) for v in drift(found, first_run)))
 
@@ -396,7 +323,7 @@ def main() -> None:
         for name, how in (("all", Selection("all")), ("selected", ours)):
             results[label + name] = score(localizer(how, camera=HALL_CAMERA), seen, truth, rng)
             row(table, f"{label}, {name}", results[label + name])
-    without = LandmarkLocalizer(drifted, HALL_CAMERA, selection=ours)
+    without = LandmarkLocalizer(runs.drifted, HALL_CAMERA, selection=ours)
     row(table, "dimmed, map that drifts", score(without, seen_second, truth, rng))
     limit = np.array([5.0, 5.0, 0.05])
     s, moved = results["dimmedselected"], results["dimmed, posters changedselected"]
@@ -425,7 +352,7 @@ def main() -> None:
     sizes = (2_000, 20_000, 200_000) if arguments.quick else (2_000, 6_000, 20_000, 60_000, 200_000)
     every = 4 if arguments.quick else 2
     cost(verdicts, landmarks, seen_second[::every], truth[::every], sizes, seed)
-    cheaper(verdicts, landmarks, (orb_map, orb_poses, orb_lost), second)
+    cheaper(verdicts, landmarks, runs.orb, second)
     verdicts.print(located)
     finish(arguments.check, verdicts.all_ok)
 

@@ -1,0 +1,126 @@
+"""Runs through a rendered hall and the landmark maps made of them: for landmark_poses.py.
+
+A rig of three cameras goes first and makes the map; one camera goes a little aside in dim light, and once more after
+some posters have changed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.peers.orb import OrbExtractor
+from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.landmarks.landmark_map import LandmarkMap
+from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
+from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
+from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
+
+SHIFT_M, DIM, MOVED = 0.2, 0.5, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class HallRuns:
+    """The three runs; the map, its estimated poses and the moments lost; the map without drift bounds; that of ORB."""
+
+    first: list[HallFrame]
+    second: list[HallFrame]
+    third: list[HallFrame]
+    landmarks: LandmarkMap
+    poses: list[Pose2]
+    lost: int
+    drifted: LandmarkMap
+    drifted_poses: list[Pose2]
+    orb: tuple[LandmarkMap, list[Pose2], int]
+
+
+def make_runs(seed: int, count: int, located: int, turns: float, rng: np.random.Generator) -> HallRuns:
+    """Render the runs, and build the maps.
+
+    Parameters
+    ----------
+    seed : int
+        Of the hall and of the frames' noise.
+    count, located : int
+        Frames of the first run, and of each other one.
+    turns : float
+        How often the runs go round the hall.
+    rng : numpy.random.Generator
+        Of the posters that change.
+    """
+    hall = make_hall(seed)
+    first_path, second_path = loop_path(count, turns=turns), loop_path(located, shift_m=SHIFT_M, turns=turns)
+    changed = hall.rearranged(MOVED, rng)
+    dim = HallLight(level=DIM)
+    step = 12
+    jobs: list[tuple[Hall, str, list[Pose2], int, int, HallLight | None]]
+    jobs = [(hall, "rig", first_path[k : k + step], seed, k, None) for k in range(0, count, step)]
+    rigs = len(jobs)
+    for number, place in enumerate((hall, changed)):
+        jobs += [(place, "one", second_path[k : k + step], seed + 1 + number, k, dim) for k in range(0, located, step)]
+    parts_of_run = math.ceil(located / step)
+    with ProcessPoolExecutor(2) as pool:
+        parts = list(pool.map(render, jobs))
+        first_run = [f for part in parts[:rigs] for f in part]
+        second = [f for part in parts[rigs : rigs + parts_of_run] for f in part]
+        third = [f for part in parts[rigs + parts_of_run :] for f in part]
+        drifting = pool.submit(build, first_run, bound_drift=False)
+        with_orb = pool.submit(build, first_run, orb=True)
+        landmarks, poses, lost = build(first_run)
+        drifted, drifted_poses, _ = drifting.result()
+        return HallRuns(first_run, second, third, landmarks, poses, lost, drifted, drifted_poses, with_orb.result())
+
+
+def render(job: tuple[Hall, str, list[Pose2], int, int, HallLight | None]) -> list[HallFrame]:
+    """Render a part of a run: ("rig" or "one"), poses, seed, number of the first frame, light."""
+    cv2.setNumThreads(1)
+    hall, kind, poses, seed, first, light = job
+    cameras = (HALL_RIG.right, HALL_RIG.left, HALL_RIG.top) if kind == "rig" else (HALL_CAMERA,)
+    return list(take(hall, cameras, poses, seed, first=first, light=light))
+
+
+def build(
+    frames: Sequence[HallFrame], *, bound_drift: bool = True, orb: bool = False
+) -> tuple[LandmarkMap, list[Pose2], int]:
+    """Build a map; return it, its estimated poses, and how many moments it could not use."""
+    extractor = OrbExtractor(HALL_CAMERA) if orb else None
+    mapper = StereoMapper(HALL_RIG, frames[0].pose, bound_drift=bound_drift, extractor=extractor)
+    lost = 0
+    for frame in frames:
+        right, left, top = frame.images
+        lost += not mapper.add(right, left, top).pose
+    landmarks = mapper.finish()
+    return landmarks, list(mapper.poses), lost
+
+
+def drift(poses: Sequence[Pose2], frames: Sequence[HallFrame]) -> npt.NDArray[np.float64]:
+    """Mean errors (3,) of the map's run, mm, mm, degrees."""
+    off = np.array([p.array - f.pose.array for p, f in zip(poses, frames, strict=True)])
+    off[:, 2] = [wrap_angle(float(v)) for v in off[:, 2]]
+    return np.asarray(np.abs(off).mean(axis=0) * (1e3, 1e3, 180 / math.pi))
+
+
+def building(landmarks: LandmarkMap, count: int, rng: np.random.Generator) -> LandmarkMap:
+    """Return a map of `count` landmarks: this hall's, and the same again in hall after hall beside it."""
+    turn = np.arange(count) // len(landmarks)
+    copies = np.concatenate([rng.permutation(len(landmarks)) for _ in range(int(turn[-1]) + 1)])[:count]
+    side = math.isqrt(int(turn[-1])) + 1
+    shift = np.stack([turn % side * 9.5, turn // side * 7.5, np.zeros(count)], axis=-1)
+    order = np.argsort(landmarks.view_landmark, kind="stable")
+    number = np.bincount(landmarks.view_landmark, minlength=len(landmarks))
+    first = np.cumsum(number) - number
+    of = np.repeat(np.arange(count), number[copies])
+    within = np.arange(len(of)) - np.repeat(np.cumsum(number[copies]) - number[copies], number[copies])
+    rows = order[first[copies[of]] + within]
+    return LandmarkMap(
+        landmarks.positions_m[copies] + shift, landmarks.covariances[copies], landmarks.noise[copies],
+        landmarks.seen[copies], landmarks.missed[copies], of, landmarks.view_direction[rows],
+        landmarks.view_descriptors[rows], landmarks.view_contrast[rows], landmarks.view_size_m[rows],
+        landmarks.view_spacing_m[rows], landmarks.trajectory.copy(), landmarks.trajectory_cov.copy(),
+    )  # fmt: skip
