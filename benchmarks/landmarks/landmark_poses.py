@@ -230,7 +230,8 @@ def main() -> None:
     rng = np.random.default_rng([seed, 1])
     runs = make_runs(seed, count, located, turns, rng)
     first_run, second, third, landmarks, poses = runs.first, runs.second, runs.third, runs.landmarks, runs.poses
-    size = f"{len(first_run)} moments, {runs.lost} left out; {len(landmarks)} landmarks, {len(landmarks.view_landmark)} views"
+    views = len(landmarks.view_landmark)
+    size = f"{len(first_run)} moments, {runs.lost} left out; {len(landmarks)} landmarks, {views} views"
     own_run = Table(
         ("the map's own run          ", col.error("x mm"), col.error("y mm"), col.error("deg")),
         size,
