@@ -10,13 +10,13 @@ from pathlib import Path
 import cv2
 
 from field_models import load_field
-from robocup_vision import Steering, Vision, draw, load_camera
+from robocup_vision import MotionLimits, Steering, Vision, draw, load_camera
 
 DATASET = Path(__file__).parents[1] / "images" / "omni_ssl_2001"
 OUT = Path("out")
 
 vision = Vision(load_field("ssl_2001"), load_camera(DATASET / "camera.toml"))
-steering = Steering(robot_radius_m=0.09, acceleration_mps2=0.3, dead_time_s=0.03, speed_mps=0.4)
+steering = Steering(robot_radius_m=0.09, limits=MotionLimits(speed_mps=0.4, acceleration_mps2=0.3, dead_time_s=0.03))
 velocity_mps = (0.0, 0.0)
 target_bearing_rad = 0.0
 

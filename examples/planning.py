@@ -9,8 +9,6 @@ from field_models import load_field
 from robocup_vision import Pose2, PoseEstimate, load_camera
 from robocup_vision.planning import (
     GOAL_DETECTORS,
-    Blocker,
-    Defender,
     Disc,
     GatePlanner,
     MotionLimits,
@@ -67,14 +65,14 @@ print(UndecidedSpeed(limits, ROBOT_M, LOOK_S).plan(np.array([(1.2, 0.2), goal]),
 camera = load_camera(Path(__file__).parents[1] / "images" / "goal_four_legged" / "camera.toml")
 gaze = PoseGaze(load_field("four_legged_2007"), camera, Neck(1.4), detectors=GOAL_DETECTORS)
 belief = PoseEstimate(Pose2(0.5, -0.8, 0.6), np.diag([0.1, 0.1, 0.05]) ** 2, 1.0, 0.0)
-opponent = Blocker(1.5, -0.5, 0.15, np.diag([0.05, 0.05]) ** 2, 0.28)
+opponent = Disc(1.5, -0.5, 0.15, np.diag([0.05, 0.05]) ** 2, height_m=0.28)
 print(gaze.choose(belief, t_s=0.0, blockers=[opponent]).reason)
 
 # with the ball: kick now, turn first, or go nearer, past a keeper that runs for the ball once it has seen it
 runners = MotionLimits(speed_mps=1.0, acceleration_mps2=1.2, dead_time_s=0.15)
 posts = ((4.5, 0.3), (4.5, -0.3))
 shots = ShotPlanner(posts, 0.0215, 1.4, 0.03, runners, dribble_mps=0.5, turn_rps=2.0, lost_s=1.0, slips_s=8.0)
-keeper = Defender(Disc(4.35, 0.05, 0.09, np.diag([0.02, 0.02]) ** 2), vy_mps=0.2)
+keeper = Disc(4.35, 0.05, 0.09, np.diag([0.02, 0.02]) ** 2, vy_mps=0.2)
 for ball in ((3.2, 0.0), (4.0, -0.1)):
     shot = shots.plan(ball, heading_rad=0.0, defenders=[keeper], place_std_m=0.01, heading_std_rad=0.02)
     print(f"{shot.action}: {shot.reason}")

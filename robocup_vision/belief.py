@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 
 # position and velocity in a track's state
-_PLACE, _VELOCITY = slice(0, 2), slice(2, 4)
+_POSITION, _VELOCITY = slice(0, 2), slice(2, 4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,42 +33,6 @@ class Hypothesis:
     pose: Pose2
     covariance: FloatArray
     probability: float
-
-
-@dataclass(frozen=True, slots=True)
-class MovingObstacle:
-    """A disc that goes on as it does, robot frame.
-
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its middle now.
-    vx_mps, vy_mps : float
-        Velocity over ground, in the directions of the robot frame.
-    radius_m : float
-        Its own.
-    std_m, velocity_std_mps : float
-        Standard deviation of place and velocity, in the worst direction.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is not finite, or radius or deviation is negative.
-    """
-
-    x_m: float
-    y_m: float
-    vx_mps: float
-    vy_mps: float
-    radius_m: float
-    std_m: float = 0.0
-    velocity_std_mps: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in (f.name for f in fields(self)):
-            value = getattr(self, name)
-            if not math.isfinite(value) or (name not in ("x_m", "y_m", "vx_mps", "vy_mps") and value < 0):
-                raise ArgumentError(f"a moving obstacle's {name} is out of range: {value!r}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,8 +72,8 @@ class Track:
         """Where it is so long after the track's frame if it goes on as it goes, field frame."""
         return self.x_m + seconds * self.vx_mps, self.y_m + seconds * self.vy_mps
 
-    def as_obstacle(self, robot: Pose2, radius_m: float, seconds: float = 0.0) -> MovingObstacle:
-        """Return what `Steering.steer` takes.
+    def as_disc(self, robot: Pose2, radius_m: float, seconds: float = 0.0) -> Disc:
+        """Return what `Steering.steer` takes: a disc in the robot's frame, with velocity and both covariances.
 
         Parameters
         ----------
@@ -123,10 +87,11 @@ class Track:
         x, y = robot.inverse().transform(self.place_after(seconds)).tolist()
         c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
         vx, vy = c * self.vx_mps + s * self.vy_mps, c * self.vy_mps - s * self.vx_mps
-        place, velocity = (
-            math.sqrt(float(np.linalg.eigvalsh(self.covariance[part, part])[-1])) for part in (_PLACE, _VELOCITY)
+        robot_from_field = np.array([[c, s], [-s, c]])
+        position, velocity = (
+            robot_from_field @ self.covariance[part, part] @ robot_from_field.T for part in (_POSITION, _VELOCITY)
         )
-        return MovingObstacle(x, y, vx, vy, radius_m, place, velocity)
+        return Disc(x, y, radius_m, position, vx_mps=vx, vy_mps=vy, velocity_covariance=velocity)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

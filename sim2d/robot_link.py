@@ -15,6 +15,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.view import View
 
 # between two commands of a player, and between two frames
@@ -24,8 +25,8 @@ Phase = Literal["kick_off", "play"]
 
 
 @dataclass(frozen=True, slots=True)
-class RobotLimits:
-    """What a robot can do.
+class RobotLimits(MotionLimits):
+    """What a robot can do: how it moves, turns, kicks and pans.
 
     Parameters
     ----------
@@ -46,13 +47,13 @@ class RobotLimits:
         neck after the same dead time as the wheels.
     """
 
+    speed_mps: float = 1.0
+    acceleration_mps2: float = 1.2
+    dead_time_s: float = 0.03
     radius_m: float = 0.09
     height_m: float = 0.14
-    speed_mps: float = 1.0
     turn_rps: float = 6.0
-    acceleration_mps2: float = 1.2
     turn_acceleration_rps2: float = 30.0
-    dead_time_s: float = 0.03
     kick_speed_mps: float = 2.0
     pan_rps: float = 8.0
     pan_limit_rad: float = math.pi / 2

@@ -16,20 +16,30 @@ def around(count):
     return np.arange(count) * math.tau / count
 
 
+def sectors_of(count):
+    """Return sectors yet to be measured."""
+    return kernels.Sectors(np.empty((count, 4)), np.empty((count, 4), dtype=np.int64))
+
+
+def empty_profile():
+    """Return a profile yet to be grown."""
+    return kernels.Profile(EDGES, np.empty(BINS), np.empty(kernels.FINE), np.empty(kernels.COARSE))
+
+
 def grown(range_m, bearing_rad=None):
-    """Return the profile, its minima over fine and coarse groups, and the smallest."""
+    """Return the profile and the smallest range in it."""
     range_m = np.asarray(range_m, dtype=float)
     bearing_rad = around(range_m.shape[0]) if bearing_rad is None else bearing_rad
-    sectors, sector_bins = np.empty((range_m.shape[0], 4)), np.empty((range_m.shape[0], 4), dtype=np.int64)
-    profile, fine, coarse = np.empty(BINS), np.empty(kernels.FINE), np.empty(kernels.COARSE)
-    assert kernels.measure_sectors(bearing_rad, sectors, sector_bins)
-    smallest = kernels.grow_profile(range_m, sectors, sector_bins, EDGES, RADIUS, profile, fine, coarse)
-    return profile, fine, coarse, smallest
+    sectors, profile = sectors_of(range_m.shape[0]), empty_profile()
+    assert kernels.measure_sectors(bearing_rad, sectors)
+    return profile, kernels.grow_profile(range_m, sectors, RADIUS, profile)
 
 
 def with_minima(profile):
+    """Return a profile of these ranges (BINS,), and the smallest range in it."""
     lows = [profile.reshape(groups, -1).min(axis=1) for groups in (kernels.FINE, kernels.COARSE)]
-    return profile, *(np.minimum(np.minimum(low, np.roll(low, 1)), np.roll(low, -1)) for low in lows), profile.min()
+    around = (np.minimum(np.minimum(low, np.roll(low, 1)), np.roll(low, -1)) for low in lows)
+    return kernels.Profile(EDGES, profile, *around), profile.min()
 
 
 def plain_bin(x, y):

@@ -26,7 +26,7 @@ from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
-from robocup_vision.avoidance import Steering
+from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.avoidance.steering import FreeRanges
 from sim2d.match.courses import Drive, cube_course, drive_course, nearest_seen_m, pocket_course
 from sim2d.rendering.cameras import sekimori_camera
@@ -124,12 +124,12 @@ def one(job: Job) -> list[Drive] | None:
         else:
             pilot = Steering(
                 radius,
-                acceleration,
-                limits.dead_time_s,
-                speed,
-                use_velocity=method == AWARE,
-                time_threshold_s=2 * speed / acceleration + limits.dead_time_s if method == PAPER else None,
-                keep_side=False,
+                limits,
+                SteeringSettings(
+                    use_velocity=method == AWARE,
+                    time_threshold_s=2 * speed / acceleration + limits.dead_time_s if method == PAPER else None,
+                    keep_side=False,
+                ),
             )
         rng = np.random.default_rng([seed, index, 2])
         drives.append(drive_course(course, pilot, camera, limits, rng, patience_s=patience_s))

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import os
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,8 +22,8 @@ from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from benchmarks.worlds.crowd import LONGEST_M, Sensor
 from field_models import Field, load_field
-from robocup_vision.avoidance import SteadyFreeSpace, Steering
-from robocup_vision.belief import MovingObstacle
+from robocup_vision.avoidance import SteadyFreeSpace, Steering, SteeringSettings
+from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
@@ -123,9 +123,7 @@ def drive(place: Place, method: str, seed: int, run: int) -> Outcome:
     sensor = Sensor(field, others, LIMITS.radius_m, CONTROL_PERIOD_S, rng)
     detector = ReturnDetector(KnownFreeSpace.of_field(field), LIMITS.radius_m, longest_m=LONGEST_M)
     objects, floor, wheels = MovingObjects(), SteadyFreeSpace(), WheelVelocity(LIMITS, CONTROL_PERIOD_S)
-    steering = Steering(
-        LIMITS.radius_m + MARGIN_M, LIMITS.acceleration_mps2, LIMITS.dead_time_s, SPEED_MPS, step_m=0.01
-    )
+    steering = Steering(LIMITS.radius_m + MARGIN_M, replace(LIMITS, speed_mps=SPEED_MPS), SteeringSettings(step_m=0.01))
     side, touching = 1.0, np.zeros(others, dtype=bool)
     outcome = Outcome()
     began_m = starts[0].x_m
@@ -154,14 +152,14 @@ def drive(place: Place, method: str, seed: int, run: int) -> Outcome:
             sensor.pose_covariance,
         )  # fmt: skip
         free = floor.update(FreeSpace(sensor.bearing_rad, range_m), odometry)
-        moving: tuple[MovingObstacle, ...] = ()
+        moving: tuple[Disc, ...] = ()
         if method == TRACKED:
-            moving = tuple(track.as_obstacle(robot, LIMITS.radius_m) for track in tracks)
+            moving = tuple(track.as_disc(robot, LIMITS.radius_m) for track in tracks)
         elif method == TOLD:
             at = truth.inverse().transform(places)
             speeds = Pose2(0.0, 0.0, -truth.theta_rad).transform(velocities)
             moving = tuple(
-                MovingObstacle(p[0], p[1], v[0], v[1], LIMITS.radius_m)
+                Disc(p[0], p[1], LIMITS.radius_m, vx_mps=v[0], vy_mps=v[1])
                 for p, v in zip(at.tolist(), speeds.tolist(), strict=True)
             )
         if side * robot.x_m > ends - 0.1:

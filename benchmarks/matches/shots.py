@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
-from robocup_vision.planning import Defender, Disc
+from robocup_vision.planning import Disc
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches
 from sim2d.players.shot import Shooter
@@ -38,7 +38,14 @@ def chance_of(shooter: Shooter, state: WorldState, robot: int, radius_m: float) 
     """Chance of a goal by the kick that a robot has just made."""
     assert state.ball is not None
     defenders = [
-        Defender(Disc(one.pose.x_m, one.pose.y_m, radius_m, STD_M**2 * np.eye(2)), *one.velocity_mps)
+        Disc(
+            one.pose.x_m,
+            one.pose.y_m,
+            radius_m,
+            STD_M**2 * np.eye(2),
+            vx_mps=one.velocity_mps[0],
+            vy_mps=one.velocity_mps[1],
+        )
         for one in state.robots
         if one.index != robot
     ]

@@ -32,7 +32,7 @@ import numpy as np  # noqa: E402
 from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
 from benchmarks.harness import columns as col  # noqa: E402
 from field_models import load_field  # noqa: E402
-from robocup_vision import Steering, Vision  # noqa: E402
+from robocup_vision import MotionLimits, Steering, Vision  # noqa: E402
 from robocup_vision.geometry import Pose2  # noqa: E402
 from robocup_vision.localization.lines.localizer import LineLocalizer  # noqa: E402
 from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
@@ -89,7 +89,7 @@ def milliseconds(seconds: list[float]) -> float:
 def measure_frames(size: tuple[int, int], frames: list[np.ndarray], count: int, rng: np.random.Generator) -> bool:
     """Print the ratios, stages and first frames of one image size; return whether the ratios are reached."""
     vision = Vision(FIELD, sekimori_camera(*size))
-    steering = Steering(robot_radius_m=0.09, acceleration_mps2=0.3, dead_time_s=0.03, speed_mps=0.4)
+    steering = Steering(0.09, MotionLimits(speed_mps=0.4, acceleration_mps2=0.3, dead_time_s=0.03))
     hull = Vision(FIELD, vision.camera, method="hull")
     without, with_prior, first, by_hull = Times(), Times(), Times(), Times()
     hsv: list[float] = []

@@ -20,11 +20,11 @@ from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.goal.localizer import GoalLocalizer
 from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
-from robocup_vision.planning.gaze.sight_lines import Blocker
 from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.sensors.goal_evidence import draw_scene
@@ -83,7 +83,7 @@ class Case:
         for robot in self._scene.robots:
             if rng.random() < TRACKED_RATIO:
                 x, y = to_belief.transform(rng.normal((robot.x_m, robot.y_m), TRACK_STD_M)).tolist()
-                self.blockers.append(Blocker(x, y, robot.radius_m, np.eye(2) * TRACK_STD_M**2, robot.height_m))
+                self.blockers.append(Disc(x, y, robot.radius_m, np.eye(2) * TRACK_STD_M**2, height_m=robot.height_m))
         self._localizer = GoalLocalizer(FIELD, CAMERA)
         self._shown: dict[tuple[float, int], int] = {}
 

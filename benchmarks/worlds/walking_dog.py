@@ -13,11 +13,12 @@ from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, compose_covariance, wrap_angle
 from robocup_vision.localization.filter.pose_filter import OdometryNoise
 from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze.pose_gaze import DETECTORS, Neck
-from robocup_vision.planning.gaze.sight_lines import Blocker, clear_probability
+from robocup_vision.planning.gaze.sight_lines import clear_probability
 from sim2d.match.arena import camera_for
 
 FIELD = load_field("four_legged_2007")
@@ -121,11 +122,11 @@ class LandmarkFilter:
         self.covariance = rest @ self.covariance @ rest.T + gain @ noise @ gain.T
 
 
-def blockers_of(walk: Walk, k: int, rng: np.random.Generator) -> list[Blocker]:
+def blockers_of(walk: Walk, k: int, rng: np.random.Generator) -> list[Disc]:
     """Those of the others that are tracked, where the tracker has them."""
     places = walk.others[k] + rng.normal(0, TRACK_STD_M, walk.others[k].shape)
     covariance = np.eye(2) * TRACK_STD_M**2
-    return [Blocker(x, y, OTHER_RADIUS_M, covariance, OTHER_HEIGHT_M) for x, y in places[walk.tracked]]
+    return [Disc(x, y, OTHER_RADIUS_M, covariance, height_m=OTHER_HEIGHT_M) for x, y in places[walk.tracked]]
 
 
 MARKS = field_landmarks(FIELD)
@@ -161,7 +162,8 @@ def see_landmarks(
     seen &= np.hypot(way[:, 0], way[:, 1]) < MARK_FARTHEST_M
     exact = 1e-8 * np.eye(2)
     hidden = (
-        clear_probability(eye, PLACES, [Blocker(x, y, OTHER_RADIUS_M, exact, OTHER_HEIGHT_M) for x, y in others]) < 0.5
+        clear_probability(eye, PLACES, [Disc(x, y, OTHER_RADIUS_M, exact, height_m=OTHER_HEIGHT_M) for x, y in others])
+        < 0.5
     )
     seen &= ~hidden
     seen &= rng.random(len(MARKS)) < np.where(seen[PARTNER], MARK_FOUND, MARK_ALONE)

@@ -2,16 +2,16 @@
 
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
+from robocup_vision.avoidance.steering_settings import SteeringSettings
 from robocup_vision.avoidance.wayfinder import Heading, Wayfinder
-from robocup_vision.belief import MovingObstacle
 
 __all__ = [
     "FreeRanges",
     "Heading",
-    "MovingObstacle",
     "SteadyFreeSpace",
     "Steering",
     "SteeringCommand",
+    "SteeringSettings",
     "Wayfinder",
     "carry_free_space",
 ]

@@ -1,8 +1,8 @@
-"""From free ranges around the robot, its velocity and the goal's bearing to a motion command that does not collide.
+"""From free ranges around the robot, its velocity and the target's bearing to a motion command that does not collide.
 
 The way of Sekimori et al. (2001), section 3.2: obstacles grown by the robot's radius, a trajectory predicted for each
 direction under the limit of acceleration and the dead time, the time to contact of each, and the safe direction nearest
-to the goal. The loops are compiled (`robocup_vision.kernels.motion.steering`); here they get their meaning.
+to the target. The loops are compiled (`robocup_vision.kernels.motion.steering`); here they get their meaning.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
-from robocup_vision.belief import MovingObstacle
+from robocup_vision.avoidance.steering_settings import SteeringSettings
+from robocup_vision.disc import Disc
 from robocup_vision.kernels.mapping import grown_profile
 from robocup_vision.kernels.motion import steering as kernel
+from robocup_vision.motion_limits import MotionLimits
 
-# The slowest of the speeds tried is one from which the robot stops within this share of its radius.
-_STOP_SHARE = 0.25
 _REASONS = (
     "no safe direction: braking",
     "no safe direction, braking would touch: latest contact",
@@ -76,31 +76,11 @@ class Steering:
     ----------
     robot_radius_m : float
         By which, and by half a step more, obstacles are grown. Add here whatever clearance sensing and slip call for.
-    acceleration_mps2 : float
-        Limit alpha of eq. 10.
-    dead_time_s : float
-        From the decision until the robot obeys; it goes on with its present velocity.
-    speed_mps : float
-        Speed v_c of eq. 11.
-    time_threshold_s : float, optional
-        The paper's T_th, one for all directions. None derives it per direction: a command is safe when it can be
-        carried out to its end and the robot can then still stop. The end is reached after ``|dv_j|`` / alpha, the
-        stopping distance v^2 / (2 alpha) takes v / (2 alpha) at speed v, and the next decision comes a period and again
-        a dead time later: T_j >= 2 dead_time + period + ``|dv_j|`` / alpha + v / (2 alpha). Then the command given now
-        stays safe until it is reached, and braking is safe after that, so that a standing world is never touched. (The
-        paper's 2.75 s is the time 2 v / alpha of a full reversal plus the dead time.)
-    directions : int
-        Number J of directions that are tried.
-    period_s : float
-        Time between two commands.
-    step_m : float
-        Largest distance by which the robot moves between two samples of a trajectory close to an obstacle.
-    use_velocity : bool
-        False: the paper's comparison, which takes the present velocity to be the commanded one (v_a = v_b).
-    keep_side : bool
-        Remember the detour: by how much, and to which side, obstacles have turned the robot from the goal's bearing.
-        Two equally good ways round then do not make it waver between them, and pockets do not hold it. `forget` drops
-        the memory. False where a `Wayfinder`, which remembers more than one view, says where to head.
+    limits : MotionLimits
+        Speed v_c of eq. 11, limit alpha of eq. 10, and the dead time: from the decision until the robot obeys, it goes
+        on with its present velocity.
+    settings : SteeringSettings, optional
+        How commands are chosen.
 
     Notes
     -----
@@ -109,12 +89,12 @@ class Steering:
     unmeasured bearing (NaN range, or outside what the camera sees) is blocked at range 0: the robot's centre may not
     enter it, but nothing is known to stand there, so it is not grown.
 
-    The detour is one signed angle, as in the Pledge algorithm for mazes. The direction wanted is the goal's bearing
+    The detour is one signed angle, as in the Pledge algorithm for mazes. The direction wanted is the target's bearing
     turned by it. An obstacle in that direction winds it up further, to the other side only where that is much nearer;
     driving on unwinds it, in the tightest arc that the robot can drive, against the obstacle and round its corners. A
-    robot in a pocket so follows its inside back out, and turns to the goal once it has turned back as much as it
-    turned away. Away from the goal it drives no faster than it can turn within its own length, for else it would
-    overshoot every corner. The detour ends early where the straight way to the goal is in sight and free. Wound up
+    robot in a pocket so follows its inside back out, and turns to the target once it has turned back as much as it
+    turned away. Away from the target it drives no faster than it can turn within its own length, for else it would
+    overshoot every corner. The detour ends early where the straight way to the target is in sight and free. Wound up
     beyond 225 degrees it is taken for one to the other side, since the walls of a field would lead the robot round and
     round.
 
@@ -132,61 +112,45 @@ class Steering:
     """
 
     def __init__(
-        self,
-        robot_radius_m: float,
-        acceleration_mps2: float,
-        dead_time_s: float,
-        speed_mps: float,
-        *,
-        time_threshold_s: float | None = None,
-        directions: int = 48,
-        period_s: float = 1 / 30,
-        step_m: float = 0.004,
-        use_velocity: bool = True,
-        keep_side: bool = True,
+        self, robot_radius_m: float, limits: MotionLimits, settings: SteeringSettings = SteeringSettings()
     ) -> None:
-        for name, value, least in (
-            ("robot_radius_m", robot_radius_m, 1e-6),
-            ("acceleration_mps2", acceleration_mps2, 1e-6),
-            ("dead_time_s", dead_time_s, 0.0),
-            ("speed_mps", speed_mps, 1e-6),
-            ("time_threshold_s", 0.0 if time_threshold_s is None else time_threshold_s, 0.0),
-            ("period_s", period_s, 0.0),
-            ("step_m", step_m, 1e-4),
-        ):
-            if not (math.isfinite(value) and value >= least):
-                raise ArgumentError(f"{name} must be at least {least:g}, got {value!r}")
-        if directions < 4:
-            raise ArgumentError(f"directions must be at least 4, got {directions!r}")
+        if not (math.isfinite(robot_radius_m) and robot_radius_m >= 1e-6):
+            raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
+        self._settings = settings
         # Trajectories are sampled, and braking begun midway leaves the one that was checked: half a step of clearance.
-        self._radius_m = float(robot_radius_m + 0.5 * step_m)
-        stop_m = 0.5 * speed_mps**2 / acceleration_mps2
-        threshold = -1.0 if time_threshold_s is None else float(time_threshold_s)
-        self._limits = (
-            float(speed_mps),
-            float(acceleration_mps2),
-            float(dead_time_s),
-            float(period_s),
-            threshold,
-            float(step_m),
-            float(max(3, math.ceil(1.0 + 0.5 * math.log2(stop_m / (_STOP_SHARE * robot_radius_m))))),
+        self._radius_m = float(robot_radius_m + 0.5 * settings.step_m)
+        stop_m = 0.5 * limits.speed_mps**2 / limits.acceleration_mps2
+        threshold = settings.time_threshold_s
+        self._rules = kernel.Rules(
+            speed=float(limits.speed_mps),
+            acceleration=float(limits.acceleration_mps2),
+            dead_time=float(limits.dead_time_s),
+            period=float(settings.period_s),
+            threshold=-1.0 if threshold is None else float(threshold),
+            step_m=float(settings.step_m),
+            levels=max(3, math.ceil(1.0 + 0.5 * math.log2(stop_m / (settings.stop_ratio * robot_radius_m)))),
+            use_velocity=bool(settings.use_velocity),
+            away_rad=float(settings.away_rad),
+            other_side_rad=float(settings.other_side_rad),
+            max_detour_rad=float(settings.max_detour_rad),
         )
-        self._use_velocity = bool(use_velocity)
-        self._keep_side = bool(keep_side)
         self._detour_rad = 0.0
         self._may_brake = False
+        directions = settings.directions
         self._directions: FloatArray = np.arange(directions, dtype=np.float64) * (math.tau / directions)
         self._directions.flags.writeable = False
-        # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
-        self._kernel_directions = self._directions.copy()
         self._units = np.stack([np.cos(self._directions), np.sin(self._directions)], axis=1)
         # Plain numbers are read faster than elements of arrays. The last one, index -1, is braking.
         self._moves = [*zip(self._directions.tolist(), *self._units.T.tolist(), strict=True), (math.nan, 0.0, 0.0)]
         self._near_target_rad = math.pi / directions * 1.001
-        self._edges = profile_edges(grown_profile.BINS)
-        self._profile = np.empty(grown_profile.BINS)
-        self._fine = np.empty(grown_profile.FINE)
-        self._coarse = np.empty(grown_profile.COARSE)
+        self._profile = grown_profile.Profile(
+            profile_edges(grown_profile.BINS),
+            np.empty(grown_profile.BINS),
+            np.empty(grown_profile.FINE),
+            np.empty(grown_profile.COARSE),
+        )
+        # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
+        self._kernel_directions = self._directions.copy()
         self._resize(3)
 
     def forget(self) -> None:
@@ -201,7 +165,7 @@ class Steering:
         target_bearing_rad: float,
         target_distance_m: float | None = None,
         pending_mps: Sequence[float] | FloatArray | None = None,
-        moving: Sequence[MovingObstacle] = (),
+        moving: Sequence[Disc] = (),
         speed_mps: float | None = None,
     ) -> SteeringCommand:
         """Choose the next command (the paper's Steps 1 to 5).
@@ -213,15 +177,15 @@ class Steering:
         velocity_mps : (2,) float64 or pair of float
             Present velocity v_a, robot frame.
         target_bearing_rad : float
-            Direction of the goal, robot frame.
+            Direction of the target, robot frame.
         target_distance_m : float, optional
             Lets the robot arrive at rest: speed at most sqrt(2 alpha d), less what it travels before it obeys.
-            Contacts beyond the goal and the stopping distance then do not count towards the goal.
+            Contacts beyond the target and the stopping distance then do not count towards the target.
 
         pending_mps : (2,) float64 or pair of float, optional
             The command that is obeyed until this one is, robot frame: what was commanded last. Without it the robot
             goes on with its present velocity during the dead time.
-        moving : sequence of MovingObstacle
+        moving : sequence of Disc
             What is known to move: kept clear of where it will be at each moment, instead of where it is now. A command
             is safe if it can be carried out to its end, or given up at the next decision, and the robot then be
             stopped before any of them is met; what runs into a standing robot is not reckoned with. Without
@@ -236,7 +200,7 @@ class Steering:
         Raises
         ------
         ArgumentError
-            Shapes do not fit, or velocities, goal bearing or goal distance are not finite.
+            Shapes do not fit, or velocities, target bearing or target distance are not finite.
         """
         bearing = np.array(free_space.bearing_rad, dtype=np.float64)
         range_m = np.array(free_space.range_m, dtype=np.float64)
@@ -256,38 +220,27 @@ class Steering:
             self._resize(bearing.shape[0])
         if speed_mps is not None and not speed_mps > 0.0:
             raise ArgumentError(f"speed_mps must be positive, got {speed_mps!r}")
-        limits = self._limits if speed_mps is None else (min(float(speed_mps), self._limits[0]), *self._limits[1:])
-        if not self._use_velocity:
+        rules = self._rules
+        if speed_mps is not None:
+            rules = rules._replace(speed=min(float(speed_mps), rules.speed))
+        if not rules.use_velocity:
             moving = ()
         if moving:
-            range_m = ranges_past(bearing, range_m, moving)
+            range_m = ranges_past(bearing, range_m, moving, self._settings.return_margin_m)
         time_to_contact = np.empty(self._directions.shape[0])
         outcome, index, speed, detour = kernel.steer(
-            velocity,
-            pending,
-            float(target_bearing_rad),
-            distance,
-            self._detour_rad,
-            limits,
-            self._use_velocity,
-            self._kernel_directions,
-            self._units,
-            bearing,
-            range_m,
-            self._known_bearing,
-            self._sectors,
-            self._sector_bins,
-            self._edges,
+            kernel.Motion(velocity, pending),
+            kernel.Target(float(target_bearing_rad), distance, self._detour_rad),
+            rules,
+            kernel.Directions(self._kernel_directions, self._units, time_to_contact),
+            kernel.Scan(bearing, range_m, self._known_bearing, self._sectors),
             self._radius_m,
             self._profile,
-            self._fine,
-            self._coarse,
-            moving_table(moving, self._radius_m),
-            time_to_contact,
+            moving_table(moving, self._radius_m, self._settings),
         )
         if outcome < 0:
             raise ArgumentError("bearing_rad must be finite and ascend within one turn")
-        if self._keep_side:
+        if self._settings.keep_side:
             self._detour_rad = detour
         # The last safe command left room to stop; what the view from here adds to that is the width of its sectors,
         # unless something moves otherwise than it did.
@@ -311,8 +264,7 @@ class Steering:
     def _resize(self, bearings: int) -> None:
         # NaN equals nothing, so the kernel measures the sectors at the first call.
         self._known_bearing = np.full(bearings, np.nan)
-        self._sectors = np.empty((bearings, 4))
-        self._sector_bins = np.empty((bearings, 4), dtype=np.int64)
+        self._sectors = grown_profile.Sectors(np.empty((bearings, 4)), np.empty((bearings, 4), dtype=np.int64))
 
 
 def _pair(name: str, value: Sequence[float] | FloatArray) -> tuple[float, float]:

@@ -13,14 +13,14 @@ import numpy as np
 
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
-from robocup_vision.belief import MovingObstacle, Track
+from robocup_vision.belief import Track
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
-from robocup_vision.planning.gaze.sight_lines import Blocker
 from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
@@ -299,10 +299,10 @@ class BuiltInPlayer:
         tracks, age_s = self._tracks(t_s)
         return tuple(self._point_in_team(track.place_after(age_s)) for track in tracks)
 
-    def _moving(self, robot: Pose2, t_s: float) -> tuple[MovingObstacle, ...]:
+    def _moving(self, robot: Pose2, t_s: float) -> tuple[Disc, ...]:
         """Who moves on the field, where it is by now, in the robot frame."""
         tracks, age_s = self._tracks(t_s)
-        return tuple(track.as_obstacle(robot, self._setup.limits.radius_m, age_s) for track in tracks)
+        return tuple(track.as_disc(robot, self._setup.limits.radius_m, age_s) for track in tracks)
 
     def _free_space_now(self, seen: FreeSpace, motion: Pose2) -> FreeSpace:
         if self._head is None:
@@ -318,7 +318,7 @@ class BuiltInPlayer:
     def _plan_gaze(self, planner: PoseGaze, t_s: float) -> Gaze:
         tracks, _ = self._tracks(t_s)
         radius_m, height_m = self._setup.limits.radius_m, self._setup.limits.height_m
-        blockers = [Blocker(t.x_m, t.y_m, radius_m, t.covariance[:2, :2], height_m) for t in tracks]
+        blockers = [Disc(t.x_m, t.y_m, radius_m, t.covariance[:2, :2], height_m=height_m) for t in tracks]
         return planner.choose(self._filter.belief, t_s, self._pan_rad, blockers, _DRIFT)
 
     def _turn_head(self, t_s: float) -> float:

@@ -11,7 +11,7 @@ from field_models.field import Field
 from robocup_vision.belief import MapPicture
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
-from robocup_vision.planning import Defender, Disc, MotionLimits, ShotPlan, ShotPlanner
+from robocup_vision.planning import Disc, MotionLimits, ShotPlan, ShotPlanner
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.surroundings import Surroundings
 from sim2d.players.tactics.keeper import KeeperSettings
@@ -108,17 +108,17 @@ class Shooter:
         std_x, std_y, heading_std = around.robot.std.tolist()
         return self.shots.plan((mouth.x_m, mouth.y_m), leaves, self._defenders(around), max(std_x, std_y), heading_std)
 
-    def _defenders(self, around: Surroundings) -> list[Defender]:
+    def _defenders(self, around: Surroundings) -> list[Disc]:
         """Return tracked robots of either side, and a keeper, unless the goal's mouth is seen empty."""
         t, radius_m = around.age_s, self._limits.radius_m
         known = [
-            Defender(Disc(*one.place_after(t), radius_m, one.covariance[:2, :2]), one.vx_mps, one.vy_mps)
+            Disc(*one.place_after(t), radius_m, one.covariance[:2, :2], vx_mps=one.vx_mps, vy_mps=one.vy_mps)
             for one in around.tracks
         ]
-        is_kept = any(self._keeps(one.disc.x_m, one.disc.y_m) for one in known)
+        is_kept = any(self._keeps(one.x_m, one.y_m) for one in known)
         if is_kept or self._is_empty(around.floor):
             return known
-        return [*known, Defender(Disc(self._keeper_x_m, 0.0, radius_m, np.eye(2) * self._settings.keeper_std_m**2))]
+        return [*known, Disc(self._keeper_x_m, 0.0, radius_m, np.eye(2) * self._settings.keeper_std_m**2)]
 
     def _keeps(self, x_m: float, y_m: float) -> bool:
         radius_m = self._limits.radius_m

@@ -8,7 +8,7 @@ import pytest
 
 from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision import Steering
+from robocup_vision import MotionLimits, Steering
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -138,7 +138,7 @@ def test_a_lone_orange_strip_at_the_picture_s_edge_is_no_ball(vision, camera):
 
 def test_steering_takes_bearings_in_view(vision, camera):
     view = vision.look(painted(camera))
-    command = Steering(0.09, 3.0, 0.1, 1.0).steer(view.free_space, (0.0, 0.0), 0.0)
+    command = Steering(0.09, MotionLimits(1.0, 3.0, 0.1)).steer(view.free_space, (0.0, 0.0), 0.0)
     assert command.bearing_rad is not None
 
 

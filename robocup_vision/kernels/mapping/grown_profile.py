@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -12,6 +14,40 @@ from robocup_vision.arrays import FloatArray, Int64Array
 BINS = 512
 FINE = 128
 COARSE = 32
+
+
+class Sectors(NamedTuple):
+    """What each of J bearings stands for: halfway to its neighbours.
+
+    Parameters
+    ----------
+    units : (J, 4) float64
+        Unit vectors (x, y) of the lower and the upper edge.
+    bins : (J, 4) int64
+        Profile bins of the edges; whether the lower and the upper neighbour follow without a gap.
+    """
+
+    units: FloatArray
+    bins: Int64Array
+
+
+class Profile(NamedTuple):
+    """A grown profile: how far the robot's centre may move in each direction.
+
+    Parameters
+    ----------
+    edges : (BINS + 1, 2) float64
+        Unit vectors of the bins' edges.
+    ranges : (BINS,) float64
+        Metres; inf where nothing is ever touched.
+    fine, coarse : (FINE,), (COARSE,) float64
+        Smallest range over each group of bins and its two neighbours.
+    """
+
+    edges: FloatArray
+    ranges: FloatArray
+    fine: FloatArray
+    coarse: FloatArray
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -28,20 +64,11 @@ def profile_bin(x: float, y: float) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def measure_sectors(bearing: FloatArray, sectors: FloatArray, sector_bins: Int64Array) -> bool:
-    """Give each bearing its sector, halfway to its neighbours; False where the bearings do not ascend within one turn.
+def measure_sectors(bearing: FloatArray, sectors: Sectors) -> bool:
+    """Give each bearing (J,), radians, its sector; False where the bearings do not ascend within one turn.
 
-    Parameters
-    ----------
-    bearing : (J,) float64
-        Radians.
-    sectors : (J, 4) float64, written
-        Unit vectors (x, y) of the lower and the upper edge.
-    sector_bins : (J, 4) int64, written
-        Profile bins of the edges; whether the lower and the upper neighbour follow without a gap.
-
-    A gap of more than 1.5 times the smallest spacing belongs to nobody (a camera that does not see all around): there
-    a sector reaches half the smallest spacing, and the rest is unseen.
+    `sectors` is written. A gap of more than 1.5 times the smallest spacing belongs to nobody (a camera that does not
+    see all around): there a sector reaches half the smallest spacing, and the rest is unseen.
     """
     count = bearing.shape[0]
     turn = 2.0 * np.pi
@@ -61,10 +88,10 @@ def measure_sectors(bearing: FloatArray, sectors: FloatArray, sector_bins: Int64
             half = 0.5 * (gap if joined else spacing)
             angle = bearing[k] - half if side == 0 else bearing[k] + half
             x, y = np.cos(angle), np.sin(angle)
-            sectors[k, 2 * side] = x
-            sectors[k, 2 * side + 1] = y
-            sector_bins[k, side] = profile_bin(x, y)
-            sector_bins[k, 2 + side] = 1 if joined else 0
+            sectors.units[k, 2 * side] = x
+            sectors.units[k, 2 * side + 1] = y
+            sectors.bins[k, side] = profile_bin(x, y)
+            sectors.bins[k, 2 + side] = 1 if joined else 0
     return True
 
 
@@ -76,73 +103,61 @@ def _widen(lows: FloatArray, count: int, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def grow_profile(
-    range_m: FloatArray,
-    sectors: FloatArray,
-    sector_bins: Int64Array,
-    edges: FloatArray,
-    radius_m: float,
-    profile: FloatArray,
-    fine: FloatArray,
-    coarse: FloatArray,
-) -> float:
+def grow_profile(range_m: FloatArray, sectors: Sectors, radius_m: float, profile: Profile) -> float:
     """Fill the grown profile: per bin the smallest centre range at which a disc touches a sector's arc or its shadow.
 
     Parameters
     ----------
     range_m : (J,) float64
         Metres; NaN is unseen: its own bins become 0 and nothing grows from it.
-    sectors, sector_bins : (J, 4)
+    sectors : Sectors
         From `measure_sectors`.
-    edges : (BINS + 1, 2) float64
-        Unit vectors of the profile's bin edges.
     radius_m : float
         The robot's.
-    profile : (BINS,) float64, written
-        Metres; inf where nothing is ever touched.
-    fine, coarse : (FINE,), (COARSE,) float64, written
-        Smallest profile over each group of bins and its two neighbours.
+    profile : Profile
+        Its edges are read, the rest is written.
 
     Returns
     -------
     float
-        Smallest profile of all.
+        Smallest range of all.
     """
     count = range_m.shape[0]
+    ranges = profile.ranges
     squared = radius_m * radius_m
     # Bins that no sector covers are unseen; -1 marks them until all sectors are in.
-    profile[:] = -1.0
+    ranges[:] = -1.0
     for k in range(count):
-        index = sector_bins[k, 0]
+        index = sectors.bins[k, 0]
         while True:
-            profile[index] = np.inf
-            if index == sector_bins[k, 1]:
+            ranges[index] = np.inf
+            if index == sectors.bins[k, 1]:
                 break
             index = index + 1 if index + 1 < BINS else 0
     for index in range(BINS):
-        if profile[index] < 0.0:
-            profile[index] = 0.0
+        if ranges[index] < 0.0:
+            ranges[index] = 0.0
     for k in range(count):
         reach = range_m[k]
         seen = not np.isnan(reach)
         reach = max(reach, radius_m) if seen else radius_m
-        index = sector_bins[k, 0]
+        index = sectors.bins[k, 0]
         while True:
-            profile[index] = min(profile[index], reach - radius_m)
-            if index == sector_bins[k, 1]:
+            ranges[index] = min(ranges[index], reach - radius_m)
+            if index == sectors.bins[k, 1]:
                 break
             index = index + 1 if index + 1 < BINS else 0
         if not seen or np.isinf(reach):
             continue
         for side in range(2):
-            if sector_bins[k, 2 + side] == 1:
+            if sectors.bins[k, 2 + side] == 1:
                 other = range_m[(k + 1) % count] if side == 1 else range_m[k - 1]
                 # A nearer neighbour holds this end point in its own shadow.
                 if other <= range_m[k]:
                     continue
-            x = reach * sectors[k, 2 * side]
-            y = reach * sectors[k, 2 * side + 1]
-            index = sector_bins[k, side]
+            x = reach * sectors.units[k, 2 * side]
+            y = reach * sectors.units[k, 2 * side + 1]
+            index = sectors.bins[k, side]
             for _ in range(BINS):
                 if side == 1:
                     index = index + 1 if index + 1 < BINS else 0
@@ -150,27 +165,27 @@ def grow_profile(
                 else:
                     edge = index
                     index = index - 1 if index > 0 else BINS - 1
-                ahead = edges[edge, 0] * x + edges[edge, 1] * y
-                beside = edges[edge, 0] * y - edges[edge, 1] * x
+                ahead = profile.edges[edge, 0] * x + profile.edges[edge, 1] * y
+                beside = profile.edges[edge, 0] * y - profile.edges[edge, 1] * x
                 rest = squared - beside * beside
                 if ahead <= 0.0 or rest < 0.0:
                     break
                 touch = ahead - np.sqrt(rest)
-                if touch < profile[index]:
-                    profile[index] = max(touch, 0.0)
+                if touch < ranges[index]:
+                    ranges[index] = max(touch, 0.0)
     lows = np.empty(FINE)
     for group in range(FINE):
         low = np.inf
         for index in range(group * (BINS // FINE), (group + 1) * (BINS // FINE)):
-            low = min(low, profile[index])
+            low = min(low, ranges[index])
         lows[group] = low
-    _widen(lows, FINE, fine)
+    _widen(lows, FINE, profile.fine)
     for group in range(COARSE):
         low = np.inf
         for index in range(group * (FINE // COARSE), (group + 1) * (FINE // COARSE)):
             low = min(low, lows[index])
         lows[group] = low
-    _widen(lows, COARSE, coarse)
+    _widen(lows, COARSE, profile.coarse)
     smallest = np.inf
     for group in range(COARSE):
         smallest = min(smallest, lows[group])

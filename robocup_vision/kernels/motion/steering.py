@@ -3,25 +3,115 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from robocup_vision.arrays import FloatArray, Int64Array
-from robocup_vision.kernels.mapping.grown_profile import grow_profile, measure_sectors, profile_bin
+from robocup_vision.arrays import FloatArray
+from robocup_vision.kernels.mapping.grown_profile import Profile, Sectors, grow_profile, measure_sectors, profile_bin
 from robocup_vision.kernels.motion.moving_contact import moving_contact_then_stop, moving_contact_time
 from robocup_vision.kernels.motion.trajectories import contact_time, predict_position, predict_velocity
 
 Pair = tuple[float, float]
-Limits = tuple[float, float, float, float, float, float, float]
 Outcome = tuple[int, int, float, float]
 
-# a detour by more than this leads away from the goal
-AWAY_RAD = math.pi / 3.0
-# the other side is taken where it is nearer by more than this
-OTHER_SIDE_RAD = 0.25 * math.pi
-# a detour to one side by more than this is one to the other side
-MAX_TURNED_RAD = 1.25 * math.pi
+
+class Motion(NamedTuple):
+    """How the robot moves: its velocity now, and the command that it obeys during the dead time; m/s."""
+
+    velocity: Pair
+    pending: Pair
+
+
+class Target(NamedTuple):
+    """Where it shall go.
+
+    Parameters
+    ----------
+    bearing, distance : float
+        Radians; metres, inf when unknown, or when the target does not lie in that direction.
+    turn : float
+        `steer`: the detour, radians to the left of the target's bearing. `choose_direction`: -1, 0 or 1, the side to
+        which it rather turns.
+    """
+
+    bearing: float
+    distance: float
+    turn: float
+
+
+class Rules(NamedTuple):
+    """The robot's limits and the settings of steering, see `SteeringSettings`.
+
+    Parameters
+    ----------
+    speed, acceleration, dead_time : float
+        m/s, m/s^2, s.
+    period, threshold, step_m : float
+        Between two commands, s; the paper's T_th, negative: derived; sample distance.
+    levels : int
+        How many speeds are tried, each half of the one before.
+    use_velocity : bool
+        False: the present velocity is taken to be each direction's own.
+    away_rad, other_side_rad, max_detour_rad : float
+        Of detours.
+    """
+
+    speed: float
+    acceleration: float
+    dead_time: float
+    period: float
+    threshold: float
+    step_m: float
+    levels: int
+    use_velocity: bool
+    away_rad: float
+    other_side_rad: float
+    max_detour_rad: float
+
+
+class Directions(NamedTuple):
+    """What is tried.
+
+    Parameters
+    ----------
+    angles, units : (J,), (J, 2) float64
+        Radians, within [0, 2 pi), and unit vectors.
+    time_to_contact : (J,) float64, written
+        T_j at the top speed.
+    """
+
+    angles: FloatArray
+    units: FloatArray
+    time_to_contact: FloatArray
+
+
+class Scan(NamedTuple):
+    """What is seen.
+
+    Parameters
+    ----------
+    bearing, range_m : (J,) float64
+        Radians; metres.
+    known_bearing : (J,) float64, written
+        The bearings that `sectors` were measured for.
+    sectors : Sectors
+        Written where the bearings have changed.
+    """
+
+    bearing: FloatArray
+    range_m: FloatArray
+    known_bearing: FloatArray
+    sectors: Sectors
+
+
+class Start(NamedTuple):
+    """Where a new command finds the robot after the dead time, and when it touches something before that; m, m/s, s."""
+
+    position: Pair
+    velocity: Pair
+    coasted: float
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -32,45 +122,128 @@ def unwind(detour: float, way_m: float, radius_m: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def choose_direction(
-    velocity: Pair,
-    pending: Pair,
-    wanted_bearing: float,
-    target_distance: float,
-    side: float,
-    limits: Limits,
-    use_velocity: bool,
-    directions: FloatArray,
-    units: FloatArray,
-    profile: FloatArray,
-    fine: FloatArray,
-    coarse: FloatArray,
+def coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, moving: FloatArray) -> Start:
+    """Predict the dead time: what happens before the new command is obeyed, no choice can change.
+
+    Parameters as those of `choose_direction`.
+    """
+    here = (0.0, 0.0)
+    velocity, pending = motion.velocity, motion.pending
+    acceleration, dead_time, step_m = rules.acceleration, rules.dead_time, rules.step_m
+    coasted = contact_time(here, velocity, pending, acceleration, dead_time, step_m, profile, smallest)
+    coasted = min(coasted, moving_contact_time(here, velocity, pending, acceleration, 0.0, dead_time, step_m, moving))
+    position = predict_position(here, velocity, pending, acceleration, dead_time)
+    return Start(position, predict_velocity(velocity, pending, acceleration, dead_time), coasted)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def try_command(
+    start: Start, target: Pair, speed: float, rules: Rules, profile: Profile, smallest: float, moving: FloatArray
+) -> tuple[float, float, float]:
+    """Return when a velocity (m/s, of this size) meets something, when it may at the earliest, and when what moves.
+
+    Steps 3 and 4 of the paper for one direction. Times in seconds from now, the last one from the end of the dead time.
+    """
+    here = (0.0, 0.0)
+    acceleration, dead_time, period, step_m = rules.acceleration, rules.dead_time, rules.period, rules.step_m
+    present = start.velocity if rules.use_velocity else target
+    meets = np.inf
+    settle = math.sqrt((target[0] - present[0]) ** 2 + (target[1] - present[1]) ** 2) / acceleration
+    needed = rules.threshold
+    if needed < 0.0:
+        needed = 2.0 * dead_time + period + settle + 0.5 * speed / acceleration
+    horizon = 1.1 * needed
+    if not rules.use_velocity:
+        t = contact_time(here, target, target, acceleration, horizon, step_m, profile, smallest)
+    elif start.coasted < np.inf:
+        t = start.coasted
+    else:
+        rest = max(horizon - dead_time, 0.0)
+        position, velocity = start.position, start.velocity
+        t = dead_time + contact_time(position, velocity, target, acceleration, rest, step_m, profile, smallest)
+        if moving.shape[0] > 0:
+            # safe where it can be carried out to its end, or given up at the next decision, and then stopped
+            carried = settle + dead_time + period
+            meets = min(
+                moving_contact_then_stop(position, velocity, target, acceleration, dead_time, carried, step_m, moving),
+                moving_contact_then_stop(position, velocity, target, acceleration, dead_time, period, step_m, moving),
+            )
+            t = min(t, dead_time + meets)
+    return t, needed, meets
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def passes_target(start: Start, target: Pair, speed: float, t: float, distance: float, rules: Rules) -> bool:
+    """Whether a contact at t, on the way straight to a target at a distance, lies beyond it and the stop after it."""
+    if not (distance < np.inf and t >= rules.dead_time):
+        return False
+    if rules.use_velocity:
+        after = t - rules.dead_time
+        x, y = predict_position(start.position, start.velocity, target, rules.acceleration, after)
+    else:
+        x, y = target[0] * t, target[1] * t
+    return math.hypot(x, y) >= distance + 0.5 * speed * speed / rules.acceleration
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def latest_contact(
+    motion: Motion,
+    start: Start,
+    speed: float,
+    rules: Rules,
+    directions: Directions,
+    profile: Profile,
     smallest: float,
     moving: FloatArray,
-    time_to_contact: FloatArray,
+) -> Outcome:
+    """Return what to do where no direction is safe: brake, or, where that touches, the command with the latest contact.
+
+    Parameters and result as those of `choose_direction`.
+    """
+    here = (0.0, 0.0)
+    acceleration, dead_time, step_m = rules.acceleration, rules.dead_time, rules.step_m
+    position, velocity = start.position, start.velocity
+    latest = start.coasted
+    if latest == np.inf or not rules.use_velocity:
+        stop = math.hypot(velocity[0], velocity[1]) / acceleration if rules.use_velocity else 0.0
+        latest = dead_time + contact_time(position, velocity, here, acceleration, stop, step_m, profile, smallest)
+        meets = moving_contact_time(position, velocity, here, acceleration, dead_time, stop, step_m, moving)
+        latest = min(latest, dead_time + meets)
+    # Later by less than contacts are told apart is no later, and braking then touches more softly.
+    latest += 0.1 * step_m / max(speed, math.hypot(motion.velocity[0], motion.velocity[1]), step_m)
+    chosen = -1
+    for j in range(directions.angles.shape[0]):
+        if directions.time_to_contact[j] > latest:
+            chosen, latest = j, directions.time_to_contact[j]
+    return (1, -1, 0.0, 0.0) if chosen < 0 else (2, chosen, speed, 0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def choose_direction(
+    motion: Motion,
+    wanted: Target,
+    rules: Rules,
+    directions: Directions,
+    profile: Profile,
+    smallest: float,
+    moving: FloatArray,
 ) -> Outcome:
     """Predict every direction (paper's Steps 3-4) and choose (Step 5); `Steering` explains the rule.
 
     Parameters
     ----------
-    velocity, pending : (float, float)
-        m/s: now, and of the command that is obeyed during the dead time.
-    wanted_bearing, target_distance : float
-        Radians; metres, inf when unknown, or when the goal does not lie in that direction.
-    side : float
-        -1, 0 or 1: the side to which it rather turns from the wanted bearing.
-    limits : (float,) * 7
-        Top speed, acceleration, dead time, period, threshold (negative: derived), sample distance; levels of speed.
-    use_velocity : bool
-        False: the present velocity is taken to be each direction's own.
-    directions, units : (J,), (J, 2) float64
-        Radians, within [0, 2 pi), and unit vectors.
-    profile, fine, coarse, smallest
+    motion : Motion
+        Of the robot.
+    wanted : Target
+        Bearing that is wanted, distance, and side to which it rather turns.
+    rules : Rules
+        Limits and settings.
+    directions : Directions
+        What is tried; their times to contact are written.
+    profile, smallest
         From `grow_profile`.
     moving : (M, 8) float64
         As `moving_contact_time` takes it.
-    time_to_contact : (J,) float64, written
-        T_j at the top speed.
 
     Returns
     -------
@@ -83,81 +256,41 @@ def choose_direction(
     turned : float
         Radians, to the left, from the wanted bearing to the direction, within [-pi, pi).
     """
-    speed, acceleration, dead_time, period, threshold, step_m, levels = limits
-    count = directions.shape[0]
+    speed = rules.speed
+    count = directions.angles.shape[0]
     turn = 2.0 * math.pi
     same = math.pi / count * 1.001
-    wanted_bearing %= turn
-    if target_distance < np.inf:
-        lag = acceleration * (dead_time + period)
-        speed = min(speed, math.sqrt(lag * lag + 2.0 * acceleration * target_distance) - lag)
-    here = (0.0, 0.0)
-    # what happens before the new command is obeyed, no choice can change
-    coasted = contact_time(
-        here, velocity, pending, acceleration, dead_time, step_m, profile, fine, coarse, smallest
-    )  # fmt: skip
-    coasted = min(coasted, moving_contact_time(here, velocity, pending, acceleration, 0.0, dead_time, step_m, moving))
-    start = predict_position(here, velocity, pending, acceleration, dead_time)
-    obeying = predict_velocity(velocity, pending, acceleration, dead_time)
+    wanted_bearing = wanted.bearing % turn
+    if wanted.distance < np.inf:
+        lag = rules.acceleration * (rules.dead_time + rules.period)
+        speed = min(speed, math.sqrt(lag * lag + 2.0 * rules.acceleration * wanted.distance) - lag)
+    start = coast(motion, rules, profile, smallest, moving)
     best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
-    for level in range(int(levels)):
+    for level in range(rules.levels):
         slower = speed * 0.5**level
         # At best it goes straight there; and a direction no nearer to it is not worth the lower speed.
         if slower <= progress:
             break
         chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0
         for j in range(count):
-            turned = directions[j] - wanted_bearing
+            turned = directions.angles[j] - wanted_bearing
             if turned >= math.pi:
                 turned -= turn
             elif turned < -math.pi:
                 turned += turn
             ahead = abs(turned) <= same
             away = abs(turned)
-            if turned * side < 0.0 and not ahead:
-                away += OTHER_SIDE_RAD
+            if turned * wanted.turn < 0.0 and not ahead:
+                away += rules.other_side_rad
             if level > 0 and away > least + 1e-9:
                 continue
-            target = (slower * units[j, 0], slower * units[j, 1])
-            present = obeying if use_velocity else target
-            meets = np.inf
-            settle = math.sqrt((target[0] - present[0]) ** 2 + (target[1] - present[1]) ** 2) / acceleration
-            needed = threshold if threshold >= 0.0 else 2.0 * dead_time + period + settle + 0.5 * slower / acceleration
-            horizon = 1.1 * needed
-            if not use_velocity:
-                t = contact_time(
-                    here, target, target, acceleration, horizon, step_m, profile, fine, coarse, smallest
-                )  # fmt: skip
-            elif coasted < np.inf:
-                t = coasted
-            else:
-                rest = max(horizon - dead_time, 0.0)
-                t = dead_time + contact_time(
-                    start, obeying, target, acceleration, rest, step_m, profile, fine, coarse, smallest
-                )  # fmt: skip
-                if moving.shape[0] > 0:
-                    # safe where it can be carried out to its end, or given up at the next decision, and then stopped
-                    meets = min(
-                        moving_contact_then_stop(
-                            start, obeying, target, acceleration, dead_time, settle + dead_time + period, step_m, moving
-                        ),
-                        moving_contact_then_stop(
-                            start, obeying, target, acceleration, dead_time, period, step_m, moving
-                        ),
-                    )  # fmt: skip
-                    t = min(t, dead_time + meets)
+            target = (slower * directions.units[j, 0], slower * directions.units[j, 1])
+            t, needed, meets = try_command(start, target, slower, rules, profile, smallest, moving)
             if level == 0:
-                time_to_contact[j] = t
-            if t < needed or meets < np.inf:
-                beyond = False
-                if ahead and target_distance < np.inf and t >= dead_time:
-                    if use_velocity:
-                        x, y = predict_position(start, obeying, target, acceleration, t - dead_time)
-                    else:
-                        x, y = target[0] * t, target[1] * t
-                    beyond = math.hypot(x, y) >= target_distance + 0.5 * slower * slower / acceleration
-                if not beyond:
-                    continue
+                directions.time_to_contact[j] = t
+            is_unsafe = t < needed or meets < np.inf
+            if is_unsafe and not (ahead and passes_target(start, target, slower, t, wanted.distance, rules)):
+                continue
             if away < least - 1e-9 or (away < least + 1e-9 and t > longest):
                 chosen, least, longest, turned_least = j, min(away, least), t, turned
         if chosen >= 0 and slower * math.cos(min(least, math.pi)) > progress:
@@ -165,82 +298,55 @@ def choose_direction(
             progress = slower * math.cos(min(least, math.pi))
     if best >= 0:
         return 0, best, pace, toward
-    latest = coasted
-    if latest == np.inf or not use_velocity:
-        stop = math.hypot(obeying[0], obeying[1]) / acceleration if use_velocity else 0.0
-        latest = dead_time + contact_time(
-            start, obeying, here, acceleration, stop, step_m, profile, fine, coarse, smallest
-        )  # fmt: skip
-        latest = min(
-            latest,
-            dead_time + moving_contact_time(start, obeying, here, acceleration, dead_time, stop, step_m, moving),
-        )
-    # Later by less than contacts are told apart is no later, and braking then touches more softly.
-    latest += 0.1 * step_m / max(speed, math.hypot(velocity[0], velocity[1]), step_m)
-    chosen = -1
-    for j in range(count):
-        if time_to_contact[j] > latest:
-            chosen, latest = j, time_to_contact[j]
-    return (1, -1, 0.0, 0.0) if chosen < 0 else (2, chosen, speed, 0.0)
+    return latest_contact(motion, start, speed, rules, directions, profile, smallest, moving)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def steer(
-    velocity: Pair,
-    pending: Pair,
-    target_bearing: float,
-    target_distance: float,
-    detour: float,
-    limits: Limits,
-    use_velocity: bool,
-    directions: FloatArray,
-    units: FloatArray,
-    bearing: FloatArray,
-    range_m: FloatArray,
-    known_bearing: FloatArray,
-    sectors: FloatArray,
-    sector_bins: Int64Array,
-    edges: FloatArray,
+    motion: Motion,
+    target: Target,
+    rules: Rules,
+    directions: Directions,
+    scan: Scan,
     radius_m: float,
-    profile: FloatArray,
-    fine: FloatArray,
-    coarse: FloatArray,
+    profile: Profile,
     moving: FloatArray,
-    time_to_contact: FloatArray,
 ) -> Outcome:
     """Join the steps in one call; the sectors are measured again only when the bearings have changed.
 
-    Takes the detour, radians to the left of the goal's bearing, and returns what `choose_direction` does, but last the
-    detour to be handed in next time; outcome -1 where the bearings do not ascend within one turn.
+    Takes the target with the detour, and returns what `choose_direction` does, but last the detour to be handed in next
+    time; outcome -1 where the bearings do not ascend within one turn. `radius_m`: the robot's.
     """
+    detour = target.turn
     same = True
-    for k in range(bearing.shape[0]):
-        same = same and bearing[k] == known_bearing[k]
+    for k in range(scan.bearing.shape[0]):
+        same = same and scan.bearing[k] == scan.known_bearing[k]
     if not same:
-        known_bearing[:] = np.nan
-        if not measure_sectors(bearing, sectors, sector_bins):
+        scan.known_bearing[:] = np.nan
+        if not measure_sectors(scan.bearing, scan.sectors):
             return -1, -1, 0.0, detour
-        known_bearing[:] = bearing
-    smallest = grow_profile(range_m, sectors, sector_bins, edges, radius_m, profile, fine, coarse)
-    resolution = math.pi / directions.shape[0] * 1.001
-    pace = math.hypot(velocity[0], velocity[1])
-    detour = unwind(detour, pace * limits[3], max(radius_m, pace * pace / limits[1]))
-    if target_distance < profile[profile_bin(math.cos(target_bearing), math.sin(target_bearing))]:
+        scan.known_bearing[:] = scan.bearing
+    smallest = grow_profile(scan.range_m, scan.sectors, radius_m, profile)
+    resolution = math.pi / directions.angles.shape[0] * 1.001
+    pace = math.hypot(motion.velocity[0], motion.velocity[1])
+    detour = unwind(detour, pace * rules.period, max(radius_m, pace * pace / rules.acceleration))
+    if target.distance < profile.ranges[profile_bin(math.cos(target.bearing), math.sin(target.bearing))]:
         detour = 0.0
     side = 0.0 if detour == 0.0 else math.copysign(1.0, detour)
-    if abs(detour) > AWAY_RAD:
-        # away from the goal no faster than it can turn within its own length: else it overshoots every corner
-        speed, acceleration, dead_time, period, threshold, step_m, levels = limits
-        slower = min(speed, math.sqrt(acceleration * 2.0 * radius_m))
-        limits = (slower, acceleration, dead_time, period, threshold, step_m, levels)
-    # a goal that is not driven towards is not arrived at
-    distance = target_distance if abs(detour) <= resolution else np.inf
-    outcome, index, speed, turned = choose_direction(
-        velocity, pending, target_bearing + detour, distance, side, limits, use_velocity, directions, units,
-        profile, fine, coarse, smallest, moving, time_to_contact,
+    speed = rules.speed
+    if abs(detour) > rules.away_rad:
+        # away from the target no faster than it can turn within its own length: else it overshoots every corner
+        speed = min(speed, math.sqrt(rules.acceleration * 2.0 * radius_m))
+    slower = Rules(
+        speed, rules.acceleration, rules.dead_time, rules.period, rules.threshold, rules.step_m, rules.levels,
+        rules.use_velocity, rules.away_rad, rules.other_side_rad, rules.max_detour_rad,
     )  # fmt: skip
+    # a target that is not driven towards is not arrived at
+    distance = target.distance if abs(detour) <= resolution else np.inf
+    wanted = Target(target.bearing + detour, distance, side)
+    outcome, index, speed, turned = choose_direction(motion, wanted, slower, directions, profile, smallest, moving)
     if outcome == 0 and abs(turned) > resolution:
         detour += turned
-        while abs(detour) > MAX_TURNED_RAD:
+        while abs(detour) > rules.max_detour_rad:
             detour -= math.copysign(2.0 * math.pi, detour)
     return outcome, index, speed, detour

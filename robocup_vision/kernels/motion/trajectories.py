@@ -7,8 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from robocup_vision.arrays import FloatArray
-from robocup_vision.kernels.mapping.grown_profile import BINS, COARSE, FINE, profile_bin
+from robocup_vision.kernels.mapping.grown_profile import BINS, COARSE, FINE, Profile, profile_bin
 
 Pair = tuple[float, float]
 
@@ -66,9 +65,7 @@ def contact_time(
     acceleration: float,
     horizon: float,
     step_m: float,
-    profile: FloatArray,
-    fine: FloatArray,
-    coarse: FloatArray,
+    profile: Profile,
     smallest: float,
 ) -> float:
     """Return T_j (eq. 15), the last moment sure to be free before the trajectory leaves the profile; inf: no contact.
@@ -111,17 +108,19 @@ def contact_time(
         later = least
         if r > 1e-12:
             index = profile_bin(x, y)
-            if r >= profile[index]:
+            if r >= profile.ranges[index]:
                 break
             out_now, out_then = v_x * x + v_y * y, target[0] * x + target[1] * y
             out = max(out_now, out_then, 0.0)
             inward = max(-out_now, -out_then, 0.0)
             sideward = max(abs(v_y * x - v_x * y), abs(target[1] * x - target[0] * y)) + 1e-12
+            clear_coarse = profile.coarse[index // (BINS // COARSE)] - r
+            clear_fine = profile.fine[index // (BINS // FINE)] - r
             later = max(
                 later,
                 (smallest - r) * slowness,
-                _sure_time(r, coarse[index // (BINS // COARSE)] - r, out, inward, sideward, _COARSE_SIN, _COARSE_TAN),
-                _sure_time(r, fine[index // (BINS // FINE)] - r, out, inward, sideward, _FINE_SIN, _FINE_TAN),
+                _sure_time(r, clear_coarse, out, inward, sideward, _COARSE_SIN, _COARSE_TAN),
+                _sure_time(r, clear_fine, out, inward, sideward, _FINE_SIN, _FINE_TAN),
             )
         free = t
         if t >= horizon:
@@ -132,7 +131,7 @@ def contact_time(
         t = 0.5 * (free + hit)
         x, y = predict_position(start, velocity, target, acceleration, t)
         r = math.sqrt(x * x + y * y)
-        if r > 1e-12 and r >= profile[profile_bin(x, y)]:
+        if r > 1e-12 and r >= profile.ranges[profile_bin(x, y)]:
             hit = t
         else:
             free = t

@@ -8,42 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.disc import Disc
 
 Point = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Disc:
-    """Something round that stands on the floor: a tracked opponent.
-
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its centre, in the frame that is planned in.
-    radius_m : float
-        Its radius.
-    covariance : (2, 2) float64
-        Of the centre, square metres.
-    """
-
-    x_m: float
-    y_m: float
-    radius_m: float
-    covariance: FloatArray
-
-    def __post_init__(self) -> None:
-        covariance = read_only(self.covariance)
-        if covariance.shape != (2, 2):
-            raise ArgumentError(f"covariance must be (2, 2), got {covariance.shape}")
-        if not (math.isfinite(self.radius_m) and self.radius_m >= 0.0):
-            raise ArgumentError(f"radius_m must not be negative, got {self.radius_m!r}")
-        object.__setattr__(self, "covariance", covariance)
-
-    @property
-    def variance_m2(self) -> float:
-        """Of the centre, in the direction in which it is known worst."""
-        return float(np.linalg.eigvalsh(self.covariance)[-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +46,9 @@ class Gap:
 
     def wide_enough(self, needed_m: float) -> float:
         """Probability that it is at least this wide."""
-        return 0.5 * math.erfc((needed_m - self.width_m) / (self.sigma_m * math.sqrt(2.0)))
+        from scipy.special import ndtr
+
+        return float(ndtr((self.width_m - needed_m) / self.sigma_m))
 
 
 def gap_between(first: Disc, second: Disc) -> Gap:

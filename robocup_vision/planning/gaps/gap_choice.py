@@ -14,9 +14,10 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
-from robocup_vision.planning.gaps.gap import Disc, Gap, Point
+from robocup_vision.planning.gaps.gap import Gap, Point
 from robocup_vision.planning.speed.speed_planner import SpeedPlanner
 
 # the table's widths, robot widths; how far before and after a gap it still counts, metres
@@ -25,11 +26,9 @@ _NARROWEST, _WIDEST, _WIDTHS, _WAY_M = 1.0, 6.0, 41, 1.5
 _LATEST_S, _EVERY, _CELLS, _SPREAD = 30.0, 3, 61, 3.5
 # gaps that are reckoned with once others have turned out blocked
 _DEEP = 3
-# the normal distribution in cells of equal width: their middles and shares
+# the standard normal distribution in cells of equal width
 _EDGES = np.linspace(-_SPREAD, _SPREAD, _CELLS + 1)
 _MIDDLES = 0.5 * (_EDGES[1:] + _EDGES[:-1])
-_SHARES = np.diff([0.5 * math.erfc(-z / math.sqrt(2.0)) for z in _EDGES.tolist()])
-_SHARES /= _SHARES.sum()
 
 
 class PassageTimes:
@@ -46,10 +45,14 @@ class PassageTimes:
     """
 
     def __init__(self, planner: SpeedPlanner, opponent_radius_m: float, opponent_sigma_m: float) -> None:
+        from scipy.special import ndtr
+
         for name, value in (("opponent_radius_m", opponent_radius_m), ("opponent_sigma_m", opponent_sigma_m)):
             if not (math.isfinite(value) and value > 0.0):
                 raise ArgumentError(f"{name} must be positive, got {value!r}")
         self.planner = planner
+        mass = np.diff(ndtr(_EDGES))
+        self._probability = mass / mass.sum()
         self._opponent = float(opponent_radius_m), float(opponent_sigma_m)
         widths = np.linspace(_NARROWEST, _WIDEST, _WIDTHS) * 2 * planner.robot_radius_m
         open_s = self._drive_s(None)
@@ -87,7 +90,7 @@ class PassageTimes:
         passable = np.isfinite(self._extra_s)
         times = np.interp(widths, self._widths_m[passable], open_s + self._extra_s[passable])
         times = np.where(widths < self.narrowest_m, blocked_s, times)
-        return float(_SHARES @ times)
+        return float(self._probability @ times)
 
     def _drive_s(self, width_m: float | None) -> float:
         """Seconds of a drive in which nothing goes wrong, but everything might; inf if it is not finished."""

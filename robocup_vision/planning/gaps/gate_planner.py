@@ -16,8 +16,8 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.motion import gate_problem
+from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap import Gap, Point, WidthSensor
-from robocup_vision.planning.motion_limits import MotionLimits
 
 # cells of the width's distribution, over so many standard deviations to either side
 _WIDTHS, _SPREAD = 32, 4.0
@@ -25,7 +25,6 @@ _WIDTHS, _SPREAD = 32, 4.0
 _READINGS_AT = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
 # viewpoints on a grid over the triangle of robot, gap and detour, this many steps a side
 _STEPS = 5
-_ROOT_2 = math.sqrt(2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +199,8 @@ class GatePlanner:
         viewpoints_m: FloatArray | None = None,
     ) -> GateTables:
         """Return the problem in numbers; parameters as those of `plan`."""
+        from scipy.special import ndtr
+
         robot, goal, center = (np.array(p, dtype=np.float64) for p in (robot_m, target_m, gap.center_m))
         way = np.array(detour_m, dtype=np.float64).reshape(-1, 2)
         if not (np.isfinite([robot, goal, center]).all() and np.isfinite(way).all()):
@@ -234,7 +235,7 @@ class GatePlanner:
         ]
         widths, prior, first_wide = _width_cells(gap, self._needed_m)
         edges = self._needed_m + np.multiply.outer(sigma, _READINGS_AT)
-        below = _normal_cdf((edges[:, :, None] - widths) / np.array(sigma)[:, None, None])
+        below = ndtr((edges[:, :, None] - widths) / np.array(sigma)[:, None, None])
         ends = np.zeros((len(places), 1, len(widths)))
         likelihood = np.diff(np.concatenate([ends, below, ends + 1.0], axis=1), axis=1)
         return GateTables(places, prior, first_wide, likelihood, move_s, pass_s, fail_s, detour_s)
@@ -261,13 +262,10 @@ def _length(points: FloatArray) -> float:
 
 def _width_cells(gap: Gap, needed_m: float) -> tuple[FloatArray, FloatArray, int]:
     """Middles and probabilities of the width's cells, split at the width needed, and the first beyond that."""
+    from scipy.special import ndtr
+
     edges = np.linspace(gap.width_m - _SPREAD * gap.sigma_m, gap.width_m + _SPREAD * gap.sigma_m, _WIDTHS + 1)
     edges = np.sort(np.append(edges, np.clip(needed_m, edges[0], edges[-1])))
     middles = 0.5 * (edges[1:] + edges[:-1])
-    mass = np.diff(_normal_cdf((edges - gap.width_m) / gap.sigma_m))
+    mass = np.diff(ndtr((edges - gap.width_m) / gap.sigma_m))
     return middles, mass / mass.sum(), int(np.searchsorted(middles, needed_m))
-
-
-def _normal_cdf(z: FloatArray) -> FloatArray:
-    below: FloatArray = np.array([0.5 * math.erfc(-value / _ROOT_2) for value in z.ravel().tolist()])
-    return below.reshape(z.shape)

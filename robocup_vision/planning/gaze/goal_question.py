@@ -18,6 +18,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.goal_color import is_chromatic
@@ -30,7 +31,7 @@ from robocup_vision.planning.gaze.goal_evidence import (
     load_goal_evidence,
 )
 from robocup_vision.planning.gaze.pose_gaze import Neck
-from robocup_vision.planning.gaze.sight_lines import Blocker, clear_probability
+from robocup_vision.planning.gaze.sight_lines import clear_probability
 from robocup_vision.planning.gaze.sigma_points import sigma_points
 
 Answer = Literal["look", "decided", "undecidable"]
@@ -161,9 +162,7 @@ class GoalQuestion:
         colors = {goal.color for goal in self._field.goals}
         return len(colors) > 1 and any(map(is_chromatic, colors))
 
-    def choose(
-        self, hypotheses: Sequence[Hypothesis], pan_rad: float = 0.0, blockers: Sequence[Blocker] = ()
-    ) -> Fixation:
+    def choose(self, hypotheses: Sequence[Hypothesis], pan_rad: float = 0.0, blockers: Sequence[Disc] = ()) -> Fixation:
         """Choose where to look, or say that nothing is left to ask.
 
         Parameters
@@ -172,7 +171,7 @@ class GoalQuestion:
             Poses the robot may have.
         pan_rad : float
             Where the head is.
-        blockers : sequence of Blocker
+        blockers : sequence of Disc
             Robots that may hide a goal, field frame of the first hypothesis: what stands beside the robot turns with
             the pose that is taken for the true one.
 
@@ -204,7 +203,7 @@ class GoalQuestion:
         return Fixation("look", float(self._pans[best]), now, float(expected[best]), reason)
 
     def observe(
-        self, hypotheses: Sequence[Hypothesis], pan_rad: float, goal: int, blockers: Sequence[Blocker] = ()
+        self, hypotheses: Sequence[Hypothesis], pan_rad: float, goal: int, blockers: Sequence[Disc] = ()
     ) -> FloatArray:
         """Return the probabilities (N,) after a look, eq. 3.
 
@@ -216,7 +215,7 @@ class GoalQuestion:
             Where the frame was taken.
         goal : int
             The goal it told of, see `identified_goal`: +1, -1, or 0.
-        blockers : sequence of Blocker
+        blockers : sequence of Disc
             As `choose` took them.
         """
         outcome = {1: POSITIVE, -1: NEGATIVE, 0: NOTHING}.get(goal)
@@ -231,7 +230,7 @@ class GoalQuestion:
         # what none of them allows speaks for none
         return np.asarray(after / after.sum()) if after.sum() > 0 else share
 
-    def _chances(self, hypotheses: Sequence[Hypothesis], pans: FloatArray, blockers: Sequence[Blocker]) -> FloatArray:
+    def _chances(self, hypotheses: Sequence[Hypothesis], pans: FloatArray, blockers: Sequence[Disc]) -> FloatArray:
         """P(e | I, w) as (P, N, 3), e in the order of POSITIVE, NEGATIVE, NOTHING."""
         chances = np.empty((len(pans), len(hypotheses), 3))
         for n, hypothesis in enumerate(hypotheses):
@@ -240,7 +239,7 @@ class GoalQuestion:
             chances[:, n] = self._chances_of(hypothesis, pans, beside)
         return chances
 
-    def _chances_of(self, hypothesis: Hypothesis, pans: FloatArray, blockers: Sequence[Blocker]) -> FloatArray:
+    def _chances_of(self, hypothesis: Hypothesis, pans: FloatArray, blockers: Sequence[Disc]) -> FloatArray:
         points = sigma_points(hypothesis.pose, hypothesis.covariance)
         told = np.zeros((len(pans), 3))
         eye = (*hypothesis.pose.transform(self._camera.offset_m).tolist(), self._camera.height_m)
@@ -298,8 +297,8 @@ def _shares(hypotheses: Sequence[Hypothesis]) -> FloatArray:
     return np.asarray(share / share.sum())
 
 
-def _turned(blocker: Blocker, turn: Pose2) -> Blocker:
+def _turned(blocker: Disc, turn: Pose2) -> Disc:
     x, y = turn.transform((blocker.x_m, blocker.y_m)).tolist()
     c, s = math.cos(turn.theta_rad), math.sin(turn.theta_rad)
     rotation = np.array([[c, -s], [s, c]])
-    return Blocker(x, y, blocker.radius_m, rotation @ blocker.covariance @ rotation.T, blocker.height_m)
+    return Disc(x, y, blocker.radius_m, rotation @ blocker.covariance @ rotation.T, height_m=blocker.height_m)

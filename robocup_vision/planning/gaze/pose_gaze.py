@@ -16,10 +16,11 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning.gaze.field_landmarks import Kind, field_landmarks
-from robocup_vision.planning.gaze.sight_lines import Blocker, clear_probability
+from robocup_vision.planning.gaze.sight_lines import clear_probability
 from robocup_vision.planning.gaze.sigma_points import sigma_points
 
 Criterion = Literal["position", "volume"]
@@ -218,7 +219,7 @@ class PoseGaze:
         belief: PoseEstimate | NotLocated,
         t_s: float,
         pan_rad: float = 0.0,
-        blockers: Sequence[Blocker] = (),
+        blockers: Sequence[Disc] = (),
         drift: FloatArray | None = None,
     ) -> Gaze:
         """Choose where to look.
@@ -231,7 +232,7 @@ class PoseGaze:
             Now; a sweep goes by it.
         pan_rad : float
             Where the head is.
-        blockers : sequence of Blocker
+        blockers : sequence of Disc
             Robots that may hide landmarks.
         drift : (3, 3) float64, optional
             How the pose's covariance grows in a second without frames, field frame.
@@ -270,7 +271,7 @@ class PoseGaze:
     def _sweep(self, t_s: float, why: str) -> Gaze:
         return Gaze(self.neck.sweep(t_s), False, math.inf, 0.0, f"sweep: {why}")
 
-    def _shares(self, pose: Pose2, covariance: FloatArray, blockers: Sequence[Blocker]) -> FloatArray:
+    def _shares(self, pose: Pose2, covariance: FloatArray, blockers: Sequence[Disc]) -> FloatArray:
         """Chance (S, P, L) that each pan shows each landmark, from each sigma point of the pose."""
         points = sigma_points(pose, covariance)
         heading = points[:, 2, None] + self._pans

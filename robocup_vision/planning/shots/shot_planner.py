@@ -15,34 +15,15 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
+from robocup_vision.disc import Disc
 from robocup_vision.geometry import wrap_angle
-from robocup_vision.planning.gaps.gap import Disc, Point
-from robocup_vision.planning.motion_limits import MotionLimits
+from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.planning.gaps.gap import Point
 
 # places in the mouth that are aimed at; places nearer to it that are thought of: ways, metres, and directions, radians
 _AIMS = 25
 _WAYS_M = (0.1, 0.2, 0.35, 0.5, 0.7)
 _DIRECTIONS_RAD = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
-# chances of a normal error: read from a table, exact to 1e-5, as numpy has no erf
-_ERRORS = np.linspace(-6.0, 6.0, 1201)
-_CHANCES = np.array([0.5 * math.erfc(-x / math.sqrt(2.0)) for x in _ERRORS.tolist()])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Defender:
-    """One that may stop the ball.
-
-    Parameters
-    ----------
-    disc : Disc
-        Where it is.
-    vx_mps, vy_mps : float
-        Its velocity, in the same frame.
-    """
-
-    disc: Disc
-    vx_mps: float = 0.0
-    vy_mps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +107,7 @@ class ShotPlanner:
             raise ArgumentError(f"a ball of {self.ball_radius_m} m does not fit between the posts {self.posts_m}")
 
     def plan(
-        self, ball: Point, heading_rad: float, defenders: Sequence[Defender], place_std_m: float, heading_std_rad: float
+        self, ball: Point, heading_rad: float, defenders: Sequence[Disc], place_std_m: float, heading_std_rad: float
     ) -> ShotPlan:
         """Choose what to do with a ball that is held.
 
@@ -136,8 +117,8 @@ class ShotPlanner:
             Where it is.
         heading_rad : float
             The way the robot faces.
-        defenders : sequence of Defender
-            Who may stop it.
+        defenders : sequence of Disc
+            Who may stop it, with velocities.
         place_std_m, heading_std_rad : float
             How well the robot knows where it is: standard deviations, each way.
         """
@@ -167,7 +148,7 @@ class ShotPlanner:
         self,
         balls_m: FloatArray,
         headings_rad: FloatArray,
-        defenders: Sequence[Defender],
+        defenders: Sequence[Disc],
         place_std_m: float,
         heading_std_rad: float,
         after_s: FloatArray | float = 0.0,
@@ -192,22 +173,22 @@ class ShotPlanner:
             x, y = x + seconds * v_x, y + seconds * v_y
             along, aside = c * x + s * y, c * y - s * x
             reach = self._reach_m(seconds)
-            (xx, xy), (_, yy) = one.disc.covariance
+            (xx, xy), (_, yy) = one.covariance
             across = s**2 * xx - 2 * s * c * xy + c**2 * yy
             std = np.sqrt(across + place_std_m**2 + (spread * along) ** 2)
-            wide = reach + one.disc.radius_m + self.ball_radius_m
+            wide = reach + one.radius_m + self.ball_radius_m
             passes = _below((aside - wide) / std) + _below((-aside - wide) / std)
             chance = chance * np.where(along > 0.0, passes, 1.0)
         return np.asarray(chance)
 
     def _guards(
-        self, one: Defender, balls_m: FloatArray, after_s: FloatArray | float
+        self, one: Disc, balls_m: FloatArray, after_s: FloatArray | float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Where, from the ball, a defender is after so long, and its velocity: it heads for the way to the goal."""
         limits, goal = self.defenders, np.mean(self.posts_m, axis=0)
         drifts = np.minimum(after_s, limits.dead_time_s)
-        x = one.disc.x_m + drifts * one.vx_mps - balls_m[..., 0]
-        y = one.disc.y_m + drifts * one.vy_mps - balls_m[..., 1]
+        x = one.x_m + drifts * one.vx_mps - balls_m[..., 0]
+        y = one.y_m + drifts * one.vy_mps - balls_m[..., 1]
         way_x, way_y = goal[0] - balls_m[..., 0], goal[1] - balls_m[..., 1]
         share = np.clip((x * way_x + y * way_y) / np.maximum(way_x**2 + way_y**2, 1e-12), 0.0, 1.0)
         off_x, off_y = share * way_x - x, share * way_y - y
@@ -243,33 +224,35 @@ class ShotPlanner:
         return np.asarray(np.minimum(0.5 * self.defenders.acceleration_mps2 * runs**2, self.defenders.speed_mps * runs))
 
     def _reached(
-        self, places: FloatArray, seconds: FloatArray, defenders: Sequence[Defender], place_std_m: float
+        self, places: FloatArray, seconds: FloatArray, defenders: Sequence[Disc], place_std_m: float
     ) -> FloatArray:
         """Chance that somebody can be at each place (P, 2) with the ball by then (P, K)."""
         away = np.ones(seconds.shape)
         for one in defenders:
-            x = one.disc.x_m + seconds * one.vx_mps - places[:, None, 0]
-            y = one.disc.y_m + seconds * one.vy_mps - places[:, None, 1]
-            std = math.sqrt(one.disc.variance_m2 + place_std_m**2)
-            room = np.hypot(x, y) - self._reach_m(seconds) - one.disc.radius_m - self.ball_radius_m
+            x = one.x_m + seconds * one.vx_mps - places[:, None, 0]
+            y = one.y_m + seconds * one.vy_mps - places[:, None, 1]
+            std = math.sqrt(one.variance_m2 + place_std_m**2)
+            room = np.hypot(x, y) - self._reach_m(seconds) - one.radius_m - self.ball_radius_m
             away *= _below(room / std)
         return np.asarray(1.0 - away)
 
-    def _free(self, ball: Point, places: FloatArray, defenders: Sequence[Defender], place_std_m: float) -> FloatArray:
+    def _free(self, ball: Point, places: FloatArray, defenders: Sequence[Disc], place_std_m: float) -> FloatArray:
         """Chance that nobody stands in the straight way to each place."""
         free = np.ones(len(places))
         way = places - np.array(ball)
         length2 = np.maximum(np.sum(way**2, axis=1), 1e-12)
         for one in defenders:
-            off = np.array([one.disc.x_m - ball[0], one.disc.y_m - ball[1]])
+            off = np.array([one.x_m - ball[0], one.y_m - ball[1]])
             share = np.clip(way @ off / length2, 0.0, 1.0)
             away = np.hypot(*(off - share[:, None] * way).T)
-            std = math.sqrt(one.disc.variance_m2 + place_std_m**2)
+            std = math.sqrt(one.variance_m2 + place_std_m**2)
             # it holds the ball in front of itself: where that touches, so does the robot
-            free *= np.where(share > 0.0, _below((away - one.disc.radius_m - self.ball_radius_m) / std), 1.0)
+            free *= np.where(share > 0.0, _below((away - one.radius_m - self.ball_radius_m) / std), 1.0)
         return free
 
 
 def _below(x: FloatArray) -> FloatArray:
     """Chance that a standard normal variable lies below each value."""
-    return np.asarray(np.interp(x, _ERRORS, _CHANCES))
+    from scipy.special import ndtr
+
+    return np.asarray(ndtr(x))

@@ -11,7 +11,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
-from robocup_vision.planning.motion_limits import MotionLimits
+from robocup_vision.motion_limits import MotionLimits
 
 
 class PathFollower:

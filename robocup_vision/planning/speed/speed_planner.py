@@ -14,9 +14,9 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
-from robocup_vision.planning.gaps.gap import Disc
 from robocup_vision.planning.speed.path_follower import PathFollower, checked_path
 
 # each speed tried is this share of the one before, down to where it no longer pays

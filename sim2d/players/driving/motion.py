@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.avoidance import Steering
-from robocup_vision.belief import MovingObstacle
+from robocup_vision.avoidance import Steering, SteeringSettings
+from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.players.driving.travel import Travel
@@ -82,13 +82,7 @@ class Motion:
     ) -> None:
         self._limits, self._rng, self._settings = limits, rng, settings
         self._travel, self._close = (
-            Steering(
-                limits.radius_m + margin_m,
-                limits.acceleration_mps2,
-                limits.dead_time_s,
-                limits.speed_mps,
-                step_m=settings.step_m,
-            )
+            Steering(limits.radius_m + margin_m, limits, SteeringSettings(step_m=settings.step_m))
             for margin_m in (settings.margin_m, 0.0)
         )
         self._wheels = WheelVelocity(limits, CONTROL_PERIOD_S)
@@ -122,7 +116,7 @@ class Motion:
         pose: Pose2,
         free_space: FreeSpace,
         t_s: float,
-        moving: Sequence[MovingObstacle] = (),
+        moving: Sequence[Disc] = (),
         travel: Travel | None = None,
     ) -> Command:
         """Return the next command.
@@ -137,7 +131,7 @@ class Motion:
             Around the robot.
         t_s : float
             Now, seconds.
-        moving : sequence of MovingObstacle
+        moving : sequence of Disc
             Robots that move around this one: steering keeps clear of them, unless the plan is `close`.
         travel : Travel, optional
             Planned way and speed. With one, no known robot is pushed.
@@ -183,7 +177,7 @@ class Motion:
         self._wheels.command(wanted)
         return Command(*wanted, turn, plan.kick_mps, plan.dribble)
 
-    def _would_push(self, moving: Sequence[MovingObstacle], bearing_rad: float, near_m: float) -> bool:
+    def _would_push(self, moving: Sequence[Disc], bearing_rad: float, near_m: float) -> bool:
         """Whether driving that way would push a robot."""
         near, ahead_rad = 2 * self._limits.radius_m + near_m, self._settings.pushed_rad
         return any(

@@ -7,8 +7,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from field_models.field import Field
 from robocup_vision.planning import Disc, Gap, gap_between
 
@@ -133,7 +131,7 @@ def _borders(here: Point, along: Point, at_m: float, field: Field, outside_m: fl
             if abs(a) > 1e-9
         ]
         way = min(ways)
-        ends.append(Disc(start[0] + way * across[0], start[1] + way * across[1], 0.0, np.zeros((2, 2))))
+        ends.append(Disc(start[0] + way * across[0], start[1] + way * across[1], 0.0))
     return ends[0], ends[1]
 
 

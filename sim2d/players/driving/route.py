@@ -14,7 +14,6 @@ from robocup_vision.planning import (
     Disc,
     Gap,
     GatePlanner,
-    MotionLimits,
     PathFollower,
     PoseNoise,
     SpeedPlanner,
@@ -103,7 +102,6 @@ class RoutePlanner:
 
     def __init__(self, field: Field, limits: RobotLimits, settings: RouteSettings) -> None:
         self._field, self._limits, self._settings = field, limits, settings
-        self._motion = motion_limits(limits)
         # between which robots the gap is that was taken, by their numbers
         self._taken: Key | None = None
 
@@ -128,7 +126,7 @@ class RoutePlanner:
         rest = [k for k in range(len(row.gaps)) if k != straight]
         detour = rest[choose_gap(self._times, here, target, [row.gaps[k] for k in rest]).index]
         # wide enough is what can be passed at a safe speed
-        gates = GatePlanner(self._motion, WidthSensor(), needed_m)
+        gates = GatePlanner(self._limits, WidthSensor(), needed_m)
         plan = gates.plan(here, gap, target, [row.gaps[detour].center_m])
         if plan.action == "look" and plan.viewpoint_m is not None:
             self._taken = row.keys[straight]
@@ -164,16 +162,11 @@ class RoutePlanner:
         return (gap.center_m, target) if is_ahead else (target,)
 
 
-def motion_limits(limits: RobotLimits) -> MotionLimits:
-    """Return a robot's limits as the planners take them."""
-    return MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
-
-
 def speed_planner(limits: RobotLimits, settings: RouteSettings) -> SpeedPlanner:
     """Return the planner of safe speeds of a robot."""
     frame = np.diag([settings.pose_std_m**2, settings.pose_std_m**2, settings.pose_std_rad**2])
     noise = PoseNoise(settings.odometry_error, settings.odometry_error, frame)
-    return SpeedPlanner(PathFollower(motion_limits(limits)), limits.radius_m, noise, settings.replan_s)
+    return SpeedPlanner(PathFollower(limits), limits.radius_m, noise, settings.replan_s)
 
 
 @functools.lru_cache(maxsize=4)

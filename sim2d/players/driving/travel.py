@@ -17,7 +17,7 @@ from robocup_vision.mapping.occupancy import UNDECIDED
 from robocup_vision.planning import Disc, SpeedPlan
 from robocup_vision.planning.speed.undecided_floor import FREE, UndecidedFloor, UndecidedSpeed, safe_speed_mps
 from sim2d.players.driving.opponent_row import in_way, unit
-from sim2d.players.driving.route import RoutePlanner, RouteSettings, motion_limits, speed_planner
+from sim2d.players.driving.route import RoutePlanner, RouteSettings, speed_planner
 from sim2d.players.surroundings import Surroundings
 from sim2d.robot_link import CONTROL_PERIOD_S, Reason, RobotLimits
 
@@ -105,10 +105,9 @@ class TravelPlanner:
         self, field: Field, limits: RobotLimits, looks: int, settings: TravelSettings = TravelSettings()
     ) -> None:
         self._field, self._limits, self._looks, self._settings = field, limits, looks, settings
-        self._motion = motion_limits(limits)
         self._routes = RoutePlanner(field, limits, settings.route)
         self._speeds = speed_planner(limits, settings.route)
-        self._undecided = UndecidedSpeed(self._motion, limits.radius_m, settings.route.replan_s)
+        self._undecided = UndecidedSpeed(limits, limits.radius_m, settings.route.replan_s)
         self._last: tuple[float, Point, Travel] | None = None
 
     def plan(self, around: Surroundings, target: Point) -> Travel:
@@ -152,7 +151,7 @@ class TravelPlanner:
             return Travel(
                 target, self._limits.speed_mps, None, (Reason("speed", "full speed", "no robot at the ball"),)
             )
-        speed = safe_speed_mps(room, 1, CONTROL_PERIOD_S, self._motion)
+        speed = safe_speed_mps(room, 1, CONTROL_PERIOD_S, self._limits)
         if speed >= self._limits.speed_mps:
             return Travel(target, speed, None, (Reason("speed", "full speed", f"opponent in {room:.2f} m"),))
         speed = max(speed, self._settings.creep_mps / 2)

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from field_models.errors import ArgumentError
-from robocup_vision.avoidance import Steering
+from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
-from robocup_vision.belief import MovingObstacle
+from robocup_vision.disc import Disc
+from robocup_vision.motion_limits import MotionLimits
 
 RADIUS = 0.09
+LIMITS = MotionLimits(0.6, 1.2, 0.03)
 BEARING = np.arange(128) * math.tau / 128 - math.pi
 
 
@@ -28,28 +29,27 @@ def open_floor(obstacles=(), reach=3.0):
 
 
 def steering():
-    return Steering(RADIUS, 1.2, 0.03, 0.6)
-
-
-@pytest.mark.parametrize("name", ["x_m", "vy_mps", "radius_m", "std_m", "velocity_std_mps"])
-def test_values_out_of_range_are_refused_by_name(name):
-    good = {"x_m": 1.0, "y_m": 0.0, "vx_mps": 0.0, "vy_mps": 0.0, "radius_m": 0.09}
-    with pytest.raises(ArgumentError, match=f"moving obstacle's {name} is out of range: nan"):
-        MovingObstacle(**(good | {name: math.nan}))
-    if name.endswith(("radius_m", "std_m", "std_mps")):
-        with pytest.raises(ArgumentError, match=name):
-            MovingObstacle(**(good | {name: -0.1}))
+    return Steering(RADIUS, LIMITS)
 
 
 def test_the_table_adds_the_radii():
-    table = moving_table([MovingObstacle(1.0, 2.0, 0.3, 0.4, 0.1, 0.01, 0.02)], 0.09)
+    uncertain = Disc(
+        1.0,
+        2.0,
+        0.1,
+        np.diag([0.01, 0.004]) ** 2,
+        vx_mps=0.3,
+        vy_mps=0.4,
+        velocity_covariance=np.diag([0.01, 0.02]) ** 2,
+    )
+    table = moving_table([uncertain], 0.09)
     assert table.shape == (1, 8)
-    np.testing.assert_allclose(table[0, :5], [1.0, 2.0, 0.3, 0.4, 0.19])
+    np.testing.assert_allclose(table[0, :7], [1.0, 2.0, 0.3, 0.4, 0.19, 0.01, 0.02])
     assert moving_table([], 0.09).shape == (0, 8)
 
 
 def test_past_an_obstacle_the_floor_is_as_free_as_beside_it_on_its_nearer_side():
-    mover = MovingObstacle(1.0, 0.0, 0.0, 0.5, RADIUS)
+    mover = Disc(1.0, 0.0, RADIUS, vy_mps=0.5)
     seen = open_floor([mover])
     seen.range_m[BEARING > 0] = np.minimum(seen.range_m[BEARING > 0], 2.0)
     past = ranges_past(BEARING, seen.range_m, [mover])
@@ -62,16 +62,16 @@ def test_past_an_obstacle_the_floor_is_as_free_as_beside_it_on_its_nearer_side()
 
 
 def test_unseen_bearings_stay_unseen_and_an_obstacle_all_around_changes_nothing():
-    mover = MovingObstacle(0.01, 0.0, 0.0, 0.0, RADIUS)
+    mover = Disc(0.01, 0.0, RADIUS)
     near = np.full(len(BEARING), RADIUS)
     np.testing.assert_array_equal(ranges_past(BEARING, near, [mover]), near)
-    mover = MovingObstacle(1.0, 0.0, 0.0, 0.0, RADIUS)
+    mover = Disc(1.0, 0.0, RADIUS)
     unseen = np.where(BEARING > 1.0, np.nan, open_floor([mover]).range_m)
     np.testing.assert_array_equal(np.isnan(ranges_past(BEARING, unseen, [mover])), BEARING > 1.0)
 
 
 def test_without_anything_that_moves_nothing_changes():
-    seen = open_floor([MovingObstacle(0.4, 0.05, 0.0, 0.0, RADIUS)])
+    seen = open_floor([Disc(0.4, 0.05, RADIUS)])
     plain = steering().steer(seen, (0.3, 0.0), 0.0, 2.0)
     empty = steering().steer(seen, (0.3, 0.0), 0.0, 2.0, moving=())
     np.testing.assert_array_equal(plain.velocity_mps, empty.velocity_mps)
@@ -79,21 +79,23 @@ def test_without_anything_that_moves_nothing_changes():
 
 
 def test_the_papers_variant_takes_what_moves_for_standing():
-    leaving = MovingObstacle(0.3, 0.12, 0.0, 1.0, RADIUS)
-    plain = Steering(RADIUS, 1.2, 0.03, 0.6, use_velocity=False)
+    leaving = Disc(0.3, 0.12, RADIUS, vy_mps=1.0)
+    plain = Steering(RADIUS, LIMITS, SteeringSettings(use_velocity=False))
     told = plain.steer(open_floor([leaving]), (0.4, 0.0), 0.0, moving=[leaving])
-    untold = Steering(RADIUS, 1.2, 0.03, 0.6, use_velocity=False).steer(open_floor([leaving]), (0.4, 0.0), 0.0)
+    untold = Steering(RADIUS, LIMITS, SteeringSettings(use_velocity=False)).steer(
+        open_floor([leaving]), (0.4, 0.0), 0.0
+    )
     np.testing.assert_array_equal(told.velocity_mps, untold.velocity_mps)
     np.testing.assert_array_equal(told.time_to_contact_s, untold.time_to_contact_s)
 
 
 def test_one_that_clears_the_way_in_time_is_no_obstacle_and_one_that_will_block_it_is():
-    leaving = MovingObstacle(0.3, 0.12, 0.0, 1.0, RADIUS)
+    leaving = Disc(0.3, 0.12, RADIUS, vy_mps=1.0)
     assert steering().steer(open_floor([leaving]), (0.4, 0.0), 0.0).reason == "around obstacle"
     command = steering().steer(open_floor([leaving]), (0.4, 0.0), 0.0, moving=[leaving])
     assert command.reason == "towards target"
     # it will be ahead before the robot could stop
-    coming = MovingObstacle(0.35, 0.5, 0.0, -1.0, RADIUS)
+    coming = Disc(0.35, 0.5, RADIUS, vy_mps=-1.0)
     assert steering().steer(open_floor([coming]), (0.6, 0.0), 0.0).reason == "towards target"
     command = steering().steer(open_floor([coming]), (0.6, 0.0), 0.0, moving=[coming])
     assert command.reason != "towards target"
@@ -101,7 +103,7 @@ def test_one_that_clears_the_way_in_time_is_no_obstacle_and_one_that_will_block_
 
 def test_a_robot_that_stands_gives_way_to_nothing_it_cannot_escape():
     walls = SimpleNamespace(bearing_rad=BEARING, range_m=np.full(len(BEARING), 0.12))
-    coming = MovingObstacle(0.5, 0.0, -1.0, 0.0, RADIUS)
+    coming = Disc(0.5, 0.0, RADIUS, vx_mps=-1.0)
     command = steering().steer(walls, (0.0, 0.0), 0.0, moving=[coming])
     assert not command.safe
     np.testing.assert_array_equal(command.velocity_mps, 0.0)
@@ -117,7 +119,7 @@ def test_the_robot_never_drives_into_one_that_crosses_steadily(speed, offset_s):
     for k in range(150):
         t = k * period
         other = np.array([0.8, speed * (t - meet_s)])
-        mover = MovingObstacle(*(other - place), 0.0, speed, RADIUS)
+        mover = Disc(*(other - place), RADIUS, vy_mps=speed)
         goal = np.array([2.0, 0.0]) - place
         command = pilot.steer(
             open_floor([mover] if np.hypot(*(other - place)) > 2 * RADIUS else []), velocity,

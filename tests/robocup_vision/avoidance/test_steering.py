@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance import Steering, SteeringCommand
+from robocup_vision.avoidance import Steering, SteeringCommand, SteeringSettings
+from robocup_vision.motion_limits import MotionLimits
 
 RADIUS = 0.09
 
@@ -23,10 +24,12 @@ def ranges(range_m, bearing_rad=None):
     return SimpleNamespace(bearing_rad=np.asarray(bearing_rad, dtype=float), range_m=range_m)
 
 
-def steering(**changes):
-    return Steering(
-        **({"robot_radius_m": RADIUS, "acceleration_mps2": 0.3, "dead_time_s": 0.03, "speed_mps": 0.4} | changes)
-    )
+LIMITS = {"speed_mps": 0.4, "acceleration_mps2": 0.3, "dead_time_s": 0.03}
+
+
+def steering(robot_radius_m=RADIUS, **changes):
+    limits = {name: changes.pop(name, value) for name, value in LIMITS.items()}
+    return Steering(robot_radius_m, MotionLimits(**limits), SteeringSettings(**changes))
 
 
 def test_open_floor_leads_to_the_goal():

@@ -14,6 +14,7 @@ from robocup_vision.kernels.mapping.occupancy import CROSSED, HIT
 from robocup_vision.mapping.occupancy import FREE, NO_GO, UNDECIDED, FreeSpaceMap
 from robocup_vision.mapping.range_profile import RangeProfile
 from robocup_vision.mapping.sensor_model import SensorModel, default_sensors
+from robocup_vision.motion_limits import MotionLimits
 
 WEAK = SensorModel(0.6, 0.4, reach_m=2.0)
 HERE = Pose2(0.013, -0.021, 0.4)
@@ -260,7 +261,7 @@ def test_steering_keeps_clear_of_what_only_the_map_knows():
     for _ in range(8):
         grid.update("one", circle(range_m))
     free = grid.free_space(HERE, circle(1.0).bearing_rad, nearest_m=0.12)
-    command = Steering(0.09, 0.3, 0.03, 0.3).steer(free, (0.0, 0.0), 0.0, 2.0)
+    command = Steering(0.09, MotionLimits(0.3, 0.3, 0.03)).steer(free, (0.0, 0.0), 0.0, 2.0)
     assert command.safe
     assert command.bearing_rad is not None
     assert abs(command.bearing_rad) > 0.4

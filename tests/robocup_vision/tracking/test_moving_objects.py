@@ -213,7 +213,7 @@ def test_share_seen_runs_from_hidden_to_open():
 def test_a_track_becomes_an_obstacle_of_the_robot_frame():
     covariance = np.diag([0.04, 0.01, 0.09, 0.25])
     track = Track(3, 1.0, 2.0, 0.5, 0.0, covariance, 0.9, 5, 0)
-    obstacle = track.as_obstacle(Pose2(1.0, 1.0, math.pi / 2), 0.09, seconds=0.2)
+    obstacle = track.as_disc(Pose2(1.0, 1.0, math.pi / 2), 0.09, seconds=0.2)
     assert (obstacle.x_m, obstacle.y_m) == pytest.approx((1.0, -0.1))
     assert (obstacle.vx_mps, obstacle.vy_mps) == pytest.approx((0.0, -0.5))
     assert (obstacle.std_m, obstacle.velocity_std_mps) == pytest.approx((0.2, 0.5))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from field_models import load_field
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance import Steering
+from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.geometry import Pose2
 from sim2d.match.courses import Course, cube_course, drive_course, nearest_seen_m, pocket_course
 from sim2d.rendering.cameras import sekimori_camera
@@ -63,7 +63,7 @@ def test_a_drive_goes_round_a_box_without_touching_it():
     camera, seen = sekimori_camera(), []
     radius = nearest_seen_m(FIELD, camera)
     assert RADIUS < radius < RADIUS + 0.03
-    pilot = Steering(radius, LIMITS.acceleration_mps2, LIMITS.dead_time_s, LIMITS.speed_mps, keep_side=False)
+    pilot = Steering(radius, LIMITS, SteeringSettings(keep_side=False))
     drive = drive_course(course, pilot, camera, LIMITS, np.random.default_rng(3), patience_s=8.0, watch=seen.append)
     assert not drive.collided
     assert drive.seconds is not None

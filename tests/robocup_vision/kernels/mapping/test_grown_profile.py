@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from steering_twins import BINS, RADIUS, around, grown, plain_bin, with_minima
+from steering_twins import BINS, RADIUS, around, grown, plain_bin, sectors_of, with_minima
 
 from robocup_vision.kernels.mapping import grown_profile as kernels
 
@@ -27,7 +27,7 @@ def plain_growth(range_m, bearing):
 
 
 def profile_at(profile, bearing):
-    return profile[plain_bin(np.cos(bearing), np.sin(bearing))]
+    return profile.ranges[plain_bin(np.cos(bearing), np.sin(bearing))]
 
 
 @settings(deadline=None, max_examples=60)
@@ -47,20 +47,20 @@ def test_sectors_reach_halfway_to_the_neighbours(seed, count):
     # uneven spacings of at most 1.5 times the smallest: no gaps
     gaps = rng.uniform(1.0, 1.45, count)
     bearing = rng.uniform(-1, 1) + np.cumsum(gaps) * math.tau / gaps.sum()
-    sectors, sector_bins = np.empty((count, 4)), np.empty((count, 4), dtype=np.int64)
-    assert kernels.measure_sectors(bearing, sectors, sector_bins)
+    sectors = sectors_of(count)
+    assert kernels.measure_sectors(bearing, sectors)
     upper = 0.5 * (bearing + np.append(bearing[1:], bearing[0] + math.tau))
     lower = np.append(upper[-1], upper[:-1])
     expected = np.stack([np.cos(lower), np.sin(lower), np.cos(upper), np.sin(upper)], axis=1)
-    np.testing.assert_allclose(sectors, expected, atol=1e-12)
-    assert (sector_bins[:, 2:] == 1).all()
+    np.testing.assert_allclose(sectors.units, expected, atol=1e-12)
+    assert (sectors.bins[:, 2:] == 1).all()
     edge_bins = np.stack([plain_bin(np.cos(lower), np.sin(lower)), plain_bin(np.cos(upper), np.sin(upper))], axis=1)
-    assert (np.abs((sector_bins[:, :2] - edge_bins + BINS // 2) % BINS - BINS // 2) <= 1).all()
+    assert (np.abs((sectors.bins[:, :2] - edge_bins + BINS // 2) % BINS - BINS // 2) <= 1).all()
 
 
 @pytest.mark.parametrize("bearing", [[0.0, 2.0, 1.0], [0.0, 0.0, 1.0], [0.0, 3.0, 6.5], [0.0, 1.0, math.nan]])
 def test_bearings_that_do_not_ascend_within_a_turn_are_refused(bearing):
-    assert not kernels.measure_sectors(np.array(bearing), np.empty((3, 4)), np.empty((3, 4), dtype=np.int64))
+    assert not kernels.measure_sectors(np.array(bearing), sectors_of(3))
 
 
 @settings(deadline=None, max_examples=40)
@@ -68,8 +68,8 @@ def test_bearings_that_do_not_ascend_within_a_turn_are_refused(bearing):
 def test_grown_profile_is_never_beyond_and_hardly_before_the_exact_one(seed, count):
     rng = np.random.default_rng(seed)
     range_m = rng.uniform(0.02, 1.5, count)
-    profile, _, _, smallest = grown(range_m)
-    assert smallest == profile.min()
+    profile, smallest = grown(range_m)
+    assert smallest == profile.ranges.min()
     bearing = rng.uniform(-math.pi, math.pi, 40)
     value = profile_at(profile, bearing)
     assert (value <= plain_growth(range_m, bearing) + 1e-9).all()
@@ -82,25 +82,26 @@ def test_grown_profile_is_never_beyond_and_hardly_before_the_exact_one(seed, cou
 @settings(deadline=None, max_examples=20)
 @given(seeds)
 def test_groups_hold_the_least_of_themselves_and_their_neighbours(seed):
-    profile, *minima = grown(np.random.default_rng(seed).uniform(0.02, 1.5, 24))
-    for found, expected in zip(minima, with_minima(profile)[1:], strict=True):
-        np.testing.assert_array_equal(found, expected)
+    profile, _ = grown(np.random.default_rng(seed).uniform(0.02, 1.5, 24))
+    expected, _ = with_minima(profile.ranges)
+    np.testing.assert_array_equal(profile.fine, expected.fine)
+    np.testing.assert_array_equal(profile.coarse, expected.coarse)
 
 
 def test_disc_touches_a_facing_obstacle_one_radius_before_it_and_a_wall_behind_blocks_nothing():
-    profile, *_ = grown(np.where(np.arange(64) == 0, 0.5, np.inf))
+    profile, _ = grown(np.where(np.arange(64) == 0, 0.5, np.inf))
     assert profile_at(profile, 0.0) == pytest.approx(0.41)
     assert profile_at(profile, math.pi) == math.inf
-    touching, *_ = grown(np.where(np.arange(64) == 0, 0.05, np.inf))
+    touching, _ = grown(np.where(np.arange(64) == 0, 0.05, np.inf))
     assert profile_at(touching, 0.3) == 0.0
     assert profile_at(touching, math.pi) == math.inf
 
 
 def test_unmeasured_bearings_block_themselves_only():
-    one, *_ = grown(np.where(np.arange(32) == 5, np.nan, np.inf))
+    one, _ = grown(np.where(np.arange(32) == 5, np.nan, np.inf))
     middle = 5 * math.tau / 32
     assert profile_at(one, middle) == 0.0
     assert profile_at(one, middle + 0.2) == math.inf
-    pinhole, *_ = grown(np.full(9, np.inf), np.linspace(-0.4, 0.4, 9))
+    pinhole, _ = grown(np.full(9, np.inf), np.linspace(-0.4, 0.4, 9))
     assert profile_at(pinhole, 0.0) == math.inf
     assert profile_at(pinhole, 0.5) == profile_at(pinhole, math.pi) == 0.0

@@ -56,7 +56,7 @@ def test_position_and_velocity_are_continuous_and_acceleration_is_limited(vx, vy
 def plain_blocked(start, velocity, target, acceleration, profile, times):
     x, y = plain_positions(start, velocity, target, acceleration, times).T
     r = np.hypot(x, y)
-    return (r > 1e-12) & (r >= profile[plain_bin(x, y)])
+    return (r > 1e-12) & (r >= profile.ranges[plain_bin(x, y)])
 
 
 @settings(deadline=None, max_examples=150)
@@ -64,13 +64,13 @@ def plain_blocked(start, velocity, target, acceleration, profile, times):
 def test_time_to_contact_agrees_with_fine_sampling(seed, acceleration, step_m):
     rng = np.random.default_rng(seed)
     if rng.random() < 0.5:
-        profile, *minima = grown(rng.uniform(0.1, rng.uniform(0.2, 1.5), 32))
+        profile, smallest = grown(rng.uniform(0.1, rng.uniform(0.2, 1.5), 32))
     else:  # thinner things than any disc leaves, so that no step may be too long
-        profile, *minima = with_minima(np.where(rng.random(BINS) < 0.03, rng.uniform(0.05, 1.0, BINS), 2.0))
+        profile, smallest = with_minima(np.where(rng.random(BINS) < 0.03, rng.uniform(0.05, 1.0, BINS), 2.0))
     start = HERE if rng.random() < 0.5 else tuple(rng.uniform(-0.02, 0.02, 2))
     velocity, target = tuple(rng.uniform(-0.8, 0.8, 2)), tuple(rng.uniform(-0.8, 0.8, 2))
     fastest = max(math.hypot(*velocity), math.hypot(*target))
-    found = kernels.contact_time(start, velocity, target, acceleration, 2.0, step_m, profile, *minima)
+    found = kernels.contact_time(start, velocity, target, acceleration, 2.0, step_m, profile, smallest)
     spacing_m = 0.05 * step_m
     times = np.arange(0.0, 2.0, spacing_m / fastest)
     blocked = plain_blocked(start, velocity, target, acceleration, profile, times)
@@ -84,9 +84,9 @@ def test_time_to_contact_agrees_with_fine_sampling(seed, acceleration, step_m):
 
 
 def test_nothing_that_stands_is_ever_touched_and_a_wall_ahead_at_its_time():
-    profile, *minima = grown(np.full(64, 0.5))
-    assert kernels.contact_time(HERE, (0.0, 0.0), (0.0, 0.0), 0.3, 9.0, 0.004, profile, *minima) == math.inf
+    profile, smallest = grown(np.full(64, 0.5))
+    assert kernels.contact_time(HERE, (0.0, 0.0), (0.0, 0.0), 0.3, 9.0, 0.004, profile, smallest) == math.inf
     for start in (0.0, 0.1):
-        found = kernels.contact_time((start, 0.0), (0.4, 0.0), (0.4, 0.0), 0.3, 9.0, 0.004, profile, *minima)
+        found = kernels.contact_time((start, 0.0), (0.4, 0.0), (0.4, 0.0), 0.3, 9.0, 0.004, profile, smallest)
         assert (0.5 - start - RADIUS - 0.0005) / 0.4 <= found <= (0.5 - start - RADIUS) / 0.4
-    assert kernels.contact_time(HERE, (0.4, 0.0), (0.4, 0.0), 0.3, 1.0, 0.004, profile, *minima) == math.inf
+    assert kernels.contact_time(HERE, (0.4, 0.0), (0.4, 0.0), 0.3, 1.0, 0.004, profile, smallest) == math.inf

@@ -11,12 +11,12 @@ from strategies import numbers, poses
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.planning.gaze.goal_evidence import CORNERS, GoalEvidence
 from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
-from robocup_vision.planning.gaze.sight_lines import Blocker
 
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera((208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, tilt_rad=-0.2, roll_rad=0.0)
@@ -62,13 +62,13 @@ def test_prefers_the_goal_that_nobody_hides() -> None:
     pose = Pose2(0.5, -1.4, math.pi / 2)
     question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.9))
     assert question.choose(_halves(pose)).pan_rad is not None
-    robot = Blocker(1.6, -0.6, 0.4, 1e-6 * np.eye(2), 0.6)
+    robot = Disc(1.6, -0.6, 0.4, 1e-6 * np.eye(2), height_m=0.6)
     hidden = question.choose(_halves(pose), blockers=[robot])
     assert hidden.pan_rad is not None
     assert hidden.pan_rad > 0
     assert question.choose(_halves(pose), pan_rad=-0.9).pan_rad < 0
     # the same robot beside the same dog, said of the other half
-    turned = Blocker(-1.6, 0.6, 0.4, 1e-6 * np.eye(2), 0.6)
+    turned = Disc(-1.6, 0.6, 0.4, 1e-6 * np.eye(2), height_m=0.6)
     other = question.choose(_halves(pose.half_turn()), blockers=[turned])
     assert other.expected_nat == pytest.approx(hidden.expected_nat)
 

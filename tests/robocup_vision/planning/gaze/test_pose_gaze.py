@@ -10,10 +10,10 @@ from strategies import numbers
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Detector, Neck, PoseGaze
-from robocup_vision.planning.gaze.sight_lines import Blocker
 
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera((208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, tilt_rad=-0.2, roll_rad=0.0)
@@ -48,7 +48,9 @@ def test_looks_away_from_what_is_hidden() -> None:
     belief = _belief(0.3, -1.5, math.pi / 2, (0.02, 0.02, 0.02))
     planner = PoseGaze(FIELD, CAMERA, NECK, detectors=GOAL_DETECTORS)
     assert planner.choose(belief, 0.0).pan_rad < 0
-    walls = [Blocker(*(np.array([0.3, -1.5]) * 0.6 + np.array([2.7, y]) * 0.4), 0.3, SURE, 1.0) for y in (0.45, -0.45)]
+    walls = [
+        Disc(*(np.array([0.3, -1.5]) * 0.6 + np.array([2.7, y]) * 0.4), 0.3, SURE, height_m=1.0) for y in (0.45, -0.45)
+    ]
     hidden = planner.choose(belief, 0.0, blockers=walls)
     assert hidden.planned
     assert hidden.pan_rad > 0
@@ -82,12 +84,14 @@ def test_laws_of_a_choice(x: float, y: float, theta: float) -> None:
     belief = _belief(x, y, theta)
     for criterion in ("position", "volume"):
         planner = PoseGaze(FIELD, CAMERA, NECK, criterion=criterion)
-        gaze = planner.choose(belief, 0.0, blockers=[Blocker(1.0, 0.0, 0.15, 0.01 * np.eye(2), 0.28)])
+        gaze = planner.choose(belief, 0.0, blockers=[Disc(1.0, 0.0, 0.15, 0.01 * np.eye(2), height_m=0.28)])
         assert abs(gaze.pan_rad) <= NECK.limit_rad
         if gaze.planned:
             assert gaze.position_std_m <= math.sqrt(0.02) + 1e-9
         # the field turned by half a turn looks the same
-        turned = planner.choose(belief.half_turn(), 0.0, blockers=[Blocker(-1.0, 0.0, 0.15, 0.01 * np.eye(2), 0.28)])
+        turned = planner.choose(
+            belief.half_turn(), 0.0, blockers=[Disc(-1.0, 0.0, 0.15, 0.01 * np.eye(2), height_m=0.28)]
+        )
         assert turned.position_std_m == pytest.approx(gaze.position_std_m, rel=1e-6)
 
 

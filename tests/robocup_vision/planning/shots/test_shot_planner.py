@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.planning import Defender, Disc, MotionLimits, ShotPlanner
+from robocup_vision.planning import Disc, MotionLimits, ShotPlanner
 
 LINE_M, HALF_M, BALL_M = 1.37, 0.3, 0.0215
 POSTS = ((LINE_M, HALF_M), (LINE_M, -HALF_M))
@@ -25,8 +25,8 @@ def planner(defenders: MotionLimits = RUNNERS, kick_std_rad: float = KICK_RAD) -
     return ShotPlanner(POSTS, BALL_M, 1.43, kick_std_rad, defenders, 0.5, 2.0, 2.0, 8.0)
 
 
-def at(x_m: float, y_m: float, std_m: float = 0.02, v_mps: tuple[float, float] = (0.0, 0.0)) -> Defender:
-    return Defender(Disc(x_m, y_m, 0.09, np.eye(2) * std_m**2), *v_mps)
+def at(x_m: float, y_m: float, std_m: float = 0.02, v_mps: tuple[float, float] = (0.0, 0.0)) -> Disc:
+    return Disc(x_m, y_m, 0.09, np.eye(2) * std_m**2, vx_mps=v_mps[0], vy_mps=v_mps[1])
 
 
 balls = st.tuples(st.floats(-1.0, 1.2), st.floats(-0.6, 0.6))
@@ -48,7 +48,7 @@ def chance(
     shots: ShotPlanner,
     ball: tuple[float, float],
     heading_rad: float,
-    who: list[Defender],
+    who: list[Disc],
     std_m: float,
     std_rad: float,
 ) -> float:
@@ -61,9 +61,7 @@ def test_more_defenders_never_help_and_the_other_side_is_alike(ball, heading_rad
     there = chance(shots, ball, heading_rad, who, std_m, std_rad)
     assert 0.0 <= there <= 1.0
     assert there <= chance(shots, ball, heading_rad, who[1:], std_m, std_rad)
-    mirrored = [
-        Defender(Disc(d.disc.x_m, -d.disc.y_m, d.disc.radius_m, d.disc.covariance), d.vx_mps, -d.vy_mps) for d in who
-    ]
+    mirrored = [Disc(d.x_m, -d.y_m, d.radius_m, d.covariance, vx_mps=d.vx_mps, vy_mps=-d.vy_mps) for d in who]
     assert chance(shots, (ball[0], -ball[1]), -heading_rad, mirrored, std_m, std_rad) == pytest.approx(there, abs=1e-9)
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robocup_vision.belief import MovingObstacle
+from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.players.driving.motion import Motion
@@ -25,9 +25,8 @@ def forward_mps(travel, apart_m, bearing_rad=0.0, *, holding=True):
     """Speed towards the target of a robot that has no safe way, one standing so far from its rim."""
     plan = Plan("dribble" if holding else "fetch", TARGET, 0.0, close=not holding, holding=holding)
     away = 2 * LIMITS.radius_m + apart_m
-    other = MovingObstacle(
-        away * math.cos(bearing_rad), away * math.sin(bearing_rad), 0.0, 0.0, LIMITS.radius_m, 0.01, 0.05
-    )
+    place = away * math.cos(bearing_rad), away * math.sin(bearing_rad)
+    other = Disc(*place, LIMITS.radius_m, 0.01**2 * np.eye(2), velocity_covariance=0.05**2 * np.eye(2))
     motion = Motion(LIMITS, np.random.default_rng(0))
     return motion.drive(plan, Pose2(0.0, 0.0, 0.0), HEMMED_IN, 0.0, [other], travel).forward_mps
 
