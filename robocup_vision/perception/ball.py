@@ -20,21 +20,8 @@ from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_color import PaintColor
 from robocup_vision.perception.polar_view import PolarView
 
-# share of floor before and beside it, less what has its own colour
-_MIN_SCORE = 0.5
-# the ball's shaded side, sum of its channels, by the brightness of the lit floor
-_MIN_LEVEL = 0.6
-# a ball whose half size is less than this, in units of 1/86 of the usable radius (the paper's pixels), is too far
-# away; its half size measures the distance between seeds
-_MIN_HALF = 1.0
-_SEED_PITCH = 1.0
 # a polar sample is the mean of 3 x 3 pixels
 _RAW_NOISE = 3.0
-# standard deviations by which a blob must differ from the floor, and by which floor seldom does
-_MIN_SIGNAL = 4.0
-_FLOOR_STDS = 3.5
-# of the blob's centre, pixels
-_CENTER_STD_PX = 0.3
 # points all over a disc of radius 1, and how often a ball that the picture cuts is moved until its part in it fits
 _DISC = np.array([(x, y) for x in np.linspace(-1, 1, 33) for y in np.linspace(-1, 1, 33) if x * x + y * y <= 1])
 _CUT_STEPS = 12
@@ -68,28 +55,63 @@ class Ball:
         return replace(self, x_m=x, y_m=y, covariance=turn @ self.covariance @ turn.T)
 
 
-class BallSearch(ABC):
-    """What finding a ball is for every camera: rows of seeds along rays, and the size it must have at each.
+@dataclass(frozen=True, slots=True)
+class BallSettings:
+    """What the search for a ball can be tuned by.
 
     Parameters
     ----------
-    field, camera, mask
+    min_score : float
+        Least ratio of floor before and beside the ball, less what has its own colour.
+    min_level : float
+        Brightness of the ball's shaded side, sum of its channels, as a ratio of the lit floor's.
+    min_half : float
+        Balls with a smaller half size, in units of 1/86 of the usable radius (the paper's pixels), are too far away.
+    seed_pitch : float
+        Distance between seeds, in half sizes of the ball: at 1 a ball covers at least two.
+    min_signal : float
+        Standard deviations by which a blob must differ from the floor.
+    floor_stds : float
+        Standard deviations by which floor seldom differs from itself: the ball's colour begins beyond.
+    center_std_px : float
+        Of the blob's centre.
+    """
+
+    min_score: float = 0.5
+    min_level: float = 0.6
+    min_half: float = 1.0
+    seed_pitch: float = 1.0
+    min_signal: float = 4.0
+    floor_stds: float = 3.5
+    center_std_px: float = 0.3
+
+
+class BallSearch(ABC):
+    """Search for the ball, the same for every camera: rows of seeds along rays, and the size it must have at each.
+
+    Parameters
+    ----------
+    field, camera, mask, settings
         See `BallFinder`.
     """
 
-    def __init__(self, field: Field, camera: OmniCamera | PinholeCamera, mask: UInt8Array | None = None) -> None:
+    def __init__(
+        self, field: Field, camera: OmniCamera | PinholeCamera, mask: UInt8Array | None, settings: BallSettings
+    ) -> None:
         self._any_camera = camera
+        self.settings = settings
         self.radius_m = field.ball_radius_m
         self.has_color = field.ball_color not in ("white", "black")
         width, height = camera.size_px
         self._mask = mask
-        self._stamps = np.zeros((height, width), dtype=np.int32)
+        stamps = np.zeros((height, width), dtype=np.int32)
         if mask is not None:
-            self._stamps[mask > 0] = kernel.NEVER
-        self._stack = np.empty(height * width, dtype=np.int32)
+            stamps[mask > 0] = kernel.NEVER
+        self._scratch = kernel.Scratch(stamps, np.empty(height * width, dtype=np.int32))
         self._stamp = 0
         self._table: ColorTable | None = None
-        self._planes = (np.empty(3), np.empty(3), 0.0, 0.0, 0.0)
+        self._color = kernel.BallColor(np.empty(3), np.empty(3), 0.0, 0.0, 0.0)
+        self._floor_table = kernel.FloorTable(np.empty((3, 256), dtype=np.uint16), np.empty(0, dtype=np.int8))
 
     @property
     @abstractmethod
@@ -105,6 +127,11 @@ class BallSearch(ABC):
     @abstractmethod
     def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
         """Half the ball's size along and across the ray, (R,) float64 each, by its centre's distance from there."""
+
+    @cached_property
+    def _size(self) -> kernel.BallSize:
+        u, v = self._axis_px
+        return kernel.BallSize(float(u), float(v), float(self._body_px), *self._sizes_px)
 
     @property
     @abstractmethod
@@ -125,36 +152,28 @@ class BallSearch(ABC):
         return np.ascontiguousarray(np.unique(pixels[:, ::-1], axis=0))
 
     def find(self, frame: UInt8Array, table: ColorTable) -> Ball | None:
-        """Find the ball in a frame (H, W, 3) uint8, or say None."""
+        """Find the ball in a frame (H, W, 3) uint8, or return None."""
         if not self.has_color:
             return None
         if self._table is not table:
             self._table = table
-            self._planes = _color_planes(table.colors)
+            self._color = _ball_color(table.colors, self.settings)
+            self._floor_table = kernel.FloorTable(table.packing, table.floor_llr)
         out = np.empty(4)
         if self._stamp > kernel.NEVER // 2:
-            self._stamps[self._stamps != kernel.NEVER] = 0
+            self._scratch.stamps[self._scratch.stamps != kernel.NEVER] = 0
             self._stamp = 0
-        from_white, from_floor, min_level, sure, min_signal = self._planes
         score, self._stamp = kernel.find_ball(
             frame,
             self._seeds,
-            self._stamps,
+            self._scratch,
             self._stamp + 1,
-            self._stack,
-            *self._axis_px,
-            self._body_px,
-            from_white,
-            from_floor,
-            min_level,
-            sure,
-            min_signal,
-            *self._sizes_px,
-            table.packing,
-            table.floor_llr,
+            self._color,
+            self._size,
+            self._floor_table,
             out,
         )
-        if score < _MIN_SCORE:
+        if score < self.settings.min_score:
             return None
         return self._place(*self._whole(out[:2])) if self._is_cut(out[0], out[1]) else self._place(out[:2])
 
@@ -168,7 +187,7 @@ class BallSearch(ABC):
         return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
 
     def _whole(self, blob_px: FloatArray) -> tuple[FloatArray, float]:
-        """Centre (2,) of the whole ball whose part in the picture has this centre, and the share of it that is shown.
+        """Centre (2,) of the whole ball whose part in the picture has this centre, and its visible ratio.
 
         Parameters
         ----------
@@ -177,7 +196,7 @@ class BallSearch(ABC):
         """
         axis, last = np.array(self._axis_px), np.array(self._any_camera.size_px) - 0.5
         along_px, across_px = self._sizes_px
-        center, share = blob_px.copy(), 1.0
+        center, visible_ratio = blob_px.copy(), 1.0
         for _ in range(_CUT_STEPS):
             ray = center - axis
             radius = math.hypot(*ray)
@@ -188,17 +207,17 @@ class BallSearch(ABC):
             shown = points[((points >= -0.5) & (points <= last)).all(axis=1)]
             if not len(shown):
                 break
-            share = len(shown) / len(points)
+            visible_ratio = len(shown) / len(points)
             center += blob_px - shown.mean(axis=0)
-        return center, share
+        return center, visible_ratio
 
-    def _place(self, pixel: FloatArray, share: float = 1.0) -> Ball:
+    def _place(self, pixel: FloatArray, visible_ratio: float = 1.0) -> Ball:
         u, v = float(pixel[0]), float(pixel[1])
         x, y = self._on_plane(u, v)
         (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
         (x_down, y_down), (x_up, y_up) = self._on_plane(u, v + 0.5), self._on_plane(u, v - 0.5)
         jacobian = np.array([[x_right - x_left, x_down - x_up], [y_right - y_left, y_down - y_up]])
-        return Ball(x, y, read_only((_CENTER_STD_PX / share) ** 2 * jacobian @ jacobian.T), u, v)
+        return Ball(x, y, read_only((self.settings.center_std_px / visible_ratio) ** 2 * jacobian @ jacobian.T), u, v)
 
     @abstractmethod
     def _on_plane(self, u: float, v: float) -> tuple[float, float]:
@@ -211,15 +230,23 @@ class BallFinder(BallSearch):
     Parameters
     ----------
     field : Field
-        Says how big the ball is and which colour it has; a white ball has none that could be told from lines.
+        Gives the ball's size and colour; a white ball cannot be told from lines.
     camera : OmniCamera
         The camera.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
+    settings : BallSettings
+        Thresholds of the search.
     """
 
-    def __init__(self, field: Field, camera: OmniCamera, mask: UInt8Array | None = None) -> None:
-        super().__init__(field, camera, mask)
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        mask: UInt8Array | None = None,
+        settings: BallSettings = BallSettings(),
+    ) -> None:
+        super().__init__(field, camera, mask, settings)
         self.camera = camera
 
     @property
@@ -239,7 +266,7 @@ class BallFinder(BallSearch):
         q[1:] = camera.floor_range.inverse_range_per_m(radius[1:])
         height = camera.height_m
         if height is None:
-            # without a height its top cannot be told: as on the floor, and round
+            # without a height its top is unknown: as on the floor, and round
             across = self.radius_m * q * radius
             along = across
         else:
@@ -259,18 +286,18 @@ class BallFinder(BallSearch):
     def _seed_rows(self) -> list[FloatArray]:
         along, across = self._sizes_px
         inner, outer = self.camera.usable_radius_px
-        min_px = _MIN_HALF * max(1.0, (outer - inner) / 86.0)
+        min_px = self.settings.min_half * max(1.0, (outer - inner) / 86.0)
         rings: list[FloatArray] = []
         radius = inner + 1.0
         while radius < outer and across[round(radius)] >= min_px:
-            pitch = _SEED_PITCH * across[round(radius)]
+            pitch = self.settings.seed_pitch * across[round(radius)]
             angles = np.arange(0.0, math.tau, pitch / radius) + (len(rings) % 2) * pitch / radius / 2
             rings.append(self.camera.polar_to_pixel(angles, radius))
-            radius += _SEED_PITCH * along[round(radius)]
+            radius += self.settings.seed_pitch * along[round(radius)]
         return rings
 
     def clear(self, ball: Ball, view: PolarView, marks: UInt8Array) -> None:
-        """Let the ball and its shadow block nothing: it is what one drives to. Changes `marks` (K, M) in place."""
+        """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
         u, v = ball.u_px - self.camera.center_px[0], ball.v_px - self.camera.center_px[1]
         radius = math.hypot(u, v)
         along, across = (float(sizes[round(radius)]) for sizes in self._sizes_px)
@@ -305,18 +332,20 @@ class BallFinder(BallSearch):
         return x0 + scale * x, y0 + scale * y
 
 
-def _color_planes(colors: Colors) -> tuple[FloatArray, FloatArray, float, float, float]:
-    """Planes from white and the floor, least sum of channels, the second plane's value on a dark ball, least signal."""
+def _ball_color(colors: Colors, settings: BallSettings) -> kernel.BallColor:
+    """Planes that part the ball's colour from white and from the floor, and how bright and how clear it must be."""
     ball, floor, white = (_direction(color) for color in (colors.ball, colors.floor.lit, colors.line))
     raw_noise = _RAW_NOISE * colors.floor.noise
     # a small ball is mixed with floor all over: the plane lies as near to the floor's colour as its noise allows
     floor_counts = 4 * colors.floor.level / float(floor @ [1.0, 2.0, 1.0])
     apart = math.acos(min(1.0, float(ball @ floor)))
-    share = min(0.5, max(1 / 3, _FLOOR_STDS * raw_noise / floor_counts / max(apart, 1e-3)))
-    from_floor = _plane(ball, floor, share)
-    least = _MIN_LEVEL * colors.floor.level
-    on_dark_ball = least * float(from_floor @ ball / ball.sum())
-    return _plane(ball, white, 0.5), from_floor, least, on_dark_ball, _MIN_SIGNAL * raw_noise
+    ratio = min(0.5, max(1 / 3, settings.floor_stds * raw_noise / floor_counts / max(apart, 1e-3)))
+    from_floor = _plane(ball, floor, ratio)
+    min_level = settings.min_level * colors.floor.level
+    on_dark_ball = min_level * float(from_floor @ ball / ball.sum())
+    return kernel.BallColor(
+        _plane(ball, white, 0.5), from_floor, min_level, on_dark_ball, settings.min_signal * raw_noise
+    )
 
 
 def _direction(color: PaintColor) -> FloatArray:
@@ -325,9 +354,9 @@ def _direction(color: PaintColor) -> FloatArray:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _plane(color: FloatArray, other: FloatArray, share: float) -> FloatArray:
-    """Return the unit normal (3,) of a plane through black, at a share of the way from `other` to `color`."""
-    within = other + share * (color - other)
+def _plane(color: FloatArray, other: FloatArray, ratio: float) -> FloatArray:
+    """Return the unit normal (3,) of a plane through black, at a ratio of the way from `other` to `color`."""
+    within = other + ratio * (color - other)
     normal = color - float(color @ within) / float(within @ within) * within
     length = float(np.linalg.norm(normal))
     return np.asarray(normal / length) if length > 0 else normal

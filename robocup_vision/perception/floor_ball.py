@@ -1,4 +1,4 @@
-"""The ball as a pinhole camera sees it: the mirror camera's search, along the picture's own up and down."""
+"""The ball in a pinhole camera's frame: the mirror camera's search, along the picture's own up and down."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor import free_floor
-from robocup_vision.perception.ball import Ball, BallSearch
+from robocup_vision.perception.ball import Ball, BallSearch, BallSettings
 from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
 
-# half the size of the smallest ball that is told
+# half the size of the smallest ball that is searched for
 _MIN_HALF_PX = 2.0
 
 
@@ -24,15 +24,23 @@ class FloorBallFinder(BallSearch):
     Parameters
     ----------
     field : Field
-        Says how big the ball is and which colour it has; a white ball has none that could be told from lines.
+        Gives the ball's size and colour; a white ball cannot be told from lines.
     camera : PinholeCamera
         With a known tilt.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
+    settings : BallSettings, optional
+        Thresholds of the search.
     """
 
-    def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
-        super().__init__(field, camera, mask)
+    def __init__(
+        self,
+        field: Field,
+        camera: PinholeCamera,
+        mask: UInt8Array | None = None,
+        settings: BallSettings | None = None,
+    ) -> None:
+        super().__init__(field, camera, mask, settings or BallSettings())
         self.camera = camera
 
     @cached_property
@@ -69,8 +77,8 @@ class FloorBallFinder(BallSearch):
         heights = np.hypot(*(shown(bearing, elevation + half) - shown(bearing, elevation - half)).T) / 2
         aside = half / np.maximum(np.cos(elevation), 1e-6)
         widths = np.hypot(*(shown(bearing + aside, elevation) - shown(bearing - aside, elevation)).T) / 2
-        told = np.isfinite(heights) & np.isfinite(widths)
-        along[near], across[near] = np.where(told, heights, 0.0), np.where(told, widths, 0.0)
+        known = np.isfinite(heights) & np.isfinite(widths)
+        along[near], across[near] = np.where(known, heights, 0.0), np.where(known, widths, 0.0)
         return along, across
 
     @property
@@ -97,7 +105,7 @@ class FloorBallFinder(BallSearch):
         return float(x), float(y)
 
     def clear(self, ball: Ball, view: FloorView, marks: UInt8Array) -> None:
-        """Let the ball and its shadow block nothing: it is what one drives to. Changes `marks` (K, M) in place."""
+        """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
         bearing, radius = view.from_pixel((ball.u_px, ball.v_px))
         place = np.array(self._axis_px) - (ball.u_px, ball.v_px)
         along, across = (float(sizes[round(float(np.hypot(*place)))]) for sizes in self._sizes_px)

@@ -1,8 +1,7 @@
 """How far the floor is free in each direction, from polar cells of floor (Sekimori et al. 2001, section 3.1).
 
-A cell is free when at least a share r_th of it is floor; the free range of a direction ends at its first cell that is
-not. Counting floor samples per cell gives the same as the paper's way, an AND with a template of cells and labelling,
-which stays here as the reference.
+A cell is free when at least a ratio r_th of it is floor; the free range of a direction ends at its first cell that is
+not. Counting floor samples per cell gives the same as the paper's AND with a template of cells and labelling.
 """
 
 from __future__ import annotations
@@ -159,25 +158,6 @@ class FreeSpaceGrid:
             # what stands in the nearest floor in view may stand anywhere nearer
             range_m = np.where(rings <= self._first_seen, 0.0, range_m)
         return FreeSpace(self.bearing_rad, range_m)
-
-    def measure_by_labelling(self, passable: UInt8Array) -> FreeSpace:
-        """Do the same the paper's way: AND with the template of cells, label, add up areas per cell (eqs. 7-9).
-
-        Pieces of different cells never join, whatever lies between the cells.
-        """
-        from skimage.measure import label
-
-        labels = label(  # type: ignore[no-untyped-call]
-            np.where(passable > 0, self.cell, -1), background=-1, connectivity=1
-        )
-        area = np.bincount(labels.ravel())
-        where = np.zeros(len(area), dtype=np.int64)
-        where[labels.ravel()] = self.cell.ravel()
-        free = np.zeros(self._count, dtype=np.int32)
-        np.add.at(free, where[1:], area[1:].astype(np.int32))
-        blocked = free.reshape(-1, self.directions) < self._needed
-        rings = np.where(blocked.any(axis=0), blocked.argmax(axis=0), self._seen)
-        return FreeSpace(self.bearing_rad, self.ring_bounds_m[np.minimum(rings, self._seen)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,18 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.arrays import Float32Array, FloatArray, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.lines import floor_mask_by_tone, line_ridge_points
 
 # Image steps of the four axes a line may be crossed along, u right, v down.
 AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
-# Lines narrower than this many pixels drown in the blur, wider ones are painted areas.
-WIDTH_RANGE_PX = (0.6, 60.0)
 # Widths are kept as sixteenths of a pixel.
 WIDTH_UNITS_PER_PX = 16
-# A frame with more candidates than this per pixel looked at is noise, not a field.
-MAX_POINT_SHARE = 0.1
 
 
 class FloorCamera(Protocol):
@@ -49,23 +45,51 @@ class FloorCamera(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class FloorTone:
-    """The floor's colour in one frame, as ratios that light does not change.
+class LineSettings:
+    """What `LineFinder` can be tuned by.
 
     Parameters
     ----------
-    red_ratio, blue_ratio : (float, float)
-        Least and greatest R/G and B/G.
-    green : (float, float)
-        Least and greatest G, grey levels.
+    width_px : (float, float)
+        Lines narrower than the first drown in the blur, wider ones than the second are painted areas.
+    max_point_ratio : float
+        A frame with more candidates than this per pixel looked at is noise, not a field.
+    min_contrast_ratio : float
+        Paint has one whiteness: what reaches less of the clear lines' contrast is dirt or glare.
+    noise_stds, min_threshold : float, int
+        A line must be whiter than the floor beside it by so many standard deviations of the noise, and so many counts.
+    one_sided_weight : float
+        Weight of points with floor on one side only, where the carpet ends at the line.
+    resolved_px : float
+        From this width on no line can be hidden in the floor's tone: where none is, floor is bare.
+    tone_stds : float
+        Colours within so many robust standard deviations of the floor's tone are floor.
+    min_tone_spread : float
+        Least standard deviation of a tone's logarithm: quantisation of a dark floor.
+    common_tone_ratio : float
+        Tones that cover so much of the nearest floor, by the commonest one's cover, may be the carpet's.
+    dark_ratio, bright_ratio : float
+        Darkest and brightest floor, of the nearest floor's median green: deep shadow and a spot of light.
     slack : float
-        Grey levels a channel may leave those ratios by: sensor noise, which weighs more the darker the floor is.
+        Grey levels a channel may leave the tone's ratios by: sensor noise, which weighs more the darker the floor is.
+    min_samples : int
+        Fewer samples of a tone tell nothing.
     """
 
-    red_ratio: tuple[float, float]
-    blue_ratio: tuple[float, float]
-    green: tuple[float, float]
-    slack: float
+    width_px: tuple[float, float] = (0.6, 60.0)
+    max_point_ratio: float = 0.1
+    min_contrast_ratio: float = 0.35
+    noise_stds: float = 5.0
+    min_threshold: int = 6
+    one_sided_weight: float = 0.5
+    resolved_px: float = 1.5
+    tone_stds: float = 4.0
+    min_tone_spread: float = 0.04
+    common_tone_ratio: float = 0.25
+    dark_ratio: float = 0.35
+    bright_ratio: float = 1.9
+    slack: float = 2.0
+    min_samples: int = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,31 +163,6 @@ class LinePoints:
         return cls(points[good], floor[good, 0], per_px[good], weights[good], bare_floor)
 
 
-def find_line_points(
-    frame: npt.NDArray[np.uint8],
-    camera: FloorCamera,
-    line_width_m: float,
-    mask: npt.NDArray[np.generic] | None = None,
-    tone: FloorTone | None = None,
-) -> LinePoints:
-    """Find white line points in one frame; for many frames keep a `LineFinder`, which remembers the camera's tables.
-
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    camera : FloorCamera
-        What took it.
-    line_width_m : float
-        Of the painted lines.
-    mask : (H, W) array, optional
-        Non-zero pixels are never looked at.
-    tone : FloorTone, optional
-        The floor's colour; learnt from the frame where absent.
-    """
-    return LineFinder(camera, line_width_m, mask).find(frame, tone)
-
-
 class LineFinder:
     """Finds line points frame after frame of one camera.
 
@@ -175,10 +174,19 @@ class LineFinder:
         Of the painted lines.
     mask : (H, W) array, optional
         Non-zero pixels are never looked at.
+    settings : LineSettings
+        Thresholds.
     """
 
-    def __init__(self, camera: FloorCamera, line_width_m: float, mask: npt.NDArray[np.generic] | None = None) -> None:
+    def __init__(
+        self,
+        camera: FloorCamera,
+        line_width_m: float,
+        mask: npt.NDArray[np.generic] | None = None,
+        settings: LineSettings = LineSettings(),
+    ) -> None:
         self.camera = camera
+        self.settings = settings
         width, height = camera.size_px
         if mask is not None and mask.shape[:2] != (height, width):
             raise ArgumentError(f"mask must be {width}x{height}, got {mask.shape[1]}x{mask.shape[0]}")
@@ -191,29 +199,23 @@ class LineFinder:
             seen &= (radius >= inner) & (radius <= outer)
         if mask is not None:
             seen &= np.asarray(mask).reshape(height, width, -1)[..., 0] == 0
-        self._width_units = _line_width_units(floor, seen, line_width_m)
+        self._width_units = _line_width_units(floor, seen, line_width_m, settings.width_px)
         self._seen = np.ascontiguousarray((seen & (self._width_units > 0).any(axis=0)).astype(np.uint8))
         # where a line would be too wide for the floor's tone to hide it
-        self._resolved = (self._width_units.min(axis=0) >= 1.5 * WIDTH_UNITS_PER_PX).astype(np.uint8)
+        self._resolved = (self._width_units.min(axis=0) >= settings.resolved_px * WIDTH_UNITS_PER_PX).astype(np.uint8)
         range_m = np.where(self._seen > 0, np.hypot(floor[..., 0], floor[..., 1]), np.inf)
         flat = np.flatnonzero(self._seen)
         # the nearest quarter of the visible floor: hardly anything but carpet stands that close
         order = np.argsort(range_m.ravel()[flat], kind="stable")[: max(1, len(flat) // 4)]
         self._near = np.sort(flat[order])[::4]
 
-    def learn_tone(self, frame: npt.NDArray[np.uint8]) -> FloorTone | None:
-        """Learn the floor's colour from what lies nearest to the robot; None if nothing there has a colour."""
-        return self._tone(np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8))
-
-    def find(self, frame: npt.NDArray[np.uint8], tone: FloorTone | None = None) -> LinePoints:
+    def find(self, frame: npt.NDArray[np.uint8]) -> LinePoints:
         """Find line points.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8
             BGR.
-        tone : FloorTone, optional
-            The floor's colour; learnt from the frame where absent.
 
         Raises
         ------
@@ -225,30 +227,35 @@ class LineFinder:
             got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
             raise FrameError(f"frame must be uint8 ({height}, {width}, 3), got {got}")
         smooth = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
-        tone = tone or self._tone(smooth)
+        tone = self._tone(smooth)
         if tone is None:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
-        floor = floor_mask_by_tone(
-            smooth, self._seen, np.array([*tone.red_ratio, *tone.blue_ratio, *tone.green, tone.slack], dtype=np.float32)
-        )
+        settings = self.settings
+        floor = floor_mask_by_tone(smooth, self._seen, tone)
         blue, green, red = (np.asarray(channel, dtype=np.uint8) for channel in cv2.split(frame))
         whiteness = np.asarray(cv2.min(blue, red), dtype=np.uint8)
-        limit = int(MAX_POINT_SHARE * np.count_nonzero(self._seen)) + 1
+        limit = int(settings.max_point_ratio * np.count_nonzero(self._seen)) + 1
         found = line_ridge_points(
             whiteness, green, floor, self._width_units, self._noise_threshold(whiteness, floor), limit
         )
         if not 0 < len(found) < limit:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
         contrast, two_sided = found[:, 2], found[:, 3] > 0
-        # paint has one whiteness: whatever reaches less than a third of the clear lines' contrast is dirt or glare
-        strong = contrast >= 0.35 * np.percentile(contrast[two_sided] if two_sided.any() else contrast, 80)
+        # paint has one whiteness: what reaches less of the clear lines' contrast is dirt or glare
+        strong = contrast >= settings.min_contrast_ratio * np.percentile(
+            contrast[two_sided] if two_sided.any() else contrast, 80
+        )
         bare = cv2.erode(floor & self._resolved, np.ones((9, 9), dtype=np.uint8)).view(np.bool_)
-        return LinePoints.from_pixels(self.camera, found[strong, :2], np.where(two_sided[strong], 1.0, 0.5), bare)
+        return LinePoints.from_pixels(
+            self.camera, found[strong, :2], np.where(two_sided[strong], 1.0, settings.one_sided_weight), bare
+        )
 
-    def _tone(self, smooth: npt.NDArray[np.uint8]) -> FloorTone | None:
+    def _tone(self, smooth: npt.NDArray[np.uint8]) -> Float32Array | None:
+        """Learn the floor's colour from the nearest pixels: (7,), see `floor_mask_by_tone`; None if they have none."""
+        settings = self.settings
         near = smooth.reshape(-1, 3)[self._near].astype(np.float64)
         near = near[(near.max(axis=1) < 250) & (near.min(axis=1) >= 3)]
-        if len(near) < 50:
+        if len(near) < settings.min_samples:
             return None
         log_ratio = np.log(near[:, [2, 0]] / near[:, 1:2])  # R/G, B/G
         bin_size, span = 0.08, 2.0
@@ -257,20 +264,20 @@ class LineFinder:
         smoothed = cv2.blur(histogram, (3, 3), borderType=cv2.BORDER_CONSTANT)
         # a robot at the carpet's edge sees the hall's floor as near as the carpet: of tones that both cover much of
         # the ring the carpet is the greener one, under any light
-        tones = edges[np.argwhere(smoothed >= 0.25 * smoothed.max())] + bin_size / 2
+        tones = edges[np.argwhere(smoothed >= settings.common_tone_ratio * smoothed.max())] + bin_size / 2
         mode = tones[np.argmin(tones.max(axis=1))]
         spread = np.full(2, bin_size)
         for _ in range(3):
-            members = (np.abs(log_ratio - mode) < 4 * spread).all(axis=1)
-            if np.count_nonzero(members) < 50:
+            members = (np.abs(log_ratio - mode) < settings.tone_stds * spread).all(axis=1)
+            if np.count_nonzero(members) < settings.min_samples:
                 return None
             mode = np.asarray(np.median(log_ratio[members], axis=0))
-            spread = np.maximum(1.48 * np.median(np.abs(log_ratio[members] - mode), axis=0), 0.04)
+            spread = np.maximum(1.48 * np.median(np.abs(log_ratio[members] - mode), axis=0), settings.min_tone_spread)
         green = float(np.median(near[members, 1]))
-        low, high = np.exp(mode - 4 * spread), np.exp(mode + 4 * spread)
-        return FloorTone(
-            (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (0.35 * green, 1.9 * green), slack=2.0
-        )
+        reach = settings.tone_stds * spread
+        low, high = np.exp(mode - reach), np.exp(mode + reach)
+        bounds = (low[0], high[0], low[1], high[1], settings.dark_ratio * green, settings.bright_ratio * green)
+        return np.array([*bounds, settings.slack], dtype=np.float32)
 
     def _noise_threshold(self, whiteness: npt.NDArray[np.uint8], floor: npt.NDArray[np.uint8]) -> int:
         values = whiteness.ravel()
@@ -279,10 +286,15 @@ class LineFinder:
         if not len(near):
             return 255
         step = np.abs(values[near].astype(np.int16) - values[near + 1])
-        return max(6, math.ceil(5 * 1.48 / math.sqrt(2) * float(np.median(step))))
+        return max(
+            self.settings.min_threshold,
+            math.ceil(self.settings.noise_stds * 1.48 / math.sqrt(2) * float(np.median(step))),
+        )
 
 
-def _line_width_units(floor_m: FloatArray, seen: npt.NDArray[np.bool_], line_width_m: float) -> npt.NDArray[np.uint16]:
+def _line_width_units(
+    floor_m: FloatArray, seen: npt.NDArray[np.bool_], line_width_m: float, range_px: tuple[float, float]
+) -> npt.NDArray[np.uint16]:
     """How wide a line that is crossed along each of `AXES_PX` looks, (4, H, W), in 1/16 px; 0 where not looked at."""
     by_v, by_u = (np.asarray(slope) for slope in np.gradient(floor_m, axis=(0, 1)))
     area = np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
@@ -292,6 +304,6 @@ def _line_width_units(floor_m: FloatArray, seen: npt.NDArray[np.bool_], line_wid
         along = by_u * tangent[0] + by_v * tangent[1]
         with np.errstate(invalid="ignore", divide="ignore"):
             width_px = line_width_m * np.hypot(along[..., 0], along[..., 1]) / area
-            good = seen & (width_px >= WIDTH_RANGE_PX[0]) & (width_px <= WIDTH_RANGE_PX[1])
+            good = seen & (width_px >= range_px[0]) & (width_px <= range_px[1])
         widths[k] = np.where(good, np.round(np.where(good, width_px, 0) * WIDTH_UNITS_PER_PX), 0)
     return widths

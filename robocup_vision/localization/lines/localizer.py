@@ -22,7 +22,7 @@ from robocup_vision.localization.lines.search import (
     same_pose,
     search_by_lines,
 )
-from robocup_vision.perception.line_points import FloorCamera, FloorTone, LineFinder, LinePoints
+from robocup_vision.perception.line_points import FloorCamera, LineFinder, LinePoints
 
 MIN_INLIER_SHARE = 0.6
 # The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
@@ -57,7 +57,6 @@ class LineLocalizer:
         self,
         frame: npt.NDArray[np.uint8] | LinePoints,
         prior: PoseEstimate | None = None,
-        tone: FloorTone | None = None,
     ) -> PoseEstimate | NotLocated:
         """Find the pose.
 
@@ -68,15 +67,13 @@ class LineLocalizer:
         prior : PoseEstimate, optional
             What is believed beforehand. Refined if the lines bear it out, otherwise the whole field is searched; it
             also says which of two symmetric halves comes first.
-        tone : FloorTone, optional
-            The floor's colour; learnt from the frame where absent.
 
         Returns
         -------
         PoseEstimate or NotLocated
             On a field whose lines are point-symmetric both candidates half a turn apart, `pose` first.
         """
-        points = frame if isinstance(frame, LinePoints) else self.finder.find(frame, tone)
+        points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         if prior is not None:
             near = refine_by_lines(prior.pose, points, self.line_map, prior.covariance)
             if near and near.inlier_share >= max(0.8, MIN_INLIER_SHARE) and _consistent(near.pose, prior):

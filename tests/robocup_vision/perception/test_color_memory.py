@@ -38,7 +38,7 @@ class Watch:
     def is_floor(self, bgr, level=1.0, cast=NEUTRAL):
         """Whether the colours in use take this paint, under this light, for floor."""
         color = np.clip(np.array(bgr) * cast * level, 0, 255).astype(np.uint8)
-        memory = self.vision._sight._memory
+        memory = self.vision._pipeline._color_memory
         return bool(memory._table.segment(color[None, None])[0, 0] == FLOOR)
 
     @property

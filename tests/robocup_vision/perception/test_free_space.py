@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from skimage.measure import label
 from strategies import cameras
 
 from field_models.errors import ArgumentError
@@ -37,13 +38,33 @@ def blobs(seed, shape=VIEW.valid.shape):
     return passable * rng.integers(1, 4, shape, dtype=np.uint8)
 
 
+def measure_by_labelling(grid, passable):
+    """Free ranges the paper's way: AND with the template of cells, label, add up areas per cell (eqs. 7-9).
+
+    Pieces of different cells never join, whatever lies between the cells.
+    """
+    labels = label(np.where(passable > 0, grid.cell, -1), background=-1, connectivity=1)
+    area = np.bincount(labels.ravel())
+    where = np.zeros(len(area), dtype=np.int64)
+    where[labels.ravel()] = grid.cell.ravel()
+    rings = len(grid.ring_bounds_m) - 1
+    free, total = (
+        np.zeros(rings * grid.directions),
+        np.bincount(grid.cell[grid.cell >= 0], minlength=rings * grid.directions),
+    )
+    np.add.at(free, where[1:], area[1:])
+    needed = np.ceil(total * grid.threshold - 1e-6).reshape(rings, -1)
+    in_view = ((np.arange(rings) + 1)[:, None] * (needed > 0)).max(axis=0)
+    blocked = free.reshape(rings, -1) < needed
+    first = np.where(blocked.any(axis=0), blocked.argmax(axis=0), in_view)
+    return grid.ring_bounds_m[np.minimum(first, in_view)]
+
+
 @settings(deadline=None, max_examples=40)
 @given(grids, seeds)
 def test_counting_equals_the_papers_labelling(grid, seed):
     passable = blobs(seed)
-    fast, slow = grid.measure(passable), grid.measure_by_labelling(passable)
-    np.testing.assert_array_equal(fast.range_m, slow.range_m)
-    np.testing.assert_array_equal(fast.bearing_rad, slow.bearing_rad)
+    np.testing.assert_array_equal(grid.measure(passable).range_m, measure_by_labelling(grid, passable))
 
 
 @settings(deadline=None, max_examples=40)

@@ -9,7 +9,7 @@ from field_models import ArgumentError, FrameError, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.perception.line_points import LineFinder, LinePoints, find_line_points
+from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings
 
 FIELD = load_field("msl_6x4")
 POSE = Pose2(-0.7, 0.4, 0.5)
@@ -72,17 +72,18 @@ def test_bare_floor_holds_no_line(finder, mirror_camera, paint_field):
 def test_masked_pixels_are_never_points(mirror_camera, paint_field):
     mask = np.zeros((240, 320), dtype=np.uint8)
     mask[:, 160:] = 255
-    points = find_line_points(paint_field(mirror_camera, FIELD, POSE), mirror_camera, FIELD.line_width_m, mask)
+    points = LineFinder(mirror_camera, FIELD.line_width_m, mask).find(paint_field(mirror_camera, FIELD, POSE))
     assert len(points) > 100
     assert points.pixels[:, 0].max() < 161
 
 
-def test_a_given_tone_is_used(finder, mirror_camera, paint_field):
+def test_settings_are_used(finder, mirror_camera, paint_field):
     frame = paint_field(mirror_camera, FIELD, POSE)
-    learnt = finder.find(frame, finder.learn_tone(frame))
-    np.testing.assert_array_equal(learnt.pixels, finder.find(frame).pixels)
-    hall = finder.learn_tone(np.full_like(frame, (110, 100, 90)))
-    assert len(finder.find(frame, hall)) < len(learnt) / 4
+    usual = finder.find(frame)
+    strict = LineFinder(mirror_camera, FIELD.line_width_m, settings=LineSettings(min_threshold=120)).find(frame)
+    assert len(strict) < len(usual) / 2
+    light = LineFinder(mirror_camera, FIELD.line_width_m, settings=LineSettings(one_sided_weight=0.25)).find(frame)
+    assert set(np.unique(light.weight)) <= {0.25, 1.0}
 
 
 @pytest.mark.parametrize("kind", ["black", "white", "grey", "noise"])
