@@ -82,8 +82,8 @@ def main() -> None:
         found = search.candidates(frames[0])[0]
         if found:
             c = found[0]
-            look = next(iter(search.proposals(frames[0]))).look
-            refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, look)
+            appearance = next(iter(search.proposals(frames[0]))).appearance
+            refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, appearance)
             once = median_s(refining, repeats)
             table.row("one refinement", 1e3 * once, once / unit, None)
     finish(arguments.check, all_ok)

@@ -21,6 +21,7 @@ from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.localization.baselines.goal_angles import AnglesLocalizer
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS
 from robocup_vision.localization.goal.geometry import (
     BAR_BOTTOM,
@@ -155,7 +156,7 @@ def measure(job: tuple[str, int, tuple[int, ...]]) -> list[list[Score]]:
     name, seed, indices = job
     condition = GOAL_CONDITIONS[name]
     direct = GoalLocalizer(FIELD, condition.camera)
-    paper, closed = (GoalLocalizer(FIELD, condition.camera, method=m) for m in ("paper", "angles"))
+    paper, closed = (AnglesLocalizer(FIELD, condition.camera, closed_form=closed_form) for closed_form in (False, True))
     search = GoalSearch(FIELD, condition.camera)
     rows = []
     for s in sample_goal(FIELD, condition, seed, 66, places=paper_places(FIELD), indices=indices, supersample=4):

@@ -182,7 +182,7 @@ def sighting(seed: list[int]) -> Sighting:
     feet = seen & (PLACES[:, 2] == 0) & np.array([m.kind == "post" for m in MARKS])
     crossings = seen & (away < MARK_FARTHEST_M) & np.array([m.kind == "crossing" for m in MARKS])
     by_posts = by_lines = None
-    sight = GoalLocalizer(FIELD, CAMERA).look(frame, prior.pose)
+    sight = GoalLocalizer(FIELD, CAMERA).locate_camera(frame, prior.pose)
     if not isinstance(sight, NotLocated):
         found = sight.estimate(prior.pose).pose
         if found.error_to(pose)[0] < LOST_M:

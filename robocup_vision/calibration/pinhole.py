@@ -21,7 +21,8 @@ from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.goal.fit import GoalModel, goal_model, residuals
+from robocup_vision.kernels.goal.fit import FitLoss
+from robocup_vision.localization.goal.fit import GoalModel, goal_model, system_at
 from robocup_vision.localization.goal.geometry import (
     BLOOM,
     HEIGHT,
@@ -33,8 +34,8 @@ from robocup_vision.localization.goal.geometry import (
     IdealView,
     goal_shape,
 )
-from robocup_vision.localization.goal.localizer import GoalLocalizer, GoalSight
-from robocup_vision.localization.goal.with_lines import loosened
+from robocup_vision.localization.goal.localizer import CameraEstimate, GoalLocalizer
+from robocup_vision.localization.goal.white_lines import loosened
 from robocup_vision.progress import progress
 
 # a goal is found only where the focal length is roughly right: one standard deviation of its logarithm, of the height
@@ -48,6 +49,7 @@ _START_FRAMES, _STARTS_TRIED, _ROUNDS = 5, 3, 3
 _SHARED = (LOG_FOCAL, HEIGHT)
 # how far bright paint bleeds over its edge
 _BLOOM_STD_PX = 1.0
+_LOSS = FitLoss(np.ones(1), np.ones(1), False)
 # what is known after a round is believed in the next to so many standard deviations, but not to less than this
 _BELIEVE, _MIN_FOCAL_STD, _MIN_HEIGHT_STD_M = 3.0, 0.01, 0.01
 # pictures farther off the rest than this many standard deviations, in two numbers, are left out
@@ -206,7 +208,7 @@ def _calibrated(
 def _result(
     camera: PinholeCamera,
     joint: _Joint,
-    sights: Mapping[int, GoalSight],
+    sights: Mapping[int, CameraEstimate],
     called: Sequence[str],
     notes: tuple[str, ...],
 ) -> PinholeCalibration:
@@ -269,13 +271,13 @@ def _best_starts(field: Field, frames: Mapping[int, np.ndarray], given: PinholeC
 
 def _sights(
     field: Field, camera: PinholeCamera, frames: Mapping[int, np.ndarray], prior: Mapping[int, Pose2 | None]
-) -> dict[int, GoalSight]:
+) -> dict[int, CameraEstimate]:
     localizer = GoalLocalizer(field, camera)
-    sights = {index: localizer.look(frame, prior[index]) for index, frame in frames.items()}
+    sights = {index: localizer.locate_camera(frame, prior[index]) for index, frame in frames.items()}
     return {index: sight for index, sight in sights.items() if not isinstance(sight, NotLocated)}
 
 
-def _join(shape: GoalShape, camera: PinholeCamera, sights: Sequence[GoalSight]) -> _Joint | None:
+def _join(shape: GoalShape, camera: PinholeCamera, sights: Sequence[CameraEstimate]) -> _Joint | None:
     """Join what the sights say of the shared unknowns; None where that does not tell them."""
     told = [_told(shape, camera, sight) for sight in sights]
     information, weighted = np.array([i for i, _ in told]), np.array([w for _, w in told])
@@ -306,7 +308,7 @@ def _lines_believe() -> FloatArray:
     return np.asarray(loosened(model).weight[list(_SHARED)])
 
 
-def _told(shape: GoalShape, camera: PinholeCamera, sight: GoalSight) -> tuple[FloatArray, FloatArray]:
+def _told(shape: GoalShape, camera: PinholeCamera, sight: CameraEstimate) -> tuple[FloatArray, FloatArray]:
     """Return what a picture alone says of the shared unknowns: information (2, 2), and it times the best ones (2,)."""
     shared, own = list(_SHARED), [i for i in range(UNKNOWNS) if i not in _SHARED]
     p = sight.unknowns
@@ -317,21 +319,13 @@ def _told(shape: GoalShape, camera: PinholeCamera, sight: GoalSight) -> tuple[Fl
         believed = np.diag(np.minimum(weight, _lines_believe()))
         weighted = posterior @ p[shared] - believed @ [0.0, camera.height_m]
         return np.asarray(posterior - believed, np.float64), np.asarray(weighted, np.float64)
-    samples = sight.fit.samples
     model = goal_model(shape, camera, _BLOOM_STD_PX)
-    base = residuals(model, samples, p)
-    step = 1e-5
-    jacobian = np.stack([(residuals(model, samples, p + step * e) - base) / step for e in np.eye(UNKNOWNS)], axis=1)
-    good = np.isfinite(base) & np.isfinite(jacobian).all(axis=1)
-    jacobian, base = jacobian[good], base[good]
-    weight = 1.0 / (samples.sigma[good] ** 2 * (1 + base**2))
-    normal, gradient = (jacobian.T * weight) @ jacobian, jacobian.T @ (weight * base)
-    for i in (ROLL, BLOOM):
-        normal[i, i] += model.weight[i]
-        gradient[i] += model.weight[i] * (p[i] - model.prior[i])
+    weight = np.zeros(UNKNOWNS)
+    weight[[ROLL, BLOOM]] = model.weight[[ROLL, BLOOM]]
+    normal, pull = system_at(replace(model, weight=weight), sight.fit.samples, p, _LOSS)
     across = np.linalg.solve(normal[np.ix_(own, own)], normal[np.ix_(own, shared)]).T
     information = normal[np.ix_(shared, shared)] - across @ normal[np.ix_(own, shared)]
-    weighted = information @ p[shared] - (gradient[shared] - across @ gradient[own])
+    weighted = information @ p[shared] + (pull[shared] - across @ pull[own])
     return np.asarray(information, np.float64), np.asarray(weighted, np.float64)
 
 

@@ -13,7 +13,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
-from robocup_vision.localization.goal.half_goal import PRIOR_STD_M, PRIOR_STD_RAD
+from robocup_vision.localization.goal.half_goal import PriorSettings
 from robocup_vision.localization.goal.localizer import GoalLocalizer
 from robocup_vision.localization.lines.localizer import LineLocalizer
 from robocup_vision.localization.lines.nearby import locate_nearby
@@ -67,7 +67,7 @@ class GoalMethod:
         assert isinstance(camera, PinholeCamera)
         start = pose_of(prior)
         near = None if start is None else start.compose(camera.camera_in_robot)
-        placed = self._goal.look(evidence.frame, near)
+        placed = self._goal.locate_camera(evidence.frame, near)
         if isinstance(placed, NotLocated):
             return Localization(placed, camera)
         p = [float(value) for value in placed.unknowns]
@@ -180,5 +180,6 @@ def _refined(
 ) -> Localization:
     """Refine a prior by line points, together with the camera's tilt and roll."""
     if isinstance(prior, Pose2):
-        prior = PoseEstimate(prior, np.diag([PRIOR_STD_M, PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
+        known = PriorSettings()
+        prior = PoseEstimate(prior, np.diag([known.std_m, known.std_m, known.std_rad]) ** 2, 1.0, 0.0)
     return Localization(*locate_nearby(points, lines.line_map, prior, camera))

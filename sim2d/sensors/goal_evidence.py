@@ -150,7 +150,7 @@ def _outcome(
     localizer: GoalLocalizer, scene: Scene, camera: PinholeCamera, pose: Pose2, side: int, rng: np.random.Generator
 ) -> int:
     frame = MATCH_SENSOR.expose(render_pinhole(camera, scene, pose, supersample=COARSE), rng)
-    sight = localizer.look(frame)
+    sight = localizer.locate_camera(frame)
     if isinstance(sight, NotLocated) or len(sight.sides) > 1:
         return NOTHING
     return RIGHT if sight.sides[0] == side else WRONG

@@ -9,6 +9,7 @@ from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
+from robocup_vision.kernels.goal.picture import GoalScene
 
 _WASHED = 0.5
 
@@ -197,13 +198,13 @@ def link_runs(
 
 
 @njit(cache=True, nogil=True)
-def goal_points(shape: FloatArray, view: FloatArray, p: FloatArray, offsets: FloatArray, points: FloatArray) -> bool:
+def goal_points(scene: GoalScene, p: FloatArray, points: FloatArray) -> bool:
     """Ideal pixels of where to measure: both ends of each free edge, feet, and points above the feet.
 
     Parameters
     ----------
-    shape, view, p, offsets
-        See `kernels.goal_fit.goal_prediction`.
+    scene, p
+        See `kernels.goal.picture.predict_goal`; the stated focal length counts.
     points : (12 + 4 * K, 2) float64
         Results: ends of the six edges, the feet of the left, then of the right post, and as many half a radius higher.
 
@@ -213,6 +214,7 @@ def goal_points(shape: FloatArray, view: FloatArray, p: FloatArray, offsets: Flo
         Whether all of it is in front of the camera.
     """
     axes = camera_axes(p[2], p[3], p[4])
+    shape, view, offsets = scene.shape, scene.camera, scene.offsets
     line_x, half, top, radius = shape[0], 0.5 * shape[1], shape[2], shape[3]
     dx, dz = line_x - p[0], top - p[5]
     side = -1.0 if dx < 0 else 1.0

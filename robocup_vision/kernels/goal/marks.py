@@ -10,7 +10,7 @@ from numba import njit
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.algebra.pinhole import camera_axes, in_camera
 from robocup_vision.kernels.goal.edges import sample
-from robocup_vision.kernels.goal.fit import floor_residuals
+from robocup_vision.kernels.goal.picture import FLOOR_UNKNOWNS, floor_derivatives
 
 # grey levels that a line's middle must be brighter than its sides in one sample; samples along it are so far apart
 _MIN_RIDGE, _ALONG_STEP_PX = 6.0, 1.5
@@ -39,7 +39,7 @@ def line_marks(
     points, directions : (N, 2) float64
         Points along the lines, one line after the other, field frame, metres, and unit vectors along them.
     view, p
-        See `kernels.goal_fit.goal_prediction`.
+        See `kernels.goal.picture.predict_goal`.
     size : (int, int)
         Width and height of the image, pixels.
     line_width_m : float
@@ -50,6 +50,7 @@ def line_marks(
         Lines that look thinner are left out.
     clear_px : float
         Between the edges of two lines: where they come nearer, neither is told from the other, and both are left out.
+        Minus infinity: lines may cross.
     marks, pixels, normals, widths : (N, 2), (N, 2), (N, 2), (N,) float64
         Results: the places in the field and in the ideal image, unit vectors across the line there, seen widths.
 
@@ -92,6 +93,8 @@ def line_marks(
         widths[n] = width
         last_u, last_v = u, v
         n += 1
+    if math.isinf(clear_px):
+        return n
     return _apart(n, spacing_px, clear_px, marks, pixels, normals, widths)
 
 
@@ -127,11 +130,9 @@ def _apart(
 @njit(cache=True, nogil=True)
 def mark_stds(
     marks: FloatArray,
-    pixels: FloatArray,
     normals: FloatArray,
     view: FloatArray,
     p: FloatArray,
-    unknowns: int,
     covariance: FloatArray,
     std: FloatArray,
 ) -> None:
@@ -139,31 +140,22 @@ def mark_stds(
 
     Parameters
     ----------
-    marks, pixels, normals : (N, 2) float64
+    marks, normals : (N, 2) float64
         Of `line_marks`.
     view, p
-        See `kernels.goal_fit.goal_prediction`.
-    unknowns : int
-        How many of the unknowns, from the first on, move the floor in the picture.
+        See `kernels.goal.picture.predict_goal`.
     covariance : (8, 8) float64
         Of the unknowns.
     std : (N,) float64
         Result.
     """
     count = marks.shape[0]
-    jacobian, base, moved = np.zeros((count, unknowns)), np.empty(count), np.empty(count)
-    floor_residuals(view, p, marks, pixels, normals, base)
-    trial = p.copy()
-    for k in range(unknowns):
-        trial[k] = p[k] + 1e-6
-        floor_residuals(view, trial, marks, pixels, normals, moved)
-        trial[k] = p[k]
-        for n in range(count):
-            jacobian[n, k] = (moved[n] - base[n]) / 1e-6
+    jacobian = np.empty((count, FLOOR_UNKNOWNS))
+    floor_derivatives(view, p, marks, normals, jacobian)
     for n in range(count):
         variance = 0.0
-        for i in range(unknowns):
-            for j in range(unknowns):
+        for i in range(FLOOR_UNKNOWNS):
+            for j in range(FLOOR_UNKNOWNS):
                 variance += jacobian[n, i] * covariance[i, j] * jacobian[n, j]
         std[n] = math.sqrt(max(variance, 0.0))
 

@@ -34,7 +34,7 @@ def draw_lines(
     max_apart_m : float
         Neighbours farther apart belong to different lines.
     view, p
-        See `kernels.goal_fit.goal_prediction`.
+        See `kernels.goal.picture.predict_goal`.
     line_width_m : float
         Of the paint.
     blur_px : float

@@ -1,6 +1,6 @@
 """Pose from the convex hull of the whole floor mask: Sekimori et al. 2001, section 4, as printed.
 
-The published reference beside `localization.floor`, for comparison; nothing else builds on it. Errata heeded: the two
+The published reference to compare `localization.floor` with. Errata heeded: the two
 headings of eq. 23 are -psi' and pi - psi', and eqs. 20-21 turn by psi'. Left open by the paper and chosen here: blur,
 erosions and dilations of Step 1, what becomes of points at the end of the view, and the covariance.
 """
@@ -20,17 +20,18 @@ from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.color_table import ColorTable
+from robocup_vision.perception.color_table import ColorTable, build_color_table, learn_colors
+from robocup_vision.perception.polar_view import PolarView
 
 # Step 1's blur and morphology and what an inlier is scale with 1/86 of the usable radius: a pixel of the paper's image
 _UNITS = 86.0
-# pieces of floor with less than this share of it all are something green elsewhere
+# pieces of floor with less than this fraction of it all are something green elsewhere
 _MIN_PIECE = 0.05
 _MIN_POINTS = 8
 _ROUNDS = 30
 _CONVERGED = 1e-9
 _INLIER = 1.5
-_MIN_INLIER_SHARE = 0.3
+_MIN_INLIER_RATIO = 0.3
 _LARGEST_STD_M = 0.10
 # a principal axis says nothing where the moments along and across it are closer than this
 _MIN_ELONGATION = 1.05
@@ -52,6 +53,8 @@ class HullLocalizer:
         The camera.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
+    colors : ColorTable, optional
+        How floor looks; without it each frame's colours are learnt from the frame itself.
 
     Raises
     ------
@@ -62,6 +65,7 @@ class HullLocalizer:
     field: Field
     camera: OmniCamera
     mask: UInt8Array | None = None
+    colors: ColorTable | None = None
 
     def __post_init__(self) -> None:
         if not self.field.is_bounded:
@@ -73,6 +77,10 @@ class HullLocalizer:
             raise ArgumentError(f"mask must be ({height}, {width}), got {self.mask.shape}")
         if self._model.elongation < _MIN_ELONGATION:
             raise ArgumentError(f"method 'hull' needs a floor that is longer than wide, '{self.field.name}' is square")
+
+    @cached_property
+    def _polar(self) -> PolarView:
+        return PolarView(self.camera, mask=self.mask)
 
     @cached_property
     def _model(self) -> _Moments:
@@ -126,9 +134,22 @@ class HullLocalizer:
         floor = np.asarray(cv2.dilate(floor, _disc(reach)), dtype=np.uint8)
         return _without_specks(floor & usable)
 
-    def locate(self, frame: UInt8Array, colors: ColorTable) -> PoseEstimate | NotLocated:
-        """Locate the robot by one frame (H, W, 3) uint8 BGR, with both half-turn candidates."""
-        return self.locate_floor(self.floor_mask(frame, colors))
+    def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
+        """Locate the robot by one frame (H, W, 3) uint8 BGR.
+
+        Of the two candidates, half a turn apart, the one nearer to the prior comes first.
+        """
+        table = self.colors
+        if table is None:
+            learnt = learn_colors(self._polar.sample(frame), self._polar.valid, self.field)
+            if learnt is None:
+                return NotLocated("no floor is found around the robot to learn its colour from")
+            table = build_color_table(learnt)
+        found = self.locate_floor(self.floor_mask(frame, table))
+        if isinstance(found, NotLocated) or prior is None:
+            return found
+        near, far = (sum(candidate.error_to(prior)) for candidate in found.candidates)
+        return found.half_turn() if far < near else found
 
     def locate_floor(self, floor: UInt8Array) -> PoseEstimate | NotLocated:
         """Locate the robot by a floor mask (H, W) uint8, non-zero where floor is seen (Steps 2 to 7)."""
@@ -194,9 +215,9 @@ class HullLocalizer:
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
         pose = fit.pose
         is_inlier = np.abs(fit.residual_px) < _INLIER * self._unit_px
-        share = float(np.mean(is_inlier))
-        if share < _MIN_INLIER_SHARE:
-            return NotLocated(f"only {share:.0%} of the floor's hull agrees with the field's walls")
+        ratio = float(np.mean(is_inlier))
+        if ratio < _MIN_INLIER_RATIO:
+            return NotLocated(f"only {ratio:.0%} of the floor's hull agrees with the field's walls")
         if not self.field.is_on_floor(pose.x_m, pose.y_m):
             return NotLocated(f"the best fit puts the robot outside the field, at ({pose.x_m:.2f}, {pose.y_m:.2f}) m")
         # (a, b, zeta) moves the robot as a turn about the field's centre does
@@ -206,7 +227,7 @@ class HullLocalizer:
         if math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1])) > _LARGEST_STD_M:
             return NotLocated("the part of the floor's hull in view does not fix the pose in every direction")
         rms = float(np.sqrt(np.mean(fit.residual_px[is_inlier] ** 2)))
-        return PoseEstimate(pose, covariance, share, rms, (pose, pose.half_turn()))
+        return PoseEstimate(pose, covariance, ratio, rms, (pose, pose.half_turn()))
 
 
 @dataclass(frozen=True, slots=True)

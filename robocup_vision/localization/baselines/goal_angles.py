@@ -1,7 +1,8 @@
 """Yako et al.'s method as printed: colour region, axes by regression, three angles, a table of angles over the field.
 
-Kept as the reference to measure the direct fit against. Its thresholds are automatic (the paper tuned them to each
-picture's truth and names their automation as future work): the tightest ones that still leave a common region, doubled.
+The published reference to compare the direct fit with; no production module imports it. Its thresholds are automatic
+(the paper tuned them to each picture's truth and names their automation as future work): the tightest ones that still
+leave a common region, doubled.
 """
 
 from __future__ import annotations
@@ -11,18 +12,16 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
+from field_models.errors import ArgumentError
+from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.goal.geometry import (
-    GoalAngles,
-    GoalShape,
-    angles_between,
-    position_from_angles,
-    theoretical_angles,
-)
+from robocup_vision.localization.goal.geometry import GoalShape, goal_shape
+from robocup_vision.perception.goal_color import hue_families, hue_masks
 
 GRID_M = 0.01  # paper, section 3.3 (1)
 _LOOSENING = 2.0
@@ -58,6 +57,68 @@ class GoalAxes:
                 [b, self.bar[0] + self.bar[1] * b],
             ]
         )
+
+
+@dataclass(frozen=True, slots=True)
+class GoalAngles:
+    """The paper's position information, radians: between the planes through the camera and the three axes (eqs. 1-6).
+
+    Parameters
+    ----------
+    gamma, phi_right, phi_left : float
+        Between the posts' planes, and between each post's plane and the bar's.
+    """
+
+    gamma: float
+    phi_right: float
+    phi_left: float
+
+
+def angles_between(right: npt.ArrayLike, left: npt.ArrayLike, bar: npt.ArrayLike) -> FloatArray:
+    """gamma, phi_R, phi_L (..., 3), radians, from the planes' normals (..., 3) (Yako et al., eqs. 3, 5, 6).
+
+    The order of the points that span each plane must be kept (both posts upwards, the bar from left to right), else an
+    angle turns into its supplement.
+    """
+    r, l_, b = (np.asarray(n, dtype=np.float64) for n in (right, left, bar))
+
+    def angle(p: FloatArray, q: FloatArray) -> FloatArray:
+        return np.asarray(np.arctan2(np.linalg.norm(np.cross(p, q), axis=-1), np.sum(p * q, axis=-1)), np.float64)
+
+    return np.asarray(np.stack([angle(r, l_), angle(r, b), angle(l_, b)], axis=-1), np.float64)
+
+
+def theoretical_angles(shape: GoalShape, x_m: npt.ArrayLike, y_m: npt.ArrayLike, height_m: float) -> FloatArray:
+    """gamma, phi_R, phi_L (..., 3), radians, as a camera at (x_m, y_m, height_m) must see them (paper, section 3.3)."""
+    x, y = np.broadcast_arrays(np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64))
+    foot_left, top_left, top_right, foot_right = (
+        corner - np.stack([x, y, np.full_like(x, height_m)], axis=-1) for corner in shape.corners
+    )
+    return angles_between(np.cross(foot_right, top_right), np.cross(foot_left, top_left), np.cross(top_left, top_right))
+
+
+def position_from_angles(shape: GoalShape, angles: GoalAngles) -> tuple[float, float] | None:
+    """Camera position (x_m, y_m) in the field by the closed form, without the bar's or the camera's height.
+
+    With beta the direction of a post from the goal's normal, counted to the right: cos(phi) = sin(beta) sin(e) for both
+    posts with the bar's elevation e, hence tan(beta_L) = sin(gamma) cos(phi_L) / (cos(phi_R) - cos(gamma) cos(phi_L)).
+    Of its two roots the one in front of the goal, |beta| < 90 degrees, is taken; the other reverses the heading.
+
+    Returns
+    -------
+    (float, float) or None
+        None where no point in front of the goal sees these angles.
+    """
+    cos_left, cos_right = math.cos(angles.phi_left), math.cos(angles.phi_right)
+    numerator = math.sin(angles.gamma) * cos_left
+    denominator = cos_right - math.cos(angles.gamma) * cos_left
+    beta_left = math.atan2(numerator, denominator)
+    for root in (beta_left, beta_left - math.copysign(math.pi, beta_left)):
+        beta_right = root + angles.gamma
+        if abs(root) < math.pi / 2 and abs(beta_right) < math.pi / 2:
+            distance = shape.width_m / (math.tan(beta_right) - math.tan(root))
+            return shape.line_x_m - distance, distance * math.tan(beta_right) - shape.width_m / 2
+    return None
 
 
 def goal_region(mask: UInt8Array) -> UInt8Array | None:
@@ -108,8 +169,44 @@ def axes_by_regression(region: UInt8Array) -> GoalAxes | None:
     return GoalAxes(regress(left), regress(right), regress(bar))
 
 
-class PaperMethod:
-    """From a mask of goal paint to a pose by the paper's angles.
+class AnglesLocalizer:
+    """Locates a camera by a goal of a hue, as the paper does; the goal with the larger region is the one in view.
+
+    Parameters
+    ----------
+    field : Field
+        With goals of posts and a bar, in colours of a hue.
+    camera : PinholeCamera
+        Only its optics and height count.
+    closed_form : bool
+        Take the position from `position_from_angles` instead of the table's common region.
+
+    Raises
+    ------
+    ArgumentError
+        If the field's goals are not of that kind.
+    """
+
+    def __init__(self, field: Field, camera: PinholeCamera, *, closed_form: bool = False) -> None:
+        self._families = hue_families(field)
+        shape = goal_shape(field)
+        if not self._families:
+            raise ArgumentError(f"Yako's method finds goals by their hue, but those of '{field.name}' are white")
+        self._field, self._closed_form = field, closed_form
+        self._mask_localizer = MaskLocalizer(shape, camera, np.abs(field.floor_polygon).max(axis=0))
+
+    def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
+        """Locate the camera by one frame (H, W, 3) uint8 BGR; the method takes no prior, which is ignored."""
+        smooth = np.asarray(cv2.bilateralFilter(frame, 5, 30, 3), np.uint8)
+        masks = hue_masks(smooth, self._families)
+        color = max(masks, key=lambda name: int(cv2.countNonZero(masks[name])))
+        estimate = self._mask_localizer.locate(masks[color], closed_form=self._closed_form)
+        at_positive = any(goal.side > 0 for goal in self._field.goals if goal.color == color)
+        return estimate if isinstance(estimate, NotLocated) or at_positive else estimate.half_turn()
+
+
+class MaskLocalizer:
+    """Locates a camera from a mask of goal paint by the paper's angles.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class HullMethod:
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""
         assert evidence.table is not None
-        pose = self._hull.locate(evidence.frame, evidence.table)
+        pose = self._hull.locate_floor(self._hull.floor_mask(evidence.frame, evidence.table))
         if isinstance(pose, PoseEstimate):
             pose = self._half.choose(evidence.frame, pose, evidence.table.colors, pose_of(prior))
         return Localization(pose, evidence.camera)

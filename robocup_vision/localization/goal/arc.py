@@ -1,8 +1,8 @@
 """The arc of cameras that see a goal nearly alike, and how likely each of them is.
 
 A goal far off says how far away the camera is, but hardly how obliquely it looks: its picture stays the same to a
-fraction of a pixel while the camera swings about the goal, from one branch of a plane's picture to the other. No
-covariance at one point tells that; a fit at each heading does, for the heading turns as the camera swings.
+fraction of a pixel while the camera rotates about the goal, from one branch of a plane's picture to the other. No
+covariance at one point tells that; a fit at each heading does, for the heading turns with the camera.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _RISE = 12.0
 _FARTHEST_RAD = 1.2
 # from one camera to the next: of what the best fit leaves open, then ever wider, up to a place's own lines' distance
 _STEP_STDS, _GROWTH, _WIDEST_M = 0.5, 1.2, 0.25
-_SCALES, _HELD_SCALES = np.full(4, 0.3), np.full(3, 0.5)
+_SCALES, _CONSTRAINED_SCALES = np.full(4, 0.3), np.full(3, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class GoalArc:
     Parameters
     ----------
     unknowns : (K, 8) float64
-        See goal_geometry.
+        In the order of goal/geometry.py.
     covariance : (K, 8, 8) float64
         Of the unknowns at each heading.
     cost : (K,) float64
@@ -44,28 +44,30 @@ class GoalArc:
     cost: FloatArray
 
     @property
-    def share(self) -> FloatArray:
+    def probability(self) -> FloatArray:
         """(K,) float64, sum 1: how likely each is, by its cost and the stretch of arc that it stands for."""
         heading = self.unknowns[:, HEADING]
         likely = np.exp(-self.cost / 2) * (np.gradient(heading) if len(heading) > 1 else 1.0)
         return np.asarray(likely / likely.sum())
 
     def covariance_about(self, p: FloatArray) -> FloatArray:
-        """Mean square deviation (8, 8) of all cameras on the arc from one, each as likely as its cost lets it be."""
+        """Mean square deviation (8, 8) of all cameras on the arc from one, each weighted by its probability."""
         off = self.unknowns - p
-        share = self.share
-        return np.asarray(np.einsum("k,kij->ij", share, self.covariance) + np.einsum("k,ki,kj->ij", share, off, off))
+        probability = self.probability
+        return np.asarray(
+            np.einsum("k,kij->ij", probability, self.covariance) + np.einsum("k,ki,kj->ij", probability, off, off)
+        )
 
 
 def at_one_heading(model: GoalModel) -> GoalModel:
-    """Return the same model, the heading held where a fit starts."""
+    """Return the same model, with the heading fixed where a fit starts."""
     weight = model.weight.copy()
     weight[HEADING] = np.inf
     return replace(model, weight=weight)
 
 
 def turned(model: GoalModel, unknowns: FloatArray, turn_rad: float) -> FloatArray:
-    """Return a camera (8,) swung about the goal's middle."""
+    """Return a camera (8,) rotated about the goal's middle."""
     line = model.shape.line_x_m
     c, s = math.cos(turn_rad), math.sin(turn_rad)
     dx, dy = unknowns[X] - line, unknowns[Y]
@@ -75,7 +77,7 @@ def turned(model: GoalModel, unknowns: FloatArray, turn_rad: float) -> FloatArra
 
 
 def follow_arc(model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float) -> GoalArc:
-    """Fit a goal's samples at headings to both sides of the best fit's, as far as they bear it.
+    """Fit a goal's samples at headings to both sides of the best fit's, as far as they allow it.
 
     Parameters
     ----------
@@ -88,25 +90,25 @@ def follow_arc(model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m:
     std_m : float
         How far along the arc its place is open, one standard deviation by the covariance at that place.
     """
-    held = at_one_heading(model)
+    constrained = at_one_heading(model)
     line = model.shape.line_x_m
     distance = max(math.hypot(line - start[X], start[Y]), 0.1)
-    p, cost, information = fit(held, samples, start, _SCALES)
+    p, cost, information = fit(constrained, samples, start, _SCALES)
     least = cost
     sides: list[list[tuple[FloatArray, FloatArray, float]]] = []
-    middle = (p, covariance_of(held, information), cost)
+    middle = (p, covariance_of(constrained, information), cost)
     for sign in (-1.0, 1.0):
         side = []
-        p, step, swung = middle[0], _STEP_STDS * std_m, 0.0
+        p, step, rotated = middle[0], _STEP_STDS * std_m, 0.0
         while True:
             step = min(_WIDEST_M, step)
             turn = sign * step / distance
-            swung += abs(turn)
-            p, cost, information = fit(held, samples, turned(model, p, turn), _SCALES)
-            if not math.isfinite(cost) or cost > least + _RISE or p[X] > line or swung > _FARTHEST_RAD:
+            rotated += abs(turn)
+            p, cost, information = fit(constrained, samples, turned(model, p, turn), _SCALES)
+            if not math.isfinite(cost) or cost > least + _RISE or p[X] > line or rotated > _FARTHEST_RAD:
                 break
             least = min(least, cost)
-            side.append((p, covariance_of(held, information), cost))
+            side.append((p, covariance_of(constrained, information), cost))
             step *= _GROWTH
         sides.append(side)
     points = [*sides[0][::-1], middle, *sides[1]]
@@ -116,8 +118,8 @@ def follow_arc(model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m:
     )
 
 
-class HeldArc:
-    """Cameras at headings near one, all else as samples have it there, or off in the directions they tell least.
+class ConstrainedArc:
+    """Cameras at headings near one, all else as samples have it there, or off in the directions they determine least.
 
     A place (1 + K,) is a turn of the heading, radians, and how far off in K such directions, standard deviations.
 
@@ -132,17 +134,17 @@ class HeldArc:
     """
 
     def __init__(self, model: GoalModel, samples: EdgeSamples, start: FloatArray) -> None:
-        self._held = at_one_heading(model)
+        self._constrained = at_one_heading(model)
         self._samples, self._start = samples, start
         self._fits: dict[float, tuple[FloatArray, float, FloatArray] | None] = {}
         first = self._fit(0.0)
-        covariance = np.zeros((UNKNOWNS, UNKNOWNS)) if first is None else covariance_of(self._held, first[2])
+        covariance = np.zeros((UNKNOWNS, UNKNOWNS)) if first is None else covariance_of(self._constrained, first[2])
         variance, vectors = np.linalg.eigh(covariance)
         # metres and radians alike: over a few metres they move the picture alike
         self._loosest = (vectors * np.sqrt(np.maximum(variance, 0.0))).T[::-1]
 
     def camera(self, place: FloatArray) -> tuple[FloatArray, float] | None:
-        """Camera (8,) at a place and its cost, chi-square; None where the samples hold none."""
+        """Camera (8,) at a place and its cost, chi-square; None where the samples determine none."""
         found = self._fit(float(place[0]))
         if found is None:
             return None
@@ -155,13 +157,13 @@ class HeldArc:
         if found is None:
             return np.zeros((UNKNOWNS, UNKNOWNS))
         if len(place) == 1:
-            return covariance_of(self._held, found[2])
+            return covariance_of(self._constrained, found[2])
         tighter = self._loosest[len(place) - 1 :]
         return np.asarray(tighter.T @ tighter, np.float64)
 
     def _fit(self, turn: float) -> tuple[FloatArray, float, FloatArray] | None:
         if turn not in self._fits:
-            start = turned(self._held, self._start, turn)
-            p, cost, information = fit(self._held, self._samples, start, _HELD_SCALES)
+            start = turned(self._constrained, self._start, turn)
+            p, cost, information = fit(self._constrained, self._samples, start, _CONSTRAINED_SCALES)
             self._fits[turn] = (p, cost, information) if math.isfinite(cost) else None
         return self._fits[turn]

@@ -1,7 +1,7 @@
 """How well all field lines, drawn as a camera would see them, agree with the picture: along the arc of a goal far off.
 
 Far lines run into each other: a circle seen flat is two bright spots on the line through it, and no ridge of its own.
-Drawn together they still look like nothing else, and pixel by pixel they tell where along its arc a camera stands.
+Drawn together they still look like nothing else, and pixel by pixel they determine where on its arc a camera stands.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.kernels.lines.drawing import draw_lines
-from robocup_vision.localization.goal.arc import HeldArc
+from robocup_vision.localization.goal.arc import ConstrainedArc
 from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.perception.goal_region import carpet_mask
@@ -23,7 +23,7 @@ from robocup_vision.perception.goal_region import carpet_mask
 _BLUR_PX = 0.75
 _APART_M = 0.07  # points of one line lie nearer together
 _AROUND_PX = 9  # what is compared is the light over that around it
-_MAX_LEVELS = 40.0  # of grey, above which nothing says more
+_MAX_LEVELS = 40.0  # of grey: brighter paint counts no more
 _BORDER_PX = 5  # of the carpet, where something else begins
 # neighbouring pixels err together: so many count for one
 _PIXELS_FOR_ONE = 25.0
@@ -99,7 +99,7 @@ class LineDrawing:
         draw_lines(
             self._points,
             _APART_M,
-            model.view_array,
+            model.scene.camera,
             unknowns,
             self._width_m,
             _BLUR_PX,
@@ -124,17 +124,18 @@ class LineDrawing:
         reach_rad : float
             How far off its heading may be.
         loose : int
-            In how many directions, of those that the samples tell least at one heading, the camera is searched as well.
+            In how many directions the camera is searched as well: those that the samples determine least at one
+            heading.
 
         Returns
         -------
         Drawn or None
-            None where the samples do not hold a camera.
+            None where the samples determine no camera.
         """
-        arc = HeldArc(model, samples, start)
+        arc = ConstrainedArc(model, samples, start)
         seen: dict[tuple[float, ...], float] = {}
 
-        def look(place: FloatArray) -> float:
+        def value(place: FloatArray) -> float:
             key = tuple(place.tolist())
             if key not in seen:
                 found = arc.camera(place)
@@ -144,17 +145,17 @@ class LineDrawing:
         axes = np.diag([reach_rad / _STEPS] + loose * [_LOOSE_STEP])
         ways = range(-_STEPS, _STEPS + 1)
         others = ways[1::2] if loose else (0,)
-        at = max((k * axes[0] + m * axes[-1] for k in ways for m in others), key=look)
+        at = max((k * axes[0] + m * axes[-1] for k in ways for m in others), key=value)
         for _ in range(_HALVINGS):
             axes = axes / 2
             for axis in (*axes, *axes[:1]) if loose else axes:
-                at = max((at - axis, at, at + axis), key=look)
-        covariance = self._covariance(model, arc, at, 2 * axes, look(at)) if look(at) > 0.0 else None
+                at = max((at - axis, at, at + axis), key=value)
+        covariance = self._covariance(model, arc, at, 2 * axes, value(at)) if value(at) > 0.0 else None
         best = arc.camera(at)
-        return Drawn(look(at), best[0], covariance) if best is not None and covariance is not None else None
+        return Drawn(value(at), best[0], covariance) if best is not None and covariance is not None else None
 
     def _covariance(
-        self, model: GoalModel, arc: HeldArc, at: FloatArray, axes: FloatArray, likelihood: float
+        self, model: GoalModel, arc: ConstrainedArc, at: FloatArray, axes: FloatArray, likelihood: float
     ) -> FloatArray | None:
         """Covariance (8, 8) at a place on an arc, by how far the drawing moves with the camera; axes (K, K) to try."""
         around = [arc.camera(place) for axis in axes for place in (at - axis, at + axis)]

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.edges import goal_points, measure_edges, spread_samples
+from robocup_vision.kernels.goal.fit import FitSamples
+from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.geometry import (
     BAR_BOTTOM,
     BAR_TOP,
@@ -31,8 +33,8 @@ _PAINT_DEPTH_PX = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """What paint looks like beside what surrounds it.
+class EdgeAppearance:
+    """How the edges of paint look beside what surrounds it.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ class Look:
     glare : float
         Samples whose paint is brighter than this and half washed white are dropped.
     grey : float
-        How much of the difference in brightness counts, see `kernels.goal_edges.measure_edges`.
+        How much of the difference in brightness counts, see `kernels.goal.edges.measure_edges`.
     apart : (3,) float64 or None
         The same as `towards` where that finds no edge: paint in the shade has less of its colour than a wall of a
         neighbouring hue in the light.
@@ -63,12 +65,12 @@ def _none() -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class EdgeSamples:
-    """What was measured, in ideal pixels (distortion taken out), ready for `kernels.goal_fit.fit_goal`.
+    """What was measured, in ideal pixels (distortion taken out), ready for `kernels.goal.fit.fit_goal`.
 
     Parameters
     ----------
     edge : (N,) int64
-        Which silhouette edge each sample belongs to (order of goal_geometry).
+        Which silhouette edge each sample belongs to (order of goal/geometry.py).
     uv : (N, 2) float64
         Where it was found.
     foot_post, foot_at : (M,) int64
@@ -96,6 +98,37 @@ class EdgeSamples:
     mark_m: FloatArray = field(default_factory=_none)
     mark_uv: FloatArray = field(default_factory=_none)
     mark_direction: FloatArray = field(default_factory=_none)
+
+    @property
+    def for_fit(self) -> FitSamples:
+        """The samples as the kernels take them."""
+        return FitSamples(
+            self.edge,
+            self.uv,
+            self.foot_post,
+            self.foot_at,
+            self.foot_uv,
+            self.foot_direction,
+            self.mark_m,
+            self.mark_uv,
+            self.mark_direction,
+            self.sigma,
+        )
+
+
+def no_samples() -> EdgeSamples:
+    """Nothing measured: what lines alone are fitted with."""
+    index = np.empty(0, np.int64)
+    return EdgeSamples(index, _none(), index, index, _none(), _none(), np.empty(0), np.zeros(EDGES, np.int64))
+
+
+def goal_scene(shape: GoalShape, view: IdealView) -> GoalScene:
+    """Goal and camera as the kernels take them."""
+    return GoalScene(
+        np.array([shape.line_x_m, shape.width_m, shape.height_m, shape.radius_m]),
+        np.array([*view.focal_px, *view.center_px]),
+        FOOT_OFFSETS,
+    )
 
 
 def to_ideal(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
@@ -148,7 +181,7 @@ def measure(
     shape: GoalShape,
     unknowns: FloatArray,
     reach_px: float,
-    look: Look,
+    appearance: EdgeAppearance,
 ) -> EdgeSamples | None:
     """Measure all silhouette edges and feet within `reach_px` of where `unknowns` put them.
 
@@ -161,10 +194,10 @@ def measure(
     shape : GoalShape
         The goal.
     unknowns : (8,) float64
-        Where to look, see goal_geometry.
+        Where to look, in the order of goal/geometry.py.
     reach_px : float
         How far to both sides.
-    look : Look
+    appearance : EdgeAppearance
         Of the paint.
 
     Returns
@@ -174,8 +207,7 @@ def measure(
     """
     feet = 2 * len(FOOT_OFFSETS)
     points = np.empty((2 * EDGES + 2 * feet, 2))
-    shape_array = np.array([shape.line_x_m, shape.width_m, shape.height_m, shape.radius_m])
-    if not goal_points(shape_array, np.array([*view.focal_px, *view.center_px]), unknowns, FOOT_OFFSETS, points):
+    if not goal_points(goal_scene(shape, view), unknowns, points):
         return None
     points = from_ideal(camera, points)
     room = EDGES * _MAX_SAMPLES + feet
@@ -188,9 +220,9 @@ def measure(
     start, normal, along = start[:count], normal[:count], along[:count]
     n = count - feet
     edge = edge[:n]
-    along[:n], along[n:] = look.towards, _FOOT_TOWARDS
+    along[:n], along[n:] = appearance.towards, _FOOT_TOWARDS
     keep = np.ones(count)
-    keep[:n] = look.grey
+    keep[:n] = appearance.grey
     offset, contrast, sigma = np.empty(count), np.empty(count), np.empty(count)
     measure_edges(
         image,
@@ -199,14 +231,14 @@ def measure(
         np.full(count, reach_px),
         inside_px[:count],
         along,
-        look.glare,
+        appearance.glare,
         keep,
         offset,
         contrast,
         sigma,
     )
     found = np.isfinite(offset)
-    if look.apart is not None:
+    if appearance.apart is not None:
         again = np.flatnonzero(~found[:n] & (contrast[:n] >= 0.0))
         results = np.empty((3, len(again)))
         measure_edges(
@@ -215,17 +247,17 @@ def measure(
             normal[again],
             np.full(len(again), reach_px),
             inside_px[again],
-            np.tile(look.apart, (len(again), 1)),
+            np.tile(appearance.apart, (len(again), 1)),
             math.inf,
             keep[again],
             *results,
         )
         offset[again], contrast[again], sigma[again] = results
         found = np.isfinite(offset)
-    if look.paint is not None:
+    if appearance.paint is not None:
         inner = start - normal * np.clip(inside_px[:count], 1.0, _PAINT_DEPTH_PX)[:, None]
         inner[found] += normal[found] * offset[found, None]
-        found &= _is_painted(look.paint, inner * (look.paint.shape[1] / width))
+        found &= _is_painted(appearance.paint, inner * (appearance.paint.shape[1] / width))
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
     where = np.ascontiguousarray(to_ideal(camera, start[found] + normal[found] * offset[found, None]))
     edge_found, foot_found = found[:n], np.flatnonzero(found[n:])

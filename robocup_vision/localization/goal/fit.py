@@ -1,7 +1,7 @@
 """From rough posts to a camera: starts from both obliquenesses, then the direct fit to silhouette edges.
 
 The measurement decides, not the solver: five unknowns (and, under priors, height, focal length and bloom) are fitted by
-Gauss-Newton to sub-pixel edges of posts, bar and feet (see kernels.goal_fit.fit_goal).
+Gauss-Newton to sub-pixel edges of posts, bar and feet (see kernels.goal.fit.fit_goal).
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.fit import fit_goal, goal_residuals
-from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, Look, measure
+from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, fit_goal, goal_residuals, normal_equations
+from robocup_vision.kernels.goal.picture import GoalScene
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, goal_scene, measure
 from robocup_vision.localization.goal.geometry import (
     BAR_BOTTOM,
     BAR_TOP,
@@ -31,23 +32,59 @@ from robocup_vision.localization.goal.geometry import (
     IdealView,
 )
 
-INLIER_PX = 0.5
-# feet alone tell the two branches apart, and are few
-FOOT_WORTH = 3.0
-# shares of an element's edges, and of all, that must be in place
-MIN_ELEMENT_SHARE = 0.45
-MIN_EDGE_SHARE = 0.2  # a post has two edges
-MIN_OTHER_SHARE = 0.6  # of the other five edges, where one post edge is missing
-MIN_SCORE = 0.5
-MAX_STRAIN = 3.5  # standard deviations that a prior may be off
-# what an edge as a whole may be off, however many samples it has: paint, shading, posts that are no perfect cylinders
-_EDGE_ERROR_PX = 0.075
-_FOOT_ERROR_PX = 0.25
-_SAMPLE_ERROR_PX = 0.05
-_UPRIGHT_STD_RAD = 0.1  # a robot's camera is roughly upright even where the file says nothing
-_KNOWN_ANGLE_STD_RAD = 0.01
-_START_SCALES = np.full(8, 100.0)
-_SECOND_REACH_PX, _PLAIN_SHARE = 2.0, 0.95
+
+@dataclass(frozen=True, slots=True)
+class GoalFitSettings:
+    """Settings of the fit of a camera to one goal, and of the check whether it is one.
+
+    Parameters
+    ----------
+    inlier_px : float
+        An edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that.
+    foot_worth : float
+        What a foot sample counts beside an edge sample: feet alone tell the two branches of a plane's picture apart,
+        and are few.
+    min_element_ratio, min_edge_ratio : float
+        Inliers among the expected samples that each post and the bar, and each edge of a post, must have.
+    min_other_ratio : float
+        The same for the other five edges where one edge of a post is missing.
+    min_score : float
+        Least score of a goal.
+    max_deviation : float
+        Standard deviations that a prior may be off.
+    edge_error_px, foot_error_px : float
+        What an edge or a foot as a whole may be off, however many samples it has: paint, shading, posts that are no
+        perfect cylinders.
+    sample_error_px : float
+        Noise of one sample beside its measured one.
+    upright_std_rad : float
+        Roll of a camera whose file does not state it: robots hold it roughly upright.
+    known_angle_std_rad : float
+        Tilt and roll of a camera whose file states them.
+    reaches_px : (float, float)
+        How far edges are searched for in the second and the last round; `refine` is told the first.
+    near_ratio : float
+        Inliers after the first round from which the second is left out.
+    bloom_std_white_px, bloom_std_hue_px : float
+        How far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly.
+    """
+
+    inlier_px: float = 0.5
+    foot_worth: float = 3.0
+    min_element_ratio: float = 0.45
+    min_edge_ratio: float = 0.2
+    min_other_ratio: float = 0.6
+    min_score: float = 0.5
+    max_deviation: float = 3.5
+    edge_error_px: float = 0.075
+    foot_error_px: float = 0.25
+    sample_error_px: float = 0.05
+    upright_std_rad: float = 0.1
+    known_angle_std_rad: float = 0.01
+    reaches_px: tuple[float, float] = (2.0, 1.5)
+    near_ratio: float = 0.95
+    bloom_std_white_px: float = 0.7
+    bloom_std_hue_px: float = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,45 +97,49 @@ class GoalModel:
         The goal at +x, and the camera without distortion.
     prior, weight : (8,) float64
         Expected unknowns, and their inverse variances.
-    shape_array, view_array : (4,) float64
-        Goal and camera as the kernels take them.
+    settings : GoalFitSettings, optional
+        Of the fit.
+    scene, priors : GoalScene, FitPriors
+        Goal and camera, and priors, as the kernels take them.
     tightness : (8,) float64
-        Inverse standard deviations of the priors, 0 where there is none or the unknown is held.
+        Inverse standard deviations of the priors, 0 where there is none or the unknown is fixed.
     """
 
     shape: GoalShape
     view: IdealView
     prior: FloatArray
     weight: FloatArray
+    settings: GoalFitSettings = GoalFitSettings()
 
-    shape_array: FloatArray = field(init=False)
-    view_array: FloatArray = field(init=False)
+    scene: GoalScene = field(init=False)
+    priors: FitPriors = field(init=False)
     tightness: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        s = self.shape
-        object.__setattr__(self, "shape_array", np.array([s.line_x_m, s.width_m, s.height_m, s.radius_m]))
-        object.__setattr__(self, "view_array", np.array([*self.view.focal_px, *self.view.center_px]))
+        object.__setattr__(self, "scene", goal_scene(self.shape, self.view))
+        object.__setattr__(self, "priors", FitPriors(self.prior, self.weight))
         object.__setattr__(self, "tightness", np.sqrt(np.where(np.isinf(self.weight), 0.0, self.weight)))
 
 
-def goal_model(shape: GoalShape, camera: PinholeCamera, bloom_std_px: float) -> GoalModel:
+def goal_model(
+    shape: GoalShape, camera: PinholeCamera, bloom_std_px: float, settings: GoalFitSettings = GoalFitSettings()
+) -> GoalModel:
     """Priors as the camera file gives them: height, focal length, and tilt and roll where they are known."""
     prior = np.zeros(UNKNOWNS)
     std = np.full(UNKNOWNS, np.inf)
     prior[HEIGHT], std[HEIGHT] = camera.height_m, camera.height_std_m
     std[LOG_FOCAL] = camera.focal_std_px / camera.focal_px[0]
     std[BLOOM] = bloom_std_px
-    known = camera.roll_std_rad if camera.roll_std_rad is not None else _KNOWN_ANGLE_STD_RAD
+    known = camera.roll_std_rad if camera.roll_std_rad is not None else settings.known_angle_std_rad
     if camera.tilt_rad is not None:
         prior[TILT], std[TILT] = camera.tilt_rad, known
     if camera.roll_rad is not None:
         prior[ROLL], std[ROLL] = camera.roll_rad, known
     else:
-        std[ROLL] = camera.roll_std_rad if camera.roll_std_rad is not None else _UPRIGHT_STD_RAD
+        std[ROLL] = camera.roll_std_rad if camera.roll_std_rad is not None else settings.upright_std_rad
     with np.errstate(divide="ignore"):
         weight = np.where(np.isinf(std), 0.0, 1.0 / np.maximum(std, 0.0) ** 2)
-    return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight)
+    return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight, settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +156,18 @@ class GoalFit:
         What was measured last.
     residual_px : (N + M,) float64
         Of its edge samples and foot samples.
-    share : (6,) float64
+    edge_ratio : (6,) float64
         Inliers among the expected samples of each silhouette edge.
+    settings : GoalFitSettings
+        Of the fit.
     """
 
     unknowns: FloatArray
     information: FloatArray
     samples: EdgeSamples
     residual_px: FloatArray
-    share: FloatArray
+    edge_ratio: FloatArray
+    settings: GoalFitSettings
 
     @cached_property
     def score(self) -> float:
@@ -132,21 +176,21 @@ class GoalFit:
         A scale that adapted to the residuals would take the mirror branch, whose edges lie half a pixel off, for a
         noisy picture of the right one.
         """
-        return agreement(self.samples, self.residual_px)
+        return agreement(self.samples, self.residual_px, self.settings)
 
     @property
-    def element_shares(self) -> tuple[float, float, float]:
-        """Shares of the left post, the right post and the bar."""
-        return element_shares(self.share)
+    def element_ratios(self) -> tuple[float, float, float]:
+        """Inlier ratios of the left post, the right post and the bar."""
+        return element_ratios(self.edge_ratio)
 
 
-def agreement(samples: EdgeSamples, residual_px: FloatArray) -> float:
+def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSettings) -> float:
     """Score of a fit with these residuals (N + M,), see `GoalFit.score`."""
-    n = len(samples.edge)
-    worth = np.maximum(0.0, 1.0 - (residual_px / INLIER_PX) ** 2)
-    worth[n:] = FOOT_WORTH * np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * INLIER_PX)) ** 2)
-    # a foot may be hidden, so its absence is forgiven where its presence counts
-    return float(worth.sum() / (int(samples.expected.sum()) + FOOT_WORTH * max(len(worth) - n, len(FOOT_OFFSETS))))
+    n, limit, worth = len(samples.edge), settings.inlier_px, settings.foot_worth
+    score = np.maximum(0.0, 1.0 - (residual_px / limit) ** 2)
+    score[n:] = worth * np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * limit)) ** 2)
+    # a foot may be hidden: its absence does not count against the goal as its presence counts for it
+    return float(score.sum() / (int(samples.expected.sum()) + worth * max(len(score) - n, len(FOOT_OFFSETS))))
 
 
 def are_mostly_within(residual_px: FloatArray, limit_px: float) -> bool:
@@ -154,9 +198,9 @@ def are_mostly_within(residual_px: FloatArray, limit_px: float) -> bool:
     return bool(2 * np.count_nonzero(np.abs(residual_px) < limit_px) > len(residual_px))
 
 
-def element_shares(share: FloatArray) -> tuple[float, float, float]:
-    """Shares of the left post, the right post and the bar from those of the six edges."""
-    left, right, bar = share[:2].mean(), share[2:4].mean(), max(share[BAR_TOP], share[BAR_TOP:].mean())
+def element_ratios(ratio: FloatArray) -> tuple[float, float, float]:
+    """Inlier ratios of the left post, the right post and the bar from those of the six edges."""
+    left, right, bar = ratio[:2].mean(), ratio[2:4].mean(), max(ratio[BAR_TOP], ratio[BAR_TOP:].mean())
     return float(left), float(right), float(bar)
 
 
@@ -170,81 +214,83 @@ def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | N
     extent_m : (2,) float64
         Greatest |x| and |y| at which a camera can stand.
     """
-    feet = np.abs(found.residual_px[len(found.samples.edge) :]) < 2 * INLIER_PX
+    settings = model.settings
+    feet = np.abs(found.residual_px[len(found.samples.edge) :]) < 2 * settings.inlier_px
     standing = np.bincount(found.samples.foot_post[feet], minlength=2) >= 2
-    share = found.share.copy()
-    bare = np.flatnonzero(share[:BAR_TOP] < MIN_EDGE_SHARE)
-    if len(bare) == 1 and standing.all() and np.delete(share, bare).min() >= MIN_OTHER_SHARE:
-        # something of the goal's own hue right behind it may hide one edge: all the others speak for it
-        share[bare] = share[bare ^ 1]
-    shares = element_shares(share)
-    if min(shares) < MIN_ELEMENT_SHARE or found.score < MIN_SCORE or min(share[:BAR_TOP]) < MIN_EDGE_SHARE:
-        weakest = ("left post", "right post", "bar")[int(np.argmin(shares))]
-        return f"only {min(shares):.0%} of the {weakest}'s edges are where they should be"
+    ratio = found.edge_ratio.copy()
+    bare = np.flatnonzero(ratio[:BAR_TOP] < settings.min_edge_ratio)
+    if len(bare) == 1 and standing.all() and np.delete(ratio, bare).min() >= settings.min_other_ratio:
+        # something of the goal's own hue right behind it may hide one edge: all the others confirm the goal
+        ratio[bare] = ratio[bare ^ 1]
+    ratios = element_ratios(ratio)
+    if (
+        min(ratios) < settings.min_element_ratio
+        or found.score < settings.min_score
+        or min(ratio[:BAR_TOP]) < settings.min_edge_ratio
+    ):
+        weakest = ("left post", "right post", "bar")[int(np.argmin(ratios))]
+        return f"only {min(ratios):.0%} of the {weakest}'s edges are where they should be"
     if np.any(np.abs(found.unknowns[:2]) > extent_m):
         x, y = found.unknowns[:2]
         return f"what looks like one would put the camera off the pitch, at x = {x:.1f}, y = {y:.1f} m"
-    strain = _strains(model, found.unknowns)
-    if float(strain.max()) > MAX_STRAIN:
-        what = ("x", "y", "heading", "tilt", "roll", "height", "focal length", "bleeding")[int(np.argmax(strain))]
-        return f"what looks like one would need a camera {what} that is {strain.max():.0f} standard deviations off"
+    deviation = _prior_deviations(model, found.unknowns)
+    if float(deviation.max()) > settings.max_deviation:
+        what = ("x", "y", "heading", "tilt", "roll", "height", "focal length", "bloom")[int(np.argmax(deviation))]
+        return f"what looks like one would need a camera {what} that is {deviation.max():.0f} standard deviations off"
     if not standing.any():
         return "what looks like one does not stand on the carpet"
     return None
 
 
-def _strains(model: GoalModel, unknowns: FloatArray) -> FloatArray:
+def _prior_deviations(model: GoalModel, unknowns: FloatArray) -> FloatArray:
     return np.asarray(np.abs(unknowns - model.prior) * model.tightness)
 
 
-def strain_of(model: GoalModel, unknowns: FloatArray) -> float:
-    """How far the prior that suffers most is off, standard deviations."""
-    return float(_strains(model, unknowns).max())
+def max_prior_deviation(model: GoalModel, unknowns: FloatArray) -> float:
+    """How far the unknown that deviates most from its prior is off, standard deviations."""
+    return float(_prior_deviations(model, unknowns).max())
 
 
 def fit(
     model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: FloatArray
 ) -> tuple[FloatArray, float, FloatArray]:
     """Fit the unknowns to samples; returns them, the robust cost (infinite: failed) and the information matrix."""
+    return fit_robustly(model, samples, start, FitLoss(scales, scales, False))
+
+
+def fit_robustly(
+    model: GoalModel, samples: EdgeSamples, start: FloatArray, loss: FitLoss
+) -> tuple[FloatArray, float, FloatArray]:
+    """Fit as `fit` does, with a loss of the marks' own."""
     p, information = start.copy(), np.zeros((UNKNOWNS, UNKNOWNS))
-    cost = fit_goal(
-        model.shape_array,
-        model.view_array,
-        p,
-        model.prior,
-        model.weight,
-        FOOT_OFFSETS,
-        samples.edge,
-        samples.uv,
-        samples.foot_post,
-        samples.foot_at,
-        samples.foot_uv,
-        samples.foot_direction,
-        samples.mark_m,
-        samples.mark_uv,
-        samples.mark_direction,
-        samples.sigma,
-        scales,
-        information,
-    )
+    cost = fit_goal(model.scene, samples.for_fit, model.priors, loss, p, information)
     return p, float(cost), information
 
 
+def system_at(model: GoalModel, samples: EdgeSamples, p: FloatArray, loss: FitLoss) -> tuple[FloatArray, FloatArray]:
+    """Information (8, 8) and negative gradient (8,) of samples and priors at unknowns (8,), by the last loss."""
+    information, right = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
+    last = len(loss.goal_px) - 1
+    residual = residuals(model, samples, p)
+    normal_equations(model.scene, samples.for_fit, model.priors, loss, last, p, residual, information, right)
+    return information, right
+
+
 def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
-    """Invert an information matrix (8, 8); what the model holds fast has no variance."""
+    """Invert an information matrix (8, 8); fixed unknowns have no variance."""
     covariance = np.asarray(np.linalg.inv(information), np.float64)
-    held = np.isinf(model.weight)
-    covariance[held] = 0.0
-    covariance[:, held] = 0.0
+    fixed = np.isinf(model.weight)
+    covariance[fixed] = 0.0
+    covariance[:, fixed] = 0.0
     return covariance
 
 
-def weigh(samples: EdgeSamples) -> EdgeSamples:
+def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -> EdgeSamples:
     """Let the samples' noise include what their edge as a whole may be off."""
     per_edge = np.bincount(samples.edge, minlength=EDGES)[samples.edge]
     per_foot = np.bincount(samples.foot_post, minlength=2)[samples.foot_post]
-    shared = np.concatenate([_EDGE_ERROR_PX**2 * per_edge, _FOOT_ERROR_PX**2 * per_foot])
-    sigma = np.sqrt(samples.sigma**2 + _SAMPLE_ERROR_PX**2 + shared)
+    shared = np.concatenate([settings.edge_error_px**2 * per_edge, settings.foot_error_px**2 * per_foot])
+    sigma = np.sqrt(samples.sigma**2 + settings.sample_error_px**2 + shared)
     return replace(samples, sigma=sigma)
 
 
@@ -278,86 +324,78 @@ def refine(
     camera: PinholeCamera,
     model: GoalModel,
     start: FloatArray,
-    look: Look,
+    appearance: EdgeAppearance,
     first_reach_px: float = 3.0,
 ) -> GoalFit | None:
     """Measure edges around a start and fit them, ever closer; None where the goal is lost.
 
     The bar's lower edge waits until the rest holds: the net's own bar runs close below it.
     """
+    settings = model.settings
+    second_px, last_px = settings.reaches_px
     p, information = start, np.zeros((UNKNOWNS, UNKNOWNS))
     samples, residual = None, np.empty(0)
     for reach, scales in (
         (first_reach_px, np.array([3.0, 2.0, 1.0])),
-        (_SECOND_REACH_PX, np.array([1.0, 1.0, 1.0])),
-        (1.5, np.array([1.0, 1.0])),
+        (second_px, np.array([1.0, 1.0, 1.0])),
+        (last_px, np.array([1.0, 1.0])),
     ):
-        if reach == _SECOND_REACH_PX and np.count_nonzero(np.abs(residual) < INLIER_PX) > _PLAIN_SHARE * len(residual):
+        near = np.count_nonzero(np.abs(residual) < settings.inlier_px)
+        if reach == second_px and near > settings.near_ratio * len(residual):
             continue  # near enough for the last one
-        measured = measure(image, camera, model.view, model.shape, p, reach, look)
+        measured = measure(image, camera, model.view, model.shape, p, reach, appearance)
         if measured is None or len(measured.edge) < 12:
             return None
-        samples = weigh(measured)
-        used = without(samples, BAR_BOTTOM) if reach > _SECOND_REACH_PX else samples
+        samples = weigh(measured, settings)
+        used = without(samples, BAR_BOTTOM) if reach > second_px else samples
         p, cost, information = fit(model, used, p, scales)
         if not math.isfinite(cost):
             return None
         residual = residuals(model, used, p)
     assert samples is not None
     residual = residuals(model, samples, p)
-    inlier = np.abs(residual[: len(samples.edge)]) < INLIER_PX
-    share = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
-    share = _looked_again(image, camera, model, p, look, share)
-    # what an edge is off as a whole grows with what its samples scatter: blur, compression and glare do both
+    inlier = np.abs(residual[: len(samples.edge)]) < settings.inlier_px
+    ratio = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
+    ratio = _confirmed_edges(image, camera, model, p, appearance, ratio)
+    # an edge's common error grows with its samples' scatter: blur, compression and glare cause both
     scatter = float(np.mean(residual[: len(samples.edge)][inlier] ** 2)) if inlier.any() else 0.0
-    return GoalFit(p, information / max(1.0, scatter / _EDGE_ERROR_PX**2), samples, residual, share)
+    information = information / max(1.0, scatter / settings.edge_error_px**2)
+    return GoalFit(p, information, samples, residual, ratio, settings)
 
 
-def _looked_again(
+def _confirmed_edges(
     image: npt.NDArray[np.uint8],
     camera: PinholeCamera,
     model: GoalModel,
     p: FloatArray,
-    look: Look,
-    share: FloatArray,
+    appearance: EdgeAppearance,
+    ratio: FloatArray,
 ) -> FloatArray:
-    """Shares (6,) in which weak edges count by any step of colour or light that lies exactly there.
+    """Inlier ratios (6,) in which weak edges count by any step of colour or light that lies exactly there.
 
     Paint washed white, or before something of its own hue, has edges of another kind. They are too often somebody
     else's to be fitted to; but where half of the edges say that a goal stands there, they tell that it does.
     """
-    weak = share < MIN_ELEMENT_SHARE
+    settings = model.settings
+    weak = ratio < settings.min_element_ratio
     weak[BAR_TOP] = False
     # the bar's lower edge is the least of them: the net hangs there
-    if not weak.any() or weak[:BAR_TOP].sum() > 2 or share[~weak].min() < MIN_OTHER_SHARE:
-        return share
+    if not weak.any() or weak[:BAR_TOP].sum() > 2 or ratio[~weak].min() < settings.min_other_ratio:
+        return ratio
     grey = np.full(3, 3**-0.5)
-    again = share
-    for towards in (grey, -grey, -look.towards):
-        samples = measure(image, camera, model.view, model.shape, p, INLIER_PX, Look(towards, math.inf, 1.0))
+    again = ratio
+    for towards in (grey, -grey, -appearance.towards):
+        samples = measure(
+            image, camera, model.view, model.shape, p, settings.inlier_px, EdgeAppearance(towards, math.inf, 1.0)
+        )
         if samples is not None:
             seen = np.bincount(samples.edge, minlength=EDGES) / np.maximum(samples.expected, 4)
-            again = np.where(weak & (seen >= MIN_OTHER_SHARE), np.maximum(again, seen), again)
+            again = np.where(weak & (seen >= settings.min_other_ratio), np.maximum(again, seen), again)
     return again
 
 
 def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:
     """Signed residuals (N + M + L,), pixels."""
-    residual = np.empty(len(samples.edge) + len(samples.foot_post) + len(samples.mark_m))
-    goal_residuals(
-        model.shape_array,
-        model.view_array,
-        unknowns,
-        FOOT_OFFSETS,
-        samples.edge,
-        samples.uv,
-        samples.foot_post,
-        samples.foot_at,
-        samples.foot_uv,
-        samples.foot_direction,
-        samples.mark_m,
-        samples.mark_uv,
-        samples.mark_direction,
-        residual,
-    )
+    residual = np.empty(len(samples.sigma))
+    goal_residuals(model.scene, samples.for_fit, unknowns, residual)
     return residual

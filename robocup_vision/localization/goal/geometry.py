@@ -1,4 +1,4 @@
-"""How a camera sees a goal of two posts and a bar: silhouette planes, corners, and the paper's three angles.
+"""How a camera sees a goal of two posts and a bar: silhouette planes, corners and feet.
 
 Everything is written for the goal at +x, whose frame is the field's own; the goal at -x is the same picture after a
 half turn about the field's centre. Lines are compared in the ideal image: pixels with the lens distortion taken out.
@@ -6,7 +6,6 @@ half turn about the field's centre. Lines are compared in the ideal image: pixel
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,18 +117,6 @@ def silhouette_normals(shape: GoalShape, unknowns: npt.ArrayLike) -> FloatArray:
     return normals
 
 
-def silhouette_lines(shape: GoalShape, view: IdealView, unknowns: npt.ArrayLike) -> FloatArray:
-    """Lines (..., 6, 3) of posts and bar in the ideal image: a u + b v + c = px outside the edge, bloom included."""
-    p = np.asarray(unknowns, dtype=np.float64)
-    rotation = camera_rotation(p[..., HEADING], p[..., TILT], p[..., ROLL])
-    n = silhouette_normals(shape, p) @ rotation
-    scale = np.exp(p[..., LOG_FOCAL])[..., None]
-    a, b = -n[..., 1] / (view.focal_px[0] * scale), -n[..., 2] / (view.focal_px[1] * scale)
-    c = n[..., 0] - a * view.center_px[0] - b * view.center_px[1]
-    norm = np.hypot(a, b)
-    return np.stack([a / norm, b / norm, c / norm - p[..., BLOOM, None]], axis=-1)
-
-
 def project(view: IdealView, unknowns: npt.ArrayLike, points_m: npt.ArrayLike) -> FloatArray:
     """Ideal pixels (..., N, 2) of field points (..., N, 3), metres; NaN behind the camera."""
     p = np.asarray(unknowns, dtype=np.float64)
@@ -138,6 +125,11 @@ def project(view: IdealView, unknowns: npt.ArrayLike, points_m: npt.ArrayLike) -
     ray = (np.asarray(points_m, dtype=np.float64) - eye[..., None, :]) @ rotation
     scale = np.exp(p[..., LOG_FOCAL])[..., None]
     return project_ideal((view.focal_px[0] * scale, view.focal_px[1] * scale), view.center_px, ray)
+
+
+def project_floor(view: IdealView, unknowns: FloatArray, points_m: FloatArray) -> FloatArray:
+    """Ideal pixels (N, 2) of points (N, 2) on the floor, field frame; NaN behind the camera."""
+    return project(view, unknowns, np.column_stack([points_m, np.zeros(len(points_m))]))
 
 
 def foot_points(shape: GoalShape, unknowns: npt.ArrayLike, offsets: npt.ArrayLike) -> FloatArray:
@@ -164,68 +156,6 @@ def foot_points(shape: GoalShape, unknowns: npt.ArrayLike, offsets: npt.ArrayLik
         y = post_y + shape.radius_m * (-across * ux - along * uy)
         posts.append(np.stack([x, y, np.zeros_like(x)], axis=-1))
     return np.stack(posts, axis=-3)
-
-
-@dataclass(frozen=True, slots=True)
-class GoalAngles:
-    """The paper's position information, radians: between the planes through the camera and the three axes (eqs. 1-6).
-
-    Parameters
-    ----------
-    gamma, phi_right, phi_left : float
-        Between the posts' planes, and between each post's plane and the bar's.
-    """
-
-    gamma: float
-    phi_right: float
-    phi_left: float
-
-
-def angles_between(right: npt.ArrayLike, left: npt.ArrayLike, bar: npt.ArrayLike) -> FloatArray:
-    """gamma, phi_R, phi_L (..., 3), radians, from the planes' normals (..., 3) (Yako et al., eqs. 3, 5, 6).
-
-    The order of the points that span each plane must be kept (both posts upwards, the bar from left to right), else an
-    angle turns into its supplement.
-    """
-    r, l_, b = (np.asarray(n, dtype=np.float64) for n in (right, left, bar))
-
-    def angle(p: FloatArray, q: FloatArray) -> FloatArray:
-        return np.asarray(np.arctan2(np.linalg.norm(np.cross(p, q), axis=-1), np.sum(p * q, axis=-1)), np.float64)
-
-    return np.asarray(np.stack([angle(r, l_), angle(r, b), angle(l_, b)], axis=-1), np.float64)
-
-
-def theoretical_angles(shape: GoalShape, x_m: npt.ArrayLike, y_m: npt.ArrayLike, height_m: float) -> FloatArray:
-    """gamma, phi_R, phi_L (..., 3), radians, as a camera at (x_m, y_m, height_m) must see them (paper, section 3.3)."""
-    x, y = np.broadcast_arrays(np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64))
-    foot_left, top_left, top_right, foot_right = (
-        corner - np.stack([x, y, np.full_like(x, height_m)], axis=-1) for corner in shape.corners
-    )
-    return angles_between(np.cross(foot_right, top_right), np.cross(foot_left, top_left), np.cross(top_left, top_right))
-
-
-def position_from_angles(shape: GoalShape, angles: GoalAngles) -> tuple[float, float] | None:
-    """Camera position (x_m, y_m) in the field by the closed form, without the bar's or the camera's height.
-
-    With beta the direction of a post from the goal's normal, counted to the right: cos(phi) = sin(beta) sin(e) for both
-    posts with the bar's elevation e, hence tan(beta_L) = sin(gamma) cos(phi_L) / (cos(phi_R) - cos(gamma) cos(phi_L)).
-    Of its two roots the one in front of the goal, |beta| < 90 degrees, is taken; the other reverses the heading.
-
-    Returns
-    -------
-    (float, float) or None
-        None where no point in front of the goal sees these angles.
-    """
-    cos_left, cos_right = math.cos(angles.phi_left), math.cos(angles.phi_right)
-    numerator = math.sin(angles.gamma) * cos_left
-    denominator = cos_right - math.cos(angles.gamma) * cos_left
-    beta_left = math.atan2(numerator, denominator)
-    for root in (beta_left, beta_left - math.copysign(math.pi, beta_left)):
-        beta_right = root + angles.gamma
-        if abs(root) < math.pi / 2 and abs(beta_right) < math.pi / 2:
-            distance = shape.width_m / (math.tan(beta_right) - math.tan(root))
-            return shape.line_x_m - distance, distance * math.tan(beta_right) - shape.width_m / 2
-    return None
 
 
 def pose_of(unknowns: npt.ArrayLike) -> Pose2:

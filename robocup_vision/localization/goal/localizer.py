@@ -1,65 +1,85 @@
-"""Where the camera stands, from one picture of a goal: the direct fit, with the field's lines where they are in view.
-
-Yako et al.'s method is kept beside it, to measure against.
-"""
+"""Locates a pinhole camera by one picture of a goal, with the field's lines where they are in view."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 
-from field_models.errors import ArgumentError, FrameError
+from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.localization.baselines.goal_angles import PaperMethod
 from robocup_vision.localization.goal.arc import follow_arc
+from robocup_vision.localization.goal.colored_lines import ColoredGoalLines, ColoredLineSettings
 from robocup_vision.localization.goal.edges import measure
-from robocup_vision.localization.goal.fit import INLIER_PX, MIN_ELEMENT_SHARE, GoalFit, covariance_of, residuals
+from robocup_vision.localization.goal.fit import GoalFit, GoalFitSettings, covariance_of, residuals
 from robocup_vision.localization.goal.geometry import BAR_TOP, HEADING, LOG_FOCAL, TILT, IdealView, X, Y, pose_of
-from robocup_vision.localization.goal.half_goal import PRIOR_STD_M, PRIOR_STD_RAD, find_half_goal, under_prior
-from robocup_vision.localization.goal.marks import SURE_M, GoalMarks
+from robocup_vision.localization.goal.half_goal import PriorSettings, find_half_goal, under_prior
+from robocup_vision.localization.goal.line_marks import LineFit
 from robocup_vision.localization.goal.profile import polish
-from robocup_vision.localization.goal.search import Candidate, GoalSearch
-from robocup_vision.localization.goal.with_lines import (
-    LineFit,
-    expected_ridges,
-    fit_goal_and_lines,
-    fit_ridges,
-    line_points,
-    line_starts,
-    loosened,
-)
+from robocup_vision.localization.goal.search import Candidate, GoalSearch, SearchSettings
+from robocup_vision.localization.goal.white_lines import WhiteGoalLines, WhiteLineSettings, loosened
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.perception.goal_color import hue_masks
 
-Method = Literal["edges", "paper", "angles"]
-
-_MAX_LINE_TRIALS = 2
-# goals of a hue that lines may choose among, and how much worse they may be than the best
-_MAX_RIVALS, _NEARLY = 3, 0.1
-_MIN_LINE_POINTS = 20
-_POST_REACH_PX = 3.0
-# so many places along lines in view, and lines that are not there speak against a white goal
-_TELLING_RIDGES = 60
-_MIN_ALONE_SCORE = 0.6
 _POSE = np.ix_((X, Y, HEADING), (X, Y, HEADING))
 
 
+@dataclass(frozen=True, slots=True)
+class GoalSettings:
+    """Settings of the goal localiser.
+
+    Parameters
+    ----------
+    search : SearchSettings
+        How goals are found.
+    fit : GoalFitSettings
+        How a camera is fitted to one, and when it is one.
+    white_lines : WhiteLineSettings
+        How lines are fitted together with a white goal, and without a goal.
+    colored_lines : ColoredLineSettings
+        How lines are fitted together with a goal of a hue.
+    prior : PriorSettings
+        How well a prior pose is known.
+    max_line_trials : int
+        So many candidates, the best ones, are tried with lines.
+    max_rivals, rival_margin : int, float
+        Goals of a hue that lines may choose among, and how much worse than the best they may be.
+    min_line_points : int
+        White line points from which a frame's lines are fitted.
+    post_reach_px : float
+        How far from where lines put it a post may stand.
+    telling_marks : int
+        So many places on lines predicted in view, and lines that are not seen speak against a white goal.
+    min_alone_score : float
+        Score from which a white goal counts without lines.
+    """
+
+    search: SearchSettings = field(default_factory=SearchSettings)
+    fit: GoalFitSettings = field(default_factory=GoalFitSettings)
+    white_lines: WhiteLineSettings = field(default_factory=WhiteLineSettings)
+    colored_lines: ColoredLineSettings = field(default_factory=ColoredLineSettings)
+    prior: PriorSettings = field(default_factory=PriorSettings)
+    max_line_trials: int = 2
+    max_rivals: int = 3
+    rival_margin: float = 0.1
+    min_line_points: int = 20
+    post_reach_px: float = 3.0
+    telling_marks: int = 60
+    min_alone_score: float = 0.6
+
+
 @dataclass(frozen=True, eq=False)
-class GoalSight:
-    """A camera that a goal, or the lines around it, has placed; for the goal at +x.
+class CameraEstimate:
+    """A camera placed by a goal, by the lines around it, or by both; for the goal at +x.
 
     Parameters
     ----------
     unknowns : (8,) float64
-        See goal_geometry: position, heading, tilt, roll, height among them.
+        In the order of goal/geometry.py: position, heading, tilt, roll, height among them.
     covariance : (8, 8) float64
         Of the unknowns.
     sides : tuple of int
@@ -96,34 +116,28 @@ class GoalLocalizer:
         Pan, tilt and roll may be unknown.
     use_lines : bool
         Fit the field's lines together with the goal wherever they are in view.
-    method : {"edges", "paper", "angles"}
-        The direct fit to silhouette edges; Yako et al.'s method as printed; or its angles with their closed form. The
-        last two need coloured goals and use neither lines nor a prior.
+    settings : GoalSettings, optional
+        Thresholds of search and fit.
 
     Raises
     ------
     ArgumentError
-        If the field has no such goals, or the method is unknown or cannot see them.
+        If the field has no such goals.
     """
 
     def __init__(
-        self, field: Field, camera: PinholeCamera, *, use_lines: bool = True, method: Method = "edges"
+        self, field: Field, camera: PinholeCamera, *, use_lines: bool = True, settings: GoalSettings = GoalSettings()
     ) -> None:
-        if method not in ("edges", "paper", "angles"):
-            raise ArgumentError(f"method must be 'edges', 'paper' or 'angles', got {method!r}")
         self.field = field
         self.camera = camera
-        self.method = method
-        self._search = GoalSearch(field, camera)
-        self._lines = LineMap(field) if use_lines and len(field.lines) + len(field.arcs) else None
-        self._marks = GoalMarks(self._lines, camera) if self._lines is not None else None
-        self._paper: PaperMethod | None = None
-        if method != "edges":
-            if not self._search.families:
-                raise ArgumentError(
-                    f"method '{method}' finds goals by their hue, but those of '{field.name}' are white"
-                )
-            self._paper = PaperMethod(self._search.shape, camera, np.abs(field.floor_polygon).max(axis=0))
+        self.settings = settings
+        self._search = GoalSearch(field, camera, settings.search, settings.fit)
+        self._white_lines: WhiteGoalLines | None = None
+        self._colored_lines: ColoredGoalLines | None = None
+        if use_lines and len(field.lines) + len(field.arcs):
+            line_map = LineMap(field)
+            self._white_lines = WhiteGoalLines(line_map, camera, settings.white_lines)
+            self._colored_lines = ColoredGoalLines(line_map, camera, settings.colored_lines)
 
     def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
         """Locate the camera.
@@ -141,84 +155,81 @@ class GoalLocalizer:
         FrameError
             If the frame has the wrong type, shape or size.
         """
-        self._check(frame)
-        if self._paper is not None:
-            return self._as_printed(self._paper, frame)
-        sight = self.look(frame, prior)
-        if isinstance(sight, NotLocated):
-            return sight
-        return sight.estimate(prior)
+        found = self.locate_camera(frame, prior)
+        return found if isinstance(found, NotLocated) else found.estimate(prior)
 
-    def look(self, frame: UInt8Array, prior: Pose2 | None = None) -> GoalSight | NotLocated:
-        """Place the camera as `locate` does, with its tilt, roll and height and what was measured."""
+    def locate_camera(self, frame: UInt8Array, prior: Pose2 | None = None) -> CameraEstimate | NotLocated:
+        """Locate the camera as `locate` does, with its tilt, roll and height and what was measured."""
         self._check(frame)
         candidates, reason = self._search.candidates(frame)
         if candidates and candidates[0].objection is None and candidates[0].model is self._search.colored_model:
             return self._colored(frame, candidates)
-        for candidate in candidates[: _MAX_LINE_TRIALS if self._lines is not None else 0]:
+        for candidate in candidates[: self.settings.max_line_trials]:
             joined = self._with_lines(frame, candidate)
             if joined is not None:
                 return joined
         for candidate in candidates:
             if candidate.objection is not None:
                 break
-            if self._lines is not None and self._contradicted(candidate):
+            if self._is_contradicted(candidate):
                 reason = "no whole goal: what looks like one would have field lines in view that are not there"
                 continue
-            if candidate.model is self._search.white_model and not _is_plain(candidate):
+            if candidate.model is self._search.white_model and not self._is_plain(candidate):
                 reason = "no certain goal: white posts and bar are too faint among the clutter to count without lines"
                 continue
-            return _goal_alone(candidate)
+            return self._goal_alone(candidate)
         if prior is None:
             return NotLocated(reason)
-        by_lines = self._by_lines(frame, prior) if self._lines is not None else None
+        by_lines = self._by_lines(frame, prior)
         if by_lines is not None:
             return by_lines
-        part = find_half_goal(self._search, frame, prior)
+        part = find_half_goal(self._search, frame, prior, self.settings.prior)
         return (
-            _goal_alone(part) if part is not None else NotLocated(f"{reason}; nor does enough of it bear out the prior")
+            self._goal_alone(part)
+            if part is not None
+            else NotLocated(f"{reason}; nor does enough of it bear out the prior")
         )
 
-    def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> GoalSight:
+    def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> CameraEstimate:
         """Make a goal of a hue, which is certain, exact by its profiles, and by the lines where they bear it out."""
         best = candidates[0]
         rivals = [
             c
-            for c in candidates[:_MAX_RIVALS]
-            if c.objection is None and c.model is best.model and c.rank > best.rank - _NEARLY
+            for c in candidates[: self.settings.max_rivals]
+            if c.objection is None and c.model is best.model and c.rank > best.rank - self.settings.rival_margin
         ]
         alone = None
         for candidate in rivals:
-            fine = polish(frame, self.camera, candidate.model, candidate.fit, candidate.look)
+            fine = polish(frame, self.camera, candidate.model, candidate.fit, candidate.appearance)
             alone = alone or replace(candidate, fit=fine)
-            joined = self._marks.join(frame, candidate.model, fine) if self._marks is not None else None
+            lines = self._colored_lines
+            joined = lines.join(frame, candidate.model, fine) if lines is not None else None
             if joined is not None:
-                return GoalSight(joined[1].unknowns, joined[1].covariance, candidate.sides, fine, joined[1])
+                return CameraEstimate(joined[1].unknowns, joined[1].covariance, candidate.sides, fine, joined[1])
         assert alone is not None
-        return _goal_alone(alone)
+        return self._goal_alone(alone)
 
-    def _with_lines(self, frame: UInt8Array, candidate: Candidate) -> GoalSight | None:
-        """Fit goal and lines together; None where lines do not bear the goal out."""
-        assert self._lines is not None
+    def _with_lines(self, frame: UInt8Array, candidate: Candidate) -> CameraEstimate | None:
+        """Fit goal and lines together; None where lines do not confirm the goal."""
+        lines = self._white_lines
         start, samples = candidate.fit.unknowns, candidate.fit.samples
-        if np.any(np.abs(start[:2]) > 2 * self._search.extent_m):
+        if lines is None or np.any(np.abs(start[:2]) > 2 * self._search.extent_m):
             return None
-        model = loosened(candidate.model)
+        model = loosened(candidate.model, self.settings.white_lines)
         if candidate.model is self._search.white_model:
-            points = line_points(frame, self.camera, start, self.field.line_width_m)
-            if len(points) >= _MIN_LINE_POINTS:
+            points = lines.points(frame, start)
+            if len(points) >= self.settings.min_line_points:
                 tried = [
-                    fit_goal_and_lines(self.camera, model, p, samples, points, self._lines)
-                    for p in (start, *line_starts(model, start, points, self._lines))
+                    lines.fit_points(model, p, samples, points) for p in (start, *lines.starts(model, start, points))
                 ]
                 rough = [t for t in tried if t is not None]
-                start = max(rough, key=lambda t: t.line_share).unknowns if rough else start
-        joined = fit_ridges(frame, self.camera, model, start, samples, self._lines, self.field.line_width_m)
+                start = max(rough, key=lambda t: t.line_ratio).unknowns if rough else start
+        joined = lines.fit_predicted(frame, model, start, samples)
         if joined is None or np.any(np.abs(joined.unknowns[:2]) > self._search.extent_m):
             return None
         if candidate.objection is not None and not self._both_posts_stand(frame, candidate, joined.unknowns):
             return None
-        return GoalSight(joined.unknowns, joined.covariance, candidate.sides, candidate.fit, joined)
+        return CameraEstimate(joined.unknowns, joined.covariance, candidate.sides, candidate.fit, joined)
 
     def _both_posts_stand(self, frame: UInt8Array, candidate: Candidate, unknowns: FloatArray) -> bool:
         """Whether both posts are near where the lines put them, as near as goals are built."""
@@ -226,61 +237,69 @@ class GoalLocalizer:
         fu, fv = self.camera.focal_px
         view = IdealView((fu * scale, fv * scale), self.camera.center_px)
         model = candidate.model
-        samples = measure(frame, self.camera, view, model.shape, unknowns, _POST_REACH_PX, candidate.look)
+        samples = measure(
+            frame, self.camera, view, model.shape, unknowns, self.settings.post_reach_px, candidate.appearance
+        )
         if samples is None:
             return False
-        near = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)]) < _POST_REACH_PX
-        share = np.bincount(samples.edge[near], minlength=6) / np.maximum(samples.expected, 4)
+        near = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)]) < self.settings.post_reach_px
+        ratio = np.bincount(samples.edge[near], minlength=6) / np.maximum(samples.expected, 4)
         # before a bright wall one edge of a post may be all there is
-        return bool(min(max(share[0], share[1]), max(share[2], share[3])) >= MIN_ELEMENT_SHARE)
+        return bool(min(max(ratio[0], ratio[1]), max(ratio[2], ratio[3])) >= self.settings.fit.min_element_ratio)
 
-    def _contradicted(self, candidate: Candidate) -> bool:
-        """Whether a white goal, found among clutter, promises many lines: had they been there, they had been found."""
-        assert self._lines is not None
-        if candidate.model is not self._search.white_model:
+    def _is_contradicted(self, candidate: Candidate) -> bool:
+        """Whether a white goal, found among clutter, predicts many lines: had they been there, they had been found."""
+        lines = self._white_lines
+        if lines is None or candidate.model is not self._search.white_model:
             return False
-        return (
-            expected_ridges(self.camera, candidate.fit.unknowns, self._lines, self.field.line_width_m)
-            >= _TELLING_RIDGES
+        return lines.expected(candidate.model, candidate.fit.unknowns) >= self.settings.telling_marks
+
+    def _is_plain(self, candidate: Candidate) -> bool:
+        """Whether a white goal counts without lines: the net's own bar, below, must not pass for the bar."""
+        fit = candidate.fit
+        return bool(
+            fit.edge_ratio[BAR_TOP] >= self.settings.fit.min_element_ratio
+            and fit.score >= self.settings.min_alone_score
         )
 
-    def _by_lines(self, frame: UInt8Array, prior: Pose2) -> GoalSight | None:
-        """Lines alone, from where the camera is believed to be; its tilt is searched where it is unknown."""
-        assert self._lines is not None
-        model = loosened(self._search.white_model)
+    def _goal_alone(self, candidate: Candidate) -> CameraEstimate:
+        found, model = candidate.fit, candidate.model
+        covariance = covariance_of(model, found.information)
+        std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+        if std > self.settings.colored_lines.certain_m:
+            covariance = follow_arc(model, found.samples, found.unknowns, std).covariance_about(found.unknowns)
+        return CameraEstimate(found.unknowns, covariance, candidate.sides, found, None)
+
+    def _by_lines(self, frame: UInt8Array, prior: Pose2) -> CameraEstimate | None:
+        """Fit lines alone about a prior pose; the tilt is searched where it is unknown."""
+        lines = self._white_lines
+        if lines is None:
+            return None
+        model = loosened(self._search.white_model, self.settings.white_lines)
         p = model.prior.copy()
         p[[X, Y, HEADING]] = prior.array
         tilts = [float(p[TILT])] if model.weight[TILT] > 0 else np.arange(-0.45, 0.3, 0.05).tolist()
         best: LineFit | None = None
         for tilt in tilts:
             p[TILT] = tilt
-            points = line_points(frame, self.camera, p, self.field.line_width_m)
-            if len(points) < _MIN_LINE_POINTS:
+            points = lines.points(frame, p)
+            if len(points) < self.settings.min_line_points:
                 continue
-            held = under_prior(model, prior)
-            held.prior[TILT] = tilt
-            rough = fit_goal_and_lines(self.camera, held, p, None, points, self._lines)
-            if rough is not None and (best is None or rough.line_share > best.line_share):
+            constrained = under_prior(model, prior, self.settings.prior)
+            constrained.prior[TILT] = tilt
+            rough = lines.fit_points(constrained, p, None, points)
+            if rough is not None and (best is None or rough.line_ratio > best.line_ratio):
                 best = rough
         if best is None:
             return None
-        joined = fit_ridges(frame, self.camera, model, best.unknowns, None, self._lines, self.field.line_width_m)
+        joined = lines.fit_predicted(frame, model, best.unknowns, None)
         if joined is None:
             return None
         offset = math.hypot(joined.unknowns[X] - prior.x_m, joined.unknowns[Y] - prior.y_m)
         turn = abs(wrap_angle(float(joined.unknowns[HEADING]) - prior.theta_rad))
-        if offset > 3 * PRIOR_STD_M or turn > 3 * PRIOR_STD_RAD:
+        if offset > 3 * self.settings.prior.std_m or turn > 3 * self.settings.prior.std_rad:
             return None
-        return GoalSight(joined.unknowns, joined.covariance, (1,), None, joined)
-
-    def _as_printed(self, paper: PaperMethod, frame: UInt8Array) -> PoseEstimate | NotLocated:
-        """Yako et al.: the colour with the larger region is the goal in view."""
-        smooth = np.asarray(cv2.bilateralFilter(frame, 5, 30, 3), np.uint8)
-        masks = hue_masks(smooth, self._search.families)
-        color = max(masks, key=lambda name: int(cv2.countNonZero(masks[name])))
-        estimate = paper.locate(masks[color], closed_form=self.method == "angles")
-        at_positive = any(goal.side > 0 for goal in self.field.goals if goal.color == color)
-        return estimate if isinstance(estimate, NotLocated) or at_positive else estimate.half_turn()
+        return CameraEstimate(joined.unknowns, joined.covariance, (1,), None, joined)
 
     def _check(self, frame: UInt8Array) -> None:
         width, height = self.camera.size_px
@@ -289,35 +308,21 @@ class GoalLocalizer:
             raise FrameError(f"frame must be uint8 ({height}, {width}, 3) as camera.toml says, got {got}")
 
 
-def _is_plain(candidate: Candidate) -> bool:
-    """Whether a white goal is one without lines to confirm it: the net's own bar, below, must not pass for the bar."""
-    return bool(candidate.fit.share[BAR_TOP] >= MIN_ELEMENT_SHARE and candidate.fit.score >= _MIN_ALONE_SCORE)
-
-
-def _goal_alone(candidate: Candidate) -> GoalSight:
-    found, model = candidate.fit, candidate.model
-    covariance = covariance_of(model, found.information)
-    std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-    if std > SURE_M:
-        covariance = follow_arc(model, found.samples, found.unknowns, std).covariance_about(found.unknowns)
-    return GoalSight(found.unknowns, covariance, candidate.sides, found, None)
-
-
-def _estimate(sight: GoalSight) -> PoseEstimate:
-    if sight.lines is not None:
-        residual, share = sight.lines.residual_px, sight.lines.line_share
+def _estimate(camera: CameraEstimate) -> PoseEstimate:
+    if camera.lines is not None:
+        residual, ratio = camera.lines.residual_px, camera.lines.line_ratio
     else:
-        assert sight.fit is not None
-        edges = sight.fit.residual_px[: len(sight.fit.samples.edge)]
-        residual = edges[np.abs(edges) < INLIER_PX]
-        share = len(residual) / max(len(edges), 1)
-    covariance = sight.covariance[_POSE]
-    pose = pose_of(sight.unknowns)
+        assert camera.fit is not None
+        edges = camera.fit.residual_px[: len(camera.fit.samples.edge)]
+        residual = edges[np.abs(edges) < camera.fit.settings.inlier_px]
+        ratio = len(residual) / max(len(edges), 1)
+    covariance = camera.covariance[_POSE]
+    pose = pose_of(camera.unknowns)
     estimate = PoseEstimate(
         pose,
         (covariance + covariance.T) / 2,
-        share,
+        ratio,
         float(np.sqrt(np.mean(residual**2))) if len(residual) else 0.0,
-        (pose,) if len(sight.sides) == 1 else (pose, pose.half_turn()),
+        (pose,) if len(camera.sides) == 1 else (pose, pose.half_turn()),
     )
-    return estimate.half_turn() if sight.sides[0] < 0 else estimate
+    return estimate.half_turn() if camera.sides[0] < 0 else estimate

@@ -1,7 +1,7 @@
-"""The last word on a goal of a hue: its posts, bar and feet as profiles of colour and brightness, fitted once more.
+"""The final fit of a goal of a hue: its posts, bar and feet as profiles of colour and brightness.
 
 Camera chips and JPEG keep colour at half the resolution, while brightness may hardly differ from what is behind the
-goal; both together, each with a blur of its own, give what either lacks (see `kernels.goal_profile`).
+goal; both together, each with a blur of its own, give what either lacks (see `kernels.goal.profile`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.edges import goal_points
 from robocup_vision.kernels.goal.profile import CHANNELS, MEMBERS, OWN, PER_MEMBER, SHARED, gather_profiles
 from robocup_vision.kernels.goal.profile_fit import fit_profiles
-from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, Look, from_ideal, to_ideal
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalFit, GoalModel, fit, residuals
 from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES
 
@@ -58,7 +58,7 @@ def measure_profiles(
     camera: PinholeCamera,
     model: GoalModel,
     unknowns: npt.NDArray[np.float64],
-    look: Look,
+    appearance: EdgeAppearance,
 ) -> EdgeSamples | None:
     """Measure both edges of each segment of posts and bar, and the feet, near where `unknowns` put them.
 
@@ -69,8 +69,8 @@ def measure_profiles(
     camera, model : PinholeCamera, GoalModel
         The camera, and goal and view without distortion.
     unknowns : (8,) float64
-        Right to a pixel, see goal_geometry.
-    look : Look
+        Right to a pixel, in the order of goal/geometry.py.
+    appearance : EdgeAppearance
         Of the paint.
 
     Returns
@@ -80,7 +80,7 @@ def measure_profiles(
     """
     feet = len(FOOT_OFFSETS)
     points = np.empty((2 * EDGES + 4 * feet, 2))
-    if not goal_points(model.shape_array, model.view_array, unknowns, FOOT_OFFSETS, points):
+    if not goal_points(model.scene, unknowns, points):
         return None
     points = from_ideal(camera, points)
     width, height = camera.size_px
@@ -98,7 +98,7 @@ def measure_profiles(
     owner, lane, middle = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(segments)
     count = gather_profiles(
         part,
-        np.array([look.towards, _BRIGHTNESS]),
+        np.array([appearance.towards, _BRIGHTNESS]),
         shine,
         edges,
         spans,
@@ -175,9 +175,9 @@ def _predicted(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64]
 
 
 def polish(
-    image: npt.NDArray[np.uint8], camera: PinholeCamera, model: GoalModel, found: GoalFit, look: Look
+    image: npt.NDArray[np.uint8], camera: PinholeCamera, model: GoalModel, found: GoalFit, appearance: EdgeAppearance
 ) -> GoalFit:
-    """Fit the profiles from where the edges' fit ended; what was found, unchanged, where they do not bear it out.
+    """Fit the profiles from where the edges' fit ended; what was found, unchanged, where they do not confirm it.
 
     Parameters
     ----------
@@ -187,10 +187,10 @@ def polish(
         See `refine`.
     found : GoalFit
         What `refine` found.
-    look : Look
+    appearance : EdgeAppearance
         Of the paint.
     """
-    alone = measure_profiles(image, camera, model, found.unknowns, look)
+    alone = measure_profiles(image, camera, model, found.unknowns, appearance)
     if alone is None or len(alone.edge) < _MIN_SAMPLES or len(np.unique(alone.edge)) < EDGES:
         return found
     samples, single = _with_feet(*_weighed(alone), found.samples)
@@ -202,9 +202,9 @@ def polish(
     # the fit's own misfit says what every edge is off as a whole
     square = np.minimum((residual / samples.sigma) ** 2, 9 * single / samples.sigma**2).sum()
     due = max(float((single / samples.sigma**2).sum()) - _FREEDOM, 1.0)
-    strange = (float(square) + _TRUSTED) / (due + _TRUSTED)
-    samples = replace(samples, sigma=samples.sigma * math.sqrt(strange))
-    return replace(found, unknowns=p, information=information / strange, samples=samples, residual_px=residual)
+    excess = (float(square) + _TRUSTED) / (due + _TRUSTED)
+    samples = replace(samples, sigma=samples.sigma * math.sqrt(excess))
+    return replace(found, unknowns=p, information=information / excess, samples=samples, residual_px=residual)
 
 
 def _weighed(alone: EdgeSamples) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:

@@ -15,23 +15,22 @@ from field_models.field import COLOR_NAMES, Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.strips import BRIGHTEST, mean_along
-from robocup_vision.localization.goal.edges import Look, from_ideal
+from robocup_vision.localization.goal.edges import EdgeAppearance, from_ideal
 from robocup_vision.localization.goal.fit import (
-    INLIER_PX,
-    MIN_EDGE_SHARE,
     GoalFit,
+    GoalFitSettings,
     GoalModel,
     agreement,
     are_mostly_within,
     fit,
     goal_model,
+    max_prior_deviation,
     objection,
     refine,
     residuals,
-    strain_of,
 )
 from robocup_vision.localization.goal.geometry import BAR_TOP, X, goal_shape, project
-from robocup_vision.localization.goal.starts import bar_rows, starts, strip_samples, swung, with_bar
+from robocup_vision.localization.goal.starts import bar_rows, rotated, starts, strip_samples, with_bar
 from robocup_vision.perception.goal_color import (
     halves,
     hue_families,
@@ -52,21 +51,60 @@ from robocup_vision.perception.goal_region import (
     white_runs,
 )
 
-# how far paint bleeds: the white of a goal in the sun by a pixel, paint of a hue hardly
-_BLOOM_STD_PX = {"white": 0.7, "hue": 0.15}
 _START_SCALES = np.full(8, 100.0)
-_GLARE = 235.0
-_SEARCH_WIDTH_PX = 208  # posts of the leagues' goals are still 3 px wide there from the far end of the field
-_CLEAR_SCORE = 0.8  # nothing better will come: edges of clutter agree with a goal in half of their places at most
-_RIVAL = 0.7  # share of such a goal's score from which the other branch may be the right one
-_SWINGS = (-1.0, 0.0)  # obliqueness of further starts, in shares of the first fit's
-_MIN_CANDIDATE_SCORE = 0.3
-_SAME_PLACE_M = 0.03
-EDGE_ON_M = 0.2  # from nearer to the goal's plane one post hides the other, and the bar falls together with both
-_STRAIN_WORTH = 0.02  # of a score: what a prior off by one standard deviation costs
-_MIN_PAINTED, _MOSTLY_PAINTED = 0.4, 0.7
-_CARPET_PX = 4.0
-_BEYOND_M = 0.5  # a robot may stand beside the carpet that the field file is sure of
+
+
+@dataclass(frozen=True, slots=True)
+class SearchSettings:
+    """Settings of the search for goals in a frame.
+
+    Parameters
+    ----------
+    width_px : int
+        Frames are searched for goals of a hue at about this width: posts of the leagues' goals are still 3 px wide
+        there from the far end of the field.
+    glare : float
+        Samples brighter than this, of paint half washed white, are dropped.
+    clear_score : float
+        Score from which nothing better will come: edges of clutter agree with a goal in half of their places at most.
+    rival_ratio : float
+        Share of such a goal's score from which the other branch may be the right one.
+    obliquenesses : tuple of float
+        Further starts, in units of the first fit's obliqueness.
+    min_score : float
+        Candidates below are dropped.
+    same_m : float
+        Fits nearer to each other are one.
+    edge_on_m : float
+        Nearer to the goal's plane one post hides the other, and the bar falls together with both.
+    deviation_cost : float
+        Of a score: what a prior off by one standard deviation costs.
+    min_painted, mostly_painted : float
+        Of a post's or the bar's length in the goal's hue: of two of the three, and of a post with one edge.
+    carpet_px : float
+        Rows below a foot that must show carpet.
+    beyond_m : float
+        A robot may stand so far outside the carpet that the field file is sure of.
+    white_pairs, hue_pairs, bar_pairs : int
+        Pairs of posts that are tried: white ones among clutter, ones of a hue, and those below a bar.
+    """
+
+    width_px: int = 208
+    glare: float = 235.0
+    clear_score: float = 0.8
+    rival_ratio: float = 0.7
+    obliquenesses: tuple[float, ...] = (-1.0, 0.0)
+    min_score: float = 0.3
+    same_m: float = 0.03
+    edge_on_m: float = 0.2
+    deviation_cost: float = 0.02
+    min_painted: float = 0.4
+    mostly_painted: float = 0.7
+    carpet_px: float = 4.0
+    beyond_m: float = 0.5
+    white_pairs: int = 14
+    hue_pairs: int = 6
+    bar_pairs: int = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,27 +119,25 @@ class Candidate:
         Which goals it can be: (1,), (-1,), or both.
     model : GoalModel
         What it was fitted with.
-    look : Look
-        Of its paint.
+    appearance : EdgeAppearance
+        Of its edges.
     objection : str or None
         Why it cannot be one after all.
+    rank : float
+        What several are ordered by: the score, less what deviations from the priors cost.
     """
 
     fit: GoalFit
     sides: tuple[int, ...]
     model: GoalModel
-    look: Look
+    appearance: EdgeAppearance
     objection: str | None
+    rank: float
 
     @property
     def is_plain(self) -> bool:
         """Whether nothing speaks against it."""
-        return self.objection is None and float(self.fit.share[:BAR_TOP].min()) >= MIN_EDGE_SHARE
-
-    @property
-    def rank(self) -> float:
-        """What several are ordered by: the score, less what the priors suffer."""
-        return self.fit.score - _STRAIN_WORTH * strain_of(self.model, self.fit.unknowns) ** 2
+        return self.objection is None and float(self.fit.edge_ratio[:BAR_TOP].min()) >= self.fit.settings.min_edge_ratio
 
 
 class Proposal(NamedTuple):
@@ -114,7 +150,7 @@ class Proposal(NamedTuple):
     carpet: UInt8Array
     scale: int
     model: GoalModel
-    look: Look
+    appearance: EdgeAppearance
 
 
 class GoalSearch:
@@ -126,6 +162,8 @@ class GoalSearch:
         With goals of posts and a bar.
     camera : PinholeCamera
         Pan, tilt and roll may be unknown.
+    settings, fit_settings : SearchSettings, GoalFitSettings, optional
+        Of the search, and of the fits.
 
     Raises
     ------
@@ -133,14 +171,22 @@ class GoalSearch:
         If the field has no such goals.
     """
 
-    def __init__(self, field: Field, camera: PinholeCamera) -> None:
+    def __init__(
+        self,
+        field: Field,
+        camera: PinholeCamera,
+        settings: SearchSettings = SearchSettings(),
+        fit_settings: GoalFitSettings | None = None,
+    ) -> None:
+        self.settings = settings
+        fit_settings = fit_settings or GoalFitSettings()
         self.field = field
         self.camera = camera
         self.shape = goal_shape(field)
-        self.extent_m = np.abs(field.floor_polygon).max(axis=0) + _BEYOND_M
+        self.extent_m = np.abs(field.floor_polygon).max(axis=0) + settings.beyond_m
         self.families = hue_families(field)
-        self.colored_model = goal_model(self.shape, camera, _BLOOM_STD_PX["hue"])
-        self.white_model = goal_model(self.shape, camera, _BLOOM_STD_PX["white"])
+        self.colored_model = goal_model(self.shape, camera, fit_settings.bloom_std_hue_px, fit_settings)
+        self.white_model = goal_model(self.shape, camera, fit_settings.bloom_std_white_px, fit_settings)
         self._has_white = any(not is_chromatic(goal.color) for goal in field.goals)
 
     def candidates(self, frame: UInt8Array) -> tuple[list[Candidate], str]:
@@ -152,16 +198,16 @@ class GoalSearch:
                 fits = self._fits(frame, left, right, proposal)
                 if not fits:
                     reason = "no goal: two posts may be there, but no bar that fits them"
-                found += [self._judged(f, proposal) for f in fits if f.score > _MIN_CANDIDATE_SCORE]
-                if found and any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found[-len(fits) :]):
+                found += [self._judged(f, proposal) for f in fits if f.score > self.settings.min_score]
+                if found and any(c.is_plain and c.fit.score > self.settings.clear_score for c in found[-len(fits) :]):
                     break
-            if any(c.is_plain and c.fit.score > _CLEAR_SCORE for c in found):
+            if any(c.is_plain and c.fit.score > self.settings.clear_score for c in found):
                 break
         found.sort(key=lambda c: (c.objection is not None, -c.rank))
         distinct: list[Candidate] = []
         for candidate in found:
             place = candidate.fit.unknowns[:2]
-            if all(math.dist(place, other.fit.unknowns[:2]) > _SAME_PLACE_M for other in distinct):
+            if all(math.dist(place, other.fit.unknowns[:2]) > self.settings.same_m for other in distinct):
                 distinct.append(candidate)
         if distinct and distinct[0].objection is not None:
             reason = f"no whole goal: {distinct[0].objection}"
@@ -170,25 +216,28 @@ class GoalSearch:
     def _judged(self, fit: GoalFit, proposal: Proposal) -> Candidate:
         reason = objection(proposal.model, fit, self.extent_m)
         if reason is None and proposal.model is self.colored_model:
-            reason = self._strangeness(fit, proposal)
-        return Candidate(fit, proposal.sides, proposal.model, proposal.look, reason)
+            reason = self._contradiction(fit, proposal)
+        cost = self.settings.deviation_cost * max_prior_deviation(proposal.model, fit.unknowns) ** 2
+        return Candidate(fit, proposal.sides, proposal.model, proposal.appearance, reason, fit.score - cost)
 
-    def _strangeness(self, fit: GoalFit, proposal: Proposal) -> str | None:
+    def _contradiction(self, fit: GoalFit, proposal: Proposal) -> str | None:
         """Why a goal of a hue cannot be one for what the masks show around it, or None."""
         corners = project(proposal.model.view, fit.unknowns, self.shape.corners)
         pixels = (from_ideal(self.camera, corners) + 0.5) / proposal.scale - 0.5
         painted, before = np.empty(3), np.empty(2)
         mean_along(proposal.paint, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), painted)
         # of posts and bar lamps may have washed one
-        if np.sort(painted)[1] < _MIN_PAINTED * 255:
+        if np.sort(painted)[1] < self.settings.min_painted * 255:
             return "what looks like one has not the goal's colour"
-        bare = fit.share[:BAR_TOP].reshape(2, 2).min(axis=1) < MIN_EDGE_SHARE
+        bare = fit.edge_ratio[:BAR_TOP].reshape(2, 2).min(axis=1) < fit.settings.min_edge_ratio
         # its own hue behind a post may hide an edge of it: then it is all in that hue
-        if np.any(painted[[0, 2]][bare] < _MOSTLY_PAINTED * 255):
+        if np.any(painted[[0, 2]][bare] < self.settings.mostly_painted * 255):
             return "what looks like a post of one has one edge and not the goal's colour"
         feet = pixels[[0, 3]]
-        mean_along(proposal.carpet, feet + np.array([0.0, 1.5]), feet + np.array([0.0, 1.5 + _CARPET_PX]), before)
-        if before.max() < _MIN_PAINTED * 255:
+        mean_along(
+            proposal.carpet, feet + np.array([0.0, 1.5]), feet + np.array([0.0, 1.5 + self.settings.carpet_px]), before
+        )
+        if before.max() < self.settings.min_painted * 255:
             return "what looks like one has no carpet before it"
         return None
 
@@ -205,9 +254,9 @@ class GoalSearch:
             found = strips(white_runs(frame, 4), 4, carpet, certain=False)
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
             paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
-            look = Look(np.full(3, 3**-0.5), math.inf, 1.0)
-            pairs = self._pairs([s for s in found if math.isfinite(s.foot)], 14)
-            yield Proposal(sides, found, pairs, paint, carpet, 1, self.white_model, look)
+            appearance = EdgeAppearance(np.full(3, 3**-0.5), math.inf, 1.0)
+            pairs = self._pairs([s for s in found if math.isfinite(s.foot)], self.settings.white_pairs)
+            yield Proposal(sides, found, pairs, paint, carpet, 1, self.white_model, appearance)
 
     def _last_resorts(self, frame: UInt8Array, found: list[Candidate]) -> Iterator[Proposal]:
         """Yield what masks alone do not show; nothing once a goal is found.
@@ -247,11 +296,11 @@ class GoalSearch:
             posts = posts_under(bar, carpet) if bar.height > 3 * bar.width_at(bar.bottom) else None
             if posts is not None:
                 pairs.append((enlarged(posts[0], factor), enlarged(posts[1], factor)))
-        return self._pooled(color, mask, carpet, [], factor)._replace(pairs=pairs[:6])
+        return self._pooled(color, mask, carpet, [], factor)._replace(pairs=pairs[: self.settings.bar_pairs])
 
     def reduced(self, frame: UInt8Array) -> tuple[UInt8Array, int]:
-        """Return the frame at about `_SEARCH_WIDTH_PX`, and the factor it was reduced by."""
-        factor = max(1, round(self.camera.size_px[0] / _SEARCH_WIDTH_PX))
+        """Return the frame at about the width of `settings`, and the factor it was reduced by."""
+        factor = max(1, round(self.camera.size_px[0] / self.settings.width_px))
         if factor == 1:
             return frame, 1
         small = cv2.resize(frame, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
@@ -273,10 +322,19 @@ class GoalSearch:
         sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
         paint = np.array(COLOR_NAMES[color], dtype=np.float64)
         away = paint - paint.mean()
-        look = Look(away / float(np.linalg.norm(away)), _GLARE, 0.0, apart)
-        return Proposal(sides, found, self._pairs(found, 6), mask, carpet, factor, self.colored_model, look)
+        appearance = EdgeAppearance(away / float(np.linalg.norm(away)), self.settings.glare, 0.0, apart)
+        return Proposal(
+            sides,
+            found,
+            self._pairs(found, self.settings.hue_pairs),
+            mask,
+            carpet,
+            factor,
+            self.colored_model,
+            appearance,
+        )
 
-    def _pairs(self, found: list[Strip], most: int, pooled: bool = False) -> list[tuple[Strip, Strip]]:
+    def _pairs(self, found: list[Strip], max_pairs: int) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
         wide = self.shape.width_m / (2 * self.shape.radius_m)
         focal_px = self.camera.focal_px[0]
@@ -292,20 +350,21 @@ class GoalSearch:
             unlike = not 0.45 < width_a / width_b < 2.2 and depth_m > self.shape.width_m
             if unlike or abs(a.bottom - b.bottom) > apart:
                 continue
-            alike = min(width_a, width_b) / max(width_a, width_b) * min(a.height, b.height) / max(a.height, b.height)
-            pairs.append((a.strength * b.strength * (alike if pooled else 1.0), a, b))
+            pairs.append((a.strength * b.strength, a, b))
         pairs.sort(key=lambda pair: -pair[0])
-        return [(a, b) for _, a, b in pairs[:most]]
+        return [(a, b) for _, a, b in pairs[:max_pairs]]
 
     def _fits(self, frame: UInt8Array, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
         """Fits to a pair of strips, best first: for each row the bar may be in, from several obliquenesses."""
-        model, look = proposal.model, proposal.look
+        model, appearance = proposal.model, proposal.appearance
         samples = strip_samples(self.camera, ((0, left), (1, right)))
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
-        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - EDGE_ON_M]
+        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - self.settings.edge_on_m]
         # where two starts came to the same place, one goes on
         rough = [
-            r for k, r in enumerate(rough) if all(math.dist(r[0][:2], o[0][:2]) > _SAME_PLACE_M for o in rough[:k])
+            r
+            for k, r in enumerate(rough)
+            if all(math.dist(r[0][:2], o[0][:2]) > self.settings.same_m for o in rough[:k])
         ]
         if not rough:
             return []
@@ -317,25 +376,28 @@ class GoalSearch:
             start, cost, _ = min(tried, key=lambda r: r[1])
             if not math.isfinite(cost):
                 continue
-            straight = refine(frame, self.camera, model, start, look, 3.0 * max(1.0, proposal.scale / 1.5))
+            straight = refine(frame, self.camera, model, start, appearance, 3.0 * max(1.0, proposal.scale / 1.5))
             if straight is None:
                 continue
             found.append(straight)
-            for share in _SWINGS:
-                other, cost, _ = fit(model, straight.samples, swung(model, straight.unknowns, share), _START_SCALES[:5])
-                known = any(math.dist(other[:2], f.unknowns[:2]) < _SAME_PLACE_M for f in found)
+            for obliqueness in self.settings.obliquenesses:
+                other, cost, _ = fit(
+                    model, straight.samples, rotated(model, straight.unknowns, obliqueness), _START_SCALES[:5]
+                )
+                known = any(math.dist(other[:2], f.unknowns[:2]) < self.settings.same_m for f in found)
                 if known or not math.isfinite(cost):
                     continue
                 off = residuals(model, straight.samples, other)
                 # edges that already lie so far off will not come back; those of a goal beyond doubt stay where they are
-                if not are_mostly_within(off, 2 * INLIER_PX) or (
-                    straight.score > _CLEAR_SCORE and agreement(straight.samples, off) < _RIVAL * straight.score
+                if not are_mostly_within(off, 2 * model.settings.inlier_px) or (
+                    straight.score > self.settings.clear_score
+                    and agreement(straight.samples, off, model.settings) < self.settings.rival_ratio * straight.score
                 ):
                     continue
-                turned = refine(frame, self.camera, model, other, look)
+                turned = refine(frame, self.camera, model, other, appearance)
                 if turned is not None:
                     found.append(turned)
-            if max(f.score for f in found) > _CLEAR_SCORE:
+            if max(f.score for f in found) > self.settings.clear_score:
                 break  # a better bar will not come
         return sorted(found, key=lambda f: -f.score)
 

@@ -72,8 +72,8 @@ def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
         yield p
 
 
-def swung(model: GoalModel, unknowns: FloatArray, share: float = -1.0) -> FloatArray:
-    """Another camera that sees nearly the same picture: as far from the goal's middle, `share` times as oblique.
+def rotated(model: GoalModel, unknowns: FloatArray, obliqueness: float = -1.0) -> FloatArray:
+    """Rotate a camera about the goal's middle to `obliqueness` times its own: the picture stays nearly the same.
 
     -1 is the mirror branch that the picture of a plane always allows.
     """
@@ -81,9 +81,9 @@ def swung(model: GoalModel, unknowns: FloatArray, share: float = -1.0) -> FloatA
     ahead = model.shape.line_x_m - p[X]
     aside = math.atan2(p[Y], ahead)
     distance = math.hypot(ahead, p[Y])
-    p[X] = model.shape.line_x_m - distance * math.cos(share * aside)
-    p[Y] = distance * math.sin(share * aside)
-    p[HEADING] += aside - share * aside
+    p[X] = model.shape.line_x_m - distance * math.cos(obliqueness * aside)
+    p[Y] = distance * math.sin(obliqueness * aside)
+    p[HEADING] += aside - obliqueness * aside
     return p
 
 

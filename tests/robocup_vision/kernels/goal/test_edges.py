@@ -5,14 +5,15 @@ import math
 import cv2
 import numpy as np
 import pytest
+from goal_twins import silhouette_lines
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
 from robocup_vision.kernels.goal.edges import goal_points, link_runs, measure_edges, spread_samples
 from robocup_vision.kernels.goal.marks import measure_ridges
-from robocup_vision.localization.goal.edges import edge_segments
-from robocup_vision.localization.goal.geometry import IdealView, foot_points, goal_shape, project, silhouette_lines
+from robocup_vision.localization.goal.edges import edge_segments, goal_scene
+from robocup_vision.localization.goal.geometry import IdealView, foot_points, goal_shape, project
 
 SHAPE = goal_shape(load_field("four_legged_2007"))
 
@@ -143,8 +144,7 @@ def test_places_to_measure_agree_with_numpy(seed):
     view = IdealView((384.0, 380.0), (207.5, 159.5))
     offsets = np.array([-0.6, 0.0, 0.6])
     points = np.empty((24, 2))
-    shape = np.array([SHAPE.line_x_m, SHAPE.width_m, SHAPE.height_m, SHAPE.radius_m])
-    assert goal_points(shape, np.array([384.0, 380.0, 207.5, 159.5]), p, offsets, points)
+    assert goal_points(goal_scene(SHAPE, view)._replace(offsets=offsets), p, points)
     feet = foot_points(SHAPE, p, offsets).reshape(-1, 3)
     above = feet + np.array([0, 0, 0.5 * SHAPE.radius_m])
     expected = project(view, p, np.concatenate([edge_segments(SHAPE, p).reshape(-1, 3), feet, above]))
@@ -168,5 +168,5 @@ def test_places_to_measure_agree_with_numpy(seed):
 
 def test_nothing_is_measured_behind_the_camera():
     p = np.array([0.0, 0.0, math.pi, 0.0, 0.0, 0.185, 0.0, 0.0])
-    shape = np.array([SHAPE.line_x_m, SHAPE.width_m, SHAPE.height_m, SHAPE.radius_m])
-    assert not goal_points(shape, np.array([384.0, 380.0, 207.5, 159.5]), p, np.zeros(1), np.empty((16, 2)))
+    scene = goal_scene(SHAPE, IdealView((384.0, 380.0), (207.5, 159.5)))
+    assert not goal_points(scene._replace(offsets=np.zeros(1)), p, np.empty((16, 2)))

@@ -4,18 +4,31 @@ import math
 
 import numpy as np
 import pytest
+from goal_twins import derivative, feet_px, floor_px, silhouette_lines
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.goal.fit import fit_goal, floor_residuals, goal_prediction, goal_residuals, robust_cost
-from robocup_vision.localization.goal.geometry import IdealView, foot_points, goal_shape, project, silhouette_lines
+from robocup_vision.kernels.goal.fit import (
+    FitLoss,
+    FitPriors,
+    FitSamples,
+    fit_goal,
+    goal_residuals,
+    normal_equations,
+    robust_cost,
+)
+from robocup_vision.kernels.goal.picture import GoalScene
+from robocup_vision.localization.goal.geometry import IdealView, goal_shape, project
 
 SHAPE = goal_shape(load_field("four_legged_2007"))
-SHAPE_ARRAY = np.array([SHAPE.line_x_m, SHAPE.width_m, SHAPE.height_m, SHAPE.radius_m])
 VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
-VIEW_ARRAY = np.array([384.0, 380.0, 207.5, 159.5])
 OFFSETS = np.array([-0.7, 0.0, 0.7])
+SCENE = GoalScene(
+    np.array([SHAPE.line_x_m, SHAPE.width_m, SHAPE.height_m, SHAPE.radius_m]),
+    np.array([384.0, 380.0, 207.5, 159.5]),
+    OFFSETS,
+)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -27,7 +40,7 @@ def some_camera(rng):
     )
 
 
-def perfect_samples(p, per_edge=10):
+def perfect_samples(p, per_edge=10, sigma=None):
     """Points on each predicted line, and the predicted feet."""
     lines = silhouette_lines(SHAPE, VIEW, p)
     corners = project(VIEW, p, SHAPE.corners)
@@ -39,11 +52,11 @@ def perfect_samples(p, per_edge=10):
             point = point - lines[e, :2] * (lines[e, :2] @ point + lines[e, 2])
             edge.append(e)
             uv.append(point)
-    feet = project(VIEW, p, foot_points(SHAPE, p, OFFSETS).reshape(-1, 3))
+    feet = feet_px(SHAPE, VIEW, p, OFFSETS).reshape(-1, 2)
     direction = np.tile([0.0, 1.0], (6, 1))
     # eight places on the goal line beside the posts
     marks = np.column_stack([np.full(8, SHAPE.line_x_m), np.linspace(-0.8, 0.8, 8)])
-    return (
+    return FitSamples(
         np.array(edge),
         np.array(uv),
         np.repeat([0, 1], 3),
@@ -51,20 +64,10 @@ def perfect_samples(p, per_edge=10):
         feet + p[7] * direction,
         direction,
         marks,
-        project(VIEW, p, np.column_stack([marks, np.zeros(8)])),
+        floor_px(VIEW, p, marks),
         np.tile([0.6, 0.8], (8, 1)),
+        np.full(len(edge) + 14, 0.1) if sigma is None else sigma,
     )
-
-
-@settings(deadline=None, max_examples=50)
-@given(seeds)
-def test_prediction_agrees_with_numpy(seed):
-    p = some_camera(np.random.default_rng(seed))
-    lines, feet = np.empty((6, 3)), np.empty((2, 3, 2))
-    goal_prediction(SHAPE_ARRAY, VIEW_ARRAY, p, OFFSETS, lines, feet)
-    np.testing.assert_allclose(lines, silhouette_lines(SHAPE, VIEW, p), rtol=1e-9, atol=1e-7)
-    expected = project(VIEW, p, foot_points(SHAPE, p, OFFSETS).reshape(-1, 3)).reshape(2, 3, 2)
-    np.testing.assert_allclose(feet, expected, rtol=1e-9, atol=1e-7)
 
 
 @settings(deadline=None, max_examples=30)
@@ -73,46 +76,70 @@ def test_residuals_of_perfect_samples_vanish_and_grow_by_the_offset(seed):
     p = some_camera(np.random.default_rng(seed))
     samples = perfect_samples(p)
     residual = np.empty(74)
-    goal_residuals(SHAPE_ARRAY, VIEW_ARRAY, p, OFFSETS, *samples, residual)
+    goal_residuals(SCENE, samples, p, residual)
     np.testing.assert_allclose(residual, 0, atol=1e-6)
     lines = silhouette_lines(SHAPE, VIEW, p)
-    moved = (samples[0], samples[1] + 2.0 * lines[samples[0], :2], *samples[2:])
-    goal_residuals(SHAPE_ARRAY, VIEW_ARRAY, p, OFFSETS, *moved, residual)
+    moved = samples._replace(uv=samples.uv + 2.0 * lines[samples.edge, :2])
+    goal_residuals(SCENE, moved, p, residual)
     np.testing.assert_allclose(residual[:60], 2.0, atol=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
-@given(seeds)
-def test_floor_marks_agree_with_numpy(seed):
+def plain_loss(square, redescends):
+    """Loss and its weight at squared residuals over the squared scale."""
+    if redescends:
+        return square / (1 + square), (1 + square) ** -2
+    return np.log1p(square), 1 / (1 + square)
+
+
+@pytest.mark.parametrize("redescends", [False, True])
+def test_robust_cost_agrees_with_numpy(redescends):
+    rng = np.random.default_rng(1)
+    samples = perfect_samples(some_camera(rng), sigma=rng.uniform(0.1, 1, 74))
+    residual, p = rng.normal(size=74), rng.normal(size=8)
+    priors = FitPriors(rng.normal(size=8), rng.uniform(0, 3, 8))
+    priors.weight[2] = np.inf  # fixed: adds nothing
+    loss = FitLoss(np.array([9.0, 0.7]), np.array([9.0, 1.1]), redescends)
+    free = np.isfinite(priors.weight)
+    expected = (0.7**2 * plain_loss((residual / 0.7) ** 2, False)[0] / samples.sigma**2)[:66].sum()
+    expected += (1.1**2 * plain_loss((residual / 1.1) ** 2, redescends)[0] / samples.sigma**2)[66:].sum()
+    expected += (priors.weight[free] * (p - priors.expected)[free] ** 2).sum()
+    assert robust_cost(samples, residual, loss, 1, p, priors) == pytest.approx(expected)
+    residual[3] = np.nan
+    assert robust_cost(samples, residual, loss, 1, p, priors) == np.inf
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds, st.booleans())
+def test_normal_equations_agree_with_numpy(seed, redescends):
     rng = np.random.default_rng(seed)
     p = some_camera(rng)
-    marks = p[:2] + rng.uniform(0.5, 3.0, (5, 1)) * [np.cos(p[2]), np.sin(p[2])] + rng.uniform(-0.3, 0.3, (5, 2))
-    turn = rng.uniform(0, 2 * np.pi, 5)
-    direction, uv = np.column_stack([np.cos(turn), np.sin(turn)]), rng.uniform(0, 400, (5, 2))
-    residual = np.empty(5)
-    floor_residuals(VIEW_ARRAY, p, marks, uv, direction, residual)
-    expected = ((uv - project(VIEW, p, np.column_stack([marks, np.zeros(5)]))) * direction).sum(axis=1)
-    np.testing.assert_allclose(residual, expected, rtol=1e-9, atol=1e-7)
+    samples = perfect_samples(p, sigma=rng.uniform(0.1, 1, 74))
+    samples.uv[:] += rng.normal(0, 1, samples.uv.shape)
+    samples.mark_uv[:] += rng.normal(0, 1, samples.mark_uv.shape)
+    priors = FitPriors(rng.normal(size=8), rng.uniform(0, 3, 8))
+    priors.weight[rng.integers(8)] = np.inf
+    loss = FitLoss(np.array([0.7]), np.array([1.1]), redescends)
 
+    def of(q):
+        residual = np.empty(74)
+        goal_residuals(SCENE, samples, q, residual)
+        return residual
 
-def test_a_mark_behind_the_camera_is_no_number():
-    p = np.array([0.0, 0, 0, 0, 0, 0.2, 0, 0])
-    residual = np.zeros(1)
-    floor_residuals(VIEW_ARRAY, p, np.array([[-1.0, 0.0]]), np.zeros((1, 2)), np.array([[1.0, 0.0]]), residual)
-    assert np.isnan(residual[0])
-
-
-def test_robust_cost_agrees_with_numpy():
-    rng = np.random.default_rng(1)
-    residual, sigma = rng.normal(size=20), rng.uniform(0.1, 1, 20)
-    p, prior, weight = rng.normal(size=8), rng.normal(size=8), rng.uniform(0, 3, 8)
-    weight[2] = np.inf  # held: says nothing
-    free = np.isfinite(weight)
-    expected = ((0.7 / sigma) ** 2 * np.log1p((residual / 0.7) ** 2)).sum()
-    expected += (weight[free] * (p - prior)[free] ** 2).sum()
-    assert robust_cost(residual, sigma, 0.7, p, prior, weight) == pytest.approx(expected)
-    residual[3] = np.nan
-    assert robust_cost(residual, sigma, 0.7, p, prior, weight) == np.inf
+    residual, jacobian = of(p), derivative(of, p).T
+    weight = np.empty(74)
+    weight[:66] = plain_loss((residual[:66] / 0.7) ** 2, False)[1]
+    weight[66:] = plain_loss((residual[66:] / 1.1) ** 2, redescends)[1]
+    weight /= samples.sigma**2
+    free = np.isfinite(priors.weight)
+    expected = (jacobian.T * weight) @ jacobian + np.diag(np.where(free, priors.weight, 0.0) + 1e-9)
+    pull = -jacobian.T @ (weight * residual) - np.where(free, priors.weight, 0.0) * (p - priors.expected)
+    expected[~free], expected[:, ~free], pull[~free] = 0.0, 0.0, 0.0
+    expected[~free, ~free] = 1.0
+    normal, right = np.empty((8, 8)), np.empty(8)
+    normal_equations(SCENE, samples, priors, loss, 0, p, residual, normal, right)
+    size = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(normal / np.outer(size, size), expected / np.outer(size, size), atol=1e-5)
+    np.testing.assert_allclose(right / size, pull / size, atol=1e-4 * (1 + np.abs(pull / size).max()))
 
 
 @settings(deadline=None, max_examples=30)
@@ -123,23 +150,22 @@ def test_fit_comes_back_to_the_camera(seed):
     truth[6] = 0.0
     samples = perfect_samples(truth)
     # a tenth of the samples are elsewhere: the loss must not care
-    uv = samples[1].copy()
+    uv = samples.uv.copy()
     wrong = rng.choice(60, 6, replace=False)
     uv[wrong] += rng.uniform(-6, 6, (6, 2))
     start = truth + rng.normal(size=8) * [0.05, 0.05, 0.01, 0.01, 0.01, 0, 0, 0.1]
-    held = start[5]
+    fixed = start[5]
     prior = np.array([0, 0, 0, 0, 0, 0.185, 0, 0.0])
     weight = np.array([0, 0, 0, 0, 0, np.inf, np.inf, 1e-3])
     information = np.zeros((8, 8))
     p = start.copy()
-    cost = fit_goal(
-        SHAPE_ARRAY, VIEW_ARRAY, p, prior, weight, OFFSETS, samples[0], uv, *samples[2:], np.full(74, 0.1),
-        np.array([4.0] * 8 + [1.0] * 8 + [0.2] * 12), information,
-    )  # fmt: skip
+    scales = np.array([4.0] * 8 + [1.0] * 8 + [0.2] * 12)
+    loss = FitLoss(scales, scales, False)
+    cost = fit_goal(SCENE, samples._replace(uv=uv), FitPriors(prior, weight), loss, p, information)
     assert np.isfinite(cost)
     # wrong samples beside right ones pull a far camera farther: a centimetre a metre
-    distance_m = math.hypot(truth[0] - SHAPE_ARRAY[0], truth[1])
+    distance_m = math.hypot(truth[0] - SHAPE.line_x_m, truth[1])
     np.testing.assert_allclose(p[:2], truth[:2], atol=0.02 + 0.01 * distance_m)
     np.testing.assert_allclose(p[2:5], truth[2:5], atol=0.02)
-    assert p[5] == held
+    assert p[5] == fixed
     assert np.linalg.eigvalsh(information).min() > 0

@@ -44,10 +44,10 @@ def test_places_are_where_numpy_projects_them(seed):
 def test_spread_of_places_is_that_of_many_cameras(seed):
     rng = np.random.default_rng(seed)
     p = np.array([*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-0.1, 0.1, 3), rng.uniform(0.2, 0.5), 0.01, 0.3])
-    marks, pixels, normals, _ = places(p)
+    marks, _, normals, _ = places(p)
     root = rng.normal(0, 1e-4, (8, 8))
     std = np.empty(len(marks))
-    mark_stds(marks, pixels, normals, VIEW_ARRAY, p, 7, root @ root.T, std)
+    mark_stds(marks, normals, VIEW_ARRAY, p, root @ root.T, std)
     floor = np.column_stack([marks, np.zeros(len(marks))])
     moved = [
         (((project(VIEW, p + column, floor) - project(VIEW, p - column, floor)) / 2) * normals).sum(axis=1)

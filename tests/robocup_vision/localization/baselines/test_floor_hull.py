@@ -167,13 +167,25 @@ def test_a_frame_is_located_across_the_centre_line(frame_and_pose) -> None:
     view = PolarView(CAMERA)
     colors = learn_colors(view.sample(frame), view.valid, FIELD)
     assert colors is not None
-    localizer, table = HullLocalizer(FIELD, CAMERA), build_color_table(colors)
+    table = build_color_table(colors)
+    localizer = HullLocalizer(FIELD, CAMERA, colors=table)
     floor, seen = localizer.floor_mask(frame, table), project(CAMERA, pose)
     assert floor[seen > 0].mean() > 0.95
     assert not floor[104:112, 232:237].any()
-    estimate = localizer.locate(frame, table)
+    estimate = localizer.locate(frame)
     assert estimate
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05
+    for prior in (pose, pose.half_turn()):
+        assert localizer.locate(frame, prior).pose.error_to(prior)[0] < 0.05
+
+
+def test_colours_are_learnt_from_the_frame_where_none_are_given(frame_and_pose) -> None:
+    frame, pose = frame_and_pose
+    estimate = HullLocalizer(FIELD, CAMERA).locate(frame)
+    assert estimate
+    assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05
+    dark = HullLocalizer(FIELD, CAMERA).locate(np.full_like(frame, 90))
+    assert not dark
 
 
 def test_vision_takes_it_by_name(frame_and_pose) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.localization.goal.arc import HeldArc, follow_arc, turned
+from robocup_vision.localization.goal.arc import ConstrainedArc, follow_arc, turned
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, edge_segments
 from robocup_vision.localization.goal.fit import covariance_of, fit, goal_model, weigh
 from robocup_vision.localization.goal.geometry import HEADING, foot_points, goal_shape, project
@@ -49,7 +49,7 @@ def test_the_arc_s_spread_covers_what_one_point_s_covariance_does_not():
         std = float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
         arc = follow_arc(MODEL, seen, p, std)
         assert np.all(np.diff(arc.unknowns[:, HEADING]) > 0)
-        assert arc.share.sum() == pytest.approx(1.0)
+        assert arc.probability.sum() == pytest.approx(1.0)
         off = (p - TRUTH)[:3]
         squares.append(off @ np.linalg.solve(arc.covariance_about(p)[:3, :3], off))
         naive.append(off @ np.linalg.solve(covariance[:3, :3], off))
@@ -75,7 +75,7 @@ def test_turning_keeps_the_goal_where_it_is_seen():
 
 
 def test_a_place_off_the_arc_costs_its_square():
-    arc = HeldArc(MODEL, samples(np.random.default_rng(1)), TRUTH)
+    arc = ConstrainedArc(MODEL, samples(np.random.default_rng(1)), TRUTH)
     at, cost = arc.camera(np.zeros(3))
     assert at[HEADING] == TRUTH[HEADING]
     off, more = arc.camera(np.array([0.0, 2.0, 1.0]))

@@ -7,8 +7,8 @@ from field_models import load_field
 from robocup_vision.localization.goal.arc import turned
 from robocup_vision.localization.goal.drawing import LineDrawing
 from robocup_vision.localization.goal.geometry import HEADING
+from robocup_vision.localization.goal.line_marks import along_lines
 from robocup_vision.localization.goal.search import GoalSearch
-from robocup_vision.localization.goal.with_lines import along_lines
 from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
 

@@ -9,7 +9,7 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.localization.goal.half_goal import PRIOR_STD_M
+from robocup_vision.localization.goal.half_goal import PriorSettings
 from robocup_vision.localization.goal.localizer import GoalLocalizer
 from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import render_pinhole
@@ -69,7 +69,7 @@ def test_half_a_goal_from_far_tells_less_than_the_prior_and_says_so(localizer):
     estimates = [estimate for estimate in located(localizer, *FAR) if estimate]
     assert estimates
     for estimate in estimates:
-        assert math.sqrt(np.linalg.eigvalsh(estimate.covariance[:2, :2])[-1]) > PRIOR_STD_M
+        assert math.sqrt(np.linalg.eigvalsh(estimate.covariance[:2, :2])[-1]) > PriorSettings().std_m
 
 
 @pytest.mark.parametrize(("pose", "off"), ASIDE)

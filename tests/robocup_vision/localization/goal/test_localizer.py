@@ -48,10 +48,10 @@ def test_clean_frames_are_located(clean, localizer):
 def test_shading_alone_moves_no_edge(clean):
     goal_alone = GoalLocalizer(FIELD, CLEAN.camera, use_lines=False)
     for sample in clean:
-        sight = goal_alone.look(sample.frame)
-        assert sight.lines is None
+        found = goal_alone.locate_camera(sample.frame)
+        assert found.lines is None
         distance = np.hypot(FIELD.length_m / 2 - sample.pose.x_m, sample.pose.y_m)
-        assert sight.estimate().pose.error_to(sample.pose)[0] < 0.01 * distance
+        assert found.estimate().pose.error_to(sample.pose)[0] < 0.01 * distance
 
 
 def test_lines_make_a_far_goal_exact():
@@ -60,9 +60,9 @@ def test_lines_make_a_far_goal_exact():
     for sample in sample_goal(
         FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 7, 66, places=places, indices=[53, 55], supersample=3
     ):
-        sight = localizer.look(sample.frame)
-        assert sight.lines is not None
-        assert sight.estimate().pose.error_to(sample.pose)[0] < 0.05
+        found = localizer.locate_camera(sample.frame)
+        assert found.lines is not None
+        assert found.estimate().pose.error_to(sample.pose)[0] < 0.05
 
 
 @pytest.mark.parametrize("nearer_m", [0.6, 0.7, 1.5, 3.0])
@@ -122,12 +122,12 @@ def test_a_far_goal_alone_says_how_little_it_knows():
     assert np.median(squares) < 16.3  # 99.9 % of 3 degrees of freedom
 
 
-def test_tilt_roll_and_height_are_by_products(clean, localizer):
-    sight = localizer.look(clean[0].frame)
-    assert sight
+def test_tilt_roll_and_height_are_estimated_too(clean, localizer):
+    found = localizer.locate_camera(clean[0].frame)
+    assert found
     camera = clean[0].camera
-    assert sight.unknowns[[TILT, ROLL]] == pytest.approx([camera.tilt_rad, camera.roll_rad], abs=0.02)
-    assert sight.unknowns[HEIGHT] == pytest.approx(camera.height_m, abs=0.01)
+    assert found.unknowns[[TILT, ROLL]] == pytest.approx([camera.tilt_rad, camera.roll_rad], abs=0.02)
+    assert found.unknowns[HEIGHT] == pytest.approx(camera.height_m, abs=0.01)
 
 
 def test_the_goal_s_colour_tells_the_side(localizer):
@@ -137,17 +137,6 @@ def test_the_goal_s_colour_tells_the_side(localizer):
         estimate = localizer.locate(sample.frame)
         if estimate:
             assert np.sign(np.cos(estimate.pose.theta_rad)) == sample.goal.side
-
-
-@pytest.mark.parametrize("method", ["paper", "angles"])
-def test_the_paper_s_method_comes_near(clean, method):
-    reference = GoalLocalizer(FIELD, CLEAN.camera, method=method)
-    errors = []
-    for sample in clean:
-        estimate = reference.locate(sample.frame)
-        errors.append(estimate.pose.error_to(sample.pose)[0] if estimate else np.inf)
-    assert np.median(errors) < 0.6
-    assert min(errors) < 0.2
 
 
 def test_frames_without_a_whole_goal_are_refused_with_a_reason(localizer):
@@ -196,10 +185,6 @@ def test_bad_arguments_are_named(localizer):
         localizer.locate(np.zeros((10, 10, 3), np.uint8))
     with pytest.raises(FrameError, match="got NoneType"):
         localizer.locate(None)
-    with pytest.raises(ArgumentError, match="method must be 'edges', 'paper' or 'angles', got 'magic'"):
-        GoalLocalizer(FIELD, CLEAN.camera, method="magic")
-    with pytest.raises(ArgumentError, match="those of 'spl_2020' are white"):
-        GoalLocalizer(WHITE_FIELD, CLEAN.camera, method="paper")
     with pytest.raises(ArgumentError, match="no goals of posts"):
         GoalLocalizer(load_field("ssl_2001"), CLEAN.camera)
 

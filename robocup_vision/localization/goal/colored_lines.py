@@ -1,0 +1,321 @@
+"""Field lines around a goal of a hue: measured near where the goal's own fit predicts them, they make its pose exact.
+
+A goal far away hardly determines how obliquely it is seen. A line's middle is measured to a fraction of a pixel even
+where the line looks thinner than one: in brightness, which cameras store at full resolution. Each place on a line is
+one more sample of the goal's own fit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.goal.marks import mark_stds
+from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, follow_arc
+from robocup_vision.localization.goal.drawing import LineDrawing
+from robocup_vision.localization.goal.edges import EdgeSamples
+from robocup_vision.localization.goal.fit import (
+    GoalFit,
+    GoalModel,
+    are_mostly_within,
+    covariance_of,
+    fit,
+    residuals,
+)
+from robocup_vision.localization.goal.geometry import HEADING
+from robocup_vision.localization.goal.line_marks import LineFit, LineMarks, MarkSettings, with_marks
+from robocup_vision.localization.lines.line_map import LineMap
+
+_MARKS = MarkSettings(
+    spacing_px=6.0,
+    cell_px=0.0,
+    width_px=(0.15, math.inf),
+    clear_px=2.5,
+    along_px=3.0,
+    min_contrast=0.4,
+    full_width_px=1.5,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ColoredLineSettings:
+    """Settings of the fit of a goal of a hue and the lines around it.
+
+    Parameters
+    ----------
+    marks : MarkSettings
+        Places along lines. The goal is certain, so that even lines thinner than a pixel count, averaged along
+        themselves; lines that run into each other are told from neither.
+    reaches_px, scales_px : tuple of float
+        How far from its predicted place a line is searched for, at most, and the loss's scale, round by round.
+    reach_stds, min_reach_px : float, float
+        Lines are searched as far as the camera is uncertain, in standard deviations, plus this much.
+    sample_error_px, sharp_width_px : float, float
+        Noise of one place; lines that look thinner are fainter, and noisier in proportion.
+    line_error_px : float
+        Error of all places together: lens and paint.
+    paint_error_m : float
+        How exactly lines are painted.
+    min_marks : int
+        Fewer places, predicted or seen, say nothing.
+    seen_ratio, full_width_px : float, float
+        Where a line is due, a ridge is seen this often; less often where it looks thinner than this.
+    spread_px : float
+        Ridges of lines spread so far about their places.
+    clutter_ratio : float
+        Where no line is due, something passes for a ridge this often.
+    min_evidence : float
+        Log odds of lines against clutter from which lines count.
+    clear_evidence, same_m : float, float
+        A fit this much worse in log odds is no rival; fits nearer to each other are one.
+    max_starts : int
+        Cameras along the goal's arc that are tried.
+    reach_on_arc_stds : float
+        How far along the arc, by the fit's own uncertainty, drawn lines may move it.
+    min_drawn_evidence : float
+        Log odds of drawn lines that must be reached where too few places show a line.
+    certain_m : float
+        A goal that leaves its camera's position more uncertain than this is searched along its arc.
+    iterations : int
+        Steps of each round.
+    prior_weight : float
+        So many places of the expected noise are added to those whose scatter is measured.
+    """
+
+    marks: MarkSettings = _MARKS
+    reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
+    scales_px: tuple[float, ...] = (3.0, 1.5, 1.0)
+    reach_stds: float = 3.0
+    min_reach_px: float = 1.5
+    sample_error_px: float = 0.45
+    sharp_width_px: float = 0.5
+    line_error_px: float = 0.045
+    paint_error_m: float = 0.003
+    min_marks: int = 10
+    seen_ratio: float = 0.8
+    full_width_px: float = 0.35
+    spread_px: float = 0.4
+    clutter_ratio: float = 0.2
+    min_evidence: float = 5.0
+    clear_evidence: float = 3.0
+    same_m: float = 0.2
+    max_starts: int = 3
+    reach_on_arc_stds: float = 2.5
+    min_drawn_evidence: float = 6.0
+    certain_m: float = 0.06
+    iterations: int = 4
+    prior_weight: float = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Marked:
+    """A goal's samples with marks on lines, which of the places looked at they are, line widths and reaches there."""
+
+    samples: EdgeSamples
+    seen: npt.NDArray[np.bool_]
+    width: FloatArray
+    reach: FloatArray
+
+
+# how likely it is, as a logarithm; the fit; what it was fitted to
+_Fitted = tuple[float, LineFit, EdgeSamples]
+
+
+class ColoredGoalLines:
+    """Fits goals of a hue and the lines of one field together.
+
+    Parameters
+    ----------
+    lines : LineMap
+        Of the field.
+    camera : PinholeCamera
+        The camera.
+    settings : ColoredLineSettings, optional
+        How lines are found and fitted.
+    """
+
+    def __init__(
+        self, lines: LineMap, camera: PinholeCamera, settings: ColoredLineSettings = ColoredLineSettings()
+    ) -> None:
+        self._settings = settings
+        self._marks = LineMarks(lines, camera, settings.marks)
+
+    def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit) -> tuple[float, LineFit] | None:
+        """Fit goal and lines together; None where the lines that should be in view are not.
+
+        What comes first says how much likelier such lines are to be seen here than clutter, as a logarithm.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        model : GoalModel
+            What the goal was fitted with.
+        found : GoalFit
+            The goal.
+        """
+        covariance = covariance_of(model, found.information)
+        std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+        arc = follow_arc(model, found.samples, found.unknowns, std) if std > self._settings.certain_m else None
+        starts = [(found.unknowns, covariance)] if arc is None else self._starts(frame, model, found, arc)
+        fits = [t for t in (self._from(frame, model, found, p, c) for p, c in starts) if t is not None]
+        fits = [t for t in fits if t[0] >= self._settings.min_evidence]
+        if arc is not None:
+            drawing = LineDrawing(frame, self._marks.points, self._marks.line_width_m)
+            fits = self._drawn(drawing, model, fits) if fits else self._drawn_alone(drawing, model, found, arc)
+        fits.sort(key=lambda t: -t[0])
+        if not fits:
+            return None
+        evidence, best, _ = fits[0]
+        for other_evidence, other, _ in fits[1:]:
+            if (
+                math.dist(other.unknowns[:2], best.unknowns[:2]) > self._settings.same_m
+                and evidence - other_evidence < self._settings.clear_evidence
+            ):
+                return None
+        within = are_mostly_within(residuals(model, found.samples, best.unknowns), model.settings.inlier_px)
+        return (evidence, best) if within else None
+
+    def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
+        """Settle each fit along its arc by all lines drawn."""
+        settled: list[_Fitted] = []
+        tried: list[FloatArray] = []
+        for _, line_fit, samples in sorted(fits, key=lambda t: -t[0]):
+            place = line_fit.unknowns[:2]
+            if any(math.dist(place, other) < self._settings.same_m / 2 for other in tried):
+                continue
+            tried.append(place)
+            reach = self._settings.reach_on_arc_stds * math.sqrt(line_fit.covariance[HEADING, HEADING])
+            drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
+            if drawn is not None:
+                moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
+                settled.append((drawn.likelihood, moved, samples))
+        return settled
+
+    def _drawn_alone(self, drawing: LineDrawing, model: GoalModel, found: GoalFit, arc: GoalArc) -> list[_Fitted]:
+        """Settle the goal along its arc where too few lines are seen one by one, by all of them drawn."""
+        evidence = np.array([drawing.likelihood(model, p) for p in arc.unknowns]) - arc.cost / 2
+        best = int(np.argmax(evidence))
+        if evidence[best] <= 0.0:
+            return []
+        turns = np.abs(np.diff(arc.unknowns[:, HEADING]))
+        reach = 2 * float(turns[max(best - 1, 0) : best + 1].max())
+        drawn = drawing.settle(model, found.samples, arc.unknowns[best], reach, loose=2)
+        if drawn is None or drawn.likelihood < self._settings.min_drawn_evidence:
+            return []
+        line_fit = LineFit(drawn.unknowns, drawn.covariance, 0.0, np.empty(0))
+        return [(drawn.likelihood, line_fit, found.samples)]
+
+    def _starts(
+        self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Cameras on the arc that lines confirm best."""
+        condeviationed = at_one_heading(model)
+        scored = []
+        for p, covariance, cost in zip(arc.unknowns, arc.covariance, arc.cost, strict=True):
+            marked = self._marked(frame, condeviationed, found.samples, p, covariance, self._settings.reaches_px[0])
+            if marked is None:
+                continue
+            q, least, _ = fit(
+                condeviationed, marked.samples, p, np.full(self._settings.iterations, self._settings.scales_px[1])
+            )
+            if math.isfinite(least):
+                scored.append((self._evidence(condeviationed, marked, q) - cost / 2, q, covariance))
+        scored.sort(key=lambda one: -one[0])
+        chosen: list[tuple[FloatArray, FloatArray]] = []
+        for _, p, covariance in scored:
+            if all(math.dist(p[:2], other[:2]) > self._settings.same_m for other, _ in chosen):
+                chosen.append((p, covariance))
+            if len(chosen) == self._settings.max_starts:
+                break
+        return chosen
+
+    def _evidence(self, model: GoalModel, marked: _Marked, p: FloatArray) -> float:
+        """Logarithm of how much likelier the ridges are if these lines are there than if they are clutter."""
+        residual = residuals(model, marked.samples, p)[-int(marked.seen.sum()) :]
+        due = self._settings.seen_ratio * np.minimum(1.0, marked.width / self._settings.full_width_px)
+        near = np.exp(-0.5 * (residual / self._settings.spread_px) ** 2) / (
+            self._settings.spread_px * math.sqrt(math.tau)
+        )
+        anywhere = self._settings.clutter_ratio / (2 * marked.reach)
+        there = np.log1p(due[marked.seen] * (near / anywhere[marked.seen] - 1.0))
+        return float(there.sum() + np.log1p(-due[~marked.seen]).sum())
+
+    def _from(
+        self,
+        frame: npt.NDArray[np.uint8],
+        model: GoalModel,
+        found: GoalFit,
+        start: FloatArray,
+        covariance: FloatArray,
+    ) -> _Fitted | None:
+        """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
+        p = start
+        is_near = False  # whether the last round already searched no farther than the next one
+        marked = None
+        for reach, scale in zip(self._settings.reaches_px, self._settings.scales_px, strict=True):
+            if is_near and reach > self._settings.reaches_px[-1]:
+                continue
+            marked = self._marked(frame, model, found.samples, p, covariance, reach)
+            if marked is None:
+                return None
+            is_near = float(marked.reach.max()) <= self._settings.reaches_px[1]
+            p, cost, information = fit(model, marked.samples, p, np.full(self._settings.iterations, scale))
+            if not math.isfinite(cost):
+                return None
+            covariance = covariance_of(model, information)
+        assert marked is not None
+        samples = self._as_scattered(model, marked.samples, p)
+        p, cost, information = fit(model, samples, p, np.full(self._settings.iterations, self._settings.scales_px[-1]))
+        if not math.isfinite(cost):
+            return None
+        covariance = covariance_of(model, information)
+        off = residuals(model, found.samples, p)
+        deviation = np.where(np.isinf(model.weight), 0.0, model.weight) * (p - model.prior) ** 2
+        of_goal = float(np.log1p((off / 0.3) ** 2) @ (0.3 / found.samples.sigma) ** 2 + deviation.sum())
+        residual = residuals(model, marked.samples, p)[len(off) :]
+        ratio = float(marked.seen.mean())
+        return self._evidence(model, marked, p) - of_goal / 2, LineFit(p, covariance, ratio, residual), samples
+
+    def _marked(
+        self,
+        frame: npt.NDArray[np.uint8],
+        model: GoalModel,
+        samples: EdgeSamples,
+        p: FloatArray,
+        covariance: FloatArray,
+        max_px: float,
+    ) -> _Marked | None:
+        """Look for the lines where a camera predicts them; None where too few are in view or seen."""
+        due = self._marks.predict(model, p)
+        if len(due) < self._settings.min_marks:
+            return None
+        std = np.empty(len(due))
+        mark_stds(due.mark_m, due.direction, model.scene.camera, p, covariance, std)
+        reach = np.minimum(self._settings.reach_stds * std + self._settings.min_reach_px, max_px)
+        uv, seen = self._marks.measure(frame, due, reach)
+        if len(uv) < self._settings.min_marks:
+            return None
+        near = due.take(seen)
+        paint = self._settings.paint_error_m / self._marks.line_width_m * near.width_px
+        sigma = np.sqrt(
+            (self._settings.sample_error_px * np.maximum(1.0, self._settings.sharp_width_px / near.width_px)) ** 2
+            + paint**2
+            + self._settings.line_error_px**2 * len(uv)
+        )
+        joined = with_marks(samples, near.mark_m, uv, near.direction, sigma)
+        return _Marked(joined, seen, due.width_px, reach)
+
+    def _as_scattered(self, model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
+        """Let the noise of marks be what they scatter; what lines are off as a whole comes and goes with it."""
+        first = len(samples.sigma) - len(samples.mark_m)
+        square = np.minimum((residuals(model, samples, p)[first:] / samples.sigma[first:]) ** 2, 9.0)
+        scatter = (float(square.sum()) + self._settings.prior_weight) / (len(square) + self._settings.prior_weight)
+        sigma = samples.sigma.copy()
+        sigma[first:] *= math.sqrt(scatter)
+        return replace(samples, sigma=sigma)
