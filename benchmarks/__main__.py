@@ -9,6 +9,7 @@ use one core. ``--update`` makes the new figures the last ones.
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -75,8 +76,15 @@ def check_program(
     return not found.worse, [f"{line}{text}{counted}", *(f"    {worse}" for worse in found.worse)]
 
 
-def render_pages(pages: Sequence[str] = PAGES, root: Path = ROOT, folder: Path = FOLDER) -> None:
-    """Render the figures of pages; a page is written only if it changes."""
+def render_pages(pages: Sequence[str] = PAGES, root: Path = ROOT, folder: Path = FOLDER) -> list[str]:
+    """Render the figures of pages; return those that changed.
+
+    Raises
+    ------
+    FigureError
+        A page asks for figures that are not there; it names the page.
+    """
+    changed = []
     for page in pages:
         path = root / page
         text = path.read_text(encoding="utf-8")
@@ -86,7 +94,8 @@ def render_pages(pages: Sequence[str] = PAGES, root: Path = ROOT, folder: Path =
             raise FigureError(f"{page}: {error}") from None
         if rendered != text:
             path.write_text(rendered, encoding="utf-8")
-            print("rendered", page)
+            changed.append(page)
+    return changed
 
 
 def main(argv: Sequence[str] | None = None, run: Run = _run) -> int:
@@ -103,10 +112,11 @@ def main(argv: Sequence[str] | None = None, run: Run = _run) -> int:
     arguments = parser.parse_args(argv)
     if arguments.render:
         try:
-            render_pages()
+            changed = render_pages()
         except FigureError as error:
-            print(error)
+            print(error, file=sys.stderr)
             return 2
+        print(f"rendered: {', '.join(changed) or 'nothing has changed'}")
         return 0
     names = program_names()
     unknown = [name for name in arguments.programs if name not in names]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.__main__ import render_pages
 from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.figures import FigureError, Figures, FigureTable, Row, cell_text, read_figures, write_figures
@@ -220,3 +221,14 @@ def test_figures_of_no_run() -> None:
     figures = Figures("a/b", "", "default", 1, "2026-11-21", "", {})
     with pytest.raises(FigureError, match="a/b: no table 'x'"):
         figures.table("x")
+
+
+def test_pages_are_written_only_if_they_change(written: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(PAGE, encoding="utf-8")
+    assert render_pages(["page.md"], tmp_path, written.parents[1]) == ["page.md"]
+    assert "| near |" in page.read_text(encoding="utf-8")
+    assert render_pages(["page.md"], tmp_path, written.parents[1]) == []
+    page.write_text(PAGE.replace("poses", "balls"), encoding="utf-8")
+    with pytest.raises(FigureError, match=r"page\.md: .*no table 'balls'"):
+        render_pages(["page.md"], tmp_path, written.parents[1])
