@@ -3,5 +3,6 @@
 from robocup_vision.mapping.ego_motion import EgoMotion, Motion
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.range_profile import RangeProfile, floor_profile
+from robocup_vision.mapping.view_motion import ViewMotion, ViewMotionSettings
 
-__all__ = ["EgoMotion", "FreeSpaceMap", "Motion", "RangeProfile", "floor_profile"]
+__all__ = ["EgoMotion", "FreeSpaceMap", "Motion", "RangeProfile", "ViewMotion", "ViewMotionSettings", "floor_profile"]
