@@ -2,6 +2,8 @@
 
 PYTHON := .venv/bin/python
 INSTALLED := .venv/installed
+# one process a core; neighbours stay together, so that fixtures of a file are seldom made twice
+PARALLEL := -n logical --dist worksteal
 
 .DEFAULT_GOAL := help
 .PHONY: help .venv test slow docs demo match examples figures bench-check clean
@@ -39,10 +41,10 @@ test: $(INSTALLED)
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
 	.venv/bin/lint-imports --no-cache
-	$(PYTHON) -m pytest -m "not slow" --cov --cov-report=term:skip-covered --cov-fail-under=90
+	$(PYTHON) -m pytest $(PARALLEL) -m "not slow" --cov --cov-report=term:skip-covered --cov-fail-under=90
 
 slow: $(INSTALLED)
-	$(PYTHON) -m pytest -m slow
+	$(PYTHON) -m pytest $(PARALLEL) -m slow
 
 docs: .venv/installed-docs
 	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs

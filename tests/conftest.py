@@ -7,7 +7,15 @@ import os
 import sys
 from pathlib import Path
 
+# `make test` runs a process a core: threads beside it would only wait for each other. Before numpy is first imported
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import cv2
 from hypothesis import settings
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    cv2.setNumThreads(0)
 
 # with --import-mode=importlib pytest puts no test folder on the path
 sys.path.insert(0, str(Path(__file__).parent))
