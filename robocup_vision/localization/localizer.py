@@ -35,6 +35,8 @@ class FrameEvidence:
         The floor's edge at each of the view's bearings, as its `radius_px`; NaN where none.
     floor_column : (K,) int64
         Each bearing's outermost floor sample; -1 where none.
+    marks : (K, M) uint8 or None
+        What the samples show: 0 blocked, 1 floor, 2 line; None where that is not worked out before the pose.
     """
 
     frame: UInt8Array
@@ -43,6 +45,7 @@ class FrameEvidence:
     view: PolarView | FloorView | None
     edge_px: FloatArray
     floor_column: Int64Array
+    marks: UInt8Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.omni import OmniCamera
@@ -9,9 +11,14 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.field_half import GoalSide
 from robocup_vision.localization.floor import FloorLocalizer
+from robocup_vision.localization.line_support import LineSupport
 from robocup_vision.localization.lines.localizer import LineLocalizer
 from robocup_vision.localization.localizer import FrameEvidence, Localization, pose_of
+from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.perception.polar_view import PolarView
+
+# floor that shows this many columns beyond a wall is beyond it; so many of the bearings may be mistaken
+_BEYOND_COLUMNS, _MAX_BEYOND_RATIO = 3.0, 0.1
 
 
 class MirrorLocalizer:
@@ -49,7 +56,10 @@ class MirrorLocalizer:
         use_lines: bool = True,
     ) -> None:
         self._outline = FloorLocalizer(field, camera, view) if field.is_bounded or not use_lines else None
-        self._lines = LineLocalizer(field, camera, mask) if use_lines else None
+        lines = LineLocalizer(field, camera, mask) if len(field.lines) + len(field.arcs) else None
+        self._lines = lines if use_lines else None
+        self._support = None if lines is None else LineSupport(lines.line_map, lines.finder, view)
+        self._walls = field.walls if field.is_bounded else None
         self._half = GoalSide(field, camera, mask)
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
@@ -64,11 +74,29 @@ class MirrorLocalizer:
             arbiter = None if lines is None else (lambda poses: lines.choose(frame, poses))
             estimate, walls = self._outline.locate(evidence.edge_px, start, arbiter)
             if isinstance(estimate, PoseEstimate):
-                return Localization(self._half.choose(frame, estimate, colors, start), camera, walls)
+                if self._is_borne_out(estimate, evidence):
+                    return Localization(self._half.choose(frame, estimate, colors, start), camera, walls)
+                agree = f"{estimate.inlier_share:.0%}"
+                estimate = NotLocated(f"{agree} of the floor's edge agrees with the walls, but the lines do not")
             reason = estimate.reason
         if self._lines is not None:
             estimate = self._lines.locate(frame)
-            if isinstance(estimate, PoseEstimate):
+            if isinstance(estimate, PoseEstimate) and self._is_within_walls(estimate.pose, evidence):
                 return Localization(self._half.choose(frame, estimate, colors, start), camera)
-            reason = f"{reason}; by lines: {estimate.reason}" if reason else estimate.reason
+            by_lines = estimate.reason if isinstance(estimate, NotLocated) else "floor shows where they put the walls"
+            reason = f"{reason}; by lines: {by_lines}" if reason else by_lines
         return Localization(NotLocated(reason), camera)
+
+    def _is_borne_out(self, estimate: PoseEstimate, evidence: FrameEvidence) -> bool:
+        if self._support is None or evidence.marks is None:
+            return True
+        return self._support.bears_out(estimate, evidence.frame, evidence.marks)
+
+    def _is_within_walls(self, pose: Pose2, evidence: FrameEvidence) -> bool:
+        """Whether hardly any floor shows beyond the walls of a pose that lines alone have told."""
+        if self._walls is None or evidence.view is None:
+            return True
+        edge, wall = evidence.edge_px, wall_px(self._walls, pose, evidence.view)
+        shown = np.isfinite(edge) & np.isfinite(wall)
+        beyond = edge[shown] > wall[shown] + _BEYOND_COLUMNS * evidence.view.step_px
+        return int(beyond.sum()) <= _MAX_BEYOND_RATIO * int(shown.sum())

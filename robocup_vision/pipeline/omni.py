@@ -85,7 +85,9 @@ class OmniPipeline(FramePipeline):
         colored = perf_counter()
         edge, outermost = self._outline(frame, llr, table)
         outlined = perf_counter()
-        evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost)
+        marks = self._marking.mark(samples, llr, outermost)
+        marked = perf_counter()
+        evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks)
         answer = self._localizer.locate(evidence, prior)
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
@@ -93,7 +95,6 @@ class OmniPipeline(FramePipeline):
         if ball is not None and pose and self.field.is_bounded and not self._is_on_floor(ball, pose.pose):
             ball = None
         balled = perf_counter()
-        marks = self._marking.mark(samples, llr, outermost)
         if ball is not None:
             self._ball.clear(ball, self.polar, marks)
         free_space = self.grid.measure(marks)
@@ -102,9 +103,9 @@ class OmniPipeline(FramePipeline):
         timings = {
             "colors": colored - begin,
             "outline": outlined - colored,
-            "pose": located - outlined,
+            "pose": located - marked,
             "ball": balled - located,
-            "free_space": end - balled,
+            "free_space": end - balled + marked - outlined,
             "total": end - begin,
         }
         return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, self.camera, self.grid, t_s)

@@ -12,13 +12,14 @@ from time import perf_counter
 import numpy as np
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array, read_only
+from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import Method, make_pinhole_localizer
+from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.perception.ball import Ball
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_ball import FloorBallFinder
@@ -170,7 +171,9 @@ class PinholePipeline(FramePipeline):
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
         marks, ball, free_space = self._see_floor(frame, floor, samples, robot, timings)
-        walls = np.full(floor.view.bearings, np.nan) if robot is None else self._walls_px(robot, floor.view)
+        walls = np.full(floor.view.bearings, np.nan)
+        if robot is not None and self.field.is_bounded:
+            walls = wall_px(self.field.walls, robot, floor.view)
         timings["total"] = perf_counter() - begin
         edge = _edge_px(floor.view, samples.columns)
         return View(pose, free_space, ball, timings, edge, marks, walls, floor.view, answer.camera, floor.grid, t_s)
@@ -225,26 +228,6 @@ class PinholePipeline(FramePipeline):
             free_space = floor.grid.measure(marks)
         timings |= {"ball": ball_found - begin, "free_space": perf_counter() - ball_found}
         return marks, ball, free_space
-
-    def _walls_px(self, robot: Pose2, view: FloorView) -> FloatArray:
-        """Where a pose puts the walls, as `radius_px` of each bearing (K,); NaN where none is to be seen."""
-        walls = self.field.walls if self.field.is_bounded else np.empty((0, 4))
-        if not len(walls):
-            return np.full(view.bearings, np.nan)
-        foot = robot.compose(Pose2(*view.camera.offset_m, 0.0))
-        angle = foot.theta_rad + view.bearing_rad[:, None]
-        dx, dy = np.cos(angle), np.sin(angle)
-        x0, y0, x1, y1 = walls.T
-        ax, ay, bx, by = x0 - foot.x_m, y0 - foot.y_m, x1 - x0, y1 - y0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            across = dx * by - dy * bx
-            away = (ax * by - ay * bx) / across
-            along = (ax * dy - ay * dx) / across
-        hit = (away > 0) & (along >= 0) & (along <= 1)
-        nearest = np.where(hit, away, np.inf).min(axis=1)
-        used = view.columns_in_use
-        radius = np.interp(-1.0 / nearest, -1.0 / view.range_m[:used], view.radius_px[:used])
-        return read_only(np.where(np.isfinite(nearest), radius, np.nan))
 
 
 def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:

@@ -1,0 +1,104 @@
+"""Whether the lines in a picture bear a pose out that was found without them.
+
+A floor's outline can be fitted to any picture: a shore, a bear before a wall. A field also shows its lines, where the
+pose says that they lie. Line points that the pose does not explain speak against it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor.free_floor import LINE
+from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.perception.line_points import LineFinder
+from robocup_vision.perception.polar_view import PolarView
+
+
+@dataclass(frozen=True, slots=True)
+class LineSupportSettings:
+    """When lines bear out a pose that the floor's outline tells.
+
+    Parameters
+    ----------
+    sure_inlier_ratio : float
+        An outline that agrees so well needs no lines: on pictures of other things at most 0.7 agree.
+    min_ratio_sum : float
+        Share of the outline that agrees plus share of the line points that lie on lines: 0.74 at most on pictures of
+        other things, 1.2 at least where the pose is right.
+    min_samples : int
+        With fewer samples marked as line these say nothing. They are coarse, but cost nothing; where they do not bear
+        the pose out, line points are found to a fraction of a pixel.
+    min_points : int
+        With fewer the points say nothing, and nothing bears the pose out.
+    near_widths : float
+        So near to a line's middle, in line widths, a point is on it.
+    """
+
+    sure_inlier_ratio: float = 0.8
+    min_ratio_sum: float = 1.0
+    min_samples: int = 10
+    min_points: int = 8
+    near_widths: float = 1.2
+
+
+class LineSupport:
+    """Tells whether lines bear out a mirror camera's pose.
+
+    Parameters
+    ----------
+    line_map : LineMap
+        The field's lines.
+    finder : LineFinder
+        Finds line points in the camera's frames.
+    view : PolarView
+        Where the marked floor samples lie.
+    settings : LineSupportSettings
+        Thresholds.
+    """
+
+    def __init__(
+        self,
+        line_map: LineMap,
+        finder: LineFinder,
+        view: PolarView,
+        settings: LineSupportSettings = LineSupportSettings(),
+    ) -> None:
+        self._map, self._finder, self._view, self._settings = line_map, finder, view, settings
+        self._near_m = settings.near_widths * line_map.field.line_width_m
+        # a sample stands for half a column inwards and outwards
+        self._near_sample_m = np.maximum(self._near_m, 0.5 * np.gradient(view.range_m) + 0.5 * self._near_m)
+
+    def bears_out(self, estimate: PoseEstimate, frame: UInt8Array, marks: UInt8Array) -> bool:
+        """Tell whether the lines in view bear a pose out.
+
+        Parameters
+        ----------
+        estimate : PoseEstimate
+            By the floor's outline.
+        frame : (H, W, 3) uint8
+            BGR.
+        marks : (K, M) uint8
+            What the view's samples show, as `FloorMarking.mark` tells.
+        """
+        settings = self._settings
+        if estimate.inlier_share >= settings.sure_inlier_ratio:
+            return True
+        row, column = np.nonzero(marks == LINE)
+        missing_ratio = settings.min_ratio_sum - estimate.inlier_share
+        if len(row) >= settings.min_samples:
+            off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
+            if np.count_nonzero(off_m < self._near_sample_m[column]) >= missing_ratio * len(row):
+                return True
+        points = self._finder.find(frame)
+        if len(points) < settings.min_points:
+            return False
+        off_m = self._off_lines_m(estimate.pose, points.floor_m)
+        return bool(np.count_nonzero(off_m < self._near_m) >= missing_ratio * len(points))
+
+    def _off_lines_m(self, pose: Pose2, floor_m: FloatArray) -> FloatArray:
+        return self._map.nearest(pose.transform(floor_m)).distance_m
