@@ -1,7 +1,6 @@
-"""The robots on the field, from the outside: what each of them senses, and what its command does to it.
+"""Connects the world with players or learners: gives each robot its senses, and obeys its commands.
 
-Between the world and whoever plays, be it a match's players or somebody's learner. What comes out for a robot is
-`Senses` alone.
+A player gets `Senses` and nothing else.
 """
 
 from __future__ import annotations
@@ -17,30 +16,31 @@ from field_models.field import Field
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.goal.scenes import ers7_camera
+from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, RobotLimits, Senses
 from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
-from sim2d.sensors.match_camera import MatchCamera
+from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera
 from sim2d.world.state import WorldState
-from sim2d.world.world import World
+from sim2d.world.world import World, WorldSettings
 
 Camera = OmniCamera | PinholeCamera
 
-# the head of a four-legged robot as it plays: at a known angle, pictures small enough to be seen in time
+# the head of a four-legged robot in play: at a known angle, with pictures small enough to process in time
 _HEAD_SIZE_PX, _HEAD_TILT_RAD = (208, 160), math.radians(-12.0)
 
-# one stream of random numbers for each thing that chance decides
+# one stream of random numbers for each source of chance
 _WORLD, _SENSOR, _FAULTS, _PLAYERS = range(4)
 
 
 def camera_for(field: Field) -> Camera:
-    """Return the camera that robots of a field's league carry: in a head where goals have posts, else a mirror's."""
+    """Return the camera that robots of a field's league carry: a head camera where goals have posts, else a mirror."""
     if any(goal.kind == "posts" for goal in field.goals):
         return dataclasses.replace(ers7_camera(*_HEAD_SIZE_PX), pan_rad=0.0, tilt_rad=_HEAD_TILT_RAD, roll_rad=0.0)
     return sekimori_camera()
 
 
 class Arena:
-    """A field with robots that sense and obey.
+    """A field with robots, as their players meet it.
 
     Parameters
     ----------
@@ -55,7 +55,11 @@ class Arena:
     limits : RobotLimits
         What every robot can do.
     faults : sequence of Fault
-        What goes wrong.
+        Faults of senses and bodies.
+    physics : WorldSettings
+        Of bodies, ball and rules.
+    sensor : Sensor
+        Lens and sensor of every camera.
 
     Raises
     ------
@@ -72,6 +76,8 @@ class Arena:
         camera: Camera | None = None,
         limits: RobotLimits | None = None,
         faults: Sequence[Fault] = (),
+        physics: WorldSettings = WorldSettings(),
+        sensor: Sensor = MATCH_SENSOR,
     ) -> None:
         if seed < 0:
             raise ArgumentError(f"seed must not be negative, got {seed}")
@@ -80,12 +86,13 @@ class Arena:
         self.camera = camera_for(field) if camera is None else camera
         self.limits = RobotLimits() if limits is None else limits
         self.faults = tuple(faults)
-        self.world = World(field, players, self.limits, np.random.default_rng([seed, _WORLD]))
+        self.world = World(field, players, self.limits, np.random.default_rng([seed, _WORLD]), physics)
         robots = range(2 * players)
         for fault in faults:
             if fault.robot not in robots:
                 raise ArgumentError(f"a fault must name a robot from 0 to {2 * players - 1}, got {fault.robot}")
-        self._eyes = MatchCamera(field, self.camera, self.limits, np.random.default_rng([seed, _SENSOR]))
+        camera_rng = np.random.default_rng([seed, _SENSOR])
+        self._cameras = MatchCamera(field, self.camera, self.limits, camera_rng, sensor=sensor)
         self._faulty = [
             FaultySenses(
                 [f for f in faults if isinstance(f, SenseFault) and f.robot == index],
@@ -113,11 +120,11 @@ class Arena:
 
         The frames are read-only, and nothing else holds them.
         """
-        self._let_hands_in()
+        self._apply_body_faults()
         state = self.world.state
         sensed = []
         for robot in state.robots:
-            frame = np.array(self._eyes.render(state, robot.index))
+            frame = np.array(self._cameras.render(state, robot.index))
             frame.flags.writeable = False
             senses = Senses(
                 state.t_s,
@@ -137,7 +144,7 @@ class Arena:
         self.world.step(commands)
         return self.world.state
 
-    def _let_hands_in(self) -> None:
+    def _apply_body_faults(self) -> None:
         while self._body_faults and self._body_faults[0].at_s <= self.world.t_s + CONTROL_PERIOD_S / 2:
             fault = self._body_faults.pop(0)
             if fault.carry_to is not None:

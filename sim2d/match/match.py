@@ -1,6 +1,6 @@
-"""A match: the loop in which every player gets its robot's senses, and nothing else, and answers with a command.
+"""Plays a match: in every control period each player gets its robot's senses, and nothing else, and returns a command.
 
-A player that fails is stopped alone, and the match goes on.
+A player that fails is stopped; the match goes on.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from field_models.field import Field
 from robocup_vision.estimates import NotLocated
 from sim2d.match.arena import Arena, Camera
 from sim2d.players.built_in import BuiltInPlayer
+from sim2d.rendering.sensor import Sensor
 from sim2d.report.match_figures import MatchFigures, MatchLog
 from sim2d.report.moment import Moment, RobotMoment
 from sim2d.robot_link import (
@@ -26,7 +27,9 @@ from sim2d.robot_link import (
     Senses,
 )
 from sim2d.sensors.faults import Fault
+from sim2d.sensors.match_camera import MATCH_SENSOR
 from sim2d.world.robot_body import check_command
+from sim2d.world.world import WorldSettings
 
 _REASON_LETTERS = 200
 
@@ -44,7 +47,7 @@ class Match:
         The same seed gives the same match, bit for bit.
     ours, theirs : PlayerFactory
         Make the players of the side that attacks the goal at +x, and of the other.
-    camera, limits, faults
+    camera, limits, faults, physics, sensor
         See `Arena`.
 
     Raises
@@ -64,8 +67,12 @@ class Match:
         camera: Camera | None = None,
         limits: RobotLimits | None = None,
         faults: Sequence[Fault] = (),
+        physics: WorldSettings = WorldSettings(),
+        sensor: Sensor = MATCH_SENSOR,
     ) -> None:
-        self.arena = Arena(field, players, seed, camera=camera, limits=limits, faults=faults)
+        self.arena = Arena(
+            field, players, seed, camera=camera, limits=limits, faults=faults, physics=physics, sensor=sensor
+        )
         self.seed = seed
         self._log = MatchLog(self.arena.state, self.arena.limits, field.ball_radius_m, faults)
         self._seats = [
@@ -91,7 +98,7 @@ class Match:
 
     @property
     def figures(self) -> MatchFigures:
-        """What the match was worth so far."""
+        """The figures so far."""
         return self._log.figures
 
 

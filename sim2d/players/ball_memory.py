@@ -28,6 +28,10 @@ class BallMemorySettings:
         Longest time between two positions of which a velocity is made: after more the ball may have turned.
     max_speed_mps : float
         A faster ball is a wrong detection.
+    missed_s : float
+        A ball unseen for so long at a visible place is gone from there.
+    hidden_s : float
+        A ball unseen for so long is hidden by the robot that held it.
     taken_reaches : float
         A ball nearer than this to another robot's centre, in reaches (robot radius plus ball radius), is held by it.
     """
@@ -36,6 +40,8 @@ class BallMemorySettings:
     velocity_gain: float = 0.4
     max_gap_s: float = 0.25
     max_speed_mps: float = 4.0
+    missed_s: float = 0.5
+    hidden_s: float = 0.15
     taken_reaches: float = 2.0
 
 

@@ -1,7 +1,6 @@
-"""The built-in player: from camera frames and odometry alone to commands for one robot.
+"""The built-in player: computes commands for one robot from its camera frames and odometry alone.
 
-What it believes comes from `Vision` and `Memory`; what it wants from `player_tactics`, in its team's frame; how it
-gets there from `player_motion`; by which way and how fast, if it plans, from `player_planning`.
+`Vision` and `Memory` estimate, `tactics` decides in the team's frame, `driving` finds the way and the command.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FreeSpace
-from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
 from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
@@ -28,26 +26,15 @@ from sim2d.kick_off import kick_off_pose
 from sim2d.players.ball_memory import BallMemory, HiddenBall, Point, block_ball, is_in_sight
 from sim2d.players.driving.motion import Motion
 from sim2d.players.driving.travel import Travel, TravelPlanner
+from sim2d.players.head import Head
 from sim2d.players.plan import Plan, Situation
+from sim2d.players.settings import PlayerSettings
 from sim2d.players.shot import Shooter
 from sim2d.players.surroundings import Surroundings
 from sim2d.players.tactics.tactics import Tactics
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, PlayerStatus, Reason, Senses
 
-# what was seen is driven by for so long; after that the robot stops until it sees again
-_SIGHT_S = 0.4
-# a ball that has not been seen for so long where nothing hides it is gone
-_MISSED_S = 0.5
-# a ball unseen for so long is hidden by who had it
-_HIDDEN_S = 0.15
-# a head looks at the ball, then sweeps for goals: seconds of each, and how far it sweeps
-_WATCH_S, _SWEEP_S, _SWEEP_RAD = 1.5, 1.5, 1.4
-# how fast a robot turns that does not know where it is
-_LOST_RPS = 1.0
-_NOWHERE = Pose2(0.0, 0.0, 0.0)
-# where to look is planned anew so often; how a pose's covariance grows in a second without frames
-_GAZE_S = 0.1
-_DRIFT = np.diag([0.03**2, 0.03**2, 0.05**2])
+_NO_MOTION = Pose2(0.0, 0.0, 0.0)
 
 
 class BuiltInPlayer:
@@ -58,29 +45,37 @@ class BuiltInPlayer:
     setup : PlayerSetup
         What it knows before the match.
     remembers : bool
-        Follow who moves on the field and keep a map of the floor: steering then keeps clear of where others will be.
+        Track other robots and keep a map of the floor: steering then keeps clear of where the others will be.
     plans : bool
-        Choose ways between others, speeds and, for a head that turns, where to look by what is believed. It remembers
-        then, too.
+        Plan ways between others, speeds, shots and, for a head that turns, where to look. It remembers then, too.
+    settings : PlayerSettings
+        See there.
     """
 
-    def __init__(self, setup: PlayerSetup, *, remembers: bool = False, plans: bool = False) -> None:
-        self._setup = setup
-        camera = setup.camera
-        self._head: PinholeCamera | None = None
+    def __init__(
+        self,
+        setup: PlayerSetup,
+        *,
+        remembers: bool = False,
+        plans: bool = False,
+        settings: PlayerSettings = PlayerSettings(),
+    ) -> None:
+        self._setup, self._settings = setup, settings
+        field, limits, camera = setup.field, setup.limits, setup.camera
+        self._head: Head | None = None
         if isinstance(camera, PinholeCamera):
-            self._head = camera
+            self._head = Head(field, limits, camera, plans=plans, settings=settings.head)
         self._memory = Memory.of_everything(setup.field) if remembers or plans else Memory(setup.field)
         self._vision = Vision(setup.field, camera, memory=self._memory)
         self._filter = self._memory.poses
-        # the rules say where it begins, up to what a frame has to say
+        # the rules say where it begins; a frame may say otherwise
         self._filter.expect(
             kick_off_pose(setup.field, setup.attacks, setup.number, setup.players, setup.limits.radius_m)
         )
-        self._tactics = Tactics(setup.field, setup.limits, setup.number, setup.players)
-        self._motion = Motion(setup.limits, np.random.default_rng(setup.seed))
-        self._ball = BallMemory()
-        self._reach_m = setup.limits.radius_m + setup.field.ball_radius_m
+        self._tactics = Tactics(field, limits, setup.number, setup.players, settings.tactics, settings.ball)
+        self._motion = Motion(limits, np.random.default_rng(setup.seed), settings.motion)
+        self._ball = BallMemory(settings.ball)
+        self._reach_m = limits.radius_m + field.ball_radius_m
         self._hidden: HiddenBall | None = None
         self._view: View | None = None
         self._view_t_s = -math.inf
@@ -89,31 +84,30 @@ class BuiltInPlayer:
         self._last_frame: UInt8Array | None = None
         self._last_t_s: float | None = None
         self._held_since_s: float | None = None
-        # of the last frame
-        self._pan_rad = 0.0
-        self._neck = Neck(min(_SWEEP_RAD, setup.limits.pan_limit_rad), setup.limits.pan_rps)
         self._intent = "wait"
         self._why: Reason | None = None
         self._planner: TravelPlanner | None = None
         self._shooter: Shooter | None = None
-        self._gaze_planner: PoseGaze | None = None
         if plans and self._memory.free_map is not None:
-            self._hidden = HiddenBall(self._reach_m)
-            self._planner = TravelPlanner(setup.field, setup.limits, self._memory.free_map.looks_to_free)
+            self._hidden = HiddenBall(self._reach_m, settings.ball)
+            self._planner = TravelPlanner(field, limits, self._memory.free_map.looks_to_free, settings.travel)
             # a keeper does not shoot
-            if setup.field.goals and not self._tactics.is_keeper:
-                self._shooter = Shooter(setup.field, setup.limits, setup.attacks)
-            if self._head is not None:
-                self._gaze_planner = PoseGaze(setup.field, self._head, self._neck, detectors=GOAL_DETECTORS)
+            if field.goals and not self._tactics.is_keeper:
+                self._shooter = Shooter(
+                    field,
+                    limits,
+                    setup.attacks,
+                    settings.shot,
+                    motion=settings.motion,
+                    keeper=settings.tactics.keeper,
+                )
         self._travel: Travel | None = None
-        self._gaze: Gaze | None = None
-        self._gaze_s = -math.inf
 
     @property
     def status(self) -> PlayerStatus:
         """Estimates and plans after the last `act`."""
         place = None if self._last_t_s is None else self._ball.place(self._last_t_s)
-        travel, gaze = self._travel, self._gaze
+        travel, gaze = self._travel, None if self._head is None else self._head.gaze
         reasons = () if travel is None else travel.reasons
         if self._why is not None:
             reasons += (self._why,)
@@ -137,7 +131,7 @@ class BuiltInPlayer:
         self._update(senses)
         self._look(senses)
         command = self._decide(senses)
-        pan = self._turn_head(senses.t_s) if self._head is not None else None
+        pan = None if self._head is None else self._turn_head(self._head, senses.t_s)
         numbers = (command.forward_mps, command.left_mps, command.turn_rps, command.kick_mps)
         if not all(map(math.isfinite, numbers)):
             return Command(pan_rad=pan)
@@ -146,7 +140,7 @@ class BuiltInPlayer:
     def _update(self, senses: Senses) -> None:
         odometry = senses.odometry
         if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad))):
-            odometry = _NOWHERE
+            odometry = _NO_MOTION
         self._filter.predict(odometry, senses.t_s)
         self._motion.update(odometry, senses.t_s)
         self._last_t_s = senses.t_s
@@ -156,18 +150,18 @@ class BuiltInPlayer:
             self._held_since_s = senses.t_s
 
     def _look(self, senses: Senses) -> None:
-        """See the frame, unless there is none or it is the last one again: then the camera stands still."""
+        """Process the frame, unless there is none or it is the last one again: then the camera has stopped."""
         frame, frame_t_s = senses.frame, senses.frame_t_s
         if frame is None or frame_t_s is None:
             return
         if self._last_frame is not None and np.array_equal(frame, self._last_frame):
             return
         self._last_frame = frame.copy()
-        if senses.frame_pan_rad is not None:
-            self._pan_rad = senses.frame_pan_rad
-        view = self._vision.look(frame, frame_t_s, pan_rad=None if self._head is None else self._pan_rad)
-        if self._gaze_planner is not None:
-            self._gaze_planner.observe(bool(view.pose), self._pan_rad)
+        if self._head is not None and senses.frame_pan_rad is not None:
+            self._head.pan_rad = senses.frame_pan_rad
+        view = self._vision.look(frame, frame_t_s, pan_rad=None if self._head is None else self._head.pan_rad)
+        if self._head is not None:
+            self._head.observe(bool(view.pose))
         self._view = view
         if view.polar is None or not view.marks.any():
             return
@@ -175,7 +169,7 @@ class BuiltInPlayer:
         before = self._filter.motion_since(self._view_t_s)
         if before is None or motion is None:
             self._floor = SteadyFreeSpace()
-        moved = _NOWHERE if before is None or motion is None else before.compose(motion.inverse())
+        moved = _NO_MOTION if before is None or motion is None else before.compose(motion.inverse())
         self._free_space = view.free_space if self._head else self._floor.update(view.free_space, moved)
         self._view_t_s = frame_t_s
         if belief and motion is not None and view.ball is not None:
@@ -187,16 +181,10 @@ class BuiltInPlayer:
     def _decide(self, senses: Senses) -> Command:
         belief = self._filter.belief
         motion = self._filter.motion_since(self._view_t_s)
-        if (
-            not belief
-            or motion is None
-            or senses.t_s - self._view_t_s > _SIGHT_S
-            or self._view is None
-            or not self._free_space
-        ):
+        is_late = senses.t_s - self._view_t_s > self._settings.max_frame_age_s
+        if not belief or motion is None or is_late or self._view is None or not self._free_space:
             self._intent = "look around" if self._view is not None else "wait"
-            blind = senses.t_s - self._view_t_s > _SIGHT_S
-            return Command(turn_rps=0.0 if blind or self._head is not None else _LOST_RPS)
+            return Command(turn_rps=0.0 if is_late or self._head is not None else self._settings.lost_rps)
         pose = belief.pose
         free_space = self._free_space_now(self._free_space, motion)
         seen_from = pose.compose(motion.inverse())
@@ -207,13 +195,14 @@ class BuiltInPlayer:
             mouth = pose.compose(Pose2(self._reach_m, 0.0, 0.0))
             self._ball.update((mouth.x_m, mouth.y_m), senses.t_s)
         ball = self._ball.place(senses.t_s)
-        if ball is not None and self._ball.age_s(senses.t_s) > _MISSED_S:
+        if ball is not None and self._ball.age_s(senses.t_s) > self._settings.ball.missed_s:
             there = pose.inverse().transform(ball)
             if is_in_sight(free_space, (float(there[0]), float(there[1]))):
                 self._ball.miss()
                 ball = None
         velocity = self._ball.velocity_mps
-        if self._hidden is not None and _HIDDEN_S < self._ball.age_s(senses.t_s) <= self._ball.settings.forget_s:
+        settings = self._settings.ball
+        if self._hidden is not None and settings.hidden_s < self._ball.age_s(senses.t_s) <= settings.forget_s:
             hidden = self._hidden.place((pose.x_m, pose.y_m), *self._tracks(senses.t_s))
             if hidden is not None:
                 ball, velocity = hidden
@@ -288,19 +277,19 @@ class BuiltInPlayer:
         )
 
     def _tracks(self, t_s: float) -> tuple[tuple[Track, ...], float]:
-        """Who is followed, and as of how long ago."""
+        """Return the robots that are tracked, and as of how long ago."""
         belief = None if self._view is None else self._view.belief
         return ((), 0.0) if belief is None else (belief.tracks, t_s - belief.t_s)
 
     def _others(self, t_s: float) -> tuple[Point, ...]:
-        """Who is followed, where it is by now, team frame; players that do not plan do not ask."""
+        """Return where tracked robots are now, team frame; nothing for players that do not plan."""
         if self._planner is None:
             return ()
         tracks, age_s = self._tracks(t_s)
         return tuple(self._point_in_team(track.place_after(age_s)) for track in tracks)
 
     def _moving(self, robot: Pose2, t_s: float) -> tuple[Disc, ...]:
-        """Who moves on the field, where it is by now, in the robot frame."""
+        """Return tracked robots as moving obstacles, where they are now, robot frame."""
         tracks, age_s = self._tracks(t_s)
         return tuple(track.as_disc(robot, self._setup.limits.radius_m, age_s) for track in tracks)
 
@@ -315,26 +304,6 @@ class BuiltInPlayer:
     def _point_in_team(self, point: Point) -> Point:
         return point if self._setup.attacks > 0 else (-point[0], -point[1])
 
-    def _plan_gaze(self, planner: PoseGaze, t_s: float) -> Gaze:
+    def _turn_head(self, head: Head, t_s: float) -> float:
         tracks, _ = self._tracks(t_s)
-        radius_m, height_m = self._setup.limits.radius_m, self._setup.limits.height_m
-        blockers = [Disc(t.x_m, t.y_m, radius_m, t.covariance[:2, :2], height_m=height_m) for t in tracks]
-        return planner.choose(self._filter.belief, t_s, self._pan_rad, blockers, _DRIFT)
-
-    def _turn_head(self, t_s: float) -> float:
-        """Watch the ball, and in between look for goals: left and right, or where most is to be learnt of the pose."""
-        belief, ball = self._filter.belief, self._ball.place(t_s)
-        phase_s = t_s % (_WATCH_S + _SWEEP_S)
-        gaze = None
-        if belief and ball is not None and phase_s < _WATCH_S:
-            at = belief.pose.inverse().transform(ball)
-            wanted = math.atan2(at[1], at[0])
-        elif ball is not None and self._gaze_planner is not None:
-            if self._gaze is None or t_s - self._gaze_s >= _GAZE_S:
-                self._gaze, self._gaze_s = self._plan_gaze(self._gaze_planner, t_s), t_s
-            gaze = self._gaze
-            wanted = gaze.pan_rad
-        else:
-            wanted = self._neck.sweep(phase_s, _SWEEP_S)
-        self._gaze = gaze
-        return max(-self._neck.limit_rad, min(self._neck.limit_rad, wanted))
+        return head.turn(t_s, self._filter.belief, self._ball.place(t_s), tracks)

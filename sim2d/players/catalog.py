@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
 from sim2d.players.built_in import BuiltInPlayer
+from sim2d.players.settings import PlayerSettings
 from sim2d.robot_link import Player, PlayerFactory, PlayerSetup
 
 
@@ -17,14 +18,17 @@ class BuiltInTeam:
     ----------
     remembers, plans : bool
         As `BuiltInPlayer`.
+    settings : PlayerSettings
+        As `BuiltInPlayer`.
     """
 
     remembers: bool = False
     plans: bool = False
+    settings: PlayerSettings = PlayerSettings()
 
     def __call__(self, setup: PlayerSetup) -> Player:
         """Make one player."""
-        return BuiltInPlayer(setup, remembers=self.remembers, plans=self.plans)
+        return BuiltInPlayer(setup, remembers=self.remembers, plans=self.plans, settings=self.settings)
 
 
 PLAYERS: dict[str, PlayerFactory] = {

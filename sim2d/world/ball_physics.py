@@ -1,26 +1,47 @@
-"""The ball on the carpet: it slides until it rolls, and rolls until it lies still."""
+"""Moves the ball on the carpet: it slides until it rolls, and rolls until it lies still."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import pymunk
 
 from sim2d.world.state import BallState
 
-MASS_KG = 0.046
-SLIDING_FRICTION = 0.35  # kick to rolling in about 0.2 s at 2 m/s
-ROLLING_FRICTION = 0.03
-GRAVITY_MPS2 = 9.81
+_GRAVITY_MPS2 = 9.81
+# a slower ball lies still
 _STILL_MPS = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class BallSettings:
+    """Values of `BallBody`.
+
+    Attributes
+    ----------
+    mass_kg : float
+        Of a golf ball.
+    elasticity : float
+        Part of the speed that it keeps at a wall.
+    sliding_friction : float
+        A ball kicked at 2 m/s rolls after about 0.2 s.
+    rolling_friction : float
+        Of a carpet.
+    """
+
+    mass_kg: float = 0.046
+    elasticity: float = 0.7
+    sliding_friction: float = 0.35
+    rolling_friction: float = 0.03
 
 
 class BallBody:
     """A ball in a pymunk space.
 
-    Its roll is the velocity at which its lower side would rest on the carpet; friction draws velocity and roll
-    together (a solid sphere: the roll 2.5 times as fast, so a ball kicked without roll ends at 5/7 of its speed).
-    Spin about the vertical is left out.
+    Its roll is the velocity at which its lower side would rest on the carpet. Friction brings velocity and roll
+    together. For a solid sphere the roll changes 2.5 times as fast, so a ball kicked without roll ends at 5/7 of its
+    speed. Spin about the vertical is not modelled.
 
     Parameters
     ----------
@@ -30,20 +51,24 @@ class BallBody:
         Of the ball.
     collision_type : int
         Of its shape.
+    settings : BallSettings
+        See there.
     """
 
-    def __init__(self, space: pymunk.Space, radius_m: float, collision_type: int) -> None:
-        self.radius_m = radius_m
-        self.body = pymunk.Body(MASS_KG, pymunk.moment_for_circle(MASS_KG, 0, radius_m))
+    def __init__(
+        self, space: pymunk.Space, radius_m: float, collision_type: int, settings: BallSettings = BallSettings()
+    ) -> None:
+        self.radius_m, self._settings = radius_m, settings
+        self.body = pymunk.Body(settings.mass_kg, pymunk.moment_for_circle(settings.mass_kg, 0, radius_m))
         shape = pymunk.Circle(self.body, radius_m)
-        shape.elasticity, shape.friction = 0.7, 0.0
+        shape.elasticity, shape.friction = settings.elasticity, 0.0
         shape.collision_type = collision_type
         space.add(self.body, shape)
         self._roll = (0.0, 0.0)
 
     @property
     def state(self) -> BallState:
-        """Where it is and how it moves."""
+        """Position and velocity."""
         (x, y), (vx, vy) = self.body.position, self.body.velocity
         return BallState(x, y, vx, vy)
 
@@ -60,16 +85,16 @@ class BallBody:
         self._roll = (0.0, 0.0)
 
     def pull(self, ax_mps2: float, ay_mps2: float, dt_s: float) -> None:
-        """Accelerate it as a dribbler does, which also spins it as fast as it goes."""
+        """Accelerate it as a dribbler does, which also makes it roll."""
         vx, vy = self.body.velocity
         self.body.velocity = self._roll = (vx + ax_mps2 * dt_s, vy + ay_mps2 * dt_s)
 
-    def rub(self, dt_s: float) -> None:
-        """Let the carpet act on it for a step."""
+    def apply_friction(self, dt_s: float) -> None:
+        """Apply the carpet's friction for a step."""
         vx, vy = self.body.velocity
         rx, ry = self._roll
         sliding = math.hypot(vx - rx, vy - ry)
-        grip = SLIDING_FRICTION * GRAVITY_MPS2 * dt_s
+        grip = self._settings.sliding_friction * _GRAVITY_MPS2 * dt_s
         if sliding > 3.5 * grip:
             gx, gy = grip * (vx - rx) / sliding, grip * (vy - ry) / sliding
             self.body.velocity = (vx - gx, vy - gy)
@@ -78,6 +103,6 @@ class BallBody:
         # velocity and roll meet within this step: momentum about the point of contact is kept
         vx, vy = (5 * vx + 2 * rx) / 7, (5 * vy + 2 * ry) / 7
         speed = math.hypot(vx, vy)
-        loss = ROLLING_FRICTION * GRAVITY_MPS2 * dt_s
-        kept = 1 - loss / speed if speed > max(loss, _STILL_MPS) else 0.0
-        self.body.velocity = self._roll = (vx * kept, vy * kept)
+        loss = self._settings.rolling_friction * _GRAVITY_MPS2 * dt_s
+        part = 1 - loss / speed if speed > max(loss, _STILL_MPS) else 0.0
+        self.body.velocity = self._roll = (vx * part, vy * part)

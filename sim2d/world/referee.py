@@ -1,4 +1,4 @@
-"""The rules: goals, kick-offs, a ball that is out or lies still, robots that leave the field."""
+"""Applies the rules: goals, kick-offs, a ball that is out or lies still, robots that leave the field."""
 
 from __future__ import annotations
 
@@ -13,15 +13,33 @@ from sim2d.kick_off import center_circle_radius_m
 from sim2d.robot_link import Phase, RobotLimits
 from sim2d.world.state import BallState, Event, RobotState
 
-MIN_KICK_OFF_S = 1.0
-STILL_S, STILL_WAY_M = 10.0, 0.05
-# how far a robot may go beyond what the field file calls floor before somebody carries it back
-ASTRAY_M = 0.5
+
+@dataclass(frozen=True, slots=True)
+class RefereeSettings:
+    """Values of `Referee`.
+
+    Attributes
+    ----------
+    min_kick_off_s : float
+        A kick-off takes at least so long, so that everybody notices it.
+    still_s, still_way_m : float
+        A ball that stays within this way for so long is put elsewhere: nobody can get at it.
+    astray_m : float
+        A robot so far beyond the floor is carried back.
+    drop_way_m : float
+        A ball is not put back where it lay.
+    """
+
+    min_kick_off_s: float = 1.0
+    still_s: float = 10.0
+    still_way_m: float = 0.05
+    astray_m: float = 0.5
+    drop_way_m: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class Ruling:
-    """What a referee does: what it announces, and where the ball or a robot is put (None: stays)."""
+    """One decision: the event announced, and where the ball or a robot is put (None: stays)."""
 
     event: Event | None
     ball_at: tuple[float, float] | None = None
@@ -29,7 +47,7 @@ class Ruling:
 
 
 class Referee:
-    """Watches one match.
+    """Applies the rules to one match.
 
     Parameters
     ----------
@@ -37,23 +55,25 @@ class Referee:
         The pitch.
     limits : RobotLimits
         The robots' size and speed.
+    settings : RefereeSettings
+        See there.
     """
 
-    def __init__(self, field: Field, limits: RobotLimits) -> None:
-        self._field, self._limits = field, limits
+    def __init__(self, field: Field, limits: RobotLimits, settings: RefereeSettings = RefereeSettings()) -> None:
+        self._field, self._limits, self._settings = field, limits, settings
         self.score = {1: 0, -1: 0}
         self.phase: Phase = "kick_off"
         self.kick_off_side = 1
         self._reach_x_m: float
         self._reach_y_m: float
-        self._reach_x_m, self._reach_y_m = (np.abs(field.floor_polygon).max(axis=0) + ASTRAY_M).tolist()
-        # time to drive home across the field
+        self._reach_x_m, self._reach_y_m = (np.abs(field.floor_polygon).max(axis=0) + settings.astray_m).tolist()
+        # time to drive back across the field
         self._max_kick_off_s = 2.0 + 1.5 * field.length_m / limits.speed_mps
         self._since_s = 0.0
         self._still = (math.inf, math.inf, 0.0)
 
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
-        """Look at the field after a control period.
+        """Return the rulings after a control period.
 
         Parameters
         ----------
@@ -67,7 +87,7 @@ class Referee:
         rulings = [self._carry_back(t_s, robot) for robot in robots if self._is_astray(robot)]
         if self.phase == "kick_off":
             waited = t_s - self._since_s
-            ready = waited >= MIN_KICK_OFF_S and all(self._is_home(robot) for robot in robots)
+            ready = waited >= self._settings.min_kick_off_s and all(self._is_home(robot) for robot in robots)
             if not ready and waited < self._max_kick_off_s:
                 # the ball lies where it is held
                 if math.hypot(ball.x_m, ball.y_m) > 1e-9:
@@ -86,9 +106,9 @@ class Referee:
             self._still = (math.inf, math.inf, t_s)
             return [*rulings, Ruling(Event(t_s, "ball_out"), self._free_place(self._throw_in(ball), robots))]
         x, y, since = self._still
-        if math.hypot(ball.x_m - x, ball.y_m - y) > STILL_WAY_M:
+        if math.hypot(ball.x_m - x, ball.y_m - y) > self._settings.still_way_m:
             self._still = (ball.x_m, ball.y_m, t_s)
-        elif t_s - since > STILL_S:
+        elif t_s - since > self._settings.still_s:
             self._still = (math.inf, math.inf, t_s)
             return [*rulings, Ruling(Event(t_s, "drop"), self._free_place(self._neutral_place(ball), robots))]
         return rulings
@@ -102,7 +122,7 @@ class Referee:
         return 0
 
     def _is_home(self, robot: RobotState) -> bool:
-        """In its own half and, unless its side kicks off, outside the centre circle."""
+        """Whether it stands in its own half and, unless its side kicks off, outside the centre circle."""
         depth = -robot.side * robot.pose.x_m
         if depth < 0:
             return False
@@ -118,7 +138,7 @@ class Referee:
         return abs(ball.x_m) > x + radius or abs(ball.y_m) > y + radius
 
     def _throw_in(self, ball: BallState) -> tuple[float, float]:
-        """Inside the line it crossed, far enough for a robot to get behind it; not right before a goal."""
+        """Return a place inside the line it crossed, with room for a robot behind it; not right before a goal."""
         inset = 3 * self._limits.radius_m
         x, y = self._field.length_m / 2 - inset, self._field.width_m / 2 - inset
         by, bx = max(-y, min(y, ball.y_m)), max(-x, min(x, ball.x_m))
@@ -130,8 +150,8 @@ class Referee:
         x, y = self._field.length_m / 4, self._field.width_m / 4
         places = [(0.0, 0.0), *((sx * x, sy * y) for sx in (1, -1) for sy in (1, -1))]
         # the nearest that is not where it lies
-        away = [place for place in places if math.hypot(ball.x_m - place[0], ball.y_m - place[1]) > 0.2]
-        return min(away, key=lambda place: math.hypot(ball.x_m - place[0], ball.y_m - place[1]))
+        away_m = [(math.hypot(ball.x_m - place[0], ball.y_m - place[1]), place) for place in places]
+        return min((far for far in away_m if far[0] > self._settings.drop_way_m), key=lambda far: far[0])[1]
 
     def _free_place(self, wanted: tuple[float, float], robots: Sequence[RobotState]) -> tuple[float, float]:
         """Return the point nearest to the wanted one, going towards the field's centre, that no robot stands on."""

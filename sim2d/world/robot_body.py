@@ -1,9 +1,10 @@
-"""One robot's body: an omni-drive disc with dead time, limits and slipping wheels, a dribbler's mouth and a kicker."""
+"""Moves one robot's body: an omni-drive disc with dead time, limits, slipping wheels, a dribbler and a kicker."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 import pymunk
@@ -14,25 +15,60 @@ from sim2d.robot_link import Command, RobotLimits
 from sim2d.world.ball_physics import BallBody
 from sim2d.world.state import RobotState
 
-MASS_KG = 2.5
-# wheels: systematic error of the odometry, drawn once, and slip that comes and goes
-GAIN_STD = 0.01
-SLIP_SHARE = 0.05
-SLIP_TURN_RAD_PER_M = 0.05
-SLIP_TIME_S = 0.1
-# mouth: half its width and its depth in ball radii; how the dribbler pulls
-MOUTH_HALF_WIDTH, MOUTH_DEPTH = 1.5, 0.5
-DRIBBLER_STIFFNESS_PS2, DRIBBLER_DAMPING_PS, DRIBBLER_GRIP_MPS2 = 900.0, 50.0, 6.0
-KICK_AGAIN_S = 0.5
-KICK_SPEED_STD, KICK_ANGLE_STD_RAD = 0.05, math.radians(1.5)
-PUSH_S = 0.2
+
+@dataclass(frozen=True, slots=True)
+class BodySettings:
+    """Values of `RobotBody`.
+
+    Attributes
+    ----------
+    mass_kg : float
+        Of a small robot.
+    gain_std : float
+        Systematic error of the odometry's way and turn, drawn once a robot: wheels are never quite round.
+    slip_part : float
+        Slip's standard deviation as a part of the speed.
+    slip_turn_rad_per_m : float
+        The same for turning, per metre driven.
+    slip_time_s : float
+        Slip is correlated over this time.
+    mouth_half_width, mouth_depth : float
+        Of the dribbler's mouth, in ball radii.
+    dribbler_stiffness_ps2, dribbler_damping_ps : float
+        The dribbler pulls the ball to its seat like a damped spring.
+    dribbler_grip_mps2 : float
+        It pulls no harder than this.
+    kick_again_s : float
+        Time to charge the kicker.
+    kick_speed_std : float
+        Of a kick's speed, as a part of it.
+    kick_angle_std_rad : float
+        Of a kick's direction.
+    push_s : float
+        A push from outside takes so long.
+    """
+
+    mass_kg: float = 2.5
+    gain_std: float = 0.01
+    slip_part: float = 0.05
+    slip_turn_rad_per_m: float = 0.05
+    slip_time_s: float = 0.1
+    mouth_half_width: float = 1.5
+    mouth_depth: float = 0.5
+    dribbler_stiffness_ps2: float = 900.0
+    dribbler_damping_ps: float = 50.0
+    dribbler_grip_mps2: float = 6.0
+    kick_again_s: float = 0.5
+    kick_speed_std: float = 0.05
+    kick_angle_std_rad: float = math.radians(1.5)
+    push_s: float = 0.2
 
 
 class RobotBody:
     """A robot in a pymunk space.
 
-    Wheels follow the command within the limits (Sekimori et al. 2001, eq. 10, and the dead time); the body moves as the
-    wheels turn plus their slip, which odometry does not see. Contacts turn the wheels.
+    Wheels follow the command within the limits (Sekimori et al. 2001, eq. 10) after the dead time. The body moves as
+    the wheels turn plus their slip, which odometry does not measure. Contacts turn the wheels.
 
     Parameters
     ----------
@@ -48,6 +84,8 @@ class RobotBody:
         Of its shape.
     rng : numpy.random.Generator
         Draws its odometry's systematic error here.
+    settings : BodySettings
+        See there.
     """
 
     def __init__(
@@ -60,16 +98,18 @@ class RobotBody:
         step_s: float,
         collision_type: int,
         rng: np.random.Generator,
+        settings: BodySettings = BodySettings(),
     ) -> None:
+        self._settings = settings
         self.index, self.side, self.number = index, side, number
         self.limits = limits
-        self.body = pymunk.Body(MASS_KG, pymunk.moment_for_circle(MASS_KG, 0, limits.radius_m))
+        self.body = pymunk.Body(settings.mass_kg, pymunk.moment_for_circle(settings.mass_kg, 0, limits.radius_m))
         self.shape = pymunk.Circle(self.body, limits.radius_m)
         self.shape.elasticity, self.shape.friction = 0.1, 0.1
         self.shape.collision_type = collision_type
         space.add(self.body, self.shape)
         self._step_s = step_s
-        self._gain, self._turn_gain = (1 + GAIN_STD * rng.standard_normal(2)).tolist()
+        self._gain, self._turn_gain = (1 + settings.gain_std * rng.standard_normal(2)).tolist()
         self._waiting: deque[Command] = deque([Command()] * round(limits.dead_time_s / step_s))
         self.command = Command()
         self._wheels = (0.0, 0.0, 0.0)  # forward, left, turn
@@ -90,14 +130,14 @@ class RobotBody:
 
     @property
     def state(self) -> RobotState:
-        """Where it is and how it moves."""
+        """Pose and velocity."""
         vx, vy = self.body.velocity
         return RobotState(
             self.index, self.side, self.number, self.pose, (vx, vy), self.body.angular_velocity, self.pan_rad
         )
 
     def place(self, pose: Pose2) -> None:
-        """Put it somewhere, at rest, as a hand would: odometry does not see it."""
+        """Put it somewhere, at rest; odometry does not measure that."""
         self.body.position = (pose.x_m, pose.y_m)
         self.body.angle = pose.theta_rad
         self.body.velocity, self.body.angular_velocity = (0.0, 0.0), 0.0
@@ -105,28 +145,40 @@ class RobotBody:
         self._push_left = 0
 
     def push(self, dx_m: float, dy_m: float, turn_rad: float) -> None:
-        """Shove it by a way (field frame) and an angle, wheels slipping: odometry does not see it."""
-        self._push = (dx_m / PUSH_S, dy_m / PUSH_S, turn_rad / PUSH_S)
-        self._push_left = round(PUSH_S / self._step_s)
+        """Push it by a way (field frame) and an angle, wheels slipping; odometry does not measure that."""
+        push_s = self._settings.push_s
+        self._push = (dx_m / push_s, dy_m / push_s, turn_rad / push_s)
+        self._push_left = round(push_s / self._step_s)
 
     def begin_period(self, period_s: float, drawn: tuple[float, float, float]) -> None:
         """Start a control period: odometry from zero, new slip from three standard normal draws."""
         self._odometry = (0.0, 0.0, 0.0)
-        kept = math.exp(-period_s / SLIP_TIME_S)
+        settings = self._settings
+        kept = math.exp(-period_s / settings.slip_time_s)
         fresh = math.sqrt(1 - kept * kept)
         speed = math.hypot(self._wheels[0], self._wheels[1])
         sizes = (
-            SLIP_SHARE * speed,
-            SLIP_SHARE * speed,
-            math.hypot(SLIP_SHARE * self._wheels[2], SLIP_TURN_RAD_PER_M * speed),
+            settings.slip_part * speed,
+            settings.slip_part * speed,
+            math.hypot(settings.slip_part * self._wheels[2], settings.slip_turn_rad_per_m * speed),
         )
         a, b, c = (kept * s + fresh * size * z for s, size, z in zip(self._slip, sizes, drawn, strict=True))
         self._slip = (a, b, c)
 
     def drive(self, command: Command) -> None:
-        """Take a command, obey the one of a dead time ago, and set the body's velocity for a physics step."""
+        """Queue a command, obey the one of a dead time ago, and set the body's velocity for a physics step."""
         self._waiting.append(command)
         self.command = now = self._waiting.popleft()
+        self._turn_wheels(now)
+        self._set_velocity()
+        if now.pan_rad is not None:
+            limits = self.limits
+            want_pan = max(-limits.pan_limit_rad, min(limits.pan_limit_rad, now.pan_rad))
+            max_pan = limits.pan_rps * self._step_s
+            self.pan_rad += max(-max_pan, min(max_pan, want_pan - self.pan_rad))
+
+    def _turn_wheels(self, now: Command) -> None:
+        """Change the wheels' velocity towards the command within the limits."""
         limits, dt = self.limits, self._step_s
         forward, left, turn = self._wheels
         want_f, want_l = now.forward_mps, now.left_mps
@@ -134,15 +186,18 @@ class RobotBody:
         if speed > limits.speed_mps:
             want_f, want_l = want_f * limits.speed_mps / speed, want_l * limits.speed_mps / speed
         df, dl = want_f - forward, want_l - left
-        change, most = math.hypot(df, dl), limits.acceleration_mps2 * dt
-        if change > most:
-            df, dl = df * most / change, dl * most / change
+        change, max_change = math.hypot(df, dl), limits.acceleration_mps2 * dt
+        if change > max_change:
+            df, dl = df * max_change / change, dl * max_change / change
         max_turn = limits.turn_acceleration_rps2 * dt
         want_turn = max(-limits.turn_rps, min(limits.turn_rps, now.turn_rps))
         turn += max(-max_turn, min(max_turn, want_turn - turn))
         forward, left = forward + df, left + dl
         self._wheels = (forward, left, turn)
 
+    def _set_velocity(self) -> None:
+        """Set the body's velocity: that of the wheels, their slip, and a push."""
+        forward, left, turn = self._wheels
         sf, sl, st = self._slip
         angle = self.body.angle
         c, s = math.cos(angle), math.sin(angle)
@@ -155,13 +210,9 @@ class RobotBody:
         self._set = (c * forward - s * left + slip_x, s * forward + c * left + slip_y, turn + slip_turn)
         self.body.velocity = self._set[:2]
         self.body.angular_velocity = self._set[2]
-        if now.pan_rad is not None:
-            want_pan = max(-limits.pan_limit_rad, min(limits.pan_limit_rad, now.pan_rad))
-            max_pan = limits.pan_rps * dt
-            self.pan_rad += max(-max_pan, min(max_pan, want_pan - self.pan_rad))
 
     def finish_step(self) -> None:
-        """After a physics step: contacts turn the wheels, and the wheels count."""
+        """Let contacts turn the wheels after a physics step, and integrate the odometry."""
         self._steps_to_kick = max(self._steps_to_kick - 1, 0)
         vx, vy = self.body.velocity
         jx, jy = vx - self._set[0], vy - self._set[1]
@@ -171,8 +222,8 @@ class RobotBody:
         if hit > 1e-9:
             # a contact stops what slips towards it first, then the wheels
             nx, ny = jx / hit, jy / hit
-            absorbed = min(hit, max(-(self._slip_in_field[0] * nx + self._slip_in_field[1] * ny), 0.0))
-            jx, jy = nx * (hit - absorbed), ny * (hit - absorbed)
+            taken_up = min(hit, max(-(self._slip_in_field[0] * nx + self._slip_in_field[1] * ny), 0.0))
+            jx, jy = nx * (hit - taken_up), ny * (hit - taken_up)
             c, s = math.cos(angle), math.sin(angle)
             forward, left = forward + c * jx + s * jy, left - s * jx + c * jy
         turn += self.body.angular_velocity - self._set[2]
@@ -186,20 +237,20 @@ class RobotBody:
 
     @property
     def odometry(self) -> Pose2:
-        """Motion since the control period began, in the robot frame of then, as the wheels tell it."""
+        """Motion since the control period began, in the robot frame of then, measured by the wheels."""
         x, y, theta = self._odometry
         return Pose2(x, y, wrap_angle(theta))
 
     def holds(self, ball: BallBody) -> bool:
-        """Tell whether the ball interrupts the light barrier across the mouth."""
+        """Return whether the ball interrupts the light barrier across the mouth."""
         along, aside = self._in_robot(ball)
         reach = self.limits.radius_m + ball.radius_m
-        in_depth = 0 < along <= reach + MOUTH_DEPTH * ball.radius_m
-        return in_depth and abs(aside) <= MOUTH_HALF_WIDTH * ball.radius_m
+        in_depth = 0 < along <= reach + self._settings.mouth_depth * ball.radius_m
+        return in_depth and abs(aside) <= self._settings.mouth_half_width * ball.radius_m
 
     def handle(self, ball: BallBody, rng: np.random.Generator) -> float:
         """Dribble or kick the ball if it lies in the mouth; return the speed of a kick, or 0."""
-        wanted = self.command.kick_mps
+        settings, wanted = self._settings, self.command.kick_mps
         if not (self.command.dribble or wanted > 0) or not self.holds(ball):
             return 0.0
         angle = self.body.angle
@@ -207,10 +258,10 @@ class RobotBody:
         vx, vy = self.body.velocity
         turn = self.body.angular_velocity
         if wanted > 0 and not self._steps_to_kick:
-            self._steps_to_kick = round(KICK_AGAIN_S / self._step_s)
+            self._steps_to_kick = round(settings.kick_again_s / self._step_s)
             hard, askew = rng.standard_normal(2).tolist()
-            speed = min(wanted, self.limits.kick_speed_mps) * (1 + KICK_SPEED_STD * hard)
-            aim = angle + KICK_ANGLE_STD_RAD * askew
+            speed = min(wanted, self.limits.kick_speed_mps) * (1 + settings.kick_speed_std * hard)
+            aim = angle + settings.kick_angle_std_rad * askew
             ball.kick(vx + speed * math.cos(aim), vy + speed * math.sin(aim))
             return float(speed)
         if self.command.dribble and not self._steps_to_kick:
@@ -220,12 +271,12 @@ class RobotBody:
             # velocity of the seat, which turns with the robot
             off_x, off_y = bx - (vx - turn * s * seat), by - (vy + turn * c * seat)
             to_f, to_l = seat - along, -aside
-            k, d = DRIBBLER_STIFFNESS_PS2, DRIBBLER_DAMPING_PS
+            k, d = settings.dribbler_stiffness_ps2, settings.dribbler_damping_ps
             ax = k * (c * to_f - s * to_l) - d * off_x
             ay = k * (s * to_f + c * to_l) - d * off_y
             pull = math.hypot(ax, ay)
-            kept = min(1.0, DRIBBLER_GRIP_MPS2 / pull) if pull else 0.0
-            ball.pull(ax * kept, ay * kept, self._step_s)
+            part = min(1.0, settings.dribbler_grip_mps2 / pull) if pull else 0.0
+            ball.pull(ax * part, ay * part, self._step_s)
         return 0.0
 
     def _in_robot(self, ball: BallBody) -> tuple[float, float]:
@@ -235,7 +286,7 @@ class RobotBody:
 
 
 def check_command(command: Command) -> None:
-    """Refuse a command that no robot can take.
+    """Refuse a command that no robot can obey.
 
     Raises
     ------

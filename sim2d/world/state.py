@@ -1,4 +1,4 @@
-"""The world's truth at one moment, as plain values: for renderer, report and referee, never for a player."""
+"""The true state of the world at one moment, as plain values: for renderer, report and referee, never for a player."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class WorldState:
-    """Everything.
+    """The whole world at one moment.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,10 @@ from robocup_vision.geometry import Pose2
 from sim2d.kick_off import kick_off_pose
 from sim2d.rendering.scene import Box
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, RobotLimits
-from sim2d.world.ball_physics import BallBody
+from sim2d.world.ball_physics import BallBody, BallSettings
 from sim2d.world.ground import add_ground
-from sim2d.world.referee import Referee
-from sim2d.world.robot_body import RobotBody, check_command
+from sim2d.world.referee import Referee, RefereeSettings
+from sim2d.world.robot_body import BodySettings, RobotBody, check_command
 from sim2d.world.state import BallState, Event, RobotState, WorldState
 
 __all__ = ["BallState", "Event", "RobotState", "World", "WorldState"]
@@ -33,8 +34,17 @@ _FIXED, _BALL, _ROBOT = 1, 2, 3
 _STOP = Command()
 
 
+@dataclass(frozen=True, slots=True)
+class WorldSettings:
+    """Values of the physics and the rules: of each robot's body, the ball and the referee."""
+
+    body: BodySettings = BodySettings()
+    ball: BallSettings = BallSettings()
+    referee: RefereeSettings = RefereeSettings()
+
+
 class World:
-    """A match's truth.
+    """The true state of a match, and its laws.
 
     Robots are numbered 0 to 2n - 1, those of side +1 (attacking the goal at +x) first, and stand where a kick-off wants
     them.
@@ -49,6 +59,8 @@ class World:
         What every robot can do.
     rng : numpy.random.Generator
         Source of all noise.
+    settings : WorldSettings
+        Of physics and rules.
 
     Raises
     ------
@@ -56,19 +68,33 @@ class World:
         If `players_per_side` is not positive.
     """
 
-    def __init__(self, field: Field, players_per_side: int, limits: RobotLimits, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        field: Field,
+        players_per_side: int,
+        limits: RobotLimits,
+        rng: np.random.Generator,
+        settings: WorldSettings = WorldSettings(),
+    ) -> None:
         if players_per_side < 1:
             raise ArgumentError(f"players_per_side must be at least 1, got {players_per_side}")
         n = players_per_side
         places = [(side, number) for side in (1, -1) for number in range(n)]
         starts = [kick_off_pose(field, side, number, n, limits.radius_m) for side, number in places]
-        self._build(field, (), limits, rng, [(*place, start) for place, start in zip(places, starts, strict=True)])
-        self._ball: BallBody | None = BallBody(self._space, field.ball_radius_m, _BALL)
-        self._referee: Referee | None = Referee(field, limits)
+        robots = [(*place, start) for place, start in zip(places, starts, strict=True)]
+        self._build(field, (), limits, rng, robots, settings.body)
+        self._ball: BallBody | None = BallBody(self._space, field.ball_radius_m, _BALL, settings.ball)
+        self._referee: Referee | None = Referee(field, limits, settings.referee)
 
     @classmethod
     def course(
-        cls, field: Field, boxes: Sequence[Box], starts: Sequence[Pose2], limits: RobotLimits, rng: np.random.Generator
+        cls,
+        field: Field,
+        boxes: Sequence[Box],
+        starts: Sequence[Pose2],
+        limits: RobotLimits,
+        rng: np.random.Generator,
+        body: BodySettings = BodySettings(),
     ) -> World:
         """Make a world without ball and rules: boxes as obstacles, and a robot at each start, all of side +1.
 
@@ -84,9 +110,11 @@ class World:
             What every robot can do.
         rng : numpy.random.Generator
             Source of all noise.
+        body : BodySettings
+            Of each robot.
         """
         world = cls.__new__(cls)
-        world._build(field, boxes, limits, rng, [(1, k, start) for k, start in enumerate(starts)])
+        world._build(field, boxes, limits, rng, [(1, k, start) for k, start in enumerate(starts)], body)
         world._ball = world._referee = None
         return world
 
@@ -97,6 +125,7 @@ class World:
         limits: RobotLimits,
         rng: np.random.Generator,
         robots: Sequence[tuple[int, int, Pose2]],
+        body: BodySettings,
     ) -> None:
         self.field, self.limits, self.boxes = field, limits, tuple(boxes)
         self._rng = rng
@@ -106,7 +135,7 @@ class World:
         add_ground(self._space, field, boxes, _FIXED)
         self._robots: list[RobotBody] = []
         for index, (side, number, start) in enumerate(robots):
-            robot = RobotBody(self._space, index, side, number, limits, STEP_S, _ROBOT, rng)
+            robot = RobotBody(self._space, index, side, number, limits, STEP_S, _ROBOT, rng, body)
             robot.place(start)
             self._robots.append(robot)
         self._of_shape = {robot.shape: robot.index for robot in self._robots}
@@ -137,7 +166,7 @@ class World:
         )
 
     def step(self, commands: Mapping[int, Command]) -> None:
-        """Go on by one control period.
+        """Simulate one control period.
 
         Parameters
         ----------
@@ -171,7 +200,7 @@ class World:
                 speed = robot.handle(ball, self._rng)
                 if speed:
                     self._events.append(Event(self.t_s, "kick", (robot.index,), speed_mps=speed))
-            ball.rub(STEP_S)
+            ball.apply_friction(STEP_S)
         self._space.step(STEP_S)
         for robot in self._robots:
             robot.finish_step()
@@ -198,7 +227,7 @@ class World:
         self._events.append(Event(self.t_s, "collision", tuple(robots), speed_mps=speed))
 
     def odometry(self, index: int) -> Pose2:
-        """Motion during the last control period, in the robot frame at its beginning, as the wheels tell it."""
+        """Motion during the last control period, in the robot frame at its beginning, measured by the wheels."""
         return self._robot(index).odometry
 
     def ball_in_mouth(self, index: int) -> bool:
@@ -206,11 +235,11 @@ class World:
         return self._ball is not None and self._robot(index).holds(self._ball)
 
     def place(self, index: int, pose: Pose2) -> None:
-        """Put a robot somewhere, at rest; it does not notice (kidnapped)."""
+        """Put a robot somewhere, at rest; its odometry does not measure that (kidnapping)."""
         self._robot(index).place(pose)
 
     def push(self, index: int, dx_m: float, dy_m: float, turn_rad: float = 0.0) -> None:
-        """Shove a robot by a way (field frame) and an angle within a fifth of a second; its wheels do not notice."""
+        """Push a robot by a way (field frame) and an angle; its odometry does not measure that."""
         if not all(math.isfinite(value) for value in (dx_m, dy_m, turn_rad)):
             raise ArgumentError(f"a push must be finite, got {dx_m}, {dy_m}, {turn_rad}")
         self._robot(index).push(dx_m, dy_m, turn_rad)

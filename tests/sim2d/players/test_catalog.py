@@ -14,7 +14,10 @@ from robocup_vision import cli
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import play_plan
 from sim2d.players.built_in import BuiltInPlayer
-from sim2d.players.catalog import PLAYERS, player_factory, player_name
+from sim2d.players.catalog import PLAYERS, BuiltInTeam, player_factory, player_name
+from sim2d.players.settings import PlayerSettings
+
+LONE = PlayerSettings(lost_rps=2.0)
 
 
 @pytest.mark.parametrize("name", PLAYERS)
@@ -28,7 +31,12 @@ def test_teams_have_the_options_their_names_say(monkeypatch):
     monkeypatch.setattr("sim2d.players.catalog.BuiltInPlayer", lambda setup, **options: made.append((setup, options)))
     player_factory("memory")("setup")
     player_factory("planning")("setup")
-    assert made == [("setup", {"remembers": True, "plans": False}), ("setup", {"remembers": True, "plans": True})]
+    BuiltInTeam(settings=LONE)("setup")
+    assert made == [
+        ("setup", {"remembers": True, "plans": False, "settings": PlayerSettings()}),
+        ("setup", {"remembers": True, "plans": True, "settings": PlayerSettings()}),
+        ("setup", {"remembers": False, "plans": False, "settings": LONE}),
+    ]
     assert player_factory("plain") is BuiltInPlayer
 
 

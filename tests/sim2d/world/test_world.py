@@ -17,7 +17,10 @@ from robocup_vision.geometry import Pose2
 from sim2d.kick_off import center_circle_radius_m, kick_off_pose
 from sim2d.rendering.scene import Box
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
-from sim2d.world.world import STEP_S, World
+from sim2d.world.ball_physics import BallSettings
+from sim2d.world.referee import RefereeSettings
+from sim2d.world.robot_body import BodySettings
+from sim2d.world.world import STEP_S, World, WorldSettings
 
 FIELD = load_field("ssl_2001")
 CARPET = load_field("msl_6x4")
@@ -318,3 +321,19 @@ def test_bad_arguments_are_named():
         World(FIELD, 0, LIMITS, np.random.default_rng(0))
     with pytest.raises(ArgumentError, match="a push must be finite"):
         lone_robot().push(0, math.inf, 0.0)
+
+
+def test_settings_of_physics_and_rules_are_followed():
+    patient = WorldSettings(referee=RefereeSettings(min_kick_off_s=2.0), body=BodySettings(gain_std=0.0, slip_part=0.0))
+    world = World(FIELD, 1, LIMITS, np.random.default_rng(0), patient)
+    while world.state.phase == "kick_off":
+        world.step({})
+    assert world.state.t_s == pytest.approx(2.0, abs=0.05)
+    ice = WorldSettings(ball=BallSettings(rolling_friction=0.0))
+    slippery = World(FIELD, 1, LIMITS, np.random.default_rng(0), ice)
+    while slippery.state.phase == "kick_off":
+        slippery.step({})
+    slippery.place_ball(0.0, 0.5, 0.3, 0.0)
+    for _ in range(20):
+        slippery.step({})
+    assert slippery.state.ball.vx_mps == pytest.approx(0.3, abs=1e-6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -12,14 +13,15 @@ from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning import ShotPlan
 from sim2d.players.plan import Situation
-from sim2d.players.tactics.tactics import Tactics
+from sim2d.players.tactics.tactics import Tactics, TacticsSettings
 from sim2d.robot_link import RobotLimits
 
 FIELD = load_field("ssl_2001")
 LIMITS = RobotLimits()
+DEFAULTS = TacticsSettings()
 
 
-def decide(number=1, players=2, **changes):
+def decide(number=1, players=2, settings=DEFAULTS, **changes):
     now = {
         "pose": Pose2(-0.5, 0.0, 0.0),
         "ball": (0.0, 0.0),
@@ -31,7 +33,7 @@ def decide(number=1, players=2, **changes):
         "kick_off": False,
         "t_s": 5.0,
     } | changes
-    return Tactics(FIELD, LIMITS, number, players).decide(Situation(**now))
+    return Tactics(FIELD, LIMITS, number, players, settings).decide(Situation(**now))
 
 
 def test_the_attacker_fetches_the_ball_and_goes_round_it_where_it_lies_on_the_wrong_side():
@@ -176,3 +178,14 @@ def test_a_keeper_that_is_pressed_clears_the_ball_away_from_its_goal_only():
     assert decide(0, **pressed | {"pose": Pose2(-1.2, 0.0, math.pi)}).kick_mps == 0.0
     # who is no keeper thinks of shots
     assert decide(1, **pressed).intent != "clear"
+
+
+def test_settings_are_followed():
+    bold = replace(DEFAULTS, keeper=replace(DEFAULTS.keeper, line_radii=3.0))
+    pose = Pose2(-1.2, 0.0, 0.0)
+    target = decide(0, settings=bold, pose=pose, ball=(0.5, 0.0)).target
+    assert target[0] == pytest.approx(-FIELD.length_m / 2 + 3.0 * LIMITS.radius_m)
+    eager = replace(DEFAULTS, fetch=replace(DEFAULTS.fetch, straight_rad=4.0))
+    assert decide(settings=eager, pose=Pose2(0.3, 0.0, math.pi)).intent == "fetch"
+    hasty = replace(DEFAULTS, ball_holder=replace(DEFAULTS.ball_holder, clear_after_s=0.1))
+    assert decide(settings=hasty, pose=Pose2(-0.6, 0.6, 2.5), in_mouth=True, held_s=0.2).intent == "clear"

@@ -1,0 +1,36 @@
+"""All values of a built-in player that a benchmark can vary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sim2d.players.ball_memory import BallMemorySettings
+from sim2d.players.driving.motion import MotionSettings
+from sim2d.players.driving.travel import TravelSettings
+from sim2d.players.head import HeadSettings
+from sim2d.players.shot import ShotSettings
+from sim2d.players.tactics.tactics import TacticsSettings
+
+
+@dataclass(frozen=True, slots=True)
+class PlayerSettings:
+    """Values of `BuiltInPlayer`.
+
+    Attributes
+    ----------
+    tactics, ball, motion, travel, shot, head
+        Of its parts.
+    max_frame_age_s : float
+        It drives by a frame's free space for so long, then stops until the next: obstacles move on.
+    lost_rps : float
+        It turns so fast while it is not located, to see more of the field.
+    """
+
+    tactics: TacticsSettings = TacticsSettings()
+    ball: BallMemorySettings = BallMemorySettings()
+    motion: MotionSettings = MotionSettings()
+    travel: TravelSettings = TravelSettings()
+    shot: ShotSettings = ShotSettings()
+    head: HeadSettings = HeadSettings()
+    max_frame_age_s: float = 0.4
+    lost_rps: float = 1.0
