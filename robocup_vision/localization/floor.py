@@ -24,39 +24,73 @@ from robocup_vision.perception.polar_view import PolarView
 
 Arbiter = Callable[[list[Pose2]], int | None]
 
-# widths of the redescending weights, in units of 1/86 of the usable radius (a pixel of the paper's 256 x 220 image):
-# from the first guess down to the edges' own accuracy; a last one in pixels proper
-_SCALES = (8.0, 5.0, 3.0, 2.0, 1.0)
-_COARSE_SCALES = (8.0, 6.0, 4.0, 2.0)
-_PRIOR_SCALES = (2.0,)
-_REFINE_SCALES = (3.0, 2.0, 1.0, 1.0)
+# a pixel of the paper's 256 x 220 image is this fraction of the usable radius
 _UNITS = 86.0
-_LAST_SCALE_PX = 1.0
-_INLIER = 1.5
-_TIGHT = 0.5
-# truncated mean cost up to which a fit is taken without looking for a better one: three bearings in four fit; three in
-# five, or, near where the robot is known to be, two, while hardly any bearing shows floor beyond a wall
-_SURE_COST = 0.25
-_GOOD_COST = 0.4
-_GOOD_COST_AT_PRIOR = 0.6
-_MAX_BEYOND = 0.01
-_MIN_INLIER_SHARE = 0.3
-_MIN_BEARINGS = 20
-_BANK_BEARINGS = 80
-_BANK_STARTS = 30
-_BANK_WIDTH = 12.0
-_REFINED = 8
-# a fit whose cost is within this of the best one's explains the outline about as well
-_RIVAL_COST = 0.08
-_EQUAL_COST = 0.002
-# what no image tells: the camera file's own error, in pixels, common to an eighth of the circle
-_SYSTEMATIC_PX = 0.02
-_SYSTEMATIC_BEARINGS = 20
-# a sandwich covariance from some forty groups of bearings comes out low
-_FEW_GROUPS = 1.7
-_LARGEST_STD_M = 0.05
-# a fit with more play than this is doubted
-_SLIDING_STD_M = 0.008
+
+
+@dataclass(frozen=True, slots=True)
+class FloorSettings:
+    """Settings of the floor outline's localiser; "units" are 1/86 of the usable image radius.
+
+    Parameters
+    ----------
+    scales, coarse_scales, prior_scales, refine_scales : tuple of float
+        Widths of the redescending weights, units: from the first guess down to the edges' own accuracy, from a search
+        over the whole field, from a prior, and from what that search found.
+    last_scale_px : float
+        Width of the weights in the last step.
+    inlier : float
+        Residual of an inlier, units.
+    tight : float
+        RMS residual, units, above which a start from nowhere may have ended beside the right place.
+    certain_cost, max_cost, max_cost_at_prior : float
+        Truncated mean cost up to which a fit is taken without a search: three bearings in four fit; three in five, or,
+        near a prior, two, while hardly any bearing shows floor beyond a wall.
+    max_beyond : float
+        Bearings that may show floor beyond a wall, of all.
+    min_inlier_ratio, min_bearings : float, int
+        Below these the outline does not determine a pose.
+    bank_bearings, bank_starts, bank_width : int, int, float
+        Bearings that outlines are compared at over the whole field, how many places go on, and where a difference is
+        truncated, units.
+    refined : int
+        How many of those are fitted to the end.
+    rival_cost, equal_cost : float
+        Fits whose costs differ less than this explain the outline about equally well; so close, none is preferred.
+    systematic_px, systematic_bearings : float, int
+        Error of the camera file, which no image shows, common to so many bearings (an eighth of the circle).
+    few_groups : float
+        Factor on the covariance: a sandwich covariance from some forty groups of bearings comes out low.
+    max_std_m : float
+        A pose more uncertain than this is refused.
+    sliding_std_m : float
+        A fit more uncertain than this is checked by a search: it may slide along the field's sides.
+    """
+
+    scales: tuple[float, ...] = (8.0, 5.0, 3.0, 2.0, 1.0)
+    coarse_scales: tuple[float, ...] = (8.0, 6.0, 4.0, 2.0)
+    prior_scales: tuple[float, ...] = (2.0,)
+    refine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
+    last_scale_px: float = 1.0
+    inlier: float = 1.5
+    tight: float = 0.5
+    certain_cost: float = 0.25
+    max_cost: float = 0.4
+    max_cost_at_prior: float = 0.6
+    max_beyond: float = 0.01
+    min_inlier_ratio: float = 0.3
+    min_bearings: int = 20
+    bank_bearings: int = 80
+    bank_starts: int = 30
+    bank_width: float = 12.0
+    refined: int = 8
+    rival_cost: float = 0.08
+    equal_cost: float = 0.002
+    systematic_px: float = 0.02
+    systematic_bearings: int = 20
+    few_groups: float = 1.7
+    max_std_m: float = 0.05
+    sliding_std_m: float = 0.008
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +105,8 @@ class FloorLocalizer:
         The camera.
     view : PolarView
         Defines the bearings of the outline.
+    settings : FloorSettings, optional
+        Of the fit and the search.
 
     Raises
     ------
@@ -81,6 +117,7 @@ class FloorLocalizer:
     field: Field
     camera: OmniCamera
     view: PolarView
+    settings: FloorSettings = FloorSettings()
 
     def __post_init__(self) -> None:
         if not self.field.is_bounded:
@@ -115,10 +152,14 @@ class FloorLocalizer:
         return inner, float(radius[1] - radius[0]), np.maximum(np.nan_to_num(q), 1.0 / nearest)
 
     @cached_property
-    def _geometry(self) -> tuple[FloatArray, float, float, float, FloatArray]:
+    def _scene(self) -> kernels.WallScene:
         x, y, height = self.camera.viewpoint_m
         to_camera = np.ascontiguousarray(self.camera.camera_to_robot.T)
-        return np.ascontiguousarray(self.field.walls), float(x), float(y), float(height), to_camera
+        walls = np.ascontiguousarray(self.field.walls)
+        return kernels.WallScene(walls, float(x), float(y), float(height), to_camera, self._cos, self._sin)
+
+    def _outline(self, radius_px: FloatArray, scales: FloatArray) -> kernels.FloorOutline:
+        return kernels.FloorOutline(radius_px, *self._radius_of_q, scales, self._unit_px)
 
     def first_guess(self, radius_px: FloatArray) -> Pose2 | None:
         """Pose from the outline's convex hull, taken in the image, by its centroid and principal axis (paper, step 5).
@@ -161,19 +202,19 @@ class FloorLocalizer:
             Image radius at which the pose expects the walls; NaN where it does not say.
         """
         known = int(np.count_nonzero(radius_px > 0))
-        if known < _MIN_BEARINGS:
+        if known < self.settings.min_bearings:
             reason = f"the floor's edge is seen in only {known} of {len(radius_px)} directions"
             return NotLocated(reason), np.full(len(radius_px), np.nan)
         fit: _Fit | None = None
         if prior is not None:
-            fit = self._fit(prior.array[None], radius_px, 1, self._scales(_PRIOR_SCALES))
-        if fit is None or not self._is_good(fit, _GOOD_COST_AT_PRIOR):
+            fit = self._fit(prior.array[None], radius_px, 1, self._scales(self.settings.prior_scales))
+        if fit is None or not self._is_good(fit, self.settings.max_cost_at_prior):
             guess = self.first_guess(radius_px)
             if guess is None:
                 return NotLocated("the floor's edge encloses no area"), np.full(len(radius_px), np.nan)
-            fit = self._fit(guess.array[None], radius_px, 1, self._scales(_SCALES))
+            fit = self._fit(guess.array[None], radius_px, 1, self._scales(self.settings.scales))
             # a start from nowhere may have ended beside the right place: then even what agrees agrees badly
-            if not self._is_good(fit, _GOOD_COST) or fit.rms_px > _TIGHT * self._unit_px:
+            if not self._is_good(fit, self.settings.max_cost) or fit.rms_px > self.settings.tight * self._unit_px:
                 fit = self._fit_from_anywhere(fit, radius_px, arbiter)
         if fit is None:
             return NotLocated("several places explain the floor's edge equally well"), np.full(len(radius_px), np.nan)
@@ -186,14 +227,14 @@ class FloorLocalizer:
         Most of the outline agrees, hardly any floor shows beyond a wall, and what agrees fixes the pose: a fit that has
         lost an end of the field slides along its sides.
         """
-        if fit.along_m > _SLIDING_STD_M:
+        if fit.along_m > self.settings.sliding_std_m:
             return False
-        if fit.cost <= _SURE_COST:
+        if fit.cost <= self.settings.certain_cost:
             return True
         if fit.cost > good_cost:
             return False
         beyond = np.count_nonzero(fit.residual_px > 2.0 * self._unit_px)
-        return bool(beyond < _MAX_BEYOND * len(fit.residual_px))
+        return bool(beyond < self.settings.max_beyond * len(fit.residual_px))
 
     def _fit_from_anywhere(self, fit: _Fit, radius_px: FloatArray, arbiter: Arbiter | None) -> _Fit | None:
         """Look for a better fit over the whole field, and by sliding along the walls that already agree.
@@ -202,30 +243,30 @@ class FloorLocalizer:
         """
         starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
         poses, costs = np.empty_like(starts), np.empty(len(starts))
-        kernels.fit_each(
-            starts, *self._geometry, self._cos, self._sin, radius_px, 2, *self._radius_of_q,
-            self._scales(_COARSE_SCALES), self._unit_px, poses, costs,
-        )  # fmt: skip
+        outline = self._outline(radius_px, self._scales(self.settings.coarse_scales))
+        kernels.fit_each(starts, self._scene, outline, 2, poses, costs)
         tried: list[FloatArray] = []
         fits = [fit]
         for pose in poses[np.argsort(costs)]:
             if not _is_new(pose, tried, 0.03):
                 continue
             tried.append(pose)
-            fits.append(self._fit(pose[None], radius_px, 1, self._scales(_REFINE_SCALES)))
-            if len(tried) == _REFINED:
+            fits.append(self._fit(pose[None], radius_px, 1, self._scales(self.settings.refine_scales)))
+            if len(tried) == self.settings.refined:
                 break
         fits.sort(key=lambda f: f.cost)
         rivals: list[_Fit] = []
         for candidate in fits:
-            if candidate.cost < fits[0].cost + _RIVAL_COST and _is_new(candidate.pose, [r.pose for r in rivals], 0.05):
+            if candidate.cost < fits[0].cost + self.settings.rival_cost and _is_new(
+                candidate.pose, [r.pose for r in rivals], 0.05
+            ):
                 rivals.append(candidate)
         if len(rivals) == 1:
             return rivals[0]
         chosen = None if arbiter is None else arbiter([Pose2(*rival.pose.tolist()) for rival in rivals])
         if chosen is not None:
             return rivals[chosen]
-        return None if rivals[1].cost < rivals[0].cost + _EQUAL_COST else rivals[0]
+        return None if rivals[1].cost < rivals[0].cost + self.settings.equal_cost else rivals[0]
 
     def _slides(self, pose: FloatArray) -> FloatArray:
         low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
@@ -239,7 +280,7 @@ class FloorLocalizer:
         return max(1.0, (outer - inner) / _UNITS)
 
     def _scales(self, units: tuple[float, ...]) -> FloatArray:
-        return np.array([*(unit * self._unit_px for unit in units), _LAST_SCALE_PX])
+        return np.array([*(unit * self._unit_px for unit in units), self.settings.last_scale_px])
 
     @cached_property
     def _bank(self) -> tuple[FloatArray, FloatArray]:
@@ -249,61 +290,65 @@ class FloorLocalizer:
         x, y = np.meshgrid(np.arange(spacing / 2, high[0], spacing), np.arange(low[1] + spacing / 2, high[1], spacing))
         places = np.stack([x.ravel(), y.ravel()], axis=1)
         places = places[self.field.contains(places)]
-        bearings = np.arange(_BANK_BEARINGS) * (math.tau / _BANK_BEARINGS)
-        cos_b, sin_b = np.cos(bearings), np.sin(bearings)
-        q, wall = np.empty(_BANK_BEARINGS), np.empty(_BANK_BEARINGS, dtype=np.int64)
-        planes = np.empty((len(self.field.walls), 4, 3))
-        profiles = np.empty((len(places), _BANK_BEARINGS))
+        bearings = np.arange(self.settings.bank_bearings) * (math.tau / self.settings.bank_bearings)
+        walls = self.field.walls
+        q, wall = np.empty(len(bearings)), np.empty(len(bearings), dtype=np.int64)
+        out = kernels.WallPrediction(q, wall, np.empty((len(walls), 4, 3)))
+        scene = self._scene._replace(cos_b=np.cos(bearings), sin_b=np.sin(bearings))
+        profiles = np.empty((len(places), len(bearings)))
         for place, profile in zip(places, profiles, strict=True):
-            kernels.predict_walls(np.array([*place, 0.0]), *self._geometry, cos_b, sin_b, q, wall, planes)
+            kernels.predict_walls(np.array([*place, 0.0]), scene, out)
             profile[:] = np.interp(q, np.arange(len(self._radius_of_q[1])) * self._radius_of_q[0], self._radius_of_q[1])
         return places, np.hstack([profiles, profiles])
 
     def _search(self, radius_px: FloatArray) -> FloatArray:
         """Poses (N, 3) whose expected outline is most like the measured one, over the whole field and all headings."""
         places, profiles = self._bank
-        nearest = np.rint(np.arange(_BANK_BEARINGS) * (len(radius_px) / _BANK_BEARINGS)).astype(int) % len(radius_px)
+        count = self.settings.bank_bearings
+        nearest = np.rint(np.arange(count) * (len(radius_px) / count)).astype(int) % len(radius_px)
         radius = radius_px[nearest]
         weight = np.isfinite(radius) / max(np.count_nonzero(np.isfinite(radius)), 1)
-        cost = np.empty((len(places), _BANK_BEARINGS))
-        kernels.score_bank(profiles, np.nan_to_num(radius), weight, _BANK_WIDTH * self._unit_px, cost)
-        most = min(10 * _BANK_STARTS, cost.size)
+        cost = np.empty((len(places), count))
+        kernels.score_bank(profiles, np.nan_to_num(radius), weight, self.settings.bank_width * self._unit_px, cost)
+        most = min(10 * self.settings.bank_starts, cost.size)
         best = np.argpartition(cost, most - 1, axis=None)[:most]
         starts: list[FloatArray] = []
         for index in best[np.argsort(cost.ravel()[best])]:
-            place, shift = divmod(int(index), _BANK_BEARINGS)
-            start = np.array([*places[place], -shift * math.tau / _BANK_BEARINGS])
+            place, shift = divmod(int(index), count)
+            start = np.array([*places[place], -shift * math.tau / count])
             if _is_new(start, starts, 0.15):
                 starts.append(start)
-            if len(starts) == _BANK_STARTS:
+            if len(starts) == self.settings.bank_starts:
                 break
         return np.array(starts)
 
     def _fit(self, starts: FloatArray, radius_px: FloatArray, stride: int, scales: FloatArray) -> _Fit:
-        pose, information, scatter = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
-        residual, predicted = np.full(len(radius_px), np.nan), np.full(len(radius_px), np.nan)
-        q_step, radius_of_q = self._radius_of_q
-        cost = kernels.fit_walls(
-            starts, *self._geometry, self._cos, self._sin, radius_px, stride, q_step, radius_of_q, scales,
-            self._unit_px, pose, information, scatter, residual, predicted,
-        )  # fmt: skip
+        nothing = np.full((2, len(radius_px)), np.nan)
+        best = kernels.WallFit(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3)), nothing[0], nothing[1])
+        cost = kernels.fit_walls(starts, self._scene, self._outline(radius_px, scales), stride, best)
         covariance = np.empty((3, 3))
-        share, rms, along = kernels.summarise_fit(
-            residual, _INLIER * self._unit_px, information, scatter, _FEW_GROUPS,
-            _SYSTEMATIC_PX**2 * _SYSTEMATIC_BEARINGS, covariance,
-        )  # fmt: skip
-        return _Fit(cost, pose, covariance, share, rms, along, residual, predicted)
+        settings = self.settings
+        ratio, rms, along = kernels.summarise_fit(
+            best.residual,
+            settings.inlier * self._unit_px,
+            best.information,
+            best.scatter,
+            settings.few_groups,
+            settings.systematic_px**2 * settings.systematic_bearings,
+            covariance,
+        )
+        return _Fit(cost, best.pose, covariance, ratio, rms, along, best.residual, best.predicted)
 
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
-        if fit.inlier_share < _MIN_INLIER_SHARE:
-            return NotLocated(f"only {fit.inlier_share:.0%} of the floor's edge agrees with the field's walls")
-        if fit.along_m > _LARGEST_STD_M:
+        if fit.inlier_ratio < self.settings.min_inlier_ratio:
+            return NotLocated(f"only {fit.inlier_ratio:.0%} of the floor's edge agrees with the field's walls")
+        if fit.along_m > self.settings.max_std_m:
             return NotLocated("the part of the floor's edge in view does not fix the pose in every direction")
         x, y, theta = fit.pose.tolist()
         pose = Pose2(x, y, theta)
         if not self.field.is_on_floor(x, y):
             return NotLocated(f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m")
-        return PoseEstimate(pose, fit.covariance, fit.inlier_share, fit.rms_px, (pose, pose.half_turn()))
+        return PoseEstimate(pose, fit.covariance, fit.inlier_ratio, fit.rms_px, (pose, pose.half_turn()))
 
 
 def _is_new(pose: FloatArray, others: list[FloatArray], apart: float) -> bool:
@@ -321,7 +366,7 @@ class _Fit:
     cost: float
     pose: FloatArray
     covariance: FloatArray
-    inlier_share: float
+    inlier_ratio: float
     rms_px: float
     along_m: float
     residual_px: FloatArray

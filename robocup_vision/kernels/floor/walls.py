@@ -3,11 +3,102 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.kernels.algebra.three import adjugate_3x3, solve_3x3
+
+
+class WallScene(NamedTuple):
+    """Walls of a field and the camera on its robot.
+
+    Parameters
+    ----------
+    walls : (W, 4) float64
+        Feet x0, y0, x1, y1, field frame, metres.
+    offset_x, offset_y, height : float
+        Viewpoint in the robot frame, metres.
+    robot_to_camera : (3, 3) float64
+        Rotation of directions.
+    cos_b, sin_b : (K,) float64
+        Evenly spaced camera-frame bearings from 0 counter-clockwise.
+    """
+
+    walls: FloatArray
+    offset_x: float
+    offset_y: float
+    height: float
+    robot_to_camera: FloatArray
+    cos_b: FloatArray
+    sin_b: FloatArray
+
+
+class WallPrediction(NamedTuple):
+    """The nearest wall's foot at each bearing, from a pose.
+
+    Parameters
+    ----------
+    q : (K,) float64
+        Inverse range; 0 where no wall is met.
+    wall : (K,) int64
+        Its index; -1 where none.
+    planes : (W, 4, 3) float64
+        Each wall's normal and its derivatives by x, y and theta, the first two components over h n_z, the third over
+        n_z.
+    """
+
+    q: FloatArray
+    wall: Int64Array
+    planes: FloatArray
+
+
+class FloorOutline(NamedTuple):
+    """A measured floor outline, and how its pixels are compared.
+
+    Parameters
+    ----------
+    radius : (K,) float64
+        Image radius of the floor's edge, NaN where none.
+    q_step, radius_of_q : float, (Q,) float64
+        Image radius tabulated over the inverse range 0, q_step, 2 q_step ...
+    scales : (I,) float64
+        Width of the weights in pixels, one iteration each.
+    unit_px : float
+        Half the residual at which the cost is truncated.
+    """
+
+    radius: FloatArray
+    q_step: float
+    radius_of_q: FloatArray
+    scales: FloatArray
+    unit_px: float
+
+
+class WallFit(NamedTuple):
+    """The fit of a pose to an outline, written in place.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        x, y, theta.
+    information : (3, 3) float64
+        Sum of w J^T J.
+    scatter : (3, 3) float64
+        Sum over groups of neighbouring bearings of g g^T, g the group's sum of w e J: the residuals' true scatter.
+    residual : (K,) float64
+        Residual in pixels along the edge's normal, positive where floor is seen beyond the wall; NaN where none.
+    predicted : (K,) float64
+        Image radius of the nearest wall's foot, NaN where none.
+    """
+
+    pose: FloatArray
+    information: FloatArray
+    scatter: FloatArray
+    residual: FloatArray
+    predicted: FloatArray
 
 
 @njit(cache=True, nogil=True)
@@ -99,41 +190,14 @@ def hull_moments(
 
 
 @njit(cache=True, nogil=True)
-def predict_walls(
-    pose: FloatArray,
-    walls: FloatArray,
-    offset_x: float,
-    offset_y: float,
-    height: float,
-    robot_to_camera: FloatArray,
-    cos_b: FloatArray,
-    sin_b: FloatArray,
-    best_q: FloatArray,
-    best_wall: Int64Array,
-    planes: FloatArray,
-) -> None:
-    """Inverse range at which each bearing meets the nearest wall's foot, from a pose.
+def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> None:
+    """Inverse range at which each bearing meets the nearest wall's foot, from a pose (3,) x, y, theta of the robot.
 
     A wall's foot and the viewpoint span a plane with normal n; the ray (cos, sin, -q h) of a bearing lies in it where
     q = (n_x cos + n_y sin) / (h n_z): walls are straight in q, whatever the mirror and its tilt.
-
-    Parameters
-    ----------
-    pose : (3,) float64
-        x, y, theta of the robot.
-    walls : (W, 4) float64
-        Feet, field frame.
-    robot_to_camera : (3, 3) float64
-    cos_b, sin_b : (K,) float64
-        Evenly spaced camera-frame bearings from 0 counter-clockwise.
-    best_q : (K,) float64
-        Filled with the inverse range; 0 where no wall is met.
-    best_wall : (K,) int64
-        Filled with the wall's index, -1 where none.
-    planes : (W, 4, 3) float64
-        Filled with each wall's normal and its derivatives by x, y and theta, the first two components over h n_z, the
-        third over n_z.
     """
+    walls, offset_x, offset_y, height, robot_to_camera, cos_b, sin_b = scene
+    best_q, best_wall, planes = out
     count = cos_b.shape[0]
     per_rad = count / (2 * math.pi)
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -214,167 +278,139 @@ def score_bank(bank: FloatArray, radius: FloatArray, weight: FloatArray, width_p
 
 
 @njit(cache=True, nogil=True)
-def fit_walls(
-    poses: FloatArray,
-    walls: FloatArray,
-    offset_x: float,
-    offset_y: float,
-    height: float,
-    robot_to_camera: FloatArray,
-    cos_b: FloatArray,
-    sin_b: FloatArray,
-    radius: FloatArray,
+def _tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
+    """Image radius of an inverse range, and its derivative."""
+    place = min(q / outline.q_step, outline.radius_of_q.shape[0] - 2 + 0.999)
+    cell = int(place)
+    slope = (outline.radius_of_q[cell + 1] - outline.radius_of_q[cell]) / outline.q_step
+    return outline.radius_of_q[cell] + (q - cell * outline.q_step) * slope, slope
+
+
+@njit(cache=True, nogil=True)
+def _accumulate(
+    scene: WallScene,
+    outline: FloorOutline,
+    prediction: WallPrediction,
     stride: int,
-    q_step: float,
-    radius_of_q: FloatArray,
-    scales: FloatArray,
-    unit_px: float,
-    out_pose: FloatArray,
-    out_information: FloatArray,
-    out_scatter: FloatArray,
-    out_residual: FloatArray,
-    out_predicted: FloatArray,
+    scale: float,
+    fit: WallFit,
+    pull: FloatArray,
 ) -> float:
+    """Add up the normal equations over every stride-th bearing; returns the truncated mean cost.
+
+    Fills `information`, `scatter` and `residual` of the fit, and `pull` (3,), the sum of w e J.
+    """
+    a, scatter, residual = fit.information, fit.scatter, fit.residual
+    best_q, best_wall, planes = prediction
+    cos_b, sin_b, radius, unit_px = scene.cos_b, scene.sin_b, outline.radius, outline.unit_px
+    jacobian, group = np.empty(3), np.zeros(3)
+    a[:] = 0.0
+    pull[:] = 0.0
+    scatter[:] = 0.0
+    cost, used, in_group = 0.0, 0, 0
+    for k in range(0, cos_b.shape[0], stride):
+        residual[k] = np.nan
+        if not radius[k] > 0:
+            continue
+        used += 1
+        w = best_wall[k]
+        if w < 0:
+            cost += 1.0
+            continue
+        q = best_q[k]
+        predicted, slope = _tabulated(outline, q)
+        turn = slope * (planes[w, 0, 1] * cos_b[k] - planes[w, 0, 0] * sin_b[k]) / predicted
+        # the edge is oblique to the ray: what is uniform in the image is the distance along its normal
+        oblique = 1.0 / math.sqrt(1.0 + turn * turn)
+        e = (radius[k] - predicted) * oblique
+        residual[k] = e
+        for p in range(3):
+            d = planes[w, p + 1, 0] * cos_b[k] + planes[w, p + 1, 1] * sin_b[k]
+            jacobian[p] = slope * (d - q * planes[w, p + 1, 2]) * oblique
+        # an obstacle hides floor, so an edge nearer than the wall says little; floor beyond a wall cannot be
+        ratio = e / scale if e < 0 else e / (3.0 * scale)
+        weight = 1.0 / (1.0 + ratio * ratio) ** 2
+        loss = (e / (2.0 * unit_px)) ** 2
+        cost += min(1.0, loss) if e < 0 else min(2.0, loss)
+        for i in range(3):
+            pull[i] += weight * e * jacobian[i]
+            group[i] += weight * e * jacobian[i]
+            for j in range(3):
+                a[i, j] += weight * jacobian[i] * jacobian[j]
+        in_group += 1
+        if in_group == 4:
+            for i in range(3):
+                for j in range(3):
+                    scatter[i, j] += group[i] * group[j]
+            group[:] = 0.0
+            in_group = 0
+    return cost / max(used, 1)
+
+
+@njit(cache=True, nogil=True)
+def _keep(outline: FloorOutline, prediction: WallPrediction, fit: WallFit, best: WallFit) -> None:
+    """Copy a fit, and the walls it predicts, to the best one."""
+    best.pose[:] = fit.pose
+    best.information[:] = fit.information
+    best.scatter[:] = fit.scatter
+    best.residual[:] = fit.residual
+    for k in range(best.predicted.shape[0]):
+        best.predicted[k] = np.nan
+        if prediction.wall[k] >= 0:
+            place = min(prediction.q[k] / outline.q_step, outline.radius_of_q.shape[0] - 2 + 0.999)
+            cell = int(place)
+            step = outline.radius_of_q[cell + 1] - outline.radius_of_q[cell]
+            best.predicted[k] = outline.radius_of_q[cell] + (place - cell) * step
+
+
+@njit(cache=True, nogil=True)
+def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, stride: int, best: WallFit) -> float:
     """Fit poses to a measured floor outline by Gauss-Newton on the image radius, with annealed redescending weights.
 
     Parameters
     ----------
     poses : (N, 3) float64
         Starts; the one that ends with the least truncated cost wins.
-    radius : (K,) float64
-        Measured image radius of the floor's edge, NaN where none.
+    scene, outline : WallScene, FloorOutline
+        What is fitted to what.
     stride : int
         Use every stride-th bearing.
-    q_step, radius_of_q : float, (Q,) float64
-        Image radius tabulated over the inverse range 0, q_step, 2 q_step ...
-    scales : (I,) float64
-        Width of the weights in pixels, one iteration each.
-    unit_px : float
-        Half the residual at which the cost is truncated.
-    out_pose : (3,) float64
-    out_information : (3, 3) float64
-        Sum of w J^T J at the winner.
-    out_scatter : (3, 3) float64
-        Sum over groups of neighbouring bearings of g g^T, g the group's sum of w e J: the residuals' true scatter.
-    out_residual : (K,) float64
-        Residual in pixels along the edge's normal, positive where floor is seen beyond the wall; NaN where none.
-    out_predicted : (K,) float64
-        Image radius of the nearest wall's foot at the winner, NaN where none.
+    best : WallFit
+        Result: the winner.
 
     Returns
     -------
     float
         The winner's truncated mean cost, 0 (all fits) to 1 (nothing fits).
     """
-    count = cos_b.shape[0]
-    best_q = np.empty(count)
-    best_wall = np.empty(count, np.int64)
-    planes = np.empty((walls.shape[0], 4, 3))
-    jacobian = np.empty(3)
-    pose = np.empty(3)
-    group = np.empty(3)
-    a = np.empty((3, 3))
-    g = np.empty(3)
-    residual = np.empty(count)
-    last_q = radius_of_q.shape[0] - 2
+    count, iterations = scene.cos_b.shape[0], outline.scales.shape[0]
+    prediction = WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
+    fit = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(count), np.empty(0))
+    pull, work, step = np.empty(3), np.empty((3, 3)), np.empty(3)
     best_cost = math.inf
     for n in range(poses.shape[0]):
-        pose[:] = poses[n]
-        for iteration in range(scales.shape[0] + 1):
-            final = iteration == scales.shape[0]
-            scale = scales[min(iteration, scales.shape[0] - 1)]
-            predict_walls(
-                pose, walls, offset_x, offset_y, height, robot_to_camera, cos_b, sin_b, best_q, best_wall, planes
-            )
-            a[:] = 0.0
-            g[:] = 0.0
-            cost, used = 0.0, 0
-            scatter = np.zeros((3, 3))
-            group[:] = 0.0
-            in_group = 0
+        fit.pose[:] = poses[n]
+        for iteration in range(iterations + 1):
+            final = iteration == iterations
+            scale = outline.scales[min(iteration, iterations - 1)]
+            predict_walls(fit.pose, scene, prediction)
             # far from the end every second bearing does
-            coarse = 2 if stride == 1 and not final and scale > 2.5 * unit_px else 1
-            for k in range(0, count, stride * coarse):
-                residual[k] = np.nan
-                if not radius[k] > 0:
-                    continue
-                used += 1
-                w = best_wall[k]
-                if w < 0:
-                    cost += 1.0
-                    continue
-                q = best_q[k]
-                place = min(q / q_step, last_q + 0.999)
-                cell = int(place)
-                slope = (radius_of_q[cell + 1] - radius_of_q[cell]) / q_step
-                predicted = radius_of_q[cell] + (q - cell * q_step) * slope
-                turn = slope * (planes[w, 0, 1] * cos_b[k] - planes[w, 0, 0] * sin_b[k]) / predicted
-                # the edge is oblique to the ray: what is uniform in the image is the distance along its normal
-                oblique = 1.0 / math.sqrt(1.0 + turn * turn)
-                e = (radius[k] - predicted) * oblique
-                residual[k] = e
-                for p in range(3):
-                    d = planes[w, p + 1, 0] * cos_b[k] + planes[w, p + 1, 1] * sin_b[k]
-                    jacobian[p] = slope * (d - q * planes[w, p + 1, 2]) * oblique
-                # an obstacle hides floor, so an edge nearer than the wall says little; floor beyond a wall cannot be
-                ratio = e / scale if e < 0 else e / (3.0 * scale)
-                weight = 1.0 / (1.0 + ratio * ratio) ** 2
-                loss = (e / (2.0 * unit_px)) ** 2
-                cost += min(1.0, loss) if e < 0 else min(2.0, loss)
-                for i in range(3):
-                    g[i] += weight * e * jacobian[i]
-                    group[i] += weight * e * jacobian[i]
-                    for j in range(3):
-                        a[i, j] += weight * jacobian[i] * jacobian[j]
-                in_group += 1
-                if in_group == 4:
-                    for i in range(3):
-                        for j in range(3):
-                            scatter[i, j] += group[i] * group[j]
-                    group[:] = 0.0
-                    in_group = 0
+            coarse = 2 if stride == 1 and not final and scale > 2.5 * outline.unit_px else 1
+            cost = _accumulate(scene, outline, prediction, stride * coarse, scale, fit, pull)
             if final:
-                cost = cost / max(used, 1)
                 if cost < best_cost:
                     best_cost = cost
-                    out_pose[:] = pose
-                    out_information[:] = a
-                    out_scatter[:] = scatter
-                    out_residual[:] = residual
-                    for k in range(count):
-                        out_predicted[k] = np.nan
-                        if best_wall[k] >= 0:
-                            place = min(best_q[k] / q_step, last_q + 0.999)
-                            cell = int(place)
-                            step = radius_of_q[cell + 1] - radius_of_q[cell]
-                            out_predicted[k] = radius_of_q[cell] + (place - cell) * step
+                    _keep(outline, prediction, fit, best)
                 break
             for i in range(3):
-                a[i, i] += 1e-6
-            # 3 x 3 by Cramer's rule: no LAPACK call in the loop
-            c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
-            c01 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
-            c02 = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
-            det = a[0, 0] * c00 + a[0, 1] * c01 + a[0, 2] * c02
-            if not det > 0.0:
+                fit.information[i, i] += 1e-6
+            if not solve_3x3(fit.information, pull, work, step):
                 continue
-            x = (g[0] * c00 + g[1] * c01 + g[2] * c02) / det
-            y = (
-                g[0] * (a[0, 2] * a[2, 1] - a[0, 1] * a[2, 2])
-                + g[1] * (a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0])
-                + g[2] * (a[0, 1] * a[2, 0] - a[0, 0] * a[2, 1])
-            ) / det
-            t = (
-                g[0] * (a[0, 1] * a[1, 2] - a[0, 2] * a[1, 1])
-                + g[1] * (a[0, 2] * a[1, 0] - a[0, 0] * a[1, 2])
-                + g[2] * (a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
-            ) / det
             # a step is trusted as far as the linearised wall stays near
-            length = math.sqrt(x * x + y * y)
-            shrink = min(1.0, 0.5 / max(length, 1e-9), 0.5 / max(abs(t), 1e-9))
-            pose[0] += shrink * x
-            pose[1] += shrink * y
-            pose[2] += shrink * t
+            length = math.sqrt(step[0] * step[0] + step[1] * step[1])
+            shrink = min(1.0, 0.5 / max(length, 1e-9), 0.5 / max(abs(step[2]), 1e-9))
+            for i in range(3):
+                fit.pose[i] += shrink * step[i]
     return best_cost
 
 
@@ -388,7 +424,7 @@ def summarise_fit(
     systematic: float,
     out: FloatArray,
 ) -> tuple[float, float, float]:
-    """Share of inliers, their root mean square residual (px), and the largest standard deviation of the position (m).
+    """Ratio of inliers, their root mean square residual (px), and the largest standard deviation of the position (m).
 
     Fills out (3, 3) with the sandwich covariance A^-1 (inflate S + systematic A) A^-1 of the information A and the
     scatter S. The standard deviation is infinite where A is singular.
@@ -401,17 +437,13 @@ def summarise_fit(
             if abs(e) < inlier_px:
                 inliers += 1
                 squares += e * e
-    share = inliers / max(used, 1)
+    ratio = inliers / max(used, 1)
     rms = math.sqrt(squares / max(inliers, 1))
     a = information
     inverse = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            r0, r1, c0, c1 = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
-            inverse[i, j] = a[r0, c0] * a[r1, c1] - a[r0, c1] * a[r1, c0]
-    det = a[0, 0] * inverse[0, 0] + a[0, 1] * inverse[1, 0] + a[0, 2] * inverse[2, 0]
+    det = adjugate_3x3(a, inverse)
     if not det > 1e-12 * a[0, 0] * a[1, 1] * a[2, 2] or not det > 0.0:
-        return share, rms, math.inf
+        return ratio, rms, math.inf
     inverse /= det
     for i in range(3):
         for j in range(3):
@@ -422,50 +454,21 @@ def summarise_fit(
             out[i, j] = total
     mean = 0.5 * (out[0, 0] + out[1, 1])
     half = math.sqrt((0.5 * (out[0, 0] - out[1, 1])) ** 2 + out[0, 1] ** 2)
-    return share, rms, math.sqrt(mean + half)
+    return ratio, rms, math.sqrt(mean + half)
 
 
 @njit(cache=True, nogil=True)
 def fit_each(
     poses: FloatArray,
-    walls: FloatArray,
-    offset_x: float,
-    offset_y: float,
-    height: float,
-    robot_to_camera: FloatArray,
-    cos_b: FloatArray,
-    sin_b: FloatArray,
-    radius: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
     stride: int,
-    q_step: float,
-    radius_of_q: FloatArray,
-    scales: FloatArray,
-    unit_px: float,
     out_poses: FloatArray,
     out_costs: FloatArray,
 ) -> None:
     """Fit each start by itself, as `fit_walls` does; fills out_poses (N, 3) and out_costs (N,)."""
-    square, scatter = np.empty((3, 3)), np.empty((3, 3))
-    residual, predicted = np.empty(cos_b.shape[0]), np.empty(cos_b.shape[0])
+    count = scene.cos_b.shape[0]
+    best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(count), np.empty(count))
     for n in range(poses.shape[0]):
-        out_costs[n] = fit_walls(
-            poses[n : n + 1],
-            walls,
-            offset_x,
-            offset_y,
-            height,
-            robot_to_camera,
-            cos_b,
-            sin_b,
-            radius,
-            stride,
-            q_step,
-            radius_of_q,
-            scales,
-            unit_px,
-            out_poses[n],
-            square,
-            scatter,
-            residual,
-            predicted,
-        )
+        out_costs[n] = fit_walls(poses[n : n + 1], scene, outline, stride, best)
+        out_poses[n] = best.pose

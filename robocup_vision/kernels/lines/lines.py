@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array, UInt16Array
+from robocup_vision.kernels.algebra.three import solve_3x3
 
 
 @njit(cache=True, nogil=True)
@@ -233,23 +234,6 @@ def score_pose_grid(
 
 
 @njit(cache=True, nogil=True)
-def _solve3(a: FloatArray, b: FloatArray) -> tuple[float, float, float]:
-    """Solve a symmetric positive definite 3x3 system by LDL'; NaN where it is singular."""
-    d0 = a[0, 0]
-    l10, l20 = a[1, 0] / d0, a[2, 0] / d0
-    d1 = a[1, 1] - l10 * l10 * d0
-    l21 = (a[2, 1] - l20 * l10 * d0) / d1
-    d2 = a[2, 2] - l20 * l20 * d0 - l21 * l21 * d1
-    y0 = b[0]
-    y1 = b[1] - l10 * y0
-    y2 = b[2] - l20 * y0 - l21 * y1
-    x2 = y2 / d2
-    x1 = y1 / d1 - l21 * x2
-    x0 = y0 / d0 - l10 * x1 - l20 * x2
-    return x0, x1, x2
-
-
-@njit(cache=True, nogil=True)
 def refine_line_poses(
     poses: FloatArray,
     points: FloatArray,
@@ -281,7 +265,7 @@ def refine_line_poses(
     """
     total = max(weight.sum(), 1e-12)
     loss = np.empty(poses.shape[0])
-    a, b = np.empty((3, 3)), np.empty(3)
+    a, b, work, step = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
     for k in range(poses.shape[0]):
         for turn in range(scales_m.shape[0] + 1):
             scale = scales_m[min(turn, scales_m.shape[0] - 1)]
@@ -311,7 +295,10 @@ def refine_line_poses(
             a[0, 0] += damping
             a[1, 1] += damping
             a[2, 2] += damping
-            dx, dy, dt = _solve3(a, b)
+            a[0, 1], a[0, 2], a[1, 2] = a[1, 0], a[2, 0], a[2, 1]
+            if not solve_3x3(a, b, work, step):
+                break
+            dx, dy, dt = step
             reach = math.sqrt(dx * dx + dy * dy)
             if not (reach < 1e3 and abs(dt) < 1e3):
                 break

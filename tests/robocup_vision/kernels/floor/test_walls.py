@@ -12,6 +12,10 @@ from field_models import load_field
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.walls import (
+    FloorOutline,
+    WallFit,
+    WallPrediction,
+    WallScene,
     fit_each,
     fit_walls,
     hull_moments,
@@ -122,14 +126,14 @@ def test_hull_moments_are_those_of_the_hull_on_the_floor(pose, seed):
 
 def geometry(camera):
     x, y, height = camera.viewpoint_m
-    return FIELD.walls, float(x), float(y), float(height), np.ascontiguousarray(camera.camera_to_robot.T)
+    to_camera = np.ascontiguousarray(camera.camera_to_robot.T)
+    return WallScene(FIELD.walls, float(x), float(y), float(height), to_camera, COS, SIN)
 
 
 def predict(pose, camera):
-    q, wall = np.empty(COUNT), np.empty(COUNT, dtype=np.int64)
-    planes = np.empty((len(FIELD.walls), 4, 3))
-    predict_walls(pose.array if isinstance(pose, Pose2) else pose, *geometry(camera), COS, SIN, q, wall, planes)
-    return q, wall, planes
+    out = WallPrediction(np.empty(COUNT), np.empty(COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4, 3)))
+    predict_walls(pose.array if isinstance(pose, Pose2) else pose, geometry(camera), out)
+    return out
 
 
 def predict_twin(pose, camera):
@@ -237,8 +241,8 @@ def outline(pose, rng, noise_px=0.2, hidden=0.2):
 
 
 def fit(starts, radius, stride, scales):
-    out = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(COUNT, np.nan), np.empty(COUNT)
-    cost = fit_walls(starts, *geometry(CAMERA), COS, SIN, radius, stride, Q_STEP, RADIUS_OF_Q, scales, 1.0, *out)
+    out = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(COUNT, np.nan), np.empty(COUNT))
+    cost = fit_walls(starts, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), stride, out)
     return cost, *out
 
 
@@ -287,7 +291,7 @@ def test_each_start_is_fitted_by_itself():
     radius, scales = outline(Pose2(-0.4, 0.2, 2.0), rng), np.array([8.0, 4.0, 2.0])
     starts = rng.normal(0, 0.3, (5, 3))
     poses, costs = np.empty((5, 3)), np.empty(5)
-    fit_each(starts, *geometry(CAMERA), COS, SIN, radius, 3, Q_STEP, RADIUS_OF_Q, scales, 1.0, poses, costs)
+    fit_each(starts, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), 3, poses, costs)
     for start, pose, cost in zip(starts, poses, costs, strict=True):
         alone = fit(start[None], radius, 3, scales)
         assert cost == alone[0]
@@ -313,10 +317,10 @@ def test_summary_agrees_with_numpy(seed):
     rows = rng.normal(0, 10, (2, 8, 3))
     information, scatter = (r.T @ r for r in rows)
     out = np.empty((3, 3))
-    share, rms, along = summarise_fit(residual, 1.5, information, scatter, 1.5, 0.008, out)
+    ratio, rms, along = summarise_fit(residual, 1.5, information, scatter, 1.5, 0.008, out)
     seen = residual[np.isfinite(residual)]
     fits = seen[np.abs(seen) < 1.5]
-    assert share == pytest.approx(len(fits) / len(seen))
+    assert ratio == pytest.approx(len(fits) / len(seen))
     assert rms == pytest.approx(math.sqrt(np.mean(fits**2)))
     inverse = np.linalg.inv(information)
     expected = inverse @ (1.5 * scatter + 0.008 * information) @ inverse
@@ -326,6 +330,6 @@ def test_summary_agrees_with_numpy(seed):
 
 def test_a_direction_that_nothing_fixes_has_an_infinite_deviation():
     information = np.diag([100.0, 0.0, 50.0])
-    share, rms, along = summarise_fit(np.full(5, np.nan), 1.5, information, information, 1.5, 0.008, np.empty((3, 3)))
-    assert (share, rms) == (0.0, 0.0)
+    ratio, rms, along = summarise_fit(np.full(5, np.nan), 1.5, information, information, 1.5, 0.008, np.empty((3, 3)))
+    assert (ratio, rms) == (0.0, 0.0)
     assert along == math.inf

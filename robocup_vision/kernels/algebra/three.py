@@ -1,0 +1,43 @@
+"""Systems of three equations by cofactors: no LAPACK call in a loop over starts."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from robocup_vision.arrays import FloatArray
+
+
+@njit(cache=True, nogil=True)
+def adjugate_3x3(matrix: FloatArray, out: FloatArray) -> float:
+    """Write the adjugate (3, 3) of a matrix (3, 3), its inverse times its determinant; return the determinant."""
+    for i in range(3):
+        for j in range(3):
+            r0, r1, c0, c1 = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            out[i, j] = matrix[r0, c0] * matrix[r1, c1] - matrix[r0, c1] * matrix[r1, c0]
+    return float(matrix[0, 0] * out[0, 0] + matrix[0, 1] * out[1, 0] + matrix[0, 2] * out[2, 0])
+
+
+@njit(cache=True, nogil=True)
+def solve_3x3(matrix: FloatArray, right: FloatArray, work: FloatArray, out: FloatArray) -> bool:
+    """Solve a symmetric positive definite system by Cramer's rule.
+
+    Parameters
+    ----------
+    matrix, right : (3, 3), (3,) float64
+        The system.
+    work : (3, 3) float64
+        Overwritten.
+    out : (3,) float64
+        Result.
+
+    Returns
+    -------
+    bool
+        False, and no result, where the determinant is not positive.
+    """
+    determinant = adjugate_3x3(matrix, work)
+    if not determinant > 0.0:
+        return False
+    for k in range(3):
+        out[k] = (right[0] * work[0, k] + right[1] * work[1, k] + right[2] * work[2, k]) / determinant
+    return True
