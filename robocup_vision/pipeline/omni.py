@@ -118,13 +118,10 @@ class OmniPipeline(FramePipeline):
         polar.radial_edges(
             frame,
             self.polar.hidden_px,
-            *self.camera.center_px,
-            self._ray_u,
-            self._ray_v,
-            self._radius_or_none[column],
-            self.polar.step_px,
-            2 * np.pi / self.polar.bearings / 3,
-            _MIN_CONTRAST * table.colors.floor.noise,
+            polar.Rays(*self.camera.center_px, self._ray_u, self._ray_v, self._radius_or_none[column]),
+            polar.EdgeSearch(
+                self.polar.step_px, 2 * np.pi / self.polar.bearings / 3, _MIN_CONTRAST * table.colors.floor.noise
+            ),
             edge,
         )
         return edge, column

@@ -18,7 +18,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.kernels.floor.calibration import floor_points
+from robocup_vision.kernels.floor.calibration import MirrorView, floor_points
 from robocup_vision.kernels.lines.lines import nearest_lines
 
 # steps of the numerical derivatives, in the vector's own units
@@ -130,7 +130,8 @@ def homogeneous(camera: OmniCamera, pixels: FloatArray) -> FloatArray:
     point = np.empty((len(pixels), 3))
     sign = 1.0 if camera.mirrored else -1.0
     x, y, height = camera.viewpoint_m.tolist()
-    floor_points(pixels, u, v, sign, camera.heading_rad, q, camera.camera_to_robot, x, y, height, point)
+    view = MirrorView((float(u), float(v)), sign, float(camera.heading_rad), camera.camera_to_robot, (x, y, height))
+    floor_points(pixels, q, view, point)
     return point
 
 

@@ -3,49 +3,56 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 
 from robocup_vision.arrays import FloatArray
 
 
+class MirrorView(NamedTuple):
+    """A mirror camera on its robot.
+
+    Parameters
+    ----------
+    center_px : (float, float)
+        Image of the mirror's axis, u and v.
+    sign : float
+        1 if bearing grows clockwise in the image as shown, else -1.
+    heading_rad : float
+        Bearing of the image's +u direction.
+    camera_to_robot : (3, 3) float64
+        Rotation of directions.
+    viewpoint_m : (float, float, float)
+        The viewpoint, robot frame.
+    """
+
+    center_px: tuple[float, float]
+    sign: float
+    heading_rad: float
+    camera_to_robot: FloatArray
+    viewpoint_m: tuple[float, float, float]
+
+
 @njit(cache=True, nogil=True)
-def floor_points(
-    pixels: FloatArray,
-    center_u: float,
-    center_v: float,
-    sign: float,
-    heading: float,
-    inverse_range: FloatArray,
-    to_robot: FloatArray,
-    offset_x: float,
-    offset_y: float,
-    height: float,
-    out: FloatArray,
-) -> None:
+def floor_points(pixels: FloatArray, inverse_range: FloatArray, view: MirrorView, out: FloatArray) -> None:
     """Homogeneous floor points X, Y, W of pixels, robot frame: the floor point is (X, Y) / W, W <= 0 above the horizon.
 
     Parameters
     ----------
     pixels : (N, 2) float64
-    center_u, center_v : float
-        Image of the mirror's axis.
-    sign : float
-        1 if bearing grows clockwise in the image as shown, else -1.
-    heading : float
-        Bearing of the image's +u direction.
     inverse_range : (N,) float64
         1/r at the pixels' image radii; not finite where the curve says nothing.
-    to_robot : (3, 3) float64
-        Camera frame to robot frame.
-    offset_x, offset_y, height : float
-        The viewpoint, robot frame.
+    view : MirrorView
+        The camera.
     out : (N, 3) float64
         Filled; -1, -1, -1 where the curve says nothing.
     """
-    cos_h, sin_h = math.cos(heading), math.sin(heading)
+    (center_u, center_v), to_robot = view.center_px, view.camera_to_robot
+    offset_x, offset_y, height = view.viewpoint_m
+    cos_h, sin_h = math.cos(view.heading_rad), math.sin(view.heading_rad)
     for i in range(pixels.shape[0]):
-        du, dv = pixels[i, 0] - center_u, sign * (pixels[i, 1] - center_v)
+        du, dv = pixels[i, 0] - center_u, view.sign * (pixels[i, 1] - center_v)
         radius = math.sqrt(du * du + dv * dv)
         q = inverse_range[i]
         if not (radius > 0.0 and math.isfinite(q)):

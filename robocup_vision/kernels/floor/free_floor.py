@@ -1,4 +1,4 @@
-"""Compiled loops over the polar samples: what may be driven over, the share of each cell, and where bearings end."""
+"""Compiled loops over the polar samples: what may be driven over, how much of each cell, and where bearings end."""
 
 from __future__ import annotations
 
@@ -42,11 +42,25 @@ def passable(
         Filled with BLOCKED, FLOOR or LINE.
     """
     rows, columns = llr.shape
-    # the samples' blur spreads what is bright over the floor beside it by a sample: take that back. What is dark hardly
-    # colours its neighbours. And a speck of three by three samples at most is dirt or noise
     for k in range(rows):
         for m in range(columns):
             out[k, m] = FLOOR if llr[k, m] > 0 else BLOCKED
+    _clear_blur(samples, llr, valid, columns_in_use, outermost, out)
+    _clear_single(valid, columns_in_use, out)
+    _mark_lines_along(samples, llr, valid, line_columns, columns_in_use, out)
+    _mark_lines_across(samples, llr, valid, line_rows, columns_in_use, out)
+    _block_corners(valid, line_columns, columns_in_use, out)
+
+
+@njit(cache=True, nogil=True)
+def _clear_blur(
+    samples: UInt8Array, llr: Int8Array, valid: UInt8Array, columns_in_use: int, outermost: Int64Array, out: UInt8Array
+) -> None:
+    """Make floor of what is bright only by the samples' blur, and of specks of three by three samples at most.
+
+    The blur spreads what is bright over the floor beside it by a sample; what is dark hardly colours its neighbours.
+    """
+    rows = llr.shape[0]
     for k in range(rows):
         here, right, right2 = llr[k], llr[(k - 1) % rows], llr[(k - 2) % rows]
         left, left2 = llr[(k + 1) % rows], llr[(k + 2) % rows]
@@ -78,7 +92,12 @@ def passable(
                 is_floor = False
             if is_floor:
                 out[k, m] = FLOOR
-    # what that has left alone among floor is noise, too: whatever stands there would hide more
+
+
+@njit(cache=True, nogil=True)
+def _clear_single(valid: UInt8Array, columns_in_use: int, out: UInt8Array) -> None:
+    """Make floor of single blocked samples among floor: they are noise, for what stands there would hide more."""
+    rows = out.shape[0]
     for k in range(rows):
         above, below = out[(k - 1) % rows], out[(k + 1) % rows]
         for m in range(1, columns_in_use - 1):
@@ -91,6 +110,19 @@ def passable(
                 and below[m] != BLOCKED
             ):
                 out[k, m] = FLOOR
+
+
+@njit(cache=True, nogil=True)
+def _mark_lines_along(
+    samples: UInt8Array,
+    llr: Int8Array,
+    valid: UInt8Array,
+    line_columns: Int32Array,
+    columns_in_use: int,
+    out: UInt8Array,
+) -> None:
+    """Mark bright stripes between floor on one bearing that are no longer than a line is wide."""
+    rows = llr.shape[0]
     for k in range(rows):
         # the robot stands on the floor: what lies under its rim is bounded by floor
         last, floor = -1, -1
@@ -109,7 +141,22 @@ def passable(
                         if valid[k, j]:
                             out[k, j] = LINE
             last = m
-    # where two lines meet, what lies between is bounded by line; it is still the floor it has to be whiter than
+
+
+@njit(cache=True, nogil=True)
+def _mark_lines_across(
+    samples: UInt8Array,
+    llr: Int8Array,
+    valid: UInt8Array,
+    line_rows: Int32Array,
+    columns_in_use: int,
+    out: UInt8Array,
+) -> None:
+    """Mark bright stripes between floor on one ring that are no wider than a line.
+
+    Where two lines meet, what lies between is bounded by line; it must still be whiter than the floor.
+    """
+    rows = llr.shape[0]
     before = np.full(columns_in_use, -1)
     floors = np.full(columns_in_use, -1)
     # once round and a little further, so that a line across row 0 is closed, too
@@ -132,8 +179,16 @@ def passable(
                         if valid[j, m]:
                             out[j, m] = LINE
             before[m] = step
-    # a bright corner that points at the robot is no wider than a line at first: what leads up to something blocked is
-    # taken for its corner, over the depth at which a right angle has opened to that width
+
+
+@njit(cache=True, nogil=True)
+def _block_corners(valid: UInt8Array, line_columns: Int32Array, columns_in_use: int, out: UInt8Array) -> None:
+    """Block the lines that lead up to something blocked.
+
+    A bright corner that points at the robot is no wider than a line at first, over the depth at which a right angle
+    has opened to that width.
+    """
+    rows = out.shape[0]
     for k in range(rows):
         left = 0
         for m in range(columns_in_use - 1, -1, -1):

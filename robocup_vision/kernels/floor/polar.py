@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,6 +12,8 @@ from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array,
 
 # bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
 ONE = 32
+Size = tuple[int, int]
+Pair = tuple[float, float]
 # a level from which a channel may be clipped
 SATURATED = 245
 B1, B2, THREE, B4, B5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
@@ -87,20 +90,46 @@ def outer_boundary(llr: Int8Array, valid: UInt8Array, certain: int, gap: int, mi
             break
 
 
+class Rays(NamedTuple):
+    """Bearings along which edges are located.
+
+    Parameters
+    ----------
+    center_u, center_v : float
+        Pixel that they start from.
+    step_u, step_v : (K,) float64
+        Image direction of each bearing.
+    start_px : (K,) float64
+        Image radius of the last floor sample; NaN: no edge is located.
+    """
+
+    center_u: float
+    center_v: float
+    step_u: FloatArray
+    step_v: FloatArray
+    start_px: FloatArray
+
+
+class EdgeSearch(NamedTuple):
+    """How edges are located.
+
+    Parameters
+    ----------
+    column_step_px : float
+        Uncertainty of `Rays.start_px` outwards.
+    half_width : float
+        Angle between neighbouring lines of sight, radians.
+    min_contrast : float
+        Smallest colour difference (counts) that is an edge.
+    """
+
+    column_step_px: float
+    half_width: float
+    min_contrast: float
+
+
 @njit(cache=True, nogil=True)
-def radial_edges(
-    frame: UInt8Array,
-    hidden: UInt8Array,
-    center_u: float,
-    center_v: float,
-    step_u: FloatArray,
-    step_v: FloatArray,
-    start_px: FloatArray,
-    column_step_px: float,
-    half_width: float,
-    min_contrast: float,
-    out: FloatArray,
-) -> None:
+def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: EdgeSearch, out: FloatArray) -> None:
     """Locate the edge between two colours along each bearing to a fraction of a pixel.
 
     Around the coarse edge the frame is sampled every pixel along the bearing. The steepest place splits the samples
@@ -111,137 +140,195 @@ def radial_edges(
     Parameters
     ----------
     frame : (H, W, 3) uint8
+        BGR.
     hidden : (H, W) uint8, or (0, 0)
         Non-zero where no bilinear sample may be taken: a bearing that needs one has no edge.
-    center_u, center_v : float
-    step_u, step_v : (K,) float64
-        Image direction of each bearing.
-    start_px : (K,) float64
-        Image radius of the last floor sample; NaN: skip.
-    column_step_px : float
-        Uncertainty of start_px outwards.
-    half_width : float
-        Angle between neighbouring lines of sight, radians.
-    min_contrast : float
-        Smallest colour difference (counts) that is an edge.
+    rays : Rays
+        K bearings.
+    search : EdgeSearch
+        How they are searched.
     out : (K,) float64
         Filled with the edge's image radius, NaN where there is none.
     """
-    height, width = frame.shape[0], frame.shape[1]
-    masked = hidden.shape[0] == height
-    flat = frame.reshape(-1)
-    row = np.uint64(3 * width)
     # blur takes the last sample that looks like floor about a column and a pixel inside the edge
-    search = int(math.ceil(column_step_px + 1.0))
-    reach = search + 3
-    count = 2 * reach + 1
-    profile = np.empty((count, 3), np.int64)
+    span = int(math.ceil(search.column_step_px + 1.0))
+    reach = span + 3
+    profile = np.empty((2 * reach + 1, 3), np.int64)
     signal = np.empty(21, np.int64)
     gain = np.empty(3, np.int64)
     offset = np.zeros(3)
-    for k in range(start_px.shape[0]):
+    size_px = frame.shape[1], frame.shape[0]
+    flat = frame.reshape(-1)
+    center = rays.center_u, rays.center_v
+    min_contrast2 = search.min_contrast * search.min_contrast
+    for k in range(rays.start_px.shape[0]):
         out[k] = np.nan
-        if not start_px[k] > 0:
+        if not rays.start_px[k] > 0:
             continue
-        near = start_px[k] + column_step_px + 0.5 - reach
-        far = near + 2 * reach + 5
-        aside = half_width * far + 1.0
-        left = center_u + min((near - 5) * step_u[k], far * step_u[k]) - aside
-        right = center_u + max((near - 5) * step_u[k], far * step_u[k]) + aside
-        top = center_v + min((near - 5) * step_v[k], far * step_v[k]) - aside
-        bottom = center_v + max((near - 5) * step_v[k], far * step_v[k]) + aside
-        if left < 0 or right >= width - 1 or top < 0 or bottom >= height - 1:
+        step = rays.step_u[k], rays.step_v[k]
+        near = rays.start_px[k] + search.column_step_px + 0.5 - reach
+        if not _is_inside(size_px, center, step, near, near + 2 * reach + 5, search.half_width):
             continue
-        seen = True
-        for i in range(count):
-            u, v = center_u + (near + i) * step_u[k], center_v + (near + i) * step_v[k]
-            x, y = int(u), int(v)
-            seen = seen and not (masked and hidden[y, x] != 0)
-            fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
-            w11 = fx * fy
-            w10, w01 = ONE * fy - w11, ONE * fx - w11
-            w00 = ONE * (ONE - fx) - w10
-            # unsigned: a signed index would be checked for being negative at every access
-            at = np.uint64(3 * (y * width + x))
-            for c in range(np.uint64(3)):
-                profile[i, c] = (
-                    flat[at + c] * w00
-                    + flat[at + c + THREE] * w01
-                    + flat[at + c + row] * w10
-                    + flat[at + c + row + THREE] * w11
-                )
-        steepest, place = -1, reach
-        for i in range(reach - search, reach + search + 1):
-            slope = 0
-            for c in range(3):
-                d = profile[i + 1, c] - profile[i - 1, c]
-                slope += d * d
-            if slope > steepest:
-                steepest, place = slope, i
-        # channels weighted by what they tell the two sides apart
-        contrast2, unsaturated2 = 0, 0
-        for c in range(3):
-            outer = profile[place + 3, c] + profile[place + 2, c]
-            gain[c] = (outer - profile[place - 3, c] - profile[place - 2, c]) // (2 * ONE * ONE)
-            contrast2 += gain[c] * gain[c]
-            if outer < SATURATED * 2 * ONE * ONE:
-                unsaturated2 += gain[c] * gain[c]
-        if contrast2 <= min_contrast * min_contrast:
+        seen = _sample_along(flat, size_px, hidden, center, step, near, profile)
+        place = _steepest(profile, reach - span, reach + span)
+        contrast2 = _weigh_channels(profile, place, min_contrast2, gain)
+        if contrast2 < 0:
             continue
-        if 10 * unsaturated2 > contrast2 and unsaturated2 > min_contrast * min_contrast:
-            contrast2 = unsaturated2
-            for c in range(3):
-                if profile[place + 3, c] + profile[place + 2, c] >= SATURATED * 2 * ONE * ONE:
-                    gain[c] = 0
-        gain0, gain1, gain2 = gain[0], gain[1], gain[2]
-        # again with a line of sight on either side, centred on the edge's first estimate, as one grey level
-        low = gain0 * profile[place - 2, 0] + gain1 * profile[place - 2, 1] + gain2 * profile[place - 2, 2]
-        high = gain0 * profile[place + 2, 0] + gain1 * profile[place + 2, 1] + gain2 * profile[place + 2, 2]
-        here = gain0 * profile[place, 0] + gain1 * profile[place, 1] + gain2 * profile[place, 2]
-        ahead = gain0 * profile[place + 1, 0] + gain1 * profile[place + 1, 1] + gain2 * profile[place + 1, 2]
-        behind = gain0 * profile[place - 1, 0] + gain1 * profile[place - 1, 1] + gain2 * profile[place - 1, 2]
-        rise = max(0.5 * (ahead - behind), 0.2 * contrast2 * ONE * ONE)
-        edge = near + place + max(-1.0, min(1.0, (0.5 * (low + high) - here) / rise))
+        edge = near + place + _first_shift(profile, gain, place, contrast2)
         for side in range(2):
-            du = step_u[k] - (2 * side - 1) * half_width * step_v[k]
-            dv = step_v[k] + (2 * side - 1) * half_width * step_u[k]
-            for i in range(1, 6):
-                radius = edge + i - 3.0
-                u, v = center_u + radius * du, center_v + radius * dv
-                x, y = int(u), int(v)
-                seen = seen and not (masked and hidden[y, x] != 0)
-                fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
-                w11 = fx * fy
-                w10, w01 = ONE * fy - w11, ONE * fx - w11
-                w00 = ONE * (ONE - fx) - w10
-                at = np.uint64(3 * (y * width + x))
-                below = at + row
-                signal[7 * side + i] = (
-                    w00 * (gain0 * flat[at] + gain1 * flat[at + B1] + gain2 * flat[at + B2])
-                    + w01 * (gain0 * flat[at + THREE] + gain1 * flat[at + B4] + gain2 * flat[at + B5])
-                    + w10 * (gain0 * flat[below] + gain1 * flat[below + B1] + gain2 * flat[below + B2])
-                    + w11 * (gain0 * flat[below + THREE] + gain1 * flat[below + B4] + gain2 * flat[below + B5])
-                )
+            turn = (2 * side - 1) * search.half_width
+            aside = step[0] - turn * step[1], step[1] + turn * step[0]
+            seen &= _sample_beside(flat, size_px, hidden, center, aside, edge, gain, signal[7 * side : 7 * side + 7])
         middle = int(edge - near + 0.5)
         offset[2] = near + middle - edge
         for i in range(7):
-            j = min(max(middle + i - 3, 0), count - 1)
-            signal[14 + i] = gain0 * profile[j, 0] + gain1 * profile[j, 1] + gain2 * profile[j, 2]
+            j = min(max(middle + i - 3, 0), profile.shape[0] - 1)
+            signal[14 + i] = gain[0] * profile[j, 0] + gain[1] * profile[j, 1] + gain[2] * profile[j, 2]
         base = 0.5 * (signal[14] + signal[15])
-        span = 0.5 * (signal[19] + signal[20]) - base
-        if not span > 0.0 or not seen:
-            continue
-        shift = 0.0
-        for _ in range(2):
-            numerator, denominator = 0.0, 0.0
-            for side in range(3):
-                for i in range(1, 6):
-                    x = (i - 3.0 + offset[side] - shift) / 1.75
-                    if abs(x) >= 1.0:
-                        continue
-                    weight = 1.0 - x * x
-                    expected = 0.5 + 0.75 * x - 0.25 * x * x * x
-                    numerator += weight * (expected - (signal[7 * side + i] - base) / span)
-                    denominator += weight * weight
-            shift = max(-1.5, min(1.5, shift + numerator / denominator * 1.75 / 0.75))
-        out[k] = edge + shift
+        rise = 0.5 * (signal[19] + signal[20]) - base
+        if rise > 0.0 and seen:
+            out[k] = edge + _step_shift(signal, offset, base, rise)
+
+
+@njit(cache=True, nogil=True)
+def _is_inside(size_px: Size, center: Pair, step: Pair, near: float, far: float, half_width: float) -> bool:
+    """Whether the picture shows all that is sampled on a bearing between two radii."""
+    (width, height), (center_u, center_v), (step_u, step_v) = size_px, center, step
+    aside = half_width * far + 1.0
+    left = center_u + min((near - 5) * step_u, far * step_u) - aside
+    right = center_u + max((near - 5) * step_u, far * step_u) + aside
+    top = center_v + min((near - 5) * step_v, far * step_v) - aside
+    bottom = center_v + max((near - 5) * step_v, far * step_v) + aside
+    return bool(left >= 0 and right < width - 1 and top >= 0 and bottom < height - 1)
+
+
+@njit(cache=True, nogil=True)
+def _sample_along(
+    flat: UInt8Array, size_px: Size, hidden: UInt8Array, center: Pair, step: Pair, near: float, profile: Int64Array
+) -> bool:
+    """Write the colours every pixel along a bearing, from a radius on; returns whether none of them is hidden."""
+    (width, height), (center_u, center_v), (step_u, step_v) = size_px, center, step
+    masked = hidden.shape[0] == height
+    row = np.uint64(3 * width)
+    seen = True
+    for i in range(profile.shape[0]):
+        u, v = center_u + (near + i) * step_u, center_v + (near + i) * step_v
+        x, y = int(u), int(v)
+        seen = seen and not (masked and hidden[y, x] != 0)
+        fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
+        w11 = fx * fy
+        w10, w01 = ONE * fy - w11, ONE * fx - w11
+        w00 = ONE * (ONE - fx) - w10
+        # unsigned: a signed index would be checked for being negative at every access
+        at = np.uint64(3 * (y * width + x))
+        for c in range(np.uint64(3)):
+            profile[i, c] = (
+                flat[at + c] * w00
+                + flat[at + c + THREE] * w01
+                + flat[at + c + row] * w10
+                + flat[at + c + row + THREE] * w11
+            )
+    return seen
+
+
+@njit(cache=True, nogil=True)
+def _steepest(profile: Int64Array, first: int, last: int) -> int:
+    """Return the sample between `first` and `last` at which the colour changes most."""
+    steepest, place = -1, (first + last) // 2
+    for i in range(first, last + 1):
+        slope = 0
+        for c in range(3):
+            d = profile[i + 1, c] - profile[i - 1, c]
+            slope += d * d
+        if slope > steepest:
+            steepest, place = slope, i
+    return place
+
+
+@njit(cache=True, nogil=True)
+def _weigh_channels(profile: Int64Array, place: int, min_contrast2: float, gain: Int64Array) -> int:
+    """Weigh channels by how they tell both sides apart; returns the squared contrast, -1 where it is too small."""
+    contrast2, unsaturated2 = 0, 0
+    for c in range(3):
+        outer = profile[place + 3, c] + profile[place + 2, c]
+        gain[c] = (outer - profile[place - 3, c] - profile[place - 2, c]) // (2 * ONE * ONE)
+        contrast2 += gain[c] * gain[c]
+        if outer < SATURATED * 2 * ONE * ONE:
+            unsaturated2 += gain[c] * gain[c]
+    if contrast2 <= min_contrast2:
+        return -1
+    if 10 * unsaturated2 > contrast2 and unsaturated2 > min_contrast2:
+        contrast2 = unsaturated2
+        for c in range(3):
+            if profile[place + 3, c] + profile[place + 2, c] >= SATURATED * 2 * ONE * ONE:
+                gain[c] = 0
+    return contrast2
+
+
+@njit(cache=True, nogil=True)
+def _first_shift(profile: Int64Array, gain: Int64Array, place: int, contrast2: int) -> float:
+    """Return where the edge lies off the steepest sample, pixels: half-way between both sides, by the slope there."""
+    gain0, gain1, gain2 = gain[0], gain[1], gain[2]
+    low = gain0 * profile[place - 2, 0] + gain1 * profile[place - 2, 1] + gain2 * profile[place - 2, 2]
+    high = gain0 * profile[place + 2, 0] + gain1 * profile[place + 2, 1] + gain2 * profile[place + 2, 2]
+    here = gain0 * profile[place, 0] + gain1 * profile[place, 1] + gain2 * profile[place, 2]
+    ahead = gain0 * profile[place + 1, 0] + gain1 * profile[place + 1, 1] + gain2 * profile[place + 1, 2]
+    behind = gain0 * profile[place - 1, 0] + gain1 * profile[place - 1, 1] + gain2 * profile[place - 1, 2]
+    rise = max(0.5 * (ahead - behind), 0.2 * contrast2 * ONE * ONE)
+    return float(max(-1.0, min(1.0, (0.5 * (low + high) - here) / rise)))
+
+
+@njit(cache=True, nogil=True)
+def _sample_beside(
+    flat: UInt8Array,
+    size_px: Size,
+    hidden: UInt8Array,
+    center: Pair,
+    step: Pair,
+    edge: float,
+    gain: Int64Array,
+    signal: Int64Array,
+) -> bool:
+    """Write five weighted samples about the edge on a line of sight beside; returns whether none of them is hidden."""
+    (width, height), (center_u, center_v), (step_u, step_v) = size_px, center, step
+    masked = hidden.shape[0] == height
+    row = np.uint64(3 * width)
+    gain0, gain1, gain2 = gain[0], gain[1], gain[2]
+    seen = True
+    for i in range(1, 6):
+        radius = edge + i - 3.0
+        u, v = center_u + radius * step_u, center_v + radius * step_v
+        x, y = int(u), int(v)
+        seen = seen and not (masked and hidden[y, x] != 0)
+        fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
+        w11 = fx * fy
+        w10, w01 = ONE * fy - w11, ONE * fx - w11
+        w00 = ONE * (ONE - fx) - w10
+        at = np.uint64(3 * (y * width + x))
+        below = at + row
+        signal[i] = (
+            w00 * (gain0 * flat[at] + gain1 * flat[at + B1] + gain2 * flat[at + B2])
+            + w01 * (gain0 * flat[at + THREE] + gain1 * flat[at + B4] + gain2 * flat[at + B5])
+            + w10 * (gain0 * flat[below] + gain1 * flat[below + B1] + gain2 * flat[below + B2])
+            + w11 * (gain0 * flat[below + THREE] + gain1 * flat[below + B4] + gain2 * flat[below + B5])
+        )
+    return seen
+
+
+@njit(cache=True, nogil=True)
+def _step_shift(signal: Int64Array, offset: FloatArray, base: float, rise: float) -> float:
+    """Fit a smooth step to the samples of all three lines of sight; returns its shift, pixels."""
+    shift = 0.0
+    for _ in range(2):
+        numerator, denominator = 0.0, 0.0
+        for side in range(3):
+            for i in range(1, 6):
+                x = (i - 3.0 + offset[side] - shift) / 1.75
+                if abs(x) >= 1.0:
+                    continue
+                weight = 1.0 - x * x
+                expected = 0.5 + 0.75 * x - 0.25 * x * x * x
+                numerator += weight * (expected - (signal[7 * side + i] - base) / rise)
+                denominator += weight * weight
+        shift = max(-1.5, min(1.5, shift + numerator / denominator * 1.75 / 0.75))
+    return shift

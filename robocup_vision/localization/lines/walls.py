@@ -73,9 +73,8 @@ def wall_points(
     step: FloatArray = np.ascontiguousarray((away / radius[:, None]).T)
     edge = np.empty(len(told))
     # two more lines of sight, a pixel to either side
-    polar.radial_edges(
-        frame, hidden, *view.below_px, step[0], step[1], radius, view.step_px,
-        1.0 / float(np.hypot(*(foot - view.camera.center_px))), min_contrast, edge,
-    )  # fmt: skip
+    rays = polar.Rays(*view.below_px, step[0], step[1], radius)
+    half_width = 1.0 / float(np.hypot(*(foot - view.camera.center_px)))
+    polar.radial_edges(frame, hidden, rays, polar.EdgeSearch(view.step_px, half_width, min_contrast), edge)
     good = np.isfinite(edge)
     return LinePoints.from_pixels(view.camera, foot + edge[good, None] * step.T[good])

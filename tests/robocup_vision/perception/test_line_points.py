@@ -80,7 +80,7 @@ def test_masked_pixels_are_never_points(mirror_camera, paint_field):
 def test_settings_are_used(finder, mirror_camera, paint_field):
     frame = paint_field(mirror_camera, FIELD, POSE)
     usual = finder.find(frame)
-    strict = LineFinder(mirror_camera, FIELD.line_width_m, settings=LineSettings(min_threshold=120)).find(frame)
+    strict = LineFinder(mirror_camera, FIELD.line_width_m, settings=LineSettings(min_threshold=254)).find(frame)
     assert len(strict) < len(usual) / 2
     light = LineFinder(mirror_camera, FIELD.line_width_m, settings=LineSettings(one_sided_weight=0.25)).find(frame)
     assert set(np.unique(light.weight)) <= {0.25, 1.0}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.floor.polar import classify, outer_boundary, radial_edges
+from robocup_vision.kernels.floor.polar import EdgeSearch, Rays, classify, outer_boundary, radial_edges
 
 seeds = st.integers(0, 2**32 - 1)
 NO_MASK = np.empty((0, 0), dtype=np.uint8)
@@ -156,8 +156,8 @@ def test_radial_edges_agree_with_their_twin(seed, masked):
     center = (44.3, 35.8)
     out = np.empty(24)
     u, v = np.cos(angles), np.sin(angles)
-    radial_edges(frame, hidden, *center, u, v, start, 1.1, 0.02, 20.0, out)
     options = (1.1, 0.02, 20.0)
+    radial_edges(frame, hidden, Rays(*center, u, v, start), EdgeSearch(*options), out)
     expected = [
         edge_twin(frame, hidden, center, (u[k], v[k]), start[k], *options) if start[k] > 0 else math.nan
         for k in range(24)
@@ -177,7 +177,8 @@ def edges_of(frame, start, *, hidden=NO_MASK, min_contrast=10.0, count=160):
     angle = np.arange(count) * math.tau / count
     out = np.empty(count)
     starts = np.full(count, float(start))
-    radial_edges(frame, hidden, 80.0, 80.0, np.cos(angle), np.sin(angle), starts, 1.04, 0.013, min_contrast, out)
+    rays = Rays(80.0, 80.0, np.cos(angle), np.sin(angle), starts)
+    radial_edges(frame, hidden, rays, EdgeSearch(1.04, 0.013, min_contrast), out)
     return out
 
 
