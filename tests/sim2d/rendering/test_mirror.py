@@ -46,9 +46,11 @@ def test_foot_of_the_wall_is_unbiased(height_px: int, tilted: bool):
         if height_px == 480:
             camera = dataclasses.replace(camera, center_px=(319.2, 240.3))
     renderer = MirrorRenderer(camera)
+    # the larger picture has as many columns from half the places
+    places = ((0.0, 0.0), (0.4, 0.11), (-0.53, 0.31), (0.21, -0.33))[: 4 if height_px == 220 else 2]
     errors = []
     for turn in (0.0, math.pi / 2, math.pi, -math.pi / 2):
-        for x, y in ((0.0, 0.0), (0.4, 0.11), (-0.53, 0.31), (0.21, -0.33)):
+        for x, y in places:
             pose = Pose2(x, y, turn)  # a wall lies to the left, which is up in the image
             image = renderer.render(Scene(BARE), pose)
             aside = np.linspace(-0.25, 0.25, 2001)

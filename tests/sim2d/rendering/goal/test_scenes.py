@@ -75,7 +75,7 @@ def test_the_66_places_of_the_paper():
 
 def test_goal_is_wholly_in_view_from_each_of_the_66_places():
     places = paper_places(DOGS)
-    for sample in sample_goal(DOGS, TINY["clean"], 3, 66, places=places, supersample=1):
+    for sample in sample_goal(DOGS, TINY["clean"], 3, 66, places=places, supersample=2):
         assert inside(sample).all()
         assert (sample.pose.x_m, sample.pose.y_m) == places[sample.index]
         assert sample.goal.side == 1
@@ -91,7 +91,7 @@ def test_goal_anywhere_is_in_view_and_no_robot_hides_a_post(field, name: str):
         else dataclasses.replace(condition.camera, size_px=(128, 96), focal_px=(123.2, 123.2), center_px=(63.5, 47.5))
     )
     sides = set()
-    for sample in sample_goal(field, dataclasses.replace(condition, camera=camera), 5, 12, supersample=1):
+    for sample in sample_goal(field, dataclasses.replace(condition, camera=camera), 5, 12, supersample=2):
         assert inside(sample).all()
         assert field.contains([sample.pose.x_m, sample.pose.y_m])
         sides.add(sample.goal.side)
@@ -101,7 +101,7 @@ def test_goal_anywhere_is_in_view_and_no_robot_hides_a_post(field, name: str):
 
 
 def test_negative_views_show_no_whole_goal():
-    samples = list(sample_goal(DOGS, TINY["mild_glare"], 1, 24, views=NEGATIVE_VIEWS, supersample=1))
+    samples = list(sample_goal(DOGS, TINY["mild_glare"], 1, 24, views=NEGATIVE_VIEWS, supersample=2))
     assert [s.view for s in samples] == [NEGATIVE_VIEWS[i % 4] for i in range(24)]
     for sample in samples:
         if sample.view in ("no_goal", "orange_wall"):
@@ -127,7 +127,7 @@ def test_orange_wall_is_orange_where_a_plain_hall_is_not():
 @pytest.mark.parametrize("name", list(TINY))
 def test_sample_depends_on_seed_and_index_alone(name: str):
     def draw(seed: int, count: int, indices=None) -> list[GoalSample]:
-        return list(sample_goal(DOGS, TINY[name], seed, count, indices=indices, supersample=1))
+        return list(sample_goal(DOGS, TINY[name], seed, count, indices=indices, supersample=2))
 
     first, again, other = draw(7, 4), draw(7, 100, indices=[3, 1]), draw(8, 2)
     for a, b in ((first[3], again[0]), (first[1], again[1])):
@@ -177,9 +177,9 @@ def test_heavier_glare_washes_out_more_paint():
 
 def test_true_height_strays_as_told():
     strays = dataclasses.replace(TINY["clean"], height_std_m=0.01)
-    heights = [s.camera.height_m for s in sample_goal(DOGS, strays, 0, 12, supersample=1)]
+    heights = [s.camera.height_m for s in sample_goal(DOGS, strays, 0, 12, supersample=2)]
     assert 0.003 < np.std(heights) < 0.03
-    assert {s.camera.height_m for s in sample_goal(DOGS, TINY["clean"], 0, 3, supersample=1)} == {0.185}
+    assert {s.camera.height_m for s in sample_goal(DOGS, TINY["clean"], 0, 3, supersample=2)} == {0.185}
 
 
 def test_what_cannot_be_drawn_is_refused():
