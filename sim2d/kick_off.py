@@ -1,4 +1,4 @@
-"""Where robots stand at a kick-off: known to both sides, like the field itself."""
+"""Where robots stand at a kick-off: both sides know it."""
 
 from __future__ import annotations
 

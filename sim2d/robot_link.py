@@ -1,6 +1,6 @@
-"""What passes between a player and its robot: what it knows beforehand, what it senses, what it may command.
+"""The values that pass between a player and its robot: setup, senses, commands, status.
 
-Plain values only. Nothing here knows of the world, so a player that imports this module cannot reach the truth.
+This module does not import the world, so a player that imports it cannot reach the truth.
 """
 
 from __future__ import annotations
@@ -103,15 +103,15 @@ class Senses:
     frame_t_s : float or None
         When it was exposed; may lie back.
     odometry : Pose2
-        Motion since the senses before, in the robot frame of then, as the wheels tell it.
+        Motion since the senses before, in the robot frame of then, measured by the wheels.
     ball_in_mouth : bool
         The light barrier in the dribbler's mouth.
     phase : {"kick_off", "play"}
-        What the referee's whistle last said.
+        As the referee's whistle last announced.
     kick_off : bool
         Own team kicks off; meaningful in phase "kick_off".
     frame_pan_rad : float or None
-        Pan of the head when the frame was exposed, as the neck's joint tells it, from straight ahead, positive to the
+        Pan of the head when the frame was exposed, measured by the neck's joint, from straight ahead, positive to the
         left; None without a frame, and where the camera does not pan.
     """
 
@@ -127,7 +127,7 @@ class Senses:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """All a player may say.
+    """All a player may command.
 
     Parameters
     ----------
@@ -151,16 +151,16 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Why a player does something as it does.
+    """The reason of a player's choice.
 
     Parameters
     ----------
     topic : {"gap", "speed", "gaze", "shot"}
-        What was decided.
+        What was chosen.
     choice : str
-        How, in a word or two; few different ones, so that they can be counted.
+        The choice in a word or two; few different ones, so that they can be counted.
     text : str
-        Why, with figures.
+        The reason, with figures.
     """
 
     topic: Literal["gap", "speed", "gaze", "shot"]
@@ -175,23 +175,23 @@ class PlayerStatus:
     Parameters
     ----------
     pose : PoseEstimate or NotLocated
-        Itself on the field.
+        The robot on the field.
     ball_in_field : (float, float) or None
         The ball, field frame, metres.
     intent : str
-        What it is about to do, in a word or two.
+        What it will do, in a word or two.
     view : View or None
-        What the last frame showed.
+        Results of the last frame.
     reasons : tuple of Reason
-        What it has planned, at most one of each topic; empty if it does not plan.
+        Reasons of its plans, at most one of each topic; empty if it does not plan.
     waypoint_in_field : (float, float) or None
         Where it drives to first on the way to its target, field frame.
     gap_in_field : ((float, float), (float, float)) or None
         Ends of the gap that it takes, field frame.
     speed_mps : float or None
-        How fast it lets itself go.
+        Its planned speed limit.
     gaze_rad : float or None
-        Where its plan has the head look, from straight ahead; None if it does not plan that now.
+        Planned pan of the head, from straight ahead; None if none is planned now.
     """
 
     pose: PoseEstimate | NotLocated

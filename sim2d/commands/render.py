@@ -26,10 +26,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--count", type=int, default=100, metavar="N", help="number of images (default: 100)")
     add("--seed", type=int, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
     add("--condition", choices=CONDITION_NAMES, default="nominal", help="what disturbs the images (default: nominal)")
-    add("--obstacles", type=int, nargs=2, metavar=("LO", "HI"), help="least and greatest number of boxes")
+    add("--obstacles", type=int, nargs=2, metavar=("LO", "HI"), help="smallest and greatest number of boxes")
     add("--noise", dest="noise_sigma", type=float, metavar="S", help="sensor noise, grey levels")
     add("--blur", dest="blur_px", type=float, metavar="PX", help="standard deviation of the blur, pixels")
-    add("--vignette", type=float, metavar="V", help="share of light lost in the corners")
+    add("--vignette", type=float, metavar="V", help="fraction of light lost in the corners")
     add("--light-gradient", type=float, metavar="G", help="relative gain of light over half the field's length")
     add("--cast", dest="cast_bgr", type=float, nargs=3, metavar=("B", "G", "R"), help="colour cast as channel gains")
     add("--gain", type=float, metavar="G", help="overall gain")
@@ -40,7 +40,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--highlights", type=int, nargs="?", const=3, metavar="N", help="lamp reflections (without a number: 3)")
     add("--spin", type=float, metavar="DEG", help="turn during the exposure, degrees")
     add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="compress with halved chroma at quality 1 to 100")
-    add("--ball", dest="ball_share", type=float, metavar="SHARE", help="share of images with a ball, 0 to 1")
+    add("--ball", dest="ball_rate", type=float, metavar="RATE", help="fraction of images with a ball, 0 to 1")
     add("--symmetry", choices=("none", "point"), help="how errors count (default: point)")
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
     parser.set_defaults(run=run_render)
@@ -67,7 +67,7 @@ def run_render(args: argparse.Namespace) -> int:
     changes: dict[str, Any] = {}
     for name in ("noise_sigma", "blur_px", "vignette", "light_gradient", "gain", "texture", "shadow", "highlights"):
         changes[name] = getattr(args, name)
-    changes |= {"jpeg_quality": args.jpeg_quality, "ball_share": args.ball_share}
+    changes |= {"jpeg_quality": args.jpeg_quality, "ball_rate": args.ball_rate}
     changes["spin_rad"] = None if args.spin is None else math.radians(args.spin)
     for name, values in (("obstacles", args.obstacles), ("cast_bgr", args.cast_bgr)):
         changes[name] = None if values is None else tuple(values)
@@ -108,7 +108,7 @@ def _command(args: argparse.Namespace) -> str:
         ("--highlights", "highlights"),
         ("--spin", "spin"),
         ("--jpeg", "jpeg_quality"),
-        ("--ball", "ball_share"),
+        ("--ball", "ball_rate"),
     ):
         value = getattr(args, name)
         if value is not None:

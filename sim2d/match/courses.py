@@ -1,6 +1,6 @@
-"""Obstacle courses: random ones with a goal behind, and a drive through one by camera, localisation and steering.
+"""Random obstacle courses with a target behind, and drives through them by camera, localisation and steering.
 
-Whether a course can be driven at all is told by a planner that knows the truth; the robot sees pictures only.
+A planner that knows the truth decides whether a course has a route. The robot gets frames only.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Point = tuple[float, float]
 
 CUBES = (5, 10)
 ARRIVED_M = 0.05
-# the planner's grid, and the clearance with which it wants a way
+# cell of the planner's grid; clearance that a route must have
 _GRID_M, ROUTE_CLEARANCE_M = 0.005, 0.03
 # room between a course's cubes and around its start and its goal
 _ROOM_M = 0.05
@@ -196,14 +196,14 @@ def drive_course(
 ) -> Drive:
     """Drive a course by what the camera shows, until the goal, a collision, or the end of patience.
 
-    The way is found by a `Wayfinder`, whoever steers.
+    A `Wayfinder` finds the way for any pilot.
 
     Parameters
     ----------
     course : Course
         With `course.start` clear of everything.
     pilot : Pilot
-        Steers towards where it is told to head; decides 30 times a second; fresh for each course.
+        Steers to a target direction 30 times a second; a new one for each course.
     camera : OmniCamera
         The robot's.
     limits : RobotLimits

@@ -37,7 +37,7 @@ _FURTHEST_M = 100.0
 
 
 class MatchEnv(ParallelEnv):  # type: ignore[misc]
-    """A match in which somebody else's policies play.
+    """A match in which the user's policies play.
 
     Agents are ``plus_0``, ``plus_1``, ... (they attack the goal at +x) and ``minus_0``, ...; a step is a control period
     of 1/30 s. The reward is 1 for every agent of a side that scores, -1 for every agent of the other. A match is
@@ -66,9 +66,9 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
     as percepts (``observation="percepts"``, mirror cameras only) with what `Vision` and `PoseFilter` tell from the
     frames and the odometry, never the truth:
 
-    - ``located``: Discrete(2), whether a pose is believed.
-    - ``pose``: Box (4,), x m, y m, cos, sin of the believed pose, in the side's own frame: x towards the goal it
-      attacks. Zeros if none is believed.
+    - ``located``: Discrete(2), whether there is an estimated pose.
+    - ``pose``: Box (4,), x m, y m, cos, sin of the estimated pose, in the side's own frame: x towards the goal it
+      attacks. Zeros without an estimate.
     - ``free_range_m``: Box (80,), free range in metres in 80 directions, from the back round counter-clockwise.
     - ``ball_seen``: Discrete(2), whether the last frame showed the ball.
     - ``ball_m``: Box (2,), the ball in the robot frame: forward m, left m. Zeros if it was not seen.
@@ -88,7 +88,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
     limits : RobotLimits, optional
         What every robot can do; bounds the actions.
     faults : sequence of Fault
-        What goes wrong in every match.
+        Faults of senses and bodies in every match.
     render_mode : {"rgb_array"}, optional
         Whether `render` returns the match from above.
 
@@ -130,9 +130,9 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
         self.render_mode = render_mode
         self.possible_agents = [f"{side}_{number}" for side in ("plus", "minus") for number in range(players)]
         self.agents: list[str] = []
-        self._eyes: dict[str, _Percepts] = {}
+        self._percepts: dict[str, _Percepts] = {}
         if observation == "percepts":
-            self._eyes = {agent: _Percepts(self._field, self._camera) for agent in self.possible_agents}
+            self._percepts = {agent: _Percepts(self._field, self._camera) for agent in self.possible_agents}
         self.observation_spaces = {agent: self._make_observation_space() for agent in self.possible_agents}
         self.action_spaces = {agent: self._make_action_space() for agent in self.possible_agents}
         self._rng = np.random.default_rng()
@@ -162,7 +162,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             limits=self._limits,
             faults=self._faults,
         )
-        for eyes in self._eyes.values():
+        for eyes in self._percepts.values():
             eyes.forget()
         self.agents = list(self.possible_agents)
         self._step = 0
@@ -234,8 +234,8 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             "ball_in_mouth": spaces.Discrete(2),
             "kick_off": spaces.Discrete(3),
         }
-        if self._eyes:
-            directions = next(iter(self._eyes.values())).directions
+        if self._percepts:
+            directions = next(iter(self._percepts.values())).directions
             parts["located"] = spaces.Discrete(2)
             parts["pose"] = _box([-_FURTHEST_M, -_FURTHEST_M, -1, -1], [_FURTHEST_M, _FURTHEST_M, 1, 1])
             parts["free_range_m"] = _box([0.0] * directions, [_FURTHEST_M] * directions)
@@ -277,8 +277,8 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             "ball_in_mouth": int(senses.ball_in_mouth),
             "kick_off": 0 if senses.phase == "play" else 1 if senses.kick_off else 2,
         }
-        if self._eyes:
-            values |= self._eyes[agent].look(senses, agent.startswith("plus"))
+        if self._percepts:
+            values |= self._percepts[agent].look(senses, agent.startswith("plus"))
         else:
             frame = senses.frame
             values["frame"] = np.zeros(space["frame"].shape, np.uint8) if frame is None else frame.copy()
@@ -293,7 +293,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
 
 
 class _Percepts:
-    """What one robot's frames and odometry tell."""
+    """Estimates from one robot's frames and odometry."""
 
     def __init__(self, field: Field, camera: Camera) -> None:
         self._memory = Memory(field)

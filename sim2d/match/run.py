@@ -45,7 +45,7 @@ class MatchPlan:
     camera : OmniCamera or PinholeCamera, optional
         On every robot; default: that of the field's league.
     faults : tuple of Fault
-        What goes wrong.
+        Faults of senses and bodies.
     """
 
     field: str = "ssl_2001"
@@ -80,7 +80,7 @@ class MatchPlan:
 
 @dataclass(frozen=True, slots=True)
 class MatchSummary:
-    """What came of a match: its figures, the folder of its files, the video and report (None: not written), notes."""
+    """Result of a match: figures, folder of its files, video and report (None: not written), notes."""
 
     figures: MatchFigures
     out: Path

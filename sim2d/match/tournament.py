@@ -1,7 +1,7 @@
 """Many matches on the processes of this machine, or on a cluster: the same code over either's executor.
 
-Match i of a tournament is the match of seed S + i, wherever it is played, so results do not depend on the workers; one
-that was lost with its worker is played again.
+Match i of a tournament is the match of seed S + i, so results do not depend on the workers. A match that is lost with
+its worker is played again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from sim2d.match.run import MatchPlan
 from sim2d.players.catalog import player_name
 from sim2d.report.match_file import match_json
 
-# so many times in a row may all workers be lost before any of them has finished a match
+# rounds in a row in which all workers may be lost before one finishes a match
 _BARREN_ROUNDS = 3
 _CONNECT_S = 10.0
 

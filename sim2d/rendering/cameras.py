@@ -1,4 +1,4 @@
-"""Mirror cameras known by name, so that pictures can be made before any camera has been calibrated."""
+"""Mirror cameras by name, so that pictures can be rendered before any camera is calibrated."""
 
 from __future__ import annotations
 

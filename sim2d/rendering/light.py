@@ -1,4 +1,4 @@
-"""The light each ray brings: paint, shade, lamps and the room behind, the same for every camera."""
+"""Computes the light along each ray: paint, shade, lamps and the room behind, the same for every camera."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ SMOOTH_TEXTURE_M, FINE_TEXTURE_M = 0.15, 0.012  # cells of the carpet's two nois
 
 @dataclass(frozen=True, eq=False)
 class TracedLight:
-    """What N rays brought.
+    """The light of N rays.
 
     Parameters
     ----------
     light : (N, 3) float32
         BGR; 255 is a sensor's white, more is possible.
     hits : FirstHits
-        What they met.
+        The surfaces they met.
     x_m, y_m : (N,) float32
         Where, field frame, metres.
     in_room : (M,) intp

@@ -69,10 +69,10 @@ class MirrorRenderer:
         return self._image(rays, total / np.float32(SPIN_POSES))
 
     def _image(self, rays: MirrorRays, traced: Float32Array) -> Float32Array:
-        height, width = rays.traced_share.shape
-        image = rays.body_share[..., None] * np.array(BODY_BGR, dtype=np.float32)
+        height, width = rays.traced_part.shape
+        image = rays.body_part[..., None] * np.array(BODY_BGR, dtype=np.float32)
         flat = image.reshape(height * width, 3)
-        flat[rays.pixel_index] += traced * rays.traced_share.reshape(-1, 1)[rays.pixel_index]
+        flat[rays.pixel_index] += traced * rays.traced_part.reshape(-1, 1)[rays.pixel_index]
         return np.asarray(image)
 
     def _trace(self, rays: MirrorRays, scene: Scene, pose: Pose2) -> Float32Array:

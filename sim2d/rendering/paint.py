@@ -1,4 +1,4 @@
-"""Painted lines on the floor: which share of a ray's patch they cover."""
+"""Painted lines on the floor: which fraction of a ray's patch they cover."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CELLS_AT_MAX = 400_000
 
 
 class LinePaint:
-    """The lines and arcs of one field, and a coarse grid that says where none is near.
+    """The lines and arcs of one field, and a coarse grid of the cells without one.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class LinePaint:
         radial_m: Float32Array,
         tangential_m: Float32Array,
     ) -> tuple[npt.NDArray[np.intp], Float32Array]:
-        """Painted share of rectangular patches of floor.
+        """Return the painted fraction of rectangular patches of floor.
 
         Parameters
         ----------
@@ -60,7 +60,7 @@ class LinePaint:
         Returns
         -------
         (M,) intp, (M,) float32
-            Indices of patches that may be painted, and their painted shares, 0 to 1.
+            Indices of patches that may be painted, and their painted fractions, 0 to 1.
         """
         column = ((x_m - self._low[0]) * np.float32(1 / self._cell_m)).astype(np.int32)
         row = ((y_m - self._low[1]) * np.float32(1 / self._cell_m)).astype(np.int32)
@@ -110,7 +110,7 @@ class LinePaint:
 
 
 def _overlap(offset: Float32Array, half: np.float32, size: Float32Array) -> Float32Array:
-    """Share of an interval of `size` around `offset` that lies within `half` of 0."""
+    """Return the fraction of an interval of `size` around `offset` that lies within `half` of 0."""
     reach = np.maximum(size, np.float32(1e-6)) / 2
     covered = np.minimum(offset + reach, half) - np.maximum(offset - reach, -half)
     return np.asarray(np.maximum(covered, np.float32(0)) / (2 * reach), dtype=np.float32)

@@ -50,8 +50,8 @@ class Condition:
     ring : bool
         The boxes stand around the robot: the nearest point of each is 0.17 to 0.42 m from the robot's centre.
         Where too few fit, because walls are near, the rest stand anywhere.
-    ball_share : float
-        Share of frames with a ball.
+    ball_rate : float
+        Fraction of frames with a ball.
     center_offset_px : (float, float)
         True image centre minus the given camera's.
     tilt_rad : (float, float)
@@ -71,15 +71,15 @@ class Condition:
     jpeg_quality: int | None = None
     obstacles: tuple[int, int] = (0, 8)
     ring: bool = False
-    ball_share: float = 0.5
+    ball_rate: float = 0.5
     center_offset_px: tuple[float, float] = (0.0, 0.0)
     tilt_rad: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not 0 <= self.obstacles[0] <= self.obstacles[1]:
             raise ArgumentError(f"obstacles must be 0 <= low <= high, got {list(self.obstacles)}")
-        if not 0 <= self.ball_share <= 1:
-            raise ArgumentError(f"ball_share must be within 0 to 1, got {self.ball_share}")
+        if not 0 <= self.ball_rate <= 1:
+            raise ArgumentError(f"ball_rate must be within 0 to 1, got {self.ball_rate}")
         for name in ("texture", "light_gradient", "highlights"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
@@ -168,7 +168,7 @@ def random_scene(field: Field, condition: Condition, rng: np.random.Generator) -
     if condition.ring:
         _add_ring(bare, pose, count, boxes, rng)
     _add_anywhere(bare, pose, count, boxes, rng)
-    ball = _ball(bare, pose, boxes, rng) if rng.random() < condition.ball_share else None
+    ball = _ball(bare, pose, boxes, rng) if rng.random() < condition.ball_rate else None
     margin = float(rng.uniform(0.0, 1.0))
     scene = Scene(
         field=field,

@@ -106,7 +106,7 @@ class MirrorRays(RaySet):
 
     Attributes
     ----------
-    traced_share, body_share : (H, W) float32
+    traced_part, body_part : (H, W) float32
         Parts of each pixel that see the scene and the robot's own body; the rest is black.
     """
 
@@ -130,10 +130,10 @@ class MirrorRays(RaySet):
             ray = camera.pixel_to_ray(points)
         seen = (radius >= inner) & (radius <= rim) & np.isfinite(ray).all(axis=-1)
 
-        self.traced_share = np.zeros((height, width), dtype=np.float32)
-        self.traced_share.ravel()[candidates] = seen.mean(axis=1)
-        self.body_share = (radius_of_pixel <= inner).astype(np.float32).reshape(height, width)
-        self.body_share.ravel()[candidates] = (radius < inner).mean(axis=1)
+        self.traced_part = np.zeros((height, width), dtype=np.float32)
+        self.traced_part.ravel()[candidates] = seen.mean(axis=1)
+        self.body_part = (radius_of_pixel <= inner).astype(np.float32).reshape(height, width)
+        self.body_part.ravel()[candidates] = (radius < inner).mean(axis=1)
 
         # unseen rays of a partly seen pixel stand in for a seen one of the same pixel
         stand_in = np.where(seen, np.arange(samples), np.argmax(seen, axis=1)[:, None])

@@ -79,9 +79,9 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class Shadow:
-    """A hard shadow: the strip low <= x cos(direction) + y sin(direction) <= high, and the share of light left there.
+    """A hard shadow: the strip low <= x cos(direction) + y sin(direction) <= high, and the light left there.
 
-    The light left is bluer than the lamp's: it comes from the sky, or from walls.
+    The light left is bluer than the lamp's: it comes from the sky or from walls.
     """
 
     direction_rad: float

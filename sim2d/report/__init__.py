@@ -1,1 +1,1 @@
-"""What a match was worth: figures, match.json, film and report."""
+"""Figures of a match, match.json, film and report."""

@@ -1,4 +1,4 @@
-"""report.html of a match: score, film, what each robot knew and did, and what went wrong.
+"""Makes report.html of a match: score, film, localisation and actions of each robot, faults.
 
 Needs the extra `report` (matplotlib, jinja2), which is imported only when a report is made.
 """
@@ -16,17 +16,17 @@ from robocup_vision.evaluation.plots import GREY, INK, draw_field, encode, new_f
 from robocup_vision.evaluation.report import degrees, millimetres, missing_packages, package_version, percent
 from robocup_vision.evaluation.scoring import NEAR_M
 from sim2d.report.match_figures import MatchFigures
-from sim2d.report.planning_story import ChoiceShare, PlanningStory
+from sim2d.report.planning_story import ChoiceRate, PlanningStory
 from sim2d.report.robot_figures import FaultFigures, RobotFigures
 from sim2d.report.story import MatchStory
 
 __all__ = ["missing_packages", "render_report"]
 
-# dark for the side that attacks +x, bright for the other, one hue a robot
+# orange for the side that attacks +x, blue for the other, one shade a robot
 _COLORS = {1: ("#b45309", "#d97706", "#f59e0b", "#92400e"), -1: ("#1d4ed8", "#3b82f6", "#60a5fa", "#1e3a8a")}
-_WAYS_CAPTION = "Ways of the robots (colours as in the table) and of the ball (grey)."
-_SPEEDS_CAPTION = "How fast planning let each robot go; a gap: it planned nothing then."
-_ERRORS_CAPTION = "How far each believed position was from the truth (dashed: 5 cm; a gap: no pose was believed)."
+_WAYS_CAPTION = "Paths of the robots (colours as in the table) and of the ball (grey)."
+_SPEEDS_CAPTION = "Speed limit that planning set for each robot (a gap: it planned none)."
+_ERRORS_CAPTION = "Error of each estimated position (dashed: 5 cm; a gap: no estimate)."
 
 
 def render_report(
@@ -47,15 +47,15 @@ def render_report(
     seed : int
         Of the match.
     figures : MatchFigures
-        What it was worth.
+        Its figures.
     story : MatchStory
-        Its course.
+        Samples over its course.
     planning : PlanningStory
-        What its planning players decided.
+        Decisions of its planning players.
     video : Path or None
         The film, in the page's own folder.
     notes : sequence of str
-        What could not be done.
+        What could not be written, and why.
     """
     from jinja2 import Environment
 
@@ -79,7 +79,7 @@ def render_report(
             goals=[(f"{t_s:.1f} s", "+x" if side > 0 else "-x") for t_s, side in figures.goals],
             robots=[(_name(robot), _color(robot), _cells(robot)) for robot in figures.robots],
             faults=[_fault_cells(fault) for fault in figures.faults],
-            planned=[_planned_cells(figures, share) for share in planning.shares],
+            planned=[_planned_cells(figures, rate) for rate in planning.rates],
             plots=plots,
         )
     )
@@ -96,7 +96,7 @@ def _tiles(figures: MatchFigures) -> list[tuple[str, str]]:
         (millimetres(float(np.median(medians)) if medians else None), "median position error"),
         (f"{max(robot.longest_lost_s for robot in robots):.2f} s", "longest a robot was lost"),
         (str(sum(robot.kicks for robot in robots)), "kicks"),
-        # each has two robots
+        # each involves two robots
         (str(sum(robot.collisions for robot in robots) // 2), "collisions of robots"),
     ]
 
@@ -135,12 +135,12 @@ def _fault_cells(fault: FaultFigures) -> list[str]:
     return [str(fault.robot), fault.kind, f"{fault.from_s:.2f} s", until, recovery]
 
 
-def _planned_cells(figures: MatchFigures, share: ChoiceShare) -> tuple[str, str, list[str]]:
-    robot = figures.robots[share.robot]
+def _planned_cells(figures: MatchFigures, choice: ChoiceRate) -> tuple[str, str, list[str]]:
+    robot = figures.robots[choice.robot]
     return (
         _name(robot),
         _color(robot),
-        [share.topic, share.choice, percent(share.share), str(share.times), share.example],
+        [choice.topic, choice.choice, percent(choice.rate), str(choice.times), choice.example],
     )
 
 

@@ -1,4 +1,4 @@
-"""What a match was worth: score and possession, and each robot's figures."""
+"""Counts a match: score, possession, and each robot's figures."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.faults import BodyFault, Fault
 from sim2d.world.state import Event, WorldState
 
-# a robot has the ball if it is the nearest to it and no farther from touching it than this
+# a robot has the ball if no other is nearer to it and the gap between them is no larger than this
 _REACH_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class MatchFigures:
-    """What a match was worth so far.
+    """The figures of a match so far.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class MatchFigures:
     robots : tuple of RobotFigures
         In order of their index.
     faults : tuple of FaultFigures
-        What went wrong, by robots.
+        The faults, by robots.
     """
 
     seconds: float
@@ -56,7 +56,7 @@ class MatchLog:
     ball_radius_m : float
         Of the ball.
     faults : sequence of Fault
-        What goes wrong.
+        Faults of senses and bodies.
     """
 
     def __init__(self, state: WorldState, limits: RobotLimits, ball_radius_m: float, faults: Sequence[Fault]) -> None:
@@ -79,7 +79,7 @@ class MatchLog:
         self._periods = 0
 
     def add(self, state: WorldState, robots: Sequence[RobotMoment]) -> None:
-        """Take in a control period: the truth when the senses were taken, and what came of them."""
+        """Add a control period: the truth when the senses were measured, and each robot's response."""
         while self._carried and self._carried[0][0] <= state.t_s + CONTROL_PERIOD_S / 2:
             self._robots[self._carried.pop(0)[1]].put_down()
         has_ball = self._holder(state)
@@ -92,7 +92,7 @@ class MatchLog:
         self._periods += 1
 
     def add_events(self, after: WorldState) -> None:
-        """Take in what happened during the control period that followed."""
+        """Add the events of the control period that followed."""
         self._score = after.score
         for event in after.events:
             self._add_event(event)
@@ -124,12 +124,12 @@ class MatchLog:
     def figures(self) -> MatchFigures:
         """The figures so far."""
         total = sum(self._had_ball.values())
-        share = (self._had_ball[1] / total, self._had_ball[-1] / total) if total else (None, None)
+        possession = (self._had_ball[1] / total, self._had_ball[-1] / total) if total else (None, None)
         return MatchFigures(
             self._periods * CONTROL_PERIOD_S,
             self._score,
             tuple(self._goals),
-            share,
+            possession,
             tuple(log.figures for log in self._robots),
             tuple(fault for log in self._robots for fault in log.fault_figures),
         )

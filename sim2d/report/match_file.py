@@ -1,4 +1,4 @@
-"""match.json, the file other programs read: no clock, no machine, so the same seed writes the same bytes."""
+"""Writes match.json for other programs. It holds no time and no machine: the same seed writes the same bytes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from field_models.errors import FileError
 from sim2d.report.match_figures import MatchFigures
 
-# more digits than any figure means, fewer than different processors agree on
+# more digits than any figure is accurate to, fewer than different processors agree on
 _DIGITS = 6
 
 
@@ -29,7 +29,7 @@ def match_json(
     seed : int
         Of the match.
     figures : MatchFigures
-        What it was worth.
+        Its figures.
     ours, theirs : str
         Names of the players of the side that attacks +x, and of the other.
     """
@@ -61,6 +61,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_plain(part) for part in value]
     if isinstance(value, float):
-        # a fault without an end ends at infinity, which JSON does not know
+        # a fault without an end ends at infinity, which JSON cannot hold
         return round(value, _DIGITS) if math.isfinite(value) else None
     return value

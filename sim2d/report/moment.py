@@ -1,4 +1,4 @@
-"""One control period of a match as a plain value: for figures, pictures and reports, never for a player."""
+"""One control period of a match as a value: for figures, films and reports, never for a player."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class RobotMoment:
     status : PlayerStatus
         What its player reported then.
     command : Command
-        What its player then asked for.
+        What its player commanded then.
     stopped : str
         Why its player was stopped; empty if it was not.
     """

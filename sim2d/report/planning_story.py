@@ -1,4 +1,4 @@
-"""What the planning players of a match decided, and why, as far as the report tells it."""
+"""Collects what the planning players of a match decided, and why, for the report."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ TOPICS = ("gap", "speed", "gaze", "shot")
 
 
 @dataclass(frozen=True, slots=True)
-class ChoiceShare:
-    """How often a robot decided so.
+class ChoiceRate:
+    """How often a robot made one choice.
 
     Parameters
     ----------
@@ -23,24 +23,24 @@ class ChoiceShare:
         Its index.
     topic, choice : str
         As in `Reason`.
-    share : float
-        Of the time in which it decided about the topic.
+    rate : float
+        Part of the time in which it decided about the topic.
     times : int
-        How often it came to decide so.
+        How often it changed to this choice.
     example : str
-        Why, the first time.
+        Reason in words, the first time.
     """
 
     robot: int
     topic: str
     choice: str
-    share: float
+    rate: float
     times: int
     example: str
 
 
 class PlanningStory:
-    """Collects decisions of a match as it is played; stays empty where nobody plans.
+    """Collects decisions of a match as it is played; stays empty where no player plans.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class PlanningStory:
         self._before: list[set[tuple[str, str]]] = [set() for _ in range(robots)]
 
     def add(self, moment: Moment) -> None:
-        """Take in a control period."""
+        """Add a control period."""
         is_sampled = self._periods % _PERIODS_PER_SAMPLE == 0
         self._periods += 1
         if is_sampled:
@@ -81,7 +81,7 @@ class PlanningStory:
         return [index for index, counts in enumerate(self._counts) if counts]
 
     @property
-    def shares(self) -> list[ChoiceShare]:
+    def rates(self) -> list[ChoiceRate]:
         """Robot by robot and topic by topic, the most frequent choice first."""
         rows = []
         for index in self.planners:
@@ -90,7 +90,7 @@ class PlanningStory:
                 of_topic = [(key, count) for key, count in counts.most_common() if key[0] == topic]
                 total = sum(count for _, count in of_topic)
                 rows += [
-                    ChoiceShare(index, *key, count / total, self._times[index][key], self._examples[index][key])
+                    ChoiceRate(index, *key, count / total, self._times[index][key], self._examples[index][key])
                     for key, count in of_topic
                 ]
         return rows

@@ -1,7 +1,7 @@
-"""What a match was worth for one robot: how well it knew its place, how it moved, and how it got over its faults.
+"""Counts one robot's match: localisation errors, motion, recovery from faults.
 
-Truth and belief meet here and in the pictures only. Everything is counted as the match goes on, so that an hour of it
-fits into memory.
+Only this module and the films compare estimates with the truth. Figures are counted during the match, so that an hour
+of it fits into memory.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from robocup_vision.geometry import Pose2
 from sim2d.robot_link import Command
 from sim2d.sensors.faults import Fault
 
-# the two halves of the field are told apart only once something was seen of them
+# a robot can tell the two halves of the field apart only after some frames
 SETTLING_S = 2.0
-# stuck: within this of one place for so long, though told to drive, faster than that, for at least half of it; and not
-# even half as far as free wheels would have come, for a keeper sways on the spot as it wants to
-STUCK_S, STUCK_WITHIN_M, STUCK_TOLD_MPS = 5.0, 0.10, 0.05
-# a fault is over once the belief is right, and stays so for this long
+# stuck: within this of one place for so long, though commanded to drive, faster than that, for at least half of the
+# time; and less than half as far as free wheels would have come, because a keeper sways on purpose
+STUCK_S, STUCK_WITHIN_M, STUCK_COMMANDED_MPS = 5.0, 0.10, 0.05
+# a robot has recovered once its estimate is right, and stays so for this long
 _STAYS_RIGHT_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class RobotFigures:
-    """One robot's match. Shares are of all frames; errors are of the frames with a believed pose.
+    """One robot's match. Fractions are of all frames; errors are of the frames with an estimated pose.
 
     Parameters
     ----------
@@ -41,15 +41,15 @@ class RobotFigures:
     frames : int
         Control periods, each with one camera frame.
     within_5cm_3deg : float
-        Share of frames after which the believed pose was that near the truth, in the right half of the field.
+        Fraction of frames after which the estimated pose was that near the truth, in the right half of the field.
     median_error_m, p95_error_m, median_error_rad, p95_error_rad : float or None
-        Of the believed pose; None if none was ever believed.
+        Of the estimated pose; None if there was no estimate.
     lost_share : float
-        Share of frames with no believed pose, or one more than 10 cm or 5 degrees off.
+        Fraction of frames with no estimate, or one more than 10 cm or 5 degrees off.
     longest_lost_s : float
-        The longest it was lost on end.
+        Longest time without a break for which it was lost.
     right_half_share : float or None
-        Of the poses believed after the first 2 s, those nearer to the truth than to its half turn.
+        Of the poses estimated after the first 2 s, those nearer to the truth than to its half turn.
     collisions, wall_contacts : int
         Times it came to touch another robot, and something fixed.
     kicks : int
@@ -57,9 +57,9 @@ class RobotFigures:
     distance_m : float
         Way driven.
     possession : float
-        Share of the time it had the ball within reach, nearer than any other robot.
+        Fraction of the time for which it had the ball within reach, nearer than any other robot.
     longest_stuck_s : float
-        Longest time, of 5 s or more, that it stayed within 10 cm of a place though its commands told it to drive
+        Longest time, of 5 s or more, that it stayed within 10 cm of a place though its commands were to drive
         (faster than 5 cm/s) for half of it or more, and free wheels would have driven twice as far; 0 if never.
     stopped_s : float or None
         When it was stopped, its player having failed.
@@ -91,7 +91,7 @@ class RobotFigures:
 
 @dataclass(frozen=True, slots=True)
 class FaultFigures:
-    """A fault, and how long after its end the belief was right (5 cm, 3 degrees) for half a second on end.
+    """A fault, and how long after its end the estimate was right (5 cm, 3 degrees) for half a second.
 
     `recovery_s` is None if that never happened.
     """
@@ -105,7 +105,7 @@ class FaultFigures:
 
 @dataclass(slots=True)
 class _Run:
-    """How long something has lasted, and the longest it ever did."""
+    """How long a condition has held, and the longest it ever did."""
 
     now_s: float = 0.0
     longest_s: float = 0.0
@@ -172,20 +172,20 @@ class RobotLog:
         self.stopped_s: float | None = None
         self.stopped_reason = ""
 
-    def add(self, t_s: float, truth: Pose2, belief: object, command: Command, has_ball: bool) -> None:
-        """Take in a control period: where the robot was, where it believed to be, and what it then asked for."""
+    def add(self, t_s: float, truth: Pose2, estimate: object, command: Command, has_ball: bool) -> None:
+        """Add a control period: true pose, estimate, command."""
         self._frames += 1
         is_near = False
         is_lost = True
-        if isinstance(belief, PoseEstimate):
-            error_m, error_rad = belief.pose.error_to(truth)
+        if isinstance(estimate, PoseEstimate):
+            error_m, error_rad = estimate.pose.error_to(truth)
             self._error_m.append(error_m)
             self._error_rad.append(error_rad)
             is_near = error_m <= NEAR_M and error_rad <= NEAR_RAD
             is_lost = not (error_m <= FAIR_M and error_rad <= FAIR_RAD)
             if t_s >= SETTLING_S:
                 self._half_frames += 1
-                self._right_half += error_m + error_rad <= sum(belief.pose.half_turn().error_to(truth))
+                self._right_half += error_m + error_rad <= sum(estimate.pose.half_turn().error_to(truth))
         self._near += is_near
         self._lost_frames += is_lost
         self._lost.add(is_lost, self._step_s)
@@ -198,7 +198,7 @@ class RobotLog:
             recovery.add(t_s, is_near)
 
     def put_down(self) -> None:
-        """Say that the robot is being carried elsewhere, a way it does not drive."""
+        """Start a new path: the robot was carried elsewhere."""
         self._before = None
         self._way = _Way(self._step_s, self._acceleration_mps2)
 
@@ -232,7 +232,7 @@ class RobotLog:
 
     @property
     def fault_figures(self) -> tuple[FaultFigures, ...]:
-        """How it got over each of its faults so far."""
+        """The recovery from each of its faults so far."""
         return tuple(
             FaultFigures(self._robot, r.fault.kind, r.fault.from_s, r.fault.until_s, r.recovery_s)
             for r in self._recoveries
@@ -241,11 +241,11 @@ class RobotLog:
 
 @dataclass(slots=True)
 class _Step:
-    """A control period: where the robot was, if it was told to drive, how far it and how far free wheels came."""
+    """A control period: position, whether it was commanded to drive, way driven, way of free wheels."""
 
     x_m: float
     y_m: float
-    is_told: bool
+    is_commanded: bool
     came_m: float
     free_m: float
 
@@ -258,30 +258,34 @@ class _Way:
     acceleration_mps2: float
     steps: deque[_Step] = field(default_factory=deque)
     velocity_mps: complex = 0j
-    # what the robot was told a period ago, field frame: it obeys about that late
-    told_mps: complex = 0j
+    # command of a period ago, field frame: the robot obeys about that late
+    commanded_mps: complex = 0j
 
     def add(self, truth: Pose2, command: Command) -> bool:
-        """Take in a period; tell whether the robot has been stuck for the last seconds."""
+        """Add a period; return whether the robot has been stuck for the last seconds."""
         place = complex(truth.x_m, truth.y_m)
         last = complex(self.steps[-1].x_m, self.steps[-1].y_m) if self.steps else place
-        change, most = self.told_mps - self.velocity_mps, self.acceleration_mps2 * self.step_s
-        free_mps = self.velocity_mps + change * min(1.0, most / max(abs(change), 1e-9))
+        change, max_change = self.commanded_mps - self.velocity_mps, self.acceleration_mps2 * self.step_s
+        free_mps = self.velocity_mps + change * min(1.0, max_change / max(abs(change), 1e-9))
         step = _Step(
-            truth.x_m, truth.y_m, abs(self.told_mps) > STUCK_TOLD_MPS, abs(place - last), abs(free_mps) * self.step_s
+            truth.x_m,
+            truth.y_m,
+            abs(self.commanded_mps) > STUCK_COMMANDED_MPS,
+            abs(place - last),
+            abs(free_mps) * self.step_s,
         )
         self.steps.append(step)
         self.velocity_mps = (place - last) / self.step_s
-        self.told_mps = complex(command.forward_mps, command.left_mps) * cmath.rect(1.0, truth.theta_rad)
+        self.commanded_mps = complex(command.forward_mps, command.left_mps) * cmath.rect(1.0, truth.theta_rad)
         if len(self.steps) <= round(STUCK_S / self.step_s):
             return False
         first = self.steps.popleft()
         if any(math.hypot(s.x_m - first.x_m, s.y_m - first.y_m) > STUCK_WITHIN_M for s in self.steps):
             return False
-        if sum(s.is_told for s in self.steps) < len(self.steps) / 2:
+        if sum(s.is_commanded for s in self.steps) < len(self.steps) / 2:
             return False
         return sum(s.came_m for s in self.steps) < sum(s.free_m for s in self.steps) / 2
 
 
-def _quantile(values: array[float], share: float) -> float | None:
-    return float(np.quantile(np.frombuffer(values, dtype=np.float32), share)) if values else None
+def _quantile(values: array[float], level: float) -> float | None:
+    return float(np.quantile(np.frombuffer(values, dtype=np.float32), level)) if values else None

@@ -1,4 +1,4 @@
-"""The course of a match, as far as the report's plots need it: ways and localisation errors, ten times a second."""
+"""Collects the samples for the report's plots: positions and localisation errors, ten times a second."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class MatchStory:
 
     def __init__(self, robots: int) -> None:
         self.t_s = array("d")
-        # of each robot; the error is NaN where no pose was believed
+        # of each robot; the error is NaN where there was no estimate
         self.x_m = [array("f") for _ in range(robots)]
         self.y_m = [array("f") for _ in range(robots)]
         self.error_m = [array("f") for _ in range(robots)]
@@ -30,7 +30,7 @@ class MatchStory:
         self._periods = 0
 
     def add(self, moment: Moment) -> None:
-        """Take in a control period."""
+        """Add a control period."""
         if self._periods % _PERIODS_PER_SAMPLE == 0:
             self.t_s.append(moment.state.t_s)
             if moment.state.ball is not None:

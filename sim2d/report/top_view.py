@@ -1,4 +1,4 @@
-"""The match seen from above: where everything is, and, as rings and crosses, where the robots believe it to be."""
+"""Draws the match from above: the truth, and the robots' estimates as rings and crosses."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Bgr = tuple[int, int, int]
 # of the sides that attack +x and -x
 SIDE_COLORS: dict[int, Bgr] = {1: (60, 190, 240), -1: (220, 120, 60)}
 _ROOM, _INK, _BODY = (70, 72, 75), (245, 245, 245), (40, 38, 36)
-# what is planned, and how far a gaze is drawn, in robot radii
+# colour of plans; length of a drawn gaze, in robot radii
 _PLAN, _GAZE_RADII = (80, 255, 160), 8.0
 _SHIFT = 4
-_MARGIN_SHARE = 0.04
-# a belief's ellipse holds 95 % of a normal distribution in the plane
+_MARGIN = 0.04
+# an estimate's ellipse holds 95 % of a normal distribution in the plane
 _ELLIPSE_SIGMAS = 2.448
-# tracks are drawn with the way of so many seconds, hypotheses from this probability on
+# a track is drawn with its way of the next seconds, a hypothesis from this probability on
 _AHEAD_S, _MIN_PROBABILITY = 0.5, 0.02
 
 
@@ -49,7 +49,7 @@ class TopView:
         ends = np.vstack([field.floor_polygon, field.walls.reshape(-1, 2), field.lines.reshape(-1, 2)])
         self._ends_m = np.abs(ends).max(axis=0)
         width, height = size_px
-        self._px_per_m = float(np.min((1 - 2 * _MARGIN_SHARE) * np.array(size_px) / (2 * self._ends_m)))
+        self._px_per_m = float(np.min((1 - 2 * _MARGIN) * np.array(size_px) / (2 * self._ends_m)))
         self._middle = ((width - 1) / 2, (height - 1) / 2)
         self._ground = np.full((height, width, 3), _ROOM, dtype=np.uint8)
         self._draw_ground(field)
@@ -64,7 +64,7 @@ class TopView:
         for truth, robot in zip(state.robots, robots, strict=False):
             color = SIDE_COLORS[truth.side]
             if isinstance(robot.status.pose, PoseEstimate):
-                self._draw_belief(canvas, robot.status.pose, color)
+                self._draw_estimate(canvas, robot.status.pose, color)
                 if robot.status.view is not None and robot.status.view.belief is not None:
                     self._draw_memory(canvas, robot.status.view.belief, color)
                 self._draw_plan(canvas, robot.status, robot.status.pose.pose)
@@ -113,7 +113,7 @@ class TopView:
         radius = round(max(self._ball_m * self._px_per_m, 3.0) * (1 << _SHIFT))
         cv2.circle(canvas, self._fixed(ball.x_m, ball.y_m), radius, COLOR_NAMES["orange"], -1, cv2.LINE_AA, _SHIFT)
 
-    def _draw_belief(self, canvas: UInt8Array, estimate: PoseEstimate, color: Bgr) -> None:
+    def _draw_estimate(self, canvas: UInt8Array, estimate: PoseEstimate, color: Bgr) -> None:
         pose = estimate.pose
         radius = round(1.25 * self._radius_m * self._px_per_m * (1 << _SHIFT))
         cv2.circle(canvas, self._fixed(pose.x_m, pose.y_m), radius, color, 1, cv2.LINE_AA, _SHIFT)
@@ -125,17 +125,17 @@ class TopView:
         self._path(canvas, Pose2(pose.x_m, pose.y_m, 0.0).transform(around), _INK, 1)
 
     def _draw_memory(self, canvas: UInt8Array, belief: Belief, color: Bgr) -> None:
-        """Draw who is believed to move and to where, and the places where the robot might be instead."""
+        """Draw tracked robots with their velocities, and the other hypotheses of the robot's pose."""
         radius = round(0.35 * self._radius_m * self._px_per_m * (1 << _SHIFT))
         for track in belief.tracks:
             cv2.circle(canvas, self._fixed(track.x_m, track.y_m), radius, color, 1, cv2.LINE_AA, _SHIFT)
             ahead = (track.x_m + _AHEAD_S * track.vx_mps, track.y_m + _AHEAD_S * track.vy_mps)
             self._path(canvas, np.array([[track.x_m, track.y_m], ahead]), color, 1)
-        for rival in belief.hypotheses[1:]:
-            if rival.probability >= _MIN_PROBABILITY:
-                here = self._fixed(rival.pose.x_m, rival.pose.y_m)
+        for other in belief.hypotheses[1:]:
+            if other.probability >= _MIN_PROBABILITY:
+                here = self._fixed(other.pose.x_m, other.pose.y_m)
                 cv2.circle(canvas, here, 2 * radius, color, 1, cv2.LINE_AA, _SHIFT)
-                self._draw_heading(canvas, rival.pose, 0.0, 0.7, color, 1)
+                self._draw_heading(canvas, other.pose, 0.0, 0.7, color, 1)
 
     def _draw_plan(self, canvas: UInt8Array, status: PlayerStatus, pose: Pose2) -> None:
         """Draw the way to the next waypoint, the gap that is taken, and where the head looks."""
@@ -172,7 +172,7 @@ class TopView:
         return round(u), round(v)
 
     def _pixel(self, x_m: float, y_m: float) -> tuple[float, float]:
-        # a belief far off the field need not fit into OpenCV's numbers
+        # OpenCV's integers cannot hold an estimate far off the field
         far_x, far_y = 10 * self._ends_m
         x_m, y_m = max(-far_x, min(far_x, x_m)), max(-far_y, min(far_y, y_m))
         return self._middle[0] + x_m * self._px_per_m, self._middle[1] - y_m * self._px_per_m

@@ -1,4 +1,4 @@
-"""match.webm: the match from above with truth and belief, beside each robot's camera and what was seen in it."""
+"""Writes match.webm: the match from above with truth and estimates, beside each robot's frame with its detections."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from sim2d.world.state import RobotState, WorldState
 
 # every third control period is shown: drawing takes longer than playing
 _PERIODS_PER_FRAME = 3
-# the sensor's noise would make up two thirds of the file
+# without smoothing the sensor's noise makes up two thirds of the file
 _SMOOTHING_PX = 0.8
 _TOP_WIDTH, _MIN_HEIGHT, _MIN_PANEL_HEIGHT = 760, 456, 180
 _LINE_HEIGHT = 22
@@ -64,11 +64,11 @@ class MatchVideo:
         self.problem = "" if self._writer.isOpened() else f"no {path.name}: this OpenCV cannot write VP8 video"
 
     def add(self, moment: Moment) -> None:
-        """Take in a control period; every third becomes a picture."""
+        """Add a control period; every third becomes a picture."""
         if not self.problem and self._count % _PERIODS_PER_FRAME == 0:
             picture = self._pictures.draw(moment)
             if (picture.shape[1], picture.shape[0]) != self._size_px:
-                # OpenCV would leave it out in silence
+                # OpenCV would drop it without an error
                 raise FrameError(f"a video picture must be {self._size_px}, got {picture.shape[1::-1]}")
             self._writer.write(picture)
         self._count += 1
@@ -139,11 +139,11 @@ class MatchPictures:
         for line, reason in enumerate(reversed(robot.status.reasons), start=1):
             _write(panel, f"{reason.topic}: {reason.choice}", (6, self._panel_height - 8 - 14 * line), _INK, 0.36)
         cv2.circle(panel, (12, 11), 6, SIDE_COLORS[truth.side], -1, cv2.LINE_AA)
-        says = f"stopped: {robot.stopped}" if robot.stopped else robot.status.intent
-        _write(panel, f"{truth.number}  {says}", (24, 16), _INK)
+        caption = f"stopped: {robot.stopped}" if robot.stopped else robot.status.intent
+        _write(panel, f"{truth.number}  {caption}", (24, 16), _INK)
 
     def _write_reasons(self, canvas: UInt8Array, moment: Moment) -> None:
-        """Write under the field why each robot that plans does what it does."""
+        """Write the reasons of each planning robot under the field."""
         lines = []
         for truth, robot in zip(moment.state.robots, moment.robots, strict=True):
             texts = [
@@ -158,12 +158,12 @@ class MatchPictures:
         ours, theirs = state.score
         doing = "kick-off" if state.phase == "kick_off" else "play"
         _write(canvas, f"{self._name}   {state.t_s:6.1f} s   {ours} : {theirs}   {doing}", (14, 27), _INK, 0.55)
-        legend = "disc: truth   ring: belief, with its 95 % ellipse   cross: believed ball   small ring: track"
+        legend = "disc: truth   ring: estimate, with its 95 % ellipse   cross: estimated ball   small ring: track"
         _write(canvas, legend, (330, 27), _SOFT, 0.38)
 
 
 def _draw_map(panel: UInt8Array, free_map: MapPicture) -> None:
-    """Draw the floor as remembered into the panel's upper right corner: x of the field to the right, y up."""
+    """Draw the map of the floor into the panel's upper right corner: x of the field to the right, y up."""
     picture = _MAP_COLORS[free_map.state.T[::-1]]
     side = panel.shape[0] // 3
     corner = panel[_LINE_HEIGHT : _LINE_HEIGHT + side, -side:]
@@ -181,7 +181,7 @@ def _open_writer(path: Path, frames_per_s: float, size_px: tuple[int, int]) -> c
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep off standard error the line that OpenCV writes there, whatever its log level, when it opens a webm file."""
+    """Suppress the line that OpenCV writes to standard error, whatever its log level, when it opens a webm file."""
     kept = os.dup(2)
     with tempfile.TemporaryFile() as nowhere:
         os.dup2(nowhere.fileno(), 2)

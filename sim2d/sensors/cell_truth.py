@@ -10,7 +10,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from sim2d.rendering.scene import Scene
 
-# points along each side of a cell at which it is asked what covers it
+# points along each side of a cell at which its cover is tested
 _POINTS = 5
 
 
@@ -28,9 +28,9 @@ class CellTruth:
     ----------
     occupied : (A, B) bool
         Cells covered by half or more, that of the ball's middle, and those in which the field's walls stand: off the
-        floor, next to cells with floor. What lies behind is nobody's business.
+        floor, next to cells with floor. Cells behind the walls are not occupied.
     free : (A, B) bool
-        Cells that nothing covers any of. Cells that are neither are partly covered.
+        Cells of which nothing covers any part. Cells that are neither are partly covered.
     """
 
     def __init__(self, scene: Scene, cell_m: float) -> None:
@@ -53,13 +53,13 @@ class CellTruth:
         for x, y, radius in round_things:
             covered |= np.hypot(points[..., 0] - x, points[..., 1] - y) <= radius
 
-        def share(blocked: BoolArray) -> FloatArray:
+        def covered_part(blocked: BoolArray) -> FloatArray:
             return np.asarray(blocked.reshape(size[0], _POINTS, size[1], _POINTS).mean(axis=(1, 3)))
 
-        off = share(off_floor)
+        off = covered_part(off_floor)
         next_to_floor = cv2.dilate((off < 0.5).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        self.free: BoolArray = share(off_floor | covered) == 0.0
-        self.occupied: BoolArray = share(covered) >= 0.5
+        self.free: BoolArray = covered_part(off_floor | covered) == 0.0
+        self.occupied: BoolArray = covered_part(covered) >= 0.5
         if field.is_bounded:
             self.occupied |= (off >= 0.5) & next_to_floor
         if scene.ball is not None:
@@ -68,7 +68,7 @@ class CellTruth:
         self._clear_of_panels(scene)
 
     def _clear_of_panels(self, scene: Scene) -> None:
-        """Cells with a thin wall in them are not free."""
+        """Mark cells with a thin wall in them as not free."""
         for wall in scene.walls():
             ends = np.array([[wall.x0_m, wall.y0_m], [wall.x1_m, wall.y1_m]])
             count = 2 + int(np.linalg.norm(ends[1] - ends[0]) / self.cell_m * _POINTS)
@@ -81,7 +81,7 @@ class CellTruth:
         return self.cut(self.occupied, grid), self.cut(self.free, grid)
 
     def cut(self, cells: BoolArray, grid: FreeSpaceMap) -> BoolArray:
-        """Cut a map's window (N, N) out of something told of the field's cells; it does not hold off the field."""
+        """Cut a map's window (N, N) out of values of the field's cells; false off the field."""
         offset = np.rint(np.array(grid.corner_m) / self.cell_m).astype(int) - self.first
         along = [o + np.arange(grid.cells) for o in offset]
         inside = [(i >= 0) & (i < n) for i, n in zip(along, cells.shape, strict=True)]

@@ -1,6 +1,6 @@
-"""What goes wrong with a robot in a match: its camera, its odometry, and hands that push or carry it off.
+"""Faults of a robot in a match: of its camera, of its odometry, and pushes and kidnappings of its body.
 
-A fault is a plain value with its time. `FaultySenses` stands between what a robot would sense and what its player gets.
+A fault is a value with its time. `FaultySenses` changes what a robot senses before its player gets it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class SenseFault:
     from_s, until_s : float
         When.
     amount : float
-        "dropped": share of the frames, 0 to 1. "delayed": seconds. "odometry": relative error, 0.2 for a fifth too
+        "dropped": fraction of the frames, 0 to 1. "delayed": seconds. "odometry": relative error, 0.2 for a fifth too
         much, -0.2 for a fifth too little. Otherwise unused.
 
     Raises
@@ -59,20 +59,20 @@ class SenseFault:
             raise ArgumentError(f"a fault's kind must be one of {', '.join(_KINDS)}, got {self.kind!r}")
         if not 0.0 <= self.from_s <= self.until_s:
             raise ArgumentError(f"a fault must not end before it begins, got {self.from_s!r} to {self.until_s!r} s")
-        least, most = {"dropped": (0.0, 1.0), "delayed": (0.0, 10.0), "odometry": (-1.0, 1.0)}.get(
+        low, high = {"dropped": (0.0, 1.0), "delayed": (0.0, 10.0), "odometry": (-1.0, 1.0)}.get(
             self.kind, (-math.inf, math.inf)
         )
-        if not least <= self.amount <= most:
-            raise ArgumentError(f"amount of '{self.kind}' must be within {least:g} to {most:g}, got {self.amount!r}")
+        if not low <= self.amount <= high:
+            raise ArgumentError(f"amount of '{self.kind}' must be within {low:g} to {high:g}, got {self.amount!r}")
 
     def is_on(self, t_s: float) -> bool:
-        """Tell whether it holds at a time."""
+        """Return whether it holds at a time."""
         return self.from_s - _TIME_SLACK_S <= t_s < self.until_s - _TIME_SLACK_S
 
 
 @dataclass(frozen=True, slots=True)
 class BodyFault:
-    """A robot pushed, turned or carried off by a force that neither wheels nor commands know of.
+    """A robot pushed, turned or carried elsewhere; its odometry does not measure that.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ class BodyFault:
     at_s : float
         When.
     push_m : (float, float)
-        Way it is shoved, field frame, metres.
+        Way it is pushed, field frame, metres.
     turn_rad : float
-        By which it is turned on that way.
+        Angle it is turned by on that way.
     carry_to : Pose2 or None
         Where it is put down, field frame.
     """
@@ -100,7 +100,7 @@ class BodyFault:
 
     @property
     def kind(self) -> Literal["pushed", "turned", "carried"]:
-        """What happens to the robot, in a word."""
+        """The kind of fault in a word."""
         if self.carry_to is not None:
             return "carried"
         return "pushed" if any(self.push_m) else "turned"
@@ -120,7 +120,7 @@ Fault = SenseFault | BodyFault
 
 
 class FaultySenses:
-    """Spoils one robot's senses as its faults say.
+    """Applies one robot's faults to its senses.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ class FaultySenses:
         self._handed_on_s = -math.inf
 
     def apply(self, senses: Senses) -> Senses:
-        """Return what is left of the senses; call it once each control period, in order."""
+        """Return the senses with the faults; call it once each control period, in order."""
         pan_now_rad = senses.frame_pan_rad
         on = {fault.kind: fault.amount for fault in self._faults if fault.is_on(senses.t_s)}
         if "odometry" in on:
@@ -149,7 +149,7 @@ class FaultySenses:
         if "delayed" in on or self._longest_delay_s:
             senses = self._delayed(senses, on.get("delayed", 0.0))
         if "frozen" in on:
-            # the picture is old, its time and the neck's joint are not
+            # the picture is old; its time and the pan are not
             came = self._last_good is not None
             senses = replace(
                 senses,

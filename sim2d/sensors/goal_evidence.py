@@ -1,4 +1,4 @@
-"""How often the goal localiser finds goals and tells them apart, counted on rendered pictures from all over a field.
+"""Counts how often the goal localiser finds a goal and names its side, on rendered pictures from all over a field.
 
 The planner of looks (robocup_vision.planning.gaze.goal_question) goes by these counts.
 """
@@ -33,7 +33,7 @@ RIGHT, WRONG, NOTHING = range(3)
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """What looks told.
+    """Counts of outcomes.
 
     Parameters
     ----------
@@ -73,7 +73,9 @@ def count_evidence(field: Field, camera: PinholeCamera, seed: int, indices: Iter
         If the field's goals have one colour, or the goal localiser cannot see them.
     """
     if len({goal.color for goal in field.goals}) < 2:
-        raise ArgumentError(f"the goals of field '{field.name}' do not differ in colour: looks would tell nothing")
+        raise ArgumentError(
+            f"the goals of field '{field.name}' do not differ in colour: looks would not tell the sides apart"
+        )
     localizer = GoalLocalizer(field, camera)
     total = Counts(np.zeros((CORNERS + 1, len(WIDTHS_PX) + 1, 3), dtype=np.int64), 0, 0)
     for index in indices:
@@ -121,7 +123,7 @@ def draw_scene(field: Field, place: tuple[float, float], rng: np.random.Generato
 
 
 def corners_in_view(scene: Scene, camera: PinholeCamera, pose: Pose2, side: int) -> tuple[int, float]:
-    """Count the feet and tops of a goal's posts that a picture shows, and say how wide the goal looks, pixels."""
+    """Return how many feet and tops of a goal's posts a picture shows, and the goal's width in it, pixels."""
     goal = next(goal for goal in scene.field.goals if goal.side == side)
     eye = np.array([pose.x_m, pose.y_m, camera.height_m])
     count, bearings = 0, []

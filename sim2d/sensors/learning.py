@@ -1,4 +1,4 @@
-"""Learns how far camera and range sensor can be relied on, from rendered runs whose truth is known."""
+"""Learns the models of camera and range sensor from rendered runs whose truth is known."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ FLOOR, RANGE = "floor", "range"
 KINDS_LEARNT = ("plain", "glare", "shadow", "glare_shadow")
 # the farthest ring that is looked at is as deep as so many cells
 _DEEPEST_CELLS = 3.0
-# what a model is before it has been learnt: any probabilities, the evidence does not ask for them
+# probabilities of a model before it is learnt: the evidence does not use them
 _UNLEARNT = 0.6, 0.4
 
 
 def sensor_reach(vision: Vision, scanner: RangeSensor, cell_m: float) -> dict[str, tuple[float, float]]:
-    """Ranges (nearest, reach) between which each sensor tells cells of this size apart, metres."""
+    """Ranges (nearest, reach) between which each sensor resolves cells of this size, metres."""
     bounds = vision.grid.ring_bounds_m
     deep = np.flatnonzero(np.diff(bounds) > _DEEPEST_CELLS * cell_m)
     floor_m = float(bounds[deep[0]]) if len(deep) else float(bounds[-1])
@@ -65,8 +65,8 @@ def learn_sensors(
 
     Notes
     -----
-    P(O|E) and P(O|not E) are shares of the cells that a profile tells anything of, by the rule that the map itself
-    goes by, from where the robot truly is. Cells that a thing covers by less than half do not count.
+    P(O|E) and P(O|not E) are fractions of the cells that a profile observes, by the rule of the map itself, from the
+    true pose of the robot. Cells that are covered by less than half do not count.
     """
     scanner = scanner or RangeSensor()
     vision = map_vision(field, camera)

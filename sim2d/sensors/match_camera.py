@@ -1,4 +1,4 @@
-"""The pictures of a match: what each robot's camera sees of one world state."""
+"""Renders the frames of a match: what each robot's camera sees of one world state."""
 
 from __future__ import annotations
 
@@ -115,12 +115,12 @@ class MatchCamera:
         if self._fast is not None:
             frame = self._blur(self._fast.draw(self._robots(state, index), self._ball(state), robot.pose))
             if self.sensor.noise_sigma:
-                # noise is drawn once; every frame takes it from another place
+                # noise is drawn once; every frame takes it from another random start
                 start = int(self._rng.integers(self._noise_starts))
                 add_noise(frame.reshape(-1), self._noise[start : start + frame.size])
         else:
             assert isinstance(self.camera, PinholeCamera)
-            # a head that pans turns what it carries as the whole robot would, about its own axis
+            # panning the head equals turning the whole robot about the head's axis
             x, y = robot.pose.transform(self.camera.offset_m).tolist()
             head = Pose2(x, y, robot.pose.theta_rad + robot.pan_rad)
             camera = replace(self.camera, offset_m=(0.0, 0.0))

@@ -1,4 +1,4 @@
-"""A range sensor that turns in a level plane: it sees what is higher than the plane, and looks over all else."""
+"""A range sensor that turns in a level plane: it measures what is higher than the plane."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sim2d.rendering.scene import Robot, Scene
 
 @dataclass(frozen=True, slots=True)
 class RangeSensor:
-    """What a scanner at the robot's centre measures.
+    """A scanner at the robot's centre.
 
     Parameters
     ----------
@@ -29,8 +29,8 @@ class RangeSensor:
         What is farther gives no echo.
     noise_std_m : float
         Of each range.
-    dropout_share : float
-        Share of beams that get no echo from something within reach: they look as if nothing were there.
+    dropout_rate : float
+        Fraction of beams that get no echo from something within reach: they look as if nothing were there.
 
     Raises
     ------
@@ -42,7 +42,7 @@ class RangeSensor:
     beams: int = 240
     reach_m: float = 3.0
     noise_std_m: float = 0.01
-    dropout_share: float = 0.02
+    dropout_rate: float = 0.02
 
     def __post_init__(self) -> None:
         if self.beams < 3:
@@ -52,8 +52,8 @@ class RangeSensor:
         for name in ("height_m", "noise_std_m"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
-        if not 0 <= self.dropout_share < 1:
-            raise ArgumentError(f"dropout_share must be within 0 to 1, got {self.dropout_share}")
+        if not 0 <= self.dropout_rate < 1:
+            raise ArgumentError(f"dropout_rate must be within 0 to 1, got {self.dropout_rate}")
 
     def scan(self, scene: Scene, pose: Pose2, rng: np.random.Generator) -> RangeProfile:
         """Measure all around.
@@ -70,7 +70,7 @@ class RangeSensor:
         bearing = read_only((np.arange(self.beams) + 0.5) * (math.tau / self.beams) - math.pi)
         true_m = self._with_cut_ball(scene).free_range_m(pose, bearing, self.height_m)
         noise_m = self.noise_std_m * rng.standard_normal(self.beams)
-        lost = rng.random(self.beams) < self.dropout_share
+        lost = rng.random(self.beams) < self.dropout_rate
         hit = (true_m < self.reach_m) & ~lost
         range_m = np.where(hit, np.clip(true_m + noise_m, 0.0, self.reach_m), self.reach_m)
         return RangeProfile(bearing, range_m, hit)

@@ -176,7 +176,7 @@ def sensor_run(
             others = tuple(Robot(m.pose.x_m, m.pose.y_m, limits.radius_m, limits.height_m) for m in movers)
             seen = dataclasses.replace(lit, robots=(*lit.robots, *others))
             frame = _CAMERA_SENSOR.expose(renderer.render(seen, pose), rng)
-            # it knows where it was put down
+            # at the start the robot knows its pose
             view = vision.look(frame, state.t_s, prior=None if period else pose)
             assert view.belief is not None
             known = view.belief.pose

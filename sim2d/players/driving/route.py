@@ -114,7 +114,7 @@ class RoutePlanner:
         row = row_across(here, target, others, self._field, self._limits.radius_m, self._settings.row)
         if row is None:
             self._taken = None
-            return Route((target,), None, Reason("gap", "straight", "nobody stands in the way"))
+            return Route((target,), None, Reason("gap", "straight", "no robot stands in the way"))
         return self._gate(here, target, row) or self._choose(here, target, row)
 
     def _gate(self, here: Point, target: Point, row: Row) -> Route | None:

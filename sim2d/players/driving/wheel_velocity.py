@@ -1,4 +1,4 @@
-"""How fast a robot moves now: from odometry, which tells the mean over the last period, and from its commands."""
+"""Estimates a robot's velocity now from odometry, which measures the mean over the last period, and its commands."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Velocity = tuple[float, float]
 
 
 class WheelVelocity:
-    """Follows one robot's velocity; shown what is sensed and what is commanded, in turn.
+    """Estimates one robot's velocity; call `sense` and `command` in turn.
 
     Parameters
     ----------
@@ -38,18 +38,18 @@ class WheelVelocity:
         return self._pending
 
     def sense(self, odometry: Pose2) -> None:
-        """Take in the motion over the last period, in the robot frame at its beginning."""
+        """Update with the odometry of the last period, in the robot frame at its beginning."""
         x, y = odometry.x_m / self._period_s, odometry.y_m / self._period_s
         # which command was obeyed over the second half of the period
         obeyed = self._before if self._limits.dead_time_s > self._period_s / 2 else self._pending
         off_x, off_y = obeyed[0] - x, obeyed[1] - y
         size = math.hypot(off_x, off_y)
         gained = self._limits.acceleration_mps2 * self._period_s / 2
-        share = min(1.0, gained / size) if size > 0 else 0.0
-        x, y = x + share * off_x, y + share * off_y
+        part = min(1.0, gained / size) if size > 0 else 0.0
+        x, y = x + part * off_x, y + part * off_y
         c, s = math.cos(odometry.theta_rad), math.sin(odometry.theta_rad)
         self._now = (c * x + s * y, c * y - s * x)
 
     def command(self, velocity_mps: Velocity) -> None:
-        """Take in what is commanded now, robot frame."""
+        """Update with the command of now, robot frame."""
         self._before, self._pending = self._pending, velocity_mps

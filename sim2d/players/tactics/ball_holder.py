@@ -14,7 +14,7 @@ from sim2d.robot_link import Reason
 
 @dataclass(frozen=True, slots=True)
 class BallHolderSettings:
-    """Values of `BallHolder`; lengths in radii are robot radii unless said.
+    """Values of `BallHolder`; lengths in radii are robot radii unless the line says ball radii.
 
     Attributes
     ----------

@@ -80,7 +80,7 @@ def mirror_pixels(camera: OmniCamera, gain: npt.NDArray[np.float32], farthest_m:
     angle = np.arange(per_turn) * math.tau / per_turn
     image = np.zeros((3, gain.size), dtype=np.float32)
     image[:, pixel] = rays[[X, Y, GAIN]]
-    body = (drawn.body_share * gain).reshape(1, -1) * np.array(BODY_BGR)[:, None]
+    body = (drawn.body_part * gain).reshape(1, -1) * np.array(BODY_BGR)[:, None]
     body[:, pixel] = 0
     directions = np.stack([angle, np.cos(angle), np.sin(angle)], axis=1)
     return PixelTable(

@@ -76,7 +76,7 @@ def test_a_ball_that_touches_the_robot_is_found_and_blocks_nothing(vision, ssl_f
 
 
 def test_no_ball_is_seen_among_red_and_orange_boxes(vision, ssl_field, paper_camera):
-    condition = dataclasses.replace(CONDITIONS["nominal"], ball_share=0.0, obstacles=(6, 8))
+    condition = dataclasses.replace(CONDITIONS["nominal"], ball_rate=0.0, obstacles=(6, 8))
     for one in sample(ssl_field, paper_camera, condition, seed=9, count=12, supersample=2):
         vision.forget()
         assert vision.look(one.frame).ball is None

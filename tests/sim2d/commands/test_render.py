@@ -58,7 +58,7 @@ def test_dataset_holds_pictures_and_their_truth(tmp_path: Path, capsys: pytest.C
     assert camera.size_px == (128, 110)
     rows = rows_of(out)
     assert [row["image"] for row in rows] == ["0000.png", "0001.png", "0002.png", "0003.png"]
-    condition = Condition(obstacles=(1, 2), ball_share=0.5)
+    condition = Condition(obstacles=(1, 2), ball_rate=0.5)
     for row, drawn in zip(rows, sample(SSL, camera, condition, 3, 4), strict=True):
         np.testing.assert_array_equal(cv2.imread(str(out / "images" / row["image"])), drawn.frame)
         assert float(row["x_m"]) == pytest.approx(drawn.pose.x_m, abs=1e-6)

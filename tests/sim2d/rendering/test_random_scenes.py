@@ -39,7 +39,7 @@ def test_a_sample_depends_on_seed_and_number_alone(name: str):
 @pytest.mark.parametrize("ring", [False, True])
 def test_nothing_overlaps(name: str, ring: bool):
     field = load_field(name)
-    condition = dataclasses.replace(CONDITIONS["crowd" if ring else "nominal"], ball_share=1.0)
+    condition = dataclasses.replace(CONDITIONS["crowd" if ring else "nominal"], ball_rate=1.0)
     bare = Scene(field)
     balls = 0
     for index in range(12):
@@ -89,7 +89,7 @@ def test_poses_cover_the_floor_and_all_headings():
 
 
 def test_ball_share_and_obstacle_range():
-    condition = Condition(obstacles=(2, 4), ball_share=0.0)
+    condition = Condition(obstacles=(2, 4), ball_rate=0.0)
     counts = {len(random_scene(SSL, condition, np.random.default_rng([3, i]))[0].boxes) for i in range(30)}
     assert counts == {2, 3, 4}
     assert all(random_scene(SSL, condition, np.random.default_rng([3, i]))[0].ball is None for i in range(10))
@@ -109,7 +109,7 @@ def test_conditions():
 
 
 def test_miscalibrated_picture_is_shifted():
-    still = dataclasses.replace(CONDITIONS["nominal"], noise_sigma=0.0, obstacles=(0, 0), ball_share=0.0)
+    still = dataclasses.replace(CONDITIONS["nominal"], noise_sigma=0.0, obstacles=(0, 0), ball_rate=0.0)
     moved = dataclasses.replace(still, center_offset_px=(3.0, -2.0))
     camera = sekimori_camera()
     for plain, shifted in zip(sample(SSL, camera, still, 1, 2), sample(SSL, camera, moved, 1, 2), strict=True):
@@ -129,7 +129,7 @@ def test_bad_day_has_all_of_it():
     ("options", "words"),
     [
         ({"obstacles": (3, 1)}, r"obstacles must be 0 <= low <= high, got \[3, 1\]"),
-        ({"ball_share": 1.1}, "ball_share must be within 0 to 1"),
+        ({"ball_rate": 1.1}, "ball_rate must be within 0 to 1"),
         ({"texture": -0.1}, "texture must not be negative"),
         ({"noise_sigma": -1.0}, "noise_sigma must not be negative"),
     ],

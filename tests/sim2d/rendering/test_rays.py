@@ -80,12 +80,12 @@ def test_samples_cover_a_pixel_evenly(n: int):
 
 
 def test_shares_of_pixels():
-    area = RAYS.traced_share.sum()
+    area = RAYS.traced_part.sum()
     rim = 112 * (1 + 4 / 112)
     height_cap = 2 * (rim**2 * math.acos(110 / rim) - 110 * math.sqrt(rim**2 - 110**2))  # cut off above and below
     assert area == pytest.approx(math.pi * (rim**2 - 26**2) - height_cap, rel=2e-3)
-    assert RAYS.body_share.sum() == pytest.approx(math.pi * 26**2, rel=5e-3)
-    assert np.all(RAYS.traced_share + RAYS.body_share <= 1 + 1e-6)
+    assert RAYS.body_part.sum() == pytest.approx(math.pi * 26**2, rel=5e-3)
+    assert np.all(RAYS.traced_part + RAYS.body_part <= 1 + 1e-6)
 
 
 def test_patch_sizes_are_the_floor_between_neighbouring_radii():

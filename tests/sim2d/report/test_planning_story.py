@@ -51,11 +51,11 @@ def test_shares_are_of_the_time_in_which_it_was_decided():
     for moment in begin().play(PLAN.seconds):
         story.add(moment)
     assert story.planners == [0]
-    rows = {(row.topic, row.choice): row for row in story.shares}
+    rows = {(row.topic, row.choice): row for row in story.rates}
     assert list(rows) == [("gap", "detour"), ("speed", "full speed"), ("speed", "slow: opponents"), ("gaze", "planned")]
-    assert rows["gap", "detour"].share == 1.0
-    assert rows["speed", "full speed"].share == pytest.approx(2 / 3, abs=0.04)
-    assert rows["speed", "slow: opponents"].share == pytest.approx(1 / 3, abs=0.04)
+    assert rows["gap", "detour"].rate == 1.0
+    assert rows["speed", "full speed"].rate == pytest.approx(2 / 3, abs=0.04)
+    assert rows["speed", "slow: opponents"].rate == pytest.approx(1 / 3, abs=0.04)
     assert [rows["speed", choice].times for choice in ("full speed", "slow: opponents")] == [2, 1]
     assert rows["speed", "slow: opponents"].example == SLOW.text
     assert len(story.t_s) == len(story.speed_mps[0]) == 8

@@ -12,7 +12,7 @@ from sim2d.rendering.scene import Ball, Box, Robot, Scene
 from sim2d.sensors.range_sensor import RangeSensor
 
 FIELD = load_field("ssl_2001")
-EXACT = {"noise_std_m": 0.0, "dropout_share": 0.0}
+EXACT = {"noise_std_m": 0.0, "dropout_rate": 0.0}
 POSE = Pose2(-0.2, 0.1, 0.5)
 
 
@@ -52,13 +52,13 @@ def test_a_ball_is_met_where_the_plane_cuts_it(height_m, is_met):
 def test_noise_and_missing_echoes_are_as_asked_for():
     scene = Scene(FIELD)
     exact = scan(scene, beams=4000, **EXACT)
-    noisy = scan(scene, beams=4000, noise_std_m=0.02, dropout_share=0.1)
+    noisy = scan(scene, beams=4000, noise_std_m=0.02, dropout_rate=0.1)
     assert 1 - noisy.hit.mean() == pytest.approx(0.1, abs=0.02)
     assert (noisy.range_m[~noisy.hit] == 3.0).all()
     error = (noisy.range_m - exact.range_m)[noisy.hit]
     assert error.std() == pytest.approx(0.02, rel=0.1)
     assert abs(error.mean()) < 0.002
-    again = scan(scene, beams=4000, noise_std_m=0.02, dropout_share=0.1)
+    again = scan(scene, beams=4000, noise_std_m=0.02, dropout_rate=0.1)
     np.testing.assert_array_equal(again.range_m, noisy.range_m)
 
 
@@ -69,7 +69,7 @@ def test_noise_and_missing_echoes_are_as_asked_for():
         ({"reach_m": 0.0}, r"reach_m must be positive, got 0\.0"),
         ({"height_m": -1.0}, "height_m must not be negative"),
         ({"noise_std_m": math.nan}, "noise_std_m must not be negative"),
-        ({"dropout_share": 1.0}, "dropout_share must be within 0 to 1"),
+        ({"dropout_rate": 1.0}, "dropout_rate must be within 0 to 1"),
     ],
 )
 def test_impossible_sensors_are_refused(options, message):
