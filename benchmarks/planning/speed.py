@@ -58,8 +58,6 @@ class Drive:
     refused: bool
     # whether it stood still for want of a safe speed
     stopped: bool
-    places_m: FloatArray
-    speeds_mps: FloatArray
 
 
 def draw_slalom(widths_m: FloatArray, rng: np.random.Generator) -> Slalom:
@@ -84,10 +82,9 @@ def draw_slalom(widths_m: FloatArray, rng: np.random.Generator) -> Slalom:
 def drive_slalom(course: Slalom, constant_mps: float | None, rng: np.random.Generator) -> Drive:
     """Drive it, at a constant speed or as planned (None)."""
     robot, collided, stopped, missed_s, speed = UncertainRobot(rng), False, False, 0.0, constant_mps or 0.0
-    places, speeds = [robot.place_m], [0.0]
 
     def ended(refused: bool) -> Drive:
-        return Drive(robot.seconds, collided, refused, stopped, np.array(places), np.array(speeds))
+        return Drive(robot.seconds, collided, refused, stopped)
 
     while robot.seconds < LATEST_S:
         if math.dist((robot.pose.x_m, robot.pose.y_m), course.path_m[-1]) < 0.05:
@@ -101,8 +98,6 @@ def drive_slalom(course: Slalom, constant_mps: float | None, rng: np.random.Gene
                 return ended(True)
         robot.follow(course.path_m, speed)
         collided |= robot.touches(course.discs)
-        places.append(robot.place_m)
-        speeds.append(math.hypot(*robot.velocity_mps))
     return ended(True)
 
 

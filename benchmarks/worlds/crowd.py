@@ -149,7 +149,7 @@ class Frame:
         Where it is.
     detections : tuple of Detection
         Returns inside the known free floor.
-    places_m, velocities_mps : (N, 2) float64
+    places_m : (N, 2) float64
         The others.
     in_view : (N,) bool
         Seen by ranges: those hardly hidden. By camera: those near enough to be counted.
@@ -161,7 +161,6 @@ class Frame:
     truth: Pose2
     detections: tuple[Detection, ...]
     places_m: FloatArray
-    velocities_mps: FloatArray
     in_view: npt.NDArray[np.bool_]
 
 
@@ -231,11 +230,11 @@ def film(
     taken = []
     for period, world in enumerate(_moves(field, limits, others, frames * every, rng)):
         if period % every == 0:
-            truth, places, velocities = _truth(world)
+            truth, places = _truth(world)
             range_m, in_view = sensor.ranges(truth, places)
             robot, covariance = sensor.estimated(truth), sensor.pose_covariance
             seen = detector.in_profile(sensor.bearing_rad, range_m, robot, covariance)
-            taken.append(Frame(world.t_s, robot, covariance, truth, seen, places, velocities, in_view > 0.3))
+            taken.append(Frame(world.t_s, robot, covariance, truth, seen, places, in_view > 0.3))
     return taken
 
 
@@ -254,14 +253,14 @@ def camera_film(field: Field, seed: Sequence[int], others: int = 4, frames: int 
     for period, world in enumerate(_moves(field, limits, others, frames * every, rng)):
         belief.predict(world.odometry(0), world.t_s)
         if period % every == 0:
-            truth, places, velocities = _truth(world)
+            truth, places = _truth(world)
             view = vision.look(eye.render(world.state, 0), world.t_s, prior=belief.prior(world.t_s))
             belief.update(view.pose, world.t_s)
             known = belief.belief
             if known:
                 seen = detector.in_obstacles(view.obstacles, known.pose, known.covariance)
                 near = np.hypot(*(places - (truth.x_m, truth.y_m)).T) < CAMERA_LONGEST_M
-                taken.append(Frame(world.t_s, known.pose, known.covariance, truth, seen, places, velocities, near))
+                taken.append(Frame(world.t_s, known.pose, known.covariance, truth, seen, places, near))
     return taken
 
 
@@ -282,7 +281,7 @@ def _moves(field: Field, limits: RobotLimits, others: int, periods: int, rng: np
         world.step({k: d.command(poses[k], np.delete(places, k, axis=0)) for k, d in enumerate(drivers)})
 
 
-def _truth(world: World) -> tuple[Pose2, FloatArray, FloatArray]:
-    """Return the robot's pose, and places and velocities (N, 2) of the others."""
+def _truth(world: World) -> tuple[Pose2, FloatArray]:
+    """Return the robot's pose, and places (N, 2) of the others."""
     own, *rest = world.state.robots
-    return own.pose, np.array([[r.pose.x_m, r.pose.y_m] for r in rest]), np.array([r.velocity_mps for r in rest])
+    return own.pose, np.array([[r.pose.x_m, r.pose.y_m] for r in rest])

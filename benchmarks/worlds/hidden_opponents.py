@@ -52,8 +52,6 @@ class Run:
     seconds: float
     collided: bool
     arrived: bool
-    places_m: FloatArray
-    speeds_mps: FloatArray
 
 
 def draw_opponents(rng: np.random.Generator) -> FloatArray:
@@ -186,14 +184,14 @@ def run(seed: tuple[int, int], rule: str, constant_mps: float | None) -> Run:
     opponents = draw_opponents(np.random.default_rng([*seed, 0]))
     robot = Robot(opponents, rule, constant_mps, np.random.default_rng([*seed, 1]))
     place, velocity, pending = (0.4, WIDTH_M / 2), (0.0, 0.0), (0.0, 0.0)
-    collided, places, speeds = False, [place], [0.0]
+    collided = False
     for step in range(int(40 / PERIOD_S)):
         if step % EVERY == 0:
             robot.velocity, robot.pending = velocity, pending
             robot.look(np.array(place))
             robot.plan(np.array(place))
         if place[0] > LENGTH_M - 0.45:
-            return Run(step * PERIOD_S, collided, True, np.array(places), np.array(speeds))
+            return Run(step * PERIOD_S, collided, True)
         x, y = robot.follower.command(robot.path, Pose2(*place, 0.0), robot.speed).tolist()
         place, velocity = drive(
             place, velocity, pending, (x, y), LIMITS.acceleration_mps2, LIMITS.dead_time_s, PERIOD_S
@@ -201,6 +199,4 @@ def run(seed: tuple[int, int], rule: str, constant_mps: float | None) -> Run:
         pending = (x, y)
         clear = np.hypot(opponents[:, 0] - place[0], opponents[:, 1] - place[1]) - opponents[:, 2] - RADIUS_M
         collided |= bool(clear.min() < 0)
-        places.append(place)
-        speeds.append(math.hypot(*velocity))
-    return Run(40.0, collided, False, np.array(places), np.array(speeds))
+    return Run(40.0, collided, False)
