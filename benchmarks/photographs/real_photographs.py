@@ -28,7 +28,7 @@ from time import perf_counter
 import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import PoseEstimate, Vision, draw, load_camera
@@ -153,7 +153,7 @@ def main() -> None:
     line_map = LineMap(field)
     all_ok = True
     for folder, name in PHOTOGRAPHS:
-        columns = (f"{folder:<28}", "measured" + " " * 30, "target" + " " * 20, col.compared_verdict())
+        columns = (f"{folder:<28}", "measured" + " " * 30, "target" + " " * 20, col.measured("verdict"))
         table = Table(columns, name=folder)
         if not (REAL / folder / "images" / name).is_file():
             table.row("photograph", "not installed", None, None)
@@ -201,7 +201,9 @@ def main() -> None:
             ("overlay", str(OUT / name), None, True),
         ]
         for label, measured, due, ok in rows:
-            table.row(label, measured, due, None if due is None else verdict(ok))
+            # a verdict on a time hangs on the machine
+            kind = Kind.TEXT if label == "cold search" else Kind.VERDICT
+            table.row(label, measured, due, None if due is None else verdict(ok), kind=kind)
             all_ok &= ok
     all_ok &= forward_camera(2 * repeats, arguments.seed)
     finish(arguments.check, all_ok)
