@@ -38,7 +38,7 @@ def test_the_page_lists_each_program_and_shows_its_figures() -> None:
     assert sorted(set(page_programs(page))) == sorted(PROGRAMS)
 
 
-@pytest.mark.parametrize("folder", [FOLDER])
+@pytest.mark.parametrize("folder", [FOLDER, QUICK_FOLDER], ids=["default", "quick"])
 def test_figures_of_each_program_and_of_no_other_are_kept(folder: Path) -> None:
     files = [path for path in folder.glob("*/*.json") if path.parent != QUICK_FOLDER]
     assert sorted(f"{path.parent.name}/{path.stem}" for path in files) == sorted(PROGRAMS)
