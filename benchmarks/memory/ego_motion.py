@@ -27,7 +27,7 @@ from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
-from robocup_vision.mapping import EgoMotion
+from robocup_vision.mapping import EgoMotion, EgoMotionSettings
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
@@ -213,7 +213,7 @@ def follow(frames: Sequence[Frame], source: str, stride: int, method: str) -> Re
     seconds = stride * CONTROL_PERIOD_S
     directions = len(frames[0].radius_px[source])
     noise_px = NOISE_PX if source == WORLD else EDGE_PX
-    ego = EgoMotion(directions, 5 if method == FIVE else 1, SPACING_S)
+    ego = EgoMotion(directions, EgoMotionSettings(profiles=5 if method == FIVE else 1, spacing_s=SPACING_S))
     library = Gicp(5 if method == UNION else 1)
     pose, before = Pose2(0.0, 0.0, 0.0), frames[0].pose
     for index in range(0, len(frames), stride):

@@ -3,7 +3,7 @@
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
 from robocup_vision.avoidance.steering_settings import SteeringSettings
-from robocup_vision.avoidance.wayfinder import Heading, Wayfinder
+from robocup_vision.avoidance.wayfinder import Heading, Wayfinder, WayfinderSettings
 
 __all__ = [
     "FreeRanges",
@@ -13,5 +13,6 @@ __all__ = [
     "SteeringCommand",
     "SteeringSettings",
     "Wayfinder",
+    "WayfinderSettings",
     "carry_free_space",
 ]

@@ -1,8 +1,8 @@
-"""Where to head next, so that a robot that sees only what is around it gets round what stands between it and its goal.
+"""Where to head next, so that a robot that sees only what is around it gets round what stands before its target.
 
-Steering looks at one view. Who heads straight for the goal by one view alone stops in a pocket, shuttles between two
-obstacles, or comes to a corner too fast to turn. Here the floor seen lately is kept in a small grid that goes with the
-odometry; what was never seen counts as free, and the cheapest way over it tells the direction.
+Steering uses one view. A robot that heads straight for its target by one view alone stops in a pocket, shuttles between
+two obstacles, or comes to a corner too fast to turn. Here the floor seen lately is kept in a small grid that moves with
+the odometry. What was never seen counts as free, and the cheapest way over the grid gives the direction.
 """
 
 from __future__ import annotations
@@ -20,15 +20,53 @@ from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import way_grid
 
-# shares of the robot's radius: a cell; what a gap seen from near must have to spare on each side; the priced seam
-_CELL, _SPARE, _SOFT = 0.2, 0.05, 0.5
-# share of it within which a place ahead counts as tried
-_TRY = 0.5
-# A view tells something of the floor where its sectors are narrower than the robot's radius, and surely where they are
-# narrower than this share of it.
-_SURE = 0.4
-# the strip that is marked as blocked behind a free range, cells
-_STRIP = 2.5
+
+@dataclass(frozen=True, slots=True)
+class WayfinderSettings:
+    """How `Wayfinder` remembers the floor and prices it. Ratios are of the robot's radius.
+
+    Parameters
+    ----------
+    window_m : float
+        Width of the square that is remembered, with the robot near its middle. A target outside counts as on its rim.
+    every : int
+        The way is found anew with every so many views.
+    cell_ratio : float
+        A cell: five to a radius show whether the robot fits.
+    spare_ratio : float
+        What a gap seen from near must have to spare on each side.
+    soft_ratio : float
+        Width of the seam along what blocks that is dearer than open floor.
+    try_ratio : float
+        A place ahead within this much of another one counts as the same that was tried.
+    sure_ratio : float
+        A view tells something of the floor where its sectors are narrower than the robot's radius, and surely where
+        they are narrower than this.
+    strip_cells : float
+        The strip that is marked as blocked behind a free range, cells.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    window_m: float = 4.0
+    every: int = 3
+    cell_ratio: float = 0.2
+    spare_ratio: float = 0.05
+    soft_ratio: float = 0.5
+    try_ratio: float = 0.5
+    sure_ratio: float = 0.4
+    strip_cells: float = 2.5
+
+    def __post_init__(self) -> None:
+        for name in ("window_m", "cell_ratio", "spare_ratio", "soft_ratio", "try_ratio", "sure_ratio", "strip_cells"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        if self.every < 1:
+            raise ArgumentError(f"every must be at least 1, got {self.every!r}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +78,9 @@ class Heading:
     bearing_rad : float
         Robot frame, radians.
     distance_m : float
-        To where a robot that slows down to stop there is never too fast for a turn or for the goal, metres.
+        To where a robot that slows down to stop there is never too fast for a turn or for the target, metres.
     straight : bool
-        Whether this leads straight to the goal.
+        Whether this leads straight to the target.
     """
 
     bearing_rad: float
@@ -51,16 +89,14 @@ class Heading:
 
 
 class Wayfinder:
-    """Remembers the floor around one robot and tells the way over it to a goal.
+    """Remembers the floor around one robot and finds the way over it to a target.
 
     Parameters
     ----------
     robot_radius_m : float
         As that of `Steering`: what it does not drive through is no way.
-    window_m : float
-        Width of the square that is remembered, with the robot near its middle. A goal outside counts as on its rim.
-    every : int
-        The way is found anew with every so many views.
+    settings : WayfinderSettings, optional
+        How the floor is remembered and priced.
 
     Raises
     ------
@@ -80,16 +116,14 @@ class Wayfinder:
     v^2 = alpha R / sin(a/2), which is the speed that a stop from R / (2 sin(a/2)) farther on still has at the turn.
     """
 
-    def __init__(self, robot_radius_m: float, *, window_m: float = 4.0, every: int = 3) -> None:
+    def __init__(self, robot_radius_m: float, settings: WayfinderSettings = WayfinderSettings()) -> None:
         if not (math.isfinite(robot_radius_m) and robot_radius_m >= 1e-6):
             raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
-        if not (math.isfinite(window_m) and window_m >= 8.0 * robot_radius_m):
-            raise ArgumentError(f"window_m must be at least 8 radii of the robot, got {window_m!r}")
-        if every < 1:
-            raise ArgumentError(f"every must be at least 1, got {every!r}")
-        self._cell_m = _CELL * robot_radius_m
-        self._size = math.ceil(window_m / self._cell_m)
-        self._every = every
+        if not settings.window_m >= 8.0 * robot_radius_m:
+            raise ArgumentError(f"window_m must be at least 8 radii of the robot, got {settings.window_m!r}")
+        self._settings = settings
+        self._cell_m = settings.cell_ratio * robot_radius_m
+        self._size = math.ceil(settings.window_m / self._cell_m)
         shape = (self._size, self._size)
         self._open_any: UInt8Array = np.empty(shape, np.uint8)
         self._open_sure: UInt8Array = np.empty(shape, np.uint8)
@@ -106,7 +140,7 @@ class Wayfinder:
         self._x = self._y = self._size / 2
         self._theta = 0.0
         self._views = 0
-        # next turn, cells, and the way's direction after it; None: straight to the goal
+        # next turn, cells, and the way's direction after it; None: straight to the target
         self._turn: tuple[float, float, float] | None = None
         self._goal = (math.inf, math.inf)
         self._is_due = True
@@ -137,13 +171,13 @@ class Wayfinder:
         self._x += (c * motion.x_m - s * motion.y_m) / self._cell_m
         self._y += (s * motion.x_m + c * motion.y_m) / self._cell_m
         self._theta = math.remainder(self._theta + motion.theta_rad, math.tau)
-        if self._views % self._every == 0:
+        if self._views % self._settings.every == 0:
             self._keep_inside()
-            radius = 1.0 / _CELL
+            radius = 1.0 / self._settings.cell_ratio
             self._reach = radius / float(bearing[1] - bearing[0])
             way_grid.mark_view(
                 self._state, self._seen_from, self._x, self._y, self._theta, bearing, range_cells,
-                radius, self._reach, _STRIP,
+                radius, self._reach, self._settings.strip_cells,
             )  # fmt: skip
             self._is_due = True
         self._views += 1
@@ -154,19 +188,19 @@ class Wayfinder:
         target_distance_m: float,
         velocity_mps: Sequence[float] | FloatArray = (0.0, 0.0),
     ) -> Heading:
-        """Tell where to head for a goal.
+        """Return where to head for a target.
 
         Parameters
         ----------
         target_bearing_rad, target_distance_m : float
-            The goal, robot frame, radians and metres.
+            The target, robot frame, radians and metres.
         velocity_mps : (2,) float64 or pair of float
             The robot's, robot frame: going another way, it slows down first.
 
         Raises
         ------
         ArgumentError
-            The goal is not finite, or its distance is negative.
+            The target is not finite, or its distance is negative.
         """
         if not (math.isfinite(target_bearing_rad) and math.isfinite(target_distance_m) and target_distance_m >= 0.0):
             raise ArgumentError(
@@ -175,8 +209,8 @@ class Wayfinder:
             )
         is_new = self._is_due
         goal = self._in_grid(target_bearing_rad, target_distance_m)
-        # a robot's radius is how far a goal moves before it is another one
-        if is_new or math.hypot(goal[0] - self._goal[0], goal[1] - self._goal[1]) > 1.0 / _CELL:
+        # a robot's radius is how far a target moves before it is another one
+        if is_new or math.hypot(goal[0] - self._goal[0], goal[1] - self._goal[1]) > 1.0 / self._settings.cell_ratio:
             self._goal = goal
             self._find(goal)
             self._is_due = False
@@ -187,18 +221,18 @@ class Wayfinder:
             towards = math.atan2(y - self._y, x - self._x)
             bearing = math.remainder(towards - self._theta, math.tau)
             distance_m = math.hypot(x - self._x, y - self._y) * self._cell_m + self._room_to_turn_m(after - towards)
-        if is_new and distance_m > self._cell_m / _CELL:
+        if is_new and distance_m > self._cell_m / self._settings.cell_ratio:
             # what lies a radius ahead is to be passed next
-            angle, radius = bearing + self._theta, 1.0 / _CELL
+            angle, radius = bearing + self._theta, 1.0 / self._settings.cell_ratio
             x, y = self._x + radius * math.cos(angle), self._y + radius * math.sin(angle)
-            way_grid.note_try(self._tried, self._price, x, y, _TRY * radius)
+            way_grid.note_try(self._tried, self._price, x, y, self._settings.try_ratio * radius)
         if math.hypot(*velocity_mps) > 0.0:
             going = math.atan2(float(velocity_mps[1]), float(velocity_mps[0]))
             distance_m = min(distance_m, self._room_to_turn_m(bearing - going))
         return Heading(bearing, distance_m, self._turn is None)
 
     def _room_to_turn_m(self, angle_rad: float) -> float:
-        radius_m = self._cell_m / _CELL
+        radius_m = self._cell_m / self._settings.cell_ratio
         return 0.5 * radius_m / max(abs(math.sin(0.5 * angle_rad)), 1e-3)
 
     def _in_grid(self, bearing_rad: float, distance_m: float) -> tuple[float, float]:
@@ -211,14 +245,17 @@ class Wayfinder:
         return self._x + far * unit_x, self._y + far * unit_y
 
     def _find(self, goal_cell: tuple[float, float]) -> None:
-        size, radius = self._size, 1.0 / _CELL
+        size, radius = self._size, 1.0 / self._settings.cell_ratio
         goal_x, goal_y = goal_cell
-        way_grid.split_blocked(self._state, self._seen_from, _SURE * self._reach, self._open_any, self._open_sure)
+        way_grid.split_blocked(
+            self._state, self._seen_from, self._settings.sure_ratio * self._reach, self._open_any, self._open_sure
+        )
         away_any, away_sure = (
             np.asarray(cv2.distanceTransform(seen, cv2.DIST_L2, cv2.DIST_MASK_5), dtype=np.float32)
             for seen in (self._open_any, self._open_sure)
         )
-        way_grid.price_cells(away_any, away_sure, self._tried, radius, _SPARE * radius, _SOFT * radius, self._price)
+        spare, soft = self._settings.spare_ratio * radius, self._settings.soft_ratio * radius
+        way_grid.price_cells(away_any, away_sure, self._tried, radius, spare, soft, self._price)
         self._turn = None
         start = int(self._y + 0.5) * size + int(self._x + 0.5)
         goal = int(goal_y + 0.5) * size + int(goal_x + 0.5)

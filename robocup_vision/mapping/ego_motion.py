@@ -19,20 +19,73 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2, compose_covariance
 from robocup_vision.kernels.mapping import ego_motion as kernels
 
-# differences beyond this many standard deviations belong to something that moved, or came into view
-_GATE_SIGMAS = 4.0
-# the gate closes while the pose settles
-_GATES = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) * _GATE_SIGMAS
-# an earlier profile counts if at least this share of it agrees
-_MIN_SHARE = 0.3
-# where less than this agrees around what odometry says, the pose is searched for
-_AGREED_SHARE = 0.5
-# nothing wider than this moves by itself, and what does, at about this speed along each axis
-_MOVER_M, _MOVER_MPS = 0.6, 0.3
-# a direction is smoothed over this many neighbours on either side, as long as they lie on the same thing
-_REACH = 2
-# candidates a dimension of the search, over this many standard deviations of odometry, on so many earlier points
-_CANDIDATES, _SEARCH_SIGMAS, _SEARCH_POINTS = 7, 3.0, 64
+
+@dataclass(frozen=True, slots=True)
+class EgoMotionSettings:
+    """How `EgoMotion` compares profiles.
+
+    Parameters
+    ----------
+    profiles : int
+        Number k of earlier profiles that the present one is compared with.
+    spacing_s : float
+        The first of them is the last frame's, and the others are at least so far apart: what moves shows against
+        frames farther back, and errors add up less often.
+    gate_sigmas : float
+        Differences beyond this many standard deviations belong to something that moved, or came into view.
+    opening : float
+        The gate of the first step is so many times as wide: it closes while the pose settles.
+    steps : int
+        Gauss-Newton steps.
+    min_inlier_ratio : float
+        An earlier profile counts if at least this ratio of the directions that can be compared agrees: one that is
+        hidden, or shows nothing, says neither yes nor no.
+    search_below_ratio : float
+        Where less than this ratio agrees around what odometry reports, the pose is searched for on a grid.
+    mover_m, mover_mps : float
+        Nothing wider than this moves by itself, and what does, at about this speed along each axis.
+    reach : int
+        A direction is smoothed over this many neighbours on either side, as long as they lie on the same thing.
+    candidates, search_sigmas, search_points : int, float, int
+        Candidates a dimension of the grid, over this many standard deviations of odometry, on so many earlier points.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    profiles: int = 5
+    spacing_s: float = 0.4
+    gate_sigmas: float = 4.0
+    opening: float = 2.0
+    steps: int = 5
+    min_inlier_ratio: float = 0.3
+    search_below_ratio: float = 0.5
+    mover_m: float = 0.6
+    mover_mps: float = 0.3
+    reach: int = 2
+    candidates: int = 7
+    search_sigmas: float = 3.0
+    search_points: int = 64
+
+    def __post_init__(self) -> None:
+        if self.profiles < 1 or not 0.0 <= self.spacing_s < math.inf:
+            raise ArgumentError(
+                "profiles must be at least 1, and spacing_s finite and not negative, "
+                f"got {self.profiles}, {self.spacing_s}"
+            )
+        for name in ("gate_sigmas", "opening", "mover_m", "mover_mps", "search_sigmas"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        for name, least in (("steps", 1), ("reach", 0), ("candidates", 1), ("search_points", 1)):
+            if getattr(self, name) < least:
+                raise ArgumentError(f"{name} must be at least {least}, got {getattr(self, name)!r}")
+        for name in ("min_inlier_ratio", "search_below_ratio"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ArgumentError(f"{name} must be from 0 to 1, got {value!r}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,10 +130,10 @@ class _Profile:
     worth: float
 
     @classmethod
-    def smooth(cls, inverse: FloatArray, std: FloatArray) -> _Profile:
+    def smooth(cls, inverse: FloatArray, std: FloatArray, reach: int) -> _Profile:
         variance = std**2
         present = np.empty((3, len(inverse)))
-        kernels.smooth(inverse, variance, _REACH, *present)
+        kernels.smooth(inverse, variance, reach, *present)
         thing = np.empty(len(inverse), dtype=np.int64)
         things = kernels.part(present[kernels.VALUE], present[kernels.VARIANCE], thing)
         known = thing >= 0
@@ -97,10 +150,10 @@ class _Past:
     may_move: npt.NDArray[np.bool_]
     thing: npt.NDArray[np.int64]
 
-    def at(self, t_s: float) -> FloatArray:
+    def at(self, t_s: float, mover_mps: float) -> FloatArray:
         """(J, 4) with how far each point may have moved by then."""
         points = self.points.copy()
-        points[:, kernels.MOVED_VARIANCE] = self.may_move * (_MOVER_MPS * (t_s - self.t_s)) ** 2
+        points[:, kernels.MOVED_VARIANCE] = self.may_move * (mover_mps * (t_s - self.t_s)) ** 2
         return points
 
 
@@ -111,16 +164,13 @@ class EgoMotion:
     ----------
     bearings : int
         Number J of directions of a profile; direction j is at 2 pi j / J in the robot frame.
-    profiles : int
-        Number k of earlier profiles that the present one is compared with.
-    spacing_s : float
-        The first of them is the last frame's, and the others are at least so far apart: what moves shows against
-        frames farther back, and errors add up less often.
+    settings : EgoMotionSettings, optional
+        How profiles are compared.
 
     Raises
     ------
     ArgumentError
-        If there are less than 8 bearings or no profiles, or the spacing is negative or not finite.
+        If there are less than 8 bearings.
 
     Notes
     -----
@@ -138,16 +188,15 @@ class EgoMotion:
       the curvature is divided by how much more the pulls of blocks of them scatter than they claim.
     """
 
-    def __init__(self, bearings: int, profiles: int = 5, spacing_s: float = 0.4) -> None:
-        if bearings < 8 or profiles < 1 or not 0.0 <= spacing_s < math.inf:
-            raise ArgumentError(
-                "bearings must be at least 8, profiles at least 1, and spacing_s finite and not negative, "
-                f"got {bearings}, {profiles}, {spacing_s}"
-            )
+    def __init__(self, bearings: int, settings: EgoMotionSettings = EgoMotionSettings()) -> None:
+        if bearings < 8:
+            raise ArgumentError(f"bearings must be at least 8, got {bearings}")
         self.bearings = bearings
         angle = np.arange(bearings) * (math.tau / bearings)
         self._rays = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        self._profiles, self._spacing_s = profiles, spacing_s
+        self._settings = settings
+        self._gates = np.full(settings.steps, settings.gate_sigmas)
+        self._gates[0] *= settings.opening
         self._past: deque[_Past] = deque()
         self.forget()
 
@@ -206,7 +255,7 @@ class EgoMotion:
             raise ArgumentError("odometry_covariance must be (3, 3) and positive definite")
         if not math.isfinite(t_s) or (self._t_s is not None and t_s <= self._t_s):
             raise ArgumentError(f"t_s must be finite and later than the frame before, got {t_s!r}")
-        profile = _Profile.smooth(inverse, std)
+        profile = _Profile.smooth(inverse, std, self._settings.reach)
         if self._t_s is None:
             motion = Motion(odometry, covariance, 0, 0.0, self._pose)
         else:
@@ -223,34 +272,38 @@ class EgoMotion:
         points[:, kernels.RANGE_VARIANCE] = profile.present[kernels.VARIANCE] * range_m**4
         width = np.empty(profile.things)
         kernels.widths(points, profile.thing, width)
-        return _Past(t_s, points, np.append(width < _MOVER_M, False)[profile.thing], profile.thing)
+        return _Past(t_s, points, np.append(width < self._settings.mover_m, False)[profile.thing], profile.thing)
 
     def _chosen(self) -> list[_Past]:
         """Choose the last profile and others behind it as far apart as asked; drop those too old for that."""
         chosen: list[_Past] = []
         for past in reversed(self._past):
-            if len(chosen) == self._profiles:
+            if len(chosen) == self._settings.profiles:
                 break
             # half a millisecond: frames that come as often as asked may come a rounding error too early
-            if not chosen or chosen[-1].t_s - past.t_s >= self._spacing_s - 5e-4:
+            if not chosen or chosen[-1].t_s - past.t_s >= self._settings.spacing_s - 5e-4:
                 chosen.append(past)
-        while len(chosen) == self._profiles and self._past[0] is not chosen[-1]:
+        while len(chosen) == self._settings.profiles and self._past[0] is not chosen[-1]:
             self._past.popleft()
         return chosen
 
     def _fit(self, profile: _Profile, odometry: Pose2, covariance: FloatArray, t_s: float) -> Motion:
+        settings = self._settings
         before, predicted = self._pose, self._pose.compose(odometry)
         spread = compose_covariance(before, self._drift, odometry, covariance)
         unaided = Motion(odometry, covariance, 0, 0.0, predicted)
         chosen, self._drift = self._chosen(), spread
         if not chosen:
             return unaided
-        past, thing = np.stack([one.at(t_s) for one in chosen]), np.stack([one.thing for one in chosen])
+        past, thing = (
+            np.stack([one.at(t_s, settings.mover_mps) for one in chosen]),
+            np.stack([one.thing for one in chosen]),
+        )
         information = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         normal = np.empty((3, 3))
 
         def refine(pose: FloatArray) -> tuple[int, float]:
-            rules = _GATES, _MIN_SHARE, profile.worth, 2 * _REACH + 1
+            rules = self._gates, settings.min_inlier_ratio, profile.worth, 2 * settings.reach + 1
             used, share = kernels.refine(
                 profile.present, past, thing, pose, predicted.array, information, *rules, normal
             )
@@ -258,7 +311,7 @@ class EgoMotion:
 
         pose = predicted.array
         used, share = refine(pose)
-        if share < _AGREED_SHARE:
+        if share < settings.search_below_ratio:
             pose = self._search(profile.present, past, predicted, spread)
             used, share = refine(pose)
         if not used:
@@ -271,15 +324,16 @@ class EgoMotion:
 
     def _search(self, present: FloatArray, past: FloatArray, predicted: Pose2, covariance: FloatArray) -> FloatArray:
         """(3,) float64: the best of a grid of candidates about what odometry says."""
-        axis = np.linspace(-_SEARCH_SIGMAS, _SEARCH_SIGMAS, _CANDIDATES)
+        settings = self._settings
+        axis = np.linspace(-settings.search_sigmas, settings.search_sigmas, settings.candidates)
         grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
         poses = predicted.array + grid @ np.linalg.cholesky(covariance).T
         # what odometry says first: of equals, it stays
         poses = poses[np.argsort(np.sum(grid**2, axis=1), kind="stable")]
         points = past.reshape(-1, 4)
         points = points[np.isfinite(points[:, 0])]
-        thinned = np.ascontiguousarray(points[:: max(1, len(points) // _SEARCH_POINTS)])
-        best: int = kernels.search(present, thinned, poses, 2.0 * _GATE_SIGMAS)
+        thinned = np.ascontiguousarray(points[:: max(1, len(points) // settings.search_points)])
+        best: int = kernels.search(present, thinned, poses, settings.opening * settings.gate_sigmas)
         return np.array(poses[best])
 
 

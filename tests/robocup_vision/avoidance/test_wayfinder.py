@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance import Wayfinder
+from robocup_vision.avoidance import Wayfinder, WayfinderSettings
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
@@ -99,7 +99,7 @@ def test_it_goes_through_what_is_wide_enough_and_round_what_is_not(width_m, thro
 
 
 def test_far_is_forgotten_and_near_goes_along():
-    way = Wayfinder(RADIUS, window_m=2.0, every=1)
+    way = Wayfinder(RADIUS, WayfinderSettings(window_m=2.0, every=1))
     wall = [((0.4, -0.5), (0.4, 0.5))]
     way.update(seen_from(STILL, wall), STILL)
     assert not way.head(0.0, 0.9).straight
@@ -154,11 +154,12 @@ def test_who_goes_another_way_or_comes_to_a_turn_slows_down_first():
         ({"robot_radius_m": math.nan}, "robot_radius_m must be at least 1e-06, got nan"),
         ({"window_m": 0.5}, "window_m must be at least 8 radii of the robot, got 0.5"),
         ({"every": 0}, "every must be at least 1, got 0"),
+        ({"cell_ratio": 0.0}, "cell_ratio must be positive, got 0.0"),
     ],
 )
 def test_bad_parameters_of_a_wayfinder_are_named(change, message):
     with pytest.raises(ArgumentError, match=message):
-        Wayfinder(**{"robot_radius_m": RADIUS, **change})
+        Wayfinder(change.pop("robot_radius_m", RADIUS), WayfinderSettings(**change))
 
 
 def test_bad_views_and_goals_are_named():

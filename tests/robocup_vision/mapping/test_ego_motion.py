@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
-from robocup_vision.mapping import EgoMotion, Motion
+from robocup_vision.mapping import EgoMotion, EgoMotionSettings, Motion
 
 COUNT, STD = 128, 0.01
 # odometry that is off by some centimetres and degrees
@@ -108,7 +108,7 @@ def test_a_profile_that_odometry_cannot_explain_is_searched_for():
 def test_what_drives_along_does_not_take_the_pose_with_it():
     errors = []
     for count in (1, 5):
-        ego = EgoMotion(COUNT, count, 0.0)
+        ego = EgoMotion(COUNT, EgoMotionSettings(profiles=count, spacing_s=0.0))
         for index in range(12):
             discs = [(0.4 + 0.01 * index, 0.3), (-0.5 + 0.01 * index, -0.4), (0.01 * index, 0.5), (0.01 * index, -0.5)]
             found = ego.update(profile(NOWHERE, discs), STD, NOWHERE, TIGHT, index / 30)
@@ -122,7 +122,10 @@ def test_covariance_is_as_large_as_the_errors():
     rng = np.random.default_rng(5)
     squared, spread = [], []
     for _ in range(12):
-        pose, ego = Pose2(*rng.uniform(-0.3, 0.3, 2), rng.uniform(-3, 3)), EgoMotion(COUNT, 5, 0.1)
+        pose, ego = (
+            Pose2(*rng.uniform(-0.3, 0.3, 2), rng.uniform(-3, 3)),
+            EgoMotion(COUNT, EgoMotionSettings(spacing_s=0.1)),
+        )
         motion = Pose2(0.012, 0.004, 0.02)
         for index in range(8):
             pose = pose.compose(motion) if index else pose
@@ -138,7 +141,7 @@ def test_covariance_is_as_large_as_the_errors():
 
 
 def test_earlier_profiles_are_taken_as_far_apart_as_asked():
-    ego = EgoMotion(COUNT, profiles=3, spacing_s=0.1)
+    ego = EgoMotion(COUNT, EgoMotionSettings(profiles=3, spacing_s=0.1))
     used = [ego.update(profile(NOWHERE), STD, NOWHERE, TIGHT, index * 0.05).profiles for index in range(7)]
     # the last frame's, and those 0.1 s and 0.2 s before that
     assert used == [0, 1, 1, 2, 2, 3, 3]
@@ -184,12 +187,26 @@ def test_forgetting_begins_anew():
     assert (again.profiles, again.pose) == (0, NOWHERE)
 
 
-@pytest.mark.parametrize("wrong", [{"bearings": 7}, {"profiles": 0}, {"spacing_s": -0.1}, {"spacing_s": math.inf}])
-def test_too_small_an_observer_is_refused(wrong):
-    with pytest.raises(
-        ArgumentError, match="bearings must be at least 8, profiles at least 1, and spacing_s finite and"
-    ):
-        EgoMotion(**{"bearings": COUNT, **wrong})
+def test_too_few_bearings_are_refused():
+    with pytest.raises(ArgumentError, match="bearings must be at least 8, got 7"):
+        EgoMotion(7)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"profiles": 0}, "profiles must be at least 1, and spacing_s finite and not negative, got 0, 0.4"),
+        ({"spacing_s": -0.1}, "spacing_s finite and not negative, got 5, -0.1"),
+        ({"spacing_s": math.inf}, "spacing_s finite and not negative, got 5, inf"),
+        ({"gate_sigmas": 0.0}, "gate_sigmas must be positive, got 0.0"),
+        ({"mover_m": math.nan}, "mover_m must be positive, got nan"),
+        ({"steps": 0}, "steps must be at least 1, got 0"),
+        ({"min_inlier_ratio": 1.1}, "min_inlier_ratio must be from 0 to 1, got 1.1"),
+    ],
+)
+def test_settings_out_of_range_are_named(wrong, message):
+    with pytest.raises(ArgumentError, match=message):
+        EgoMotionSettings(**wrong)
 
 
 @pytest.mark.parametrize(
