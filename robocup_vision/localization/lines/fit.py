@@ -17,17 +17,37 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.search import INLIER_PX, MIN_SEARCH_POINTS
 from robocup_vision.perception.line_points import LinePoints
 
-# No single point is better than this, however smooth the picture.
-MIN_NOISE_PX = 0.1
-# A wrong centre or tilt shifts whole stretches of line together. The pose takes up most of such a shift, the residuals
-# keep the rest: the shift is taken to be this many times what the stretches are off by on average.
-HIDDEN_SHIFT = 2.0
-# Neighbours along a line share the errors of lens, carpet and paint over about this length of floor.
-CORRELATION_M = 0.5
-MAX_STEPS, MAX_HALVINGS = 15, 4
+
+@dataclass(frozen=True, slots=True)
+class LineFitSettings:
+    """Settings of the fit in pixels.
+
+    Parameters
+    ----------
+    min_noise_px : float
+        No single point is better than this, however smooth the picture.
+    hidden_shift : float
+        A wrong centre or tilt shifts whole stretches of line together. The pose takes up most of such a shift, the
+        residuals keep the rest: the shift is taken to be this many times what the stretches are off by on average.
+    correlation_m : float
+        Neighbours along a line share the errors of lens, carpet and paint over about this length of floor.
+    max_steps, max_halvings : int
+        Gauss-Newton steps, and how often one is halved.
+    inlier_px : float
+        A point within this many pixels of a line agrees with a pose.
+    min_points : int
+        Fewer agreeing points determine no pose.
+    """
+
+    min_noise_px: float = 0.1
+    hidden_shift: float = 2.0
+    correlation_m: float = 0.5
+    max_steps: int = 15
+    max_halvings: int = 4
+    inlier_px: float = 3.0
+    min_points: int = 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,9 +85,11 @@ class LineRowsFit:
     scale_px : float
         Residuals well beyond this were ignored.
     information : (P, P) float64
-        That was there beforehand.
+        Of the prior.
     shared_px : (N,) float64
         See `fit_line_rows`.
+    settings : LineFitSettings
+        Of the fit.
     """
 
     unknowns: FloatArray
@@ -75,9 +97,10 @@ class LineRowsFit:
     scale_px: float
     information: FloatArray
     shared_px: FloatArray
+    settings: LineFitSettings
 
     def loss(self, weights: FloatArray, scale_px: float) -> float:
-        """How badly the points agree, in chi-square: to compare fits of the same points.
+        """Sum the robust loss of the points, in chi-square: to compare fits of the same points.
 
         Parameters
         ----------
@@ -99,15 +122,16 @@ class LineRowsFit:
         weights : (N,) float64
             Of the points.
         """
+        settings = self.settings
         residual, jacobian, size = self.rows.residual, self.rows.jacobian, len(self.unknowns)
-        good = residual <= INLIER_PX
-        if np.count_nonzero(good) < MIN_SEARCH_POINTS:
+        good = residual <= settings.inlier_px
+        if np.count_nonzero(good) < settings.min_points:
             return NotLocated("too few line points lie on lines")
-        sigma2 = max(_spread_px(residual, self.scale_px), MIN_NOISE_PX) ** 2
+        sigma2 = max(_spread_px(residual, self.scale_px), settings.min_noise_px) ** 2
         weight = weights / (1 + (residual / self.scale_px) ** 2) ** 2 / (sigma2 + self.shared_px**2)
         fisher = (jacobian.T * weight) @ jacobian
         # one group per line and stretch of floor: what errs there errs together (a cluster-robust "sandwich")
-        member = stretches(self.rows.index, floor_m)
+        member = stretches(self.rows.index, floor_m, settings)
         count = np.bincount(member)
         scores = np.zeros((len(count), size))
         np.add.at(scores, member, jacobian * (weight * residual)[:, None])
@@ -117,7 +141,7 @@ class LineRowsFit:
         long = count >= 5
         shift2_px2 = float(np.mean((shifts[long] / count[long, None]) ** 2)) * 2 if long.any() else sigma2
         pull = jacobian.T @ (self.rows.normal_px * weight[:, None])
-        meat = fisher + spread + HIDDEN_SHIFT**2 * shift2_px2 * (pull @ pull.T) + self.information
+        meat = fisher + spread + settings.hidden_shift**2 * shift2_px2 * (pull @ pull.T) + self.information
         try:
             bread = np.linalg.inv(fisher + self.information)
         except np.linalg.LinAlgError:
@@ -143,6 +167,7 @@ def fit_line_rows(
     *,
     expected: FloatArray | None = None,
     shared_px: FloatArray | None = None,
+    settings: LineFitSettings = LineFitSettings(),
 ) -> LineRowsFit | NotLocated:
     """Fit unknowns to line points, taking in ever fewer that lie off.
 
@@ -163,13 +188,15 @@ def fit_line_rows(
     shared_px : (N,) float64, optional
         What each point may be off for reasons that its neighbours share, times the square root of their number: so many
         of them then weigh together no more than one that has that error alone.
+    settings : LineFitSettings, optional
+        Of the fit.
     """
     shared = np.zeros(len(weights)) if shared_px is None else shared_px
     expected = start if expected is None else expected
     unknowns, rows = start.copy(), rows_of(start)
     scale = start_px
-    for _ in range(MAX_STEPS):
-        sigma2 = max(_spread_px(rows.residual, scale), MIN_NOISE_PX) ** 2
+    for _ in range(settings.max_steps):
+        sigma2 = max(_spread_px(rows.residual, scale), settings.min_noise_px) ** 2
         weight = weights / (sigma2 + shared**2)
         robust = weight / (1 + (rows.residual / scale) ** 2) ** 2
         offset = _offset(unknowns, expected)
@@ -181,7 +208,7 @@ def fit_line_rows(
             return NotLocated("the lines in view do not fix the pose")
         step *= min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12))
         loss = _loss(rows.residual, weight, scale) + float(offset @ information @ offset)
-        for _ in range(MAX_HALVINGS):
+        for _ in range(settings.max_halvings):
             tried = rows_of(unknowns + step)
             offset = _offset(unknowns + step, expected)
             # a valley of poses that tilt makes nearly alike bends: a whole step along it may climb its side
@@ -193,7 +220,7 @@ def fit_line_rows(
         if scale <= narrow and float(np.abs(step).max()) < 1e-5:
             break
         scale = max(0.6 * scale, narrow) if scale > narrow else narrow
-    return LineRowsFit(unknowns, rows, scale, information, shared)
+    return LineRowsFit(unknowns, rows, scale, information, shared, settings)
 
 
 def _offset(unknowns: FloatArray, start: FloatArray) -> FloatArray:
@@ -208,9 +235,11 @@ def _loss(residual: FloatArray, weight: FloatArray, scale_px: float) -> float:
     return float(np.sum(weight * square / (1 + square / scale_px**2)))
 
 
-def stretches(index: npt.NDArray[np.int64], floor_m: FloatArray) -> npt.NDArray[np.int64]:
+def stretches(
+    index: npt.NDArray[np.int64], floor_m: FloatArray, settings: LineFitSettings = LineFitSettings()
+) -> npt.NDArray[np.int64]:
     """Tell which stretch of line each point lies on, (N,): one line, one patch of floor."""
-    patch = np.floor(floor_m / CORRELATION_M).astype(np.int64)
+    patch = np.floor(floor_m / settings.correlation_m).astype(np.int64)
     _, member = np.unique((index * 40_009 + patch[:, 0]) * 40_009 + patch[:, 1], return_inverse=True)
     return np.asarray(member.ravel(), dtype=np.int64)
 
@@ -222,6 +251,7 @@ def refine_by_lines(
     prior_covariance: FloatArray | None = None,
     *,
     start_px: float = 8.0,
+    settings: LineFitSettings = LineFitSettings(),
 ) -> PoseEstimate | NotLocated:
     """Refine a pose by line points, with residuals in pixels across the lines.
 
@@ -237,10 +267,12 @@ def refine_by_lines(
         How well `pose` is known beforehand; it then counts as a measurement of its own.
     start_px : float
         Residuals well beyond this are ignored from the first step on.
+    settings : LineFitSettings, optional
+        Of the fit.
     """
     low, high = line_map.extent_m
     points = points.take(np.hypot(*points.floor_m.T) <= np.hypot(*(high - low)))
-    if len(points) < MIN_SEARCH_POINTS:
+    if len(points) < settings.min_points:
         return NotLocated(f"only {len(points)} line points")
     information = np.zeros((3, 3)) if prior_covariance is None else np.asarray(np.linalg.inv(prior_covariance))
     fit = fit_line_rows(
@@ -249,6 +281,7 @@ def refine_by_lines(
         points.weight,
         information,
         start_px,
+        settings=settings,
     )
     if isinstance(fit, NotLocated):
         return fit

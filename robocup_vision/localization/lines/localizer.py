@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -11,28 +12,51 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.localization.lines.fit import pixel_residuals, refine_by_lines
+from robocup_vision.localization.lines.fit import LineFitSettings, pixel_residuals, refine_by_lines
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import (
-    MIN_SEARCH_POINTS,
-    PATCH_M,
-    SEARCH_NOISE_PX,
     LineCandidate,
+    LineSearchSettings,
     one_per_patch,
     same_pose,
     search_by_lines,
 )
 from robocup_vision.perception.line_points import FloorCamera, LineFinder, LinePoints
 
-MIN_INLIER_SHARE = 0.6
-# The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
-RIVAL_RATIO, RIVAL_EXCESS = 1.35, 0.15
-# Of poses that other evidence leaves, the lines take one whose points lie this many times nearer to them.
-CLEARLY = 2.0
-# Of the lines that a pose predicts on floor in plain sight, this share must have been seen.
-MIN_SUPPORT = 0.75
-LARGEST_STD_M = 0.25
-LARGEST_STD_RAD = math.radians(8.0)
+
+@dataclass(frozen=True, slots=True)
+class LineSettings:
+    """Settings of the line localiser.
+
+    Parameters
+    ----------
+    search, fit : LineSearchSettings, LineFitSettings
+        Of its stages.
+    min_inlier_ratio, min_inlier_ratio_at_prior : float
+        Of the line points, those that must lie on lines of the pose; of a pose refined from a prior.
+    rival_ratio, rival_excess : float
+        The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
+    clear_ratio : float
+        Of poses that other evidence leaves, the lines take one whose points lie this many times nearer to them.
+    min_support : float
+        Of the lines that a pose predicts on floor in plain sight, this fraction must have been seen.
+    max_std_m, max_std_rad : float
+        A pose more uncertain than this is refused.
+    max_deviation : float
+        Chi-square of a refined pose's deviation from its prior: 3 degrees of freedom, 99.9 %.
+    """
+
+    search: LineSearchSettings = LineSearchSettings()
+    fit: LineFitSettings = LineFitSettings()
+    min_inlier_ratio: float = 0.6
+    min_inlier_ratio_at_prior: float = 0.8
+    rival_ratio: float = 1.35
+    rival_excess: float = 0.15
+    clear_ratio: float = 2.0
+    min_support: float = 0.75
+    max_std_m: float = 0.25
+    max_std_rad: float = math.radians(8.0)
+    max_deviation: float = 16.3
 
 
 class LineLocalizer:
@@ -46,12 +70,21 @@ class LineLocalizer:
         What takes the frames.
     mask : (H, W) array, optional
         Non-zero pixels are never looked at.
+    settings : LineSettings, optional
+        Of search and fit.
     """
 
-    def __init__(self, field: Field, camera: FloorCamera, mask: npt.NDArray[np.generic] | None = None) -> None:
+    def __init__(
+        self,
+        field: Field,
+        camera: FloorCamera,
+        mask: npt.NDArray[np.generic] | None = None,
+        settings: LineSettings = LineSettings(),
+    ) -> None:
+        self.settings = settings
         self.line_map = LineMap(field)
         self.finder = LineFinder(camera, field.line_width_m, mask)
-        self._model_points_m = field.line_points(PATCH_M)
+        self._model_points_m = field.line_points(self.settings.search.patch_m)
 
     def locate(
         self,
@@ -65,8 +98,8 @@ class LineLocalizer:
         frame : (H, W, 3) uint8, or LinePoints
             BGR image, or the line points already found in it.
         prior : PoseEstimate, optional
-            What is believed beforehand. Refined if the lines bear it out, otherwise the whole field is searched; it
-            also says which of two symmetric halves comes first.
+            Refined if the lines confirm it, otherwise the whole field is searched; it also decides which of two
+            symmetric halves comes first.
 
         Returns
         -------
@@ -75,32 +108,36 @@ class LineLocalizer:
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         if prior is not None:
-            near = refine_by_lines(prior.pose, points, self.line_map, prior.covariance)
-            if near and near.inlier_share >= max(0.8, MIN_INLIER_SHARE) and _consistent(near.pose, prior):
+            near = refine_by_lines(prior.pose, points, self.line_map, prior.covariance, settings=self.settings.fit)
+            if (
+                near
+                and near.inlier_share >= self.settings.min_inlier_ratio_at_prior
+                and _deviation(near.pose, prior) < self.settings.max_deviation
+            ):
                 return self._with_candidates(near, prior)
-        found = search_by_lines(points, self.line_map)
+        found = search_by_lines(points, self.line_map, settings=self.settings.search)
         if not found:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
         best = found[0]
-        if best.inlier_share < MIN_INLIER_SHARE:
-            return NotLocated(f"only {best.inlier_share:.0%} of the line points lie on lines of the best pose")
+        if best.inlier_ratio < self.settings.min_inlier_ratio:
+            return NotLocated(f"only {best.inlier_ratio:.0%} of the line points lie on lines of the best pose")
         start = self._choose(found, points)
         if isinstance(start, NotLocated):
             return start
-        refined = refine_by_lines(start, points, self.line_map)
+        refined = refine_by_lines(start, points, self.line_map, settings=self.settings.fit)
         if not refined:
             return refined
-        if refined.inlier_share < MIN_INLIER_SHARE:
+        if refined.inlier_share < self.settings.min_inlier_ratio:
             return NotLocated(f"only {refined.inlier_share:.0%} of the line points lie on lines of the best pose")
         support = self._support(refined.pose, points)
-        if support < MIN_SUPPORT:
+        if support < self.settings.min_support:
             return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
-        if max(refined.std[:2]) > LARGEST_STD_M or refined.std[2] > LARGEST_STD_RAD:
+        if max(refined.std[:2]) > self.settings.max_std_m or refined.std[2] > self.settings.max_std_rad:
             return NotLocated("the lines in view do not fix the pose")
         return self._with_candidates(refined, prior)
 
     def choose(self, frame: npt.NDArray[np.uint8], poses: list[Pose2]) -> int | None:
-        """Tell which of several poses the lines in a frame (H, W, 3) uint8 bear out; None if they do not say.
+        """Tell which of several poses the lines in a frame (H, W, 3) uint8 confirm; None if none of them.
 
         Parameters
         ----------
@@ -115,32 +152,34 @@ class LineLocalizer:
             Index of the pose whose lines run best through the line points, if it is clearly better than the first.
         """
         points = self.finder.find(frame)
-        if len(points) < MIN_SEARCH_POINTS:
+        if len(points) < self.settings.search.min_points:
             return None
         loss = [float(self.line_map.rough_distance_m(pose.transform(points.floor_m)).mean()) for pose in poses]
         best = int(np.argmin(loss))
-        return best if CLEARLY * loss[best] < loss[0] else None
+        return best if self.settings.clear_ratio * loss[best] < loss[0] else None
 
     def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
         """Refine the candidates that the search cannot tell apart in pixels, and take the best if it stands alone."""
-        doubtful = [c.pose for c in found if c.cost <= RIVAL_RATIO * found[0].cost + RIVAL_EXCESS]
+        doubtful = [
+            c.pose for c in found if c.cost <= self.settings.rival_ratio * found[0].cost + self.settings.rival_excess
+        ]
         if len(doubtful) == 1:
             return doubtful[0]
         if len(doubtful) == len(found):
             # where even the last of the list fits, poses that are not on it may fit as well
             return NotLocated("the lines in view fit many poses about equally well")
-        thin = one_per_patch(points, math.inf)
-        answers = [refine_by_lines(pose, thin, self.line_map) for pose in doubtful]
+        thin = one_per_patch(points, math.inf, self.settings.search)
+        answers = [refine_by_lines(pose, thin, self.line_map, settings=self.settings.fit) for pose in doubtful]
         poses = [answer.pose if answer else pose for answer, pose in zip(answers, doubtful, strict=True)]
         ranked = sorted((self._pixel_loss(pose, thin), i) for i, pose in enumerate(poses))
-        ranked = [(loss, i) for loss, i in ranked if self._support(poses[i], points) >= MIN_SUPPORT]
+        ranked = [(loss, i) for loss, i in ranked if self._support(poses[i], points) >= self.settings.min_support]
         if not ranked:
             return NotLocated("most of the lines that should be in plain sight were not seen")
         best = poses[ranked[0][1]]
         for loss, i in ranked[1:]:
             other = poses[i]
-            if loss < RIVAL_RATIO * ranked[0][0] + RIVAL_EXCESS and not same_pose(
-                other, best, self.line_map.is_point_symmetric
+            if loss < self.settings.rival_ratio * ranked[0][0] + self.settings.rival_excess and not same_pose(
+                other, best, self.line_map.is_point_symmetric, self.settings.search
             ):
                 return NotLocated(
                     f"the lines fit two poses about equally well: ({best.x_m:.2f}, {best.y_m:.2f}) "
@@ -149,7 +188,7 @@ class LineLocalizer:
         return best
 
     def _support(self, pose: Pose2, points: LinePoints) -> float:
-        """Share of the predicted line points that were seen, of all that were seen or are bare floor instead."""
+        """Fraction of the predicted line points that were seen, of all that were seen or are bare floor instead."""
         if points.bare_floor is None:
             return 1.0
         height, width = points.bare_floor.shape
@@ -167,7 +206,7 @@ class LineLocalizer:
 
     def _pixel_loss(self, pose: Pose2, points: LinePoints) -> float:
         residual = pixel_residuals(pose.array, points.floor_m, points.floor_per_px, self.line_map).residual
-        return float(np.average(np.log1p((residual / SEARCH_NOISE_PX) ** 2), weights=points.weight))
+        return float(np.average(np.log1p((residual / self.settings.search.noise_px) ** 2), weights=points.weight))
 
     def _with_candidates(self, estimate: PoseEstimate, prior: PoseEstimate | None) -> PoseEstimate:
         if not self.line_map.is_point_symmetric:
@@ -189,8 +228,8 @@ def _apart(pose: Pose2, other: Pose2) -> float:
     return distance + angle
 
 
-def _consistent(pose: Pose2, prior: PoseEstimate) -> bool:
+def _deviation(pose: Pose2, prior: PoseEstimate) -> float:
+    """Squared Mahalanobis distance of a pose from its prior."""
     offset = pose.array - prior.pose.array
     offset[2] = wrap_angle(offset[2])
-    # 3 degrees of freedom, 99.9 %
-    return float(offset @ np.linalg.solve(prior.covariance, offset)) < 16.3
+    return float(offset @ np.linalg.solve(prior.covariance, offset))

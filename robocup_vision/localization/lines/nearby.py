@@ -1,7 +1,7 @@
 """A pose from the few line points a forward camera has in view, where it is roughly known beforehand.
 
-A line or two do not tell a pose from all others, and speckles of the carpet outnumber their points; but a prior says
-where lines must show. Only points near those count, and along a lone line the prior's own uncertainty stays.
+A line or two do not determine a pose, and speckles of the carpet outnumber their points; but a prior predicts where
+lines must show. Only points near those count, and along a lone line the prior's own uncertainty stays.
 
 A camera low over the floor sees far lines just below the horizon, where half a degree of tilt is half a metre. A robot
 that brakes nods by as much, and no mounting is measured better: tilt and roll are unknowns of every frame, too.
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,35 +21,76 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.localization.lines.fit import LineRows, LineRowsFit, fit_line_rows, pixel_residuals, stretches
+from robocup_vision.localization.lines.fit import (
+    LineFitSettings,
+    LineRows,
+    LineRowsFit,
+    fit_line_rows,
+    pixel_residuals,
+    stretches,
+)
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.search import INLIER_PX
 from robocup_vision.perception.line_points import LinePoints
 
-# of tilt and roll about what the camera file says, where it gives no `roll_std_rad`: robots nod and lean by half a
-# degree
-SWAY_STD_RAD = 0.01
-# standard deviations of the prior within which a line is looked for; points this much nearer must agree
-_GATE, _NARROWER = 2.5, 0.3
-# starts, in standard deviations of heading and of tilt: a line is easily taken for its neighbour
-_STARTS = (0.0, -1.5, 1.5)
-_START_PX = 30.0
-# an answer that is worse by so much, in chi-square, is out of the question
-_RIVAL = 9.0
-_GATE_NOISE_PX = 1.0
-# what a whole stretch of line may be off: by what the file does not know of the lens, and by where it was painted
-_LENS_PX, _PAINTED_TO_M = 0.5, 0.01
-_MIN_POINTS, _MAX_POINTS = 30, 200
-_MIN_INLIER_SHARE = 0.5
-# 5 degrees of freedom, 99.9 %
-_CONSISTENT = 20.5
 _STEP_PX, _STEP_RAD = 0.5, 1e-5
 # a point that a tilt puts above the horizon is so far off any line
 _NOWHERE_PX = 1e6
 
 
+@dataclass(frozen=True, slots=True)
+class NearbySettings:
+    """Settings of the refinement of a prior by line points.
+
+    Parameters
+    ----------
+    sway_std_rad : float
+        Of tilt and roll about what the camera file says, where it gives no `roll_std_rad`: robots nod and lean by half
+        a degree.
+    gate_stds, narrow_ratio : float, float
+        Standard deviations of the prior within which a line is searched for; points nearer than this fraction of it
+        must agree.
+    gate_noise_px : float
+        Noise of a point, added to that.
+    starts_stds : tuple of float
+        Starts in heading and in tilt, standard deviations: a line is easily taken for its neighbour.
+    start_px : float
+        Scale of the loss at the start.
+    max_worse : float
+        An answer worse by this much, in chi-square, is no rival.
+    lens_px, paint_error_m : float, float
+        What a whole stretch of line may be off: by the lens, beside what the file states, and by where it was painted.
+    min_points, max_points : int
+        Points near the predicted lines that are needed, and used.
+    min_inlier_ratio : float
+        Of the points near the predicted lines, those that must agree.
+    max_deviation : float
+        Chi-square of the result's deviation from the prior: 5 degrees of freedom, 99.9 %.
+    fit : LineFitSettings
+        Of the fit itself.
+    """
+
+    sway_std_rad: float = 0.01
+    gate_stds: float = 2.5
+    narrow_ratio: float = 0.3
+    gate_noise_px: float = 1.0
+    starts_stds: tuple[float, ...] = (0.0, -1.5, 1.5)
+    start_px: float = 30.0
+    max_worse: float = 9.0
+    lens_px: float = 0.5
+    paint_error_m: float = 0.01
+    min_points: int = 30
+    max_points: int = 200
+    min_inlier_ratio: float = 0.5
+    max_deviation: float = 20.5
+    fit: LineFitSettings = LineFitSettings()
+
+
 def locate_nearby(
-    points: LinePoints, line_map: LineMap, prior: PoseEstimate, camera: PinholeCamera
+    points: LinePoints,
+    line_map: LineMap,
+    prior: PoseEstimate,
+    camera: PinholeCamera,
+    settings: NearbySettings = NearbySettings(),
 ) -> tuple[PoseEstimate | NotLocated, PinholeCamera]:
     """Refine a prior by the line points near the lines that it predicts.
 
@@ -59,86 +101,97 @@ def locate_nearby(
     line_map : LineMap
         Of the field.
     prior : PoseEstimate
-        What is believed beforehand; its covariance counts.
+        Its covariance counts.
     camera : PinholeCamera
         What took the frame. Its tilt and roll are refined with the pose, from where the file says they are, known to
-        `roll_std_rad` or else `SWAY_STD_RAD`.
+        `roll_std_rad` or else as `settings` say.
+    settings : NearbySettings, optional
+        Of the refinement.
 
     Returns
     -------
     PoseEstimate or NotLocated
-        The pose, its covariance including what tilt and roll leave open.
+        The pose, its covariance including the uncertainty of tilt and roll.
     PinholeCamera
-        The camera as it is held in this frame; as it was, where not located.
+        The camera with the tilt and roll of this frame; unchanged where not located.
     """
-    sway = SWAY_STD_RAD if camera.roll_std_rad is None else max(camera.roll_std_rad, 1e-6)
+    sway = settings.sway_std_rad if camera.roll_std_rad is None else max(camera.roll_std_rad, 1e-6)
     covariance = np.zeros((5, 5))
     covariance[:3, :3], covariance[3, 3], covariance[4, 4] = prior.covariance, sway**2, sway**2
     information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     expected = np.append(prior.pose.array, [0.0, 0.0])
     rows = _SwayingView(camera, points, line_map).rows(expected)
-    reach_px = _GATE * np.sqrt(np.einsum("ni,ij,nj->n", rows.jacobian, covariance, rows.jacobian))
-    is_near = rows.residual <= np.hypot(reach_px, _GATE_NOISE_PX)
+    reach_px = settings.gate_stds * np.sqrt(np.einsum("ni,ij,nj->n", rows.jacobian, covariance, rows.jacobian))
+    is_near = rows.residual <= np.hypot(reach_px, settings.gate_noise_px)
     near, reach_px = points.take(is_near), reach_px[is_near]
-    if len(near) < _MIN_POINTS:
+    if len(near) < settings.min_points:
         return NotLocated(f"only {len(near)} line points near the lines that the prior predicts"), camera
     # they are in the picture's order, so that every so many of them cover all stretches of line alike
-    some = np.arange(0, len(near), -(-len(near) // _MAX_POINTS))
+    some = np.arange(0, len(near), -(-len(near) // settings.max_points))
     near, reach_px = near.take(some), reach_px[some]
     view = _SwayingView(camera, near, line_map)
-    shared_px = _shared_px(view.rows(expected), near)
+    shared_px = _shared_px(view.rows(expected), near, settings)
     found: list[tuple[float, LineRowsFit]] = []
-    for turn, nod in itertools.product(_STARTS, _STARTS):
+    for turn, nod in itertools.product(settings.starts_stds, settings.starts_stds):
         start = expected + np.array([0.0, 0.0, turn * prior.std[2], nod * sway, 0.0])
         fit = fit_line_rows(
-            view.rows, start, near.weight, information, _START_PX, expected=expected, shared_px=shared_px
+            view.rows,
+            start,
+            near.weight,
+            information,
+            settings.start_px,
+            expected=expected,
+            shared_px=shared_px,
+            settings=settings.fit,
         )
         if not isinstance(fit, NotLocated):
             off = fit.unknowns - expected
-            found.append((fit.loss(near.weight, INLIER_PX) + float(off @ information @ off), fit))
+            found.append((fit.loss(near.weight, settings.fit.inlier_px) + float(off @ information @ off), fit))
     found.sort(key=lambda one: one[0])
     answers = [(loss - found[0][0], fit, fit.estimate(near.floor_m, near.weight)) for loss, fit in found]
-    rivals = [(loss, fit, estimate) for loss, fit, estimate in answers if loss < _RIVAL and estimate]
+    rivals = [(loss, fit, estimate) for loss, fit, estimate in answers if loss < settings.max_worse and estimate]
     if not rivals or rivals[0][0] > 0:
         return NotLocated("the lines in view do not fix the pose"), camera
     _, best, _ = rivals[0]
     unknowns = best.unknowns
-    closer = best.rows.residual <= np.hypot(_NARROWER * reach_px, _GATE_NOISE_PX)
-    agree = best.rows.residual <= INLIER_PX
-    share = float(near.weight[agree].sum() / near.weight[agree | closer].sum())
-    if share < _MIN_INLIER_SHARE:
-        return NotLocated(f"only {share:.0%} of the line points near the prior's lines agree on a pose"), camera
+    closer = best.rows.residual <= np.hypot(settings.narrow_ratio * reach_px, settings.gate_noise_px)
+    agree = best.rows.residual <= settings.fit.inlier_px
+    ratio = float(near.weight[agree].sum() / near.weight[agree | closer].sum())
+    if ratio < settings.min_inlier_ratio:
+        return NotLocated(f"only {ratio:.0%} of the line points near the prior's lines agree on a pose"), camera
     offset = unknowns - expected
     offset[2] = wrap_angle(offset[2])
-    if float(offset @ information @ offset) > _CONSISTENT:
+    if float(offset @ information @ offset) > settings.max_deviation:
         away, turn = math.hypot(offset[0], offset[1]), math.degrees(abs(offset[2]))
         return NotLocated(f"the lines lie {away:.2f} m and {turn:.0f} degrees off the prior"), camera
     tilt, roll = (camera.tilt_rad or 0.0) + float(unknowns[3]), (camera.roll_rad or 0.0) + float(unknowns[4])
     estimate = PoseEstimate(
         Pose2(*unknowns[:3].tolist()),
         _spread([(loss, fit.unknowns[:3], estimate.covariance) for loss, fit, estimate in rivals]),
-        share,
+        ratio,
         float(np.sqrt(np.mean(best.rows.residual[agree] ** 2))),
     )
     return estimate, camera.with_orientation(camera.pan_rad, tilt, roll)
 
 
 def _spread(rivals: list[tuple[float, FloatArray, FloatArray]]) -> FloatArray:
-    """Covariance (3, 3) about the first of several poses, each as likely as its loss (in chi-square) lets it be."""
+    """Covariance (3, 3) about the first of several poses, weighted by their losses, in chi-square."""
     weight = np.exp([-loss / 2 for loss, _, _ in rivals])
     total = np.zeros((3, 3))
-    for share, (_, pose, covariance) in zip(weight / weight.sum(), rivals, strict=True):
+    for probability, (_, pose, covariance) in zip(weight / weight.sum(), rivals, strict=True):
         off = pose - rivals[0][1]
         off[2] = wrap_angle(float(off[2]))
-        total += share * (covariance + np.outer(off, off))
+        total += probability * (covariance + np.outer(off, off))
     return total
 
 
-def _shared_px(rows: LineRows, points: LinePoints) -> FloatArray:
+def _shared_px(rows: LineRows, points: LinePoints, settings: NearbySettings) -> FloatArray:
     """Tell what whole stretches of line may be off, (N,), as `fit_line_rows` takes it: by the lens, and as painted."""
-    member = stretches(rows.index, points.floor_m)
+    member = stretches(rows.index, points.floor_m, settings.fit)
     px_per_m = np.hypot(rows.jacobian[:, 0], rows.jacobian[:, 1])
-    return np.asarray(np.hypot(_LENS_PX, _PAINTED_TO_M * px_per_m) * np.sqrt(np.bincount(member)[member]))
+    return np.asarray(
+        np.hypot(settings.lens_px, settings.paint_error_m * px_per_m) * np.sqrt(np.bincount(member)[member])
+    )
 
 
 class _SwayingView:
@@ -158,8 +211,8 @@ class _SwayingView:
         per_px = np.stack([around[:, 1] - around[:, 2], around[:, 3] - around[:, 4]], axis=-1) / (2 * _STEP_PX)
         by_tilt = (self._floor_m(self._rays[:, 0], tilt + _STEP_RAD, roll) - floor) / _STEP_RAD
         by_roll = (self._floor_m(self._rays[:, 0], tilt, roll + _STEP_RAD) - floor) / _STEP_RAD
-        told = np.isfinite(around).all(axis=(1, 2)) & np.isfinite(by_tilt + by_roll).all(axis=1)
-        shown: npt.NDArray[np.bool_] = np.asarray(told)
+        finite = np.isfinite(around).all(axis=(1, 2)) & np.isfinite(by_tilt + by_roll).all(axis=1)
+        shown: npt.NDArray[np.bool_] = np.asarray(finite)
         of_pose = pixel_residuals(
             unknowns, np.where(shown[:, None], floor, 0.0), np.where(shown[:, None, None], per_px, 1.0), self._line_map
         )

@@ -17,23 +17,46 @@ from robocup_vision.kernels.lines.lines import refine_line_poses, score_pose_gri
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LinePoints
 
-# One point per patch of floor, so that a near line does not outvote a far one; patches grow until the points are few.
-PATCH_M = 0.12
-MAX_SEARCH_POINTS = 150
-POINTS_PER_PATCH = 3
-# Fewer patches than this show less than about 2 m of line, which fits in many places of any field.
-MIN_SEARCH_POINTS = 18
-GRID_STEP_M = 0.2
-GRID_STEP_RAD = math.radians(5.0)
-STARTS = 24
-SCALES_M = np.array([0.25, 0.25, 0.2, 0.16, 0.13, 0.1, 0.08, 0.06, 0.06, 0.06])
-# Two refined poses closer than this are one mode.
-SAME_POSE_M = 0.15
-SAME_POSE_RAD = math.radians(4.0)
-# A point agrees with a pose within this many pixels of a line.
-INLIER_PX = 3.0
-# In the search a camera may be off by this much; what is finer is left to the refinement.
-SEARCH_NOISE_PX = 2.0
+
+@dataclass(frozen=True, slots=True)
+class LineSearchSettings:
+    """Settings of the global search by line points.
+
+    Parameters
+    ----------
+    patch_m, max_points : float, int
+        One point counts for each patch of floor, so that a near line does not outvote a far one; patches grow until no
+        more points than this are left.
+    points_per_patch : int
+        A line crosses a patch in at least so many points: fewer weigh less, they may be specks.
+    min_points : int
+        Fewer patches show less than about 2 m of line, which fits in many places of any field.
+    grid_step_m, grid_step_rad : float
+        Of the grid of poses.
+    max_starts : int
+        Poses of the grid that are refined.
+    scales_m : tuple of float
+        Scale of the loss, step by step.
+    same_m, same_rad : float
+        Two refined poses closer than this are one mode.
+    inlier_px : float
+        A point within this many pixels of a line agrees with a pose.
+    noise_px : float
+        The search lets a camera be off by this much; the refinement is finer.
+    """
+
+    patch_m: float = 0.12
+    max_points: int = 150
+    points_per_patch: int = 3
+    min_points: int = 18
+    grid_step_m: float = 0.2
+    grid_step_rad: float = math.radians(5.0)
+    max_starts: int = 24
+    scales_m: tuple[float, ...] = (0.25, 0.25, 0.2, 0.16, 0.13, 0.1, 0.08, 0.06, 0.06, 0.06)
+    same_m: float = 0.15
+    same_rad: float = math.radians(4.0)
+    inlier_px: float = 3.0
+    noise_px: float = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,19 +69,21 @@ class LineCandidate:
         Robot in the field frame.
     cost : float
         Mean robust loss of the points, lower is better; comparable within one frame.
-    inlier_share : float
-        Share of the points, one per patch of floor, that lie on a line.
-    residual_m : float
-        Median distance of those points to their lines, metres.
+    inlier_ratio : float
+        Of the points, one per patch of floor, those that lie on a line.
     """
 
     pose: Pose2
     cost: float
-    inlier_share: float
-    residual_m: float
+    inlier_ratio: float
 
 
-def search_by_lines(points: LinePoints, line_map: LineMap, most: int = 12) -> list[LineCandidate]:
+def search_by_lines(
+    points: LinePoints,
+    line_map: LineMap,
+    max_candidates: int = 12,
+    settings: LineSearchSettings = LineSearchSettings(),
+) -> list[LineCandidate]:
     """Search the whole field for poses that put the line points on the field's lines.
 
     Parameters
@@ -67,26 +92,30 @@ def search_by_lines(points: LinePoints, line_map: LineMap, most: int = 12) -> li
         As seen in one frame.
     line_map : LineMap
         Of the field. On a point-symmetric one only one of each two poses half a turn apart is searched and returned.
-    most : int
+    max_candidates : int
         At most so many distinct poses.
+    settings : LineSearchSettings, optional
+        Of the search.
 
     Returns
     -------
     list of LineCandidate
         Best first; empty where there are too few points.
     """
-    thin = one_per_patch(points, np.hypot(*(line_map.extent_m[1] - line_map.extent_m[0])))
-    if len(thin) < MIN_SEARCH_POINTS:
+    thin = one_per_patch(points, np.hypot(*(line_map.extent_m[1] - line_map.extent_m[0])), settings)
+    if len(thin) < settings.min_points:
         return []
     floor_m = np.ascontiguousarray(thin.floor_m)
-    starts = _best_of_grid(floor_m, line_map)
-    noise_m = SEARCH_NOISE_PX * _metres_per_px(thin)
-    cost = refine_line_poses(starts, floor_m, noise_m, thin.weight, line_map.lines, line_map.arcs, SCALES_M)
+    starts = _best_of_grid(floor_m, line_map, settings)
+    noise_m = settings.noise_px * _metres_per_px(thin)
+    cost = refine_line_poses(
+        starts, floor_m, noise_m, thin.weight, line_map.lines, line_map.arcs, np.array(settings.scales_m)
+    )
     low, high = line_map.extent_m
-    slack = GRID_STEP_M
+    slack = settings.grid_step_m
     kept: list[LineCandidate] = []
     for k in np.argsort(cost, kind="stable"):
-        if len(kept) == most:
+        if len(kept) == max_candidates:
             break
         x, y, theta = starts[k]
         if not (
@@ -94,20 +123,19 @@ def search_by_lines(points: LinePoints, line_map: LineMap, most: int = 12) -> li
         ):
             continue
         pose = Pose2(float(x), float(y), float(theta))
-        if any(same_pose(pose, other.pose, line_map.is_point_symmetric) for other in kept):
+        if any(same_pose(pose, other.pose, line_map.is_point_symmetric, settings) for other in kept):
             continue
         distance = line_map.nearest(pose.transform(floor_m)).distance_m
-        good = distance <= np.maximum(INLIER_PX / SEARCH_NOISE_PX * noise_m, 0.06)
-        share = float(thin.weight[good].sum() / thin.weight.sum())
-        residual = float(np.median(distance[good])) if good.any() else math.inf
-        kept.append(LineCandidate(pose, float(cost[k]), share, residual))
+        good = distance <= np.maximum(settings.inlier_px / settings.noise_px * noise_m, 0.06)
+        ratio = float(thin.weight[good].sum() / thin.weight.sum())
+        kept.append(LineCandidate(pose, float(cost[k]), ratio))
     return kept
 
 
-def same_pose(pose: Pose2, other: Pose2, symmetric: bool) -> bool:
+def same_pose(pose: Pose2, other: Pose2, symmetric: bool, settings: LineSearchSettings = LineSearchSettings()) -> bool:
     """Tell whether two poses are one mode; `symmetric`: modulo a half turn about the field's centre."""
     distance, angle = pose.error_to(other, symmetric=symmetric)
-    return distance < SAME_POSE_M and angle < SAME_POSE_RAD
+    return distance < settings.same_m and angle < settings.same_rad
 
 
 def _metres_per_px(points: LinePoints) -> FloatArray:
@@ -118,31 +146,33 @@ def _metres_per_px(points: LinePoints) -> FloatArray:
     return np.asarray(np.sqrt((total + np.sqrt(np.maximum(total**2 - 4 * area**2, 0))) / 2))
 
 
-def one_per_patch(points: LinePoints, reach_m: float) -> LinePoints:
-    """At most `MAX_SEARCH_POINTS` points, one per patch of floor, those seen with floor on both sides first."""
+def one_per_patch(
+    points: LinePoints, reach_m: float, settings: LineSearchSettings = LineSearchSettings()
+) -> LinePoints:
+    """At most `max_points` points, one per patch of floor, those seen with floor on both sides first."""
     points = points.take(np.hypot(*points.floor_m.T) <= reach_m)
     order = np.argsort(-points.weight, kind="stable")
-    patch_m = PATCH_M
+    patch_m = settings.patch_m
     while True:
         cells = np.floor(points.floor_m[order] / patch_m).astype(np.int64)
         _, first, count = np.unique(cells[:, 0] * 100_003 + cells[:, 1], return_index=True, return_counts=True)
-        if len(first) <= MAX_SEARCH_POINTS:
+        if len(first) <= settings.max_points:
             # a line crosses a patch in several points; a point on its own is more likely a speck
             thin = points.take(order[first])
-            return replace(thin, weight=thin.weight * np.minimum(1.0, count / POINTS_PER_PATCH))
-        patch_m *= max(1.1, math.sqrt(len(first) / MAX_SEARCH_POINTS) * 0.95)
+            return replace(thin, weight=thin.weight * np.minimum(1.0, count / settings.points_per_patch))
+        patch_m *= max(1.1, math.sqrt(len(first) / settings.max_points) * 0.95)
 
 
-def _best_of_grid(floor_m: FloatArray, line_map: LineMap) -> FloatArray:
-    """Distinct best poses (K, 3) of the grid over the field, K <= STARTS."""
+def _best_of_grid(floor_m: FloatArray, line_map: LineMap, settings: LineSearchSettings) -> FloatArray:
+    """Distinct best poses (K, 3) of the grid over the field, K <= `max_starts`."""
     cell, origin = line_map.cell_m, line_map.table_origin_m
-    step = round(GRID_STEP_M / cell)
+    step = round(settings.grid_step_m / cell)
     low, high = line_map.extent_m
     count_x, count_y = (np.floor((high - low) / (step * cell)).astype(int) + 1).tolist()
     if line_map.is_point_symmetric:  # the half x >= 0 stands for the other
         low = np.array([low[0] + (count_x // 2) * step * cell, low[1]])
         count_x -= count_x // 2
-    headings = np.arange(0, math.tau - 1e-9, GRID_STEP_RAD)
+    headings = np.arange(0, math.tau - 1e-9, settings.grid_step_rad)
     first_x, first_y = np.round(low / cell).astype(int).tolist()
     cost = score_pose_grid(
         floor_m, headings, line_map.table, origin[0], origin[1], cell, first_x, first_y, step, count_x, count_y, 255
@@ -154,11 +184,11 @@ def _best_of_grid(floor_m: FloatArray, line_map: LineMap) -> FloatArray:
     poses = np.stack([(first_x + ix * step) * cell, (first_y + iy * step) * cell, headings[k]], axis=1)
     kept: list[FloatArray] = []
     for pose in poses:
-        if len(kept) == STARTS:
+        if len(kept) == settings.max_starts:
             break
         if not any(
-            math.hypot(pose[0] - o[0], pose[1] - o[1]) < 1.6 * GRID_STEP_M
-            and abs(wrap_angle(pose[2] - o[2])) < 1.6 * GRID_STEP_RAD
+            math.hypot(pose[0] - o[0], pose[1] - o[1]) < 1.6 * settings.grid_step_m
+            and abs(wrap_angle(pose[2] - o[2])) < 1.6 * settings.grid_step_rad
             for o in kept
         ):
             kept.append(pose)

@@ -72,7 +72,7 @@ def test_candidates_are_distinct_and_sorted():
     points = seen_points(Pose2(0.5, 0.3, 1.0), np.random.default_rng(2))
     found = search_by_lines(points, MAP)
     assert found[0].pose.error_to(Pose2(0.5, 0.3, 1.0), symmetric=True)[0] < 0.05
-    assert found[0].inlier_share > 0.7
+    assert found[0].inlier_ratio > 0.7
     assert [c.cost for c in found] == sorted(c.cost for c in found)
     for i, one in enumerate(found):
         for other in found[:i]:

@@ -13,7 +13,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.nearby import SWAY_STD_RAD, locate_nearby
+from robocup_vision.localization.lines.nearby import NearbySettings, locate_nearby
 from robocup_vision.perception.line_points import LinePoints
 
 FIELD = load_field("ssl_division_b")
@@ -35,7 +35,7 @@ def seen_points(pose, held, rng, noise_px=0.5, speckles=40):
 
 
 def swaying(rng):
-    tilt, roll = rng.normal(0, SWAY_STD_RAD, 2)
+    tilt, roll = rng.normal(0, NearbySettings().sway_std_rad, 2)
     return CAMERA.with_orientation(None, CAMERA.tilt_rad + tilt, roll)
 
 
