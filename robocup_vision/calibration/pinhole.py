@@ -1,7 +1,7 @@
 """A pinhole camera's focal length, height and tilt, from pictures of a goal and the lines around it.
 
 Each picture is fitted with a focal length and a height of its own under wide priors, together with its pose
-(`GoalLocalizer`). What the pictures then say of the two numbers they share is joined as one Gauss-Newton step of the
+(`GoalLocalizer`). What the pictures determine of these two shared numbers is joined as one Gauss-Newton step of the
 joint fit would join it: by their information, with the priors and each picture's own unknowns taken out of it. The
 pictures are fitted again about the result, and those that contradict the rest are left out.
 """
@@ -50,8 +50,8 @@ _SHARED = (LOG_FOCAL, HEIGHT)
 # how far bright paint bleeds over its edge
 _BLOOM_STD_PX = 1.0
 _LOSS = FitLoss(np.ones(1), np.ones(1), False)
-# what is known after a round is believed in the next to so many standard deviations, but not to less than this
-_BELIEVE, _MIN_FOCAL_STD, _MIN_HEIGHT_STD_M = 3.0, 0.01, 0.01
+# a round's result is the next one's prior, with so many times its standard deviation, but no less than this
+_WIDEN, _MIN_FOCAL_STD, _MIN_HEIGHT_STD_M = 3.0, 0.01, 0.01
 # pictures farther off the rest than this many standard deviations, in two numbers, are left out
 _MAX_OFF = 3.5
 # a result less sure than this is refused: relative focal length, height in metres
@@ -100,7 +100,7 @@ class PinholeCalibration:
 
 @dataclass(frozen=True, eq=False)
 class _Joint:
-    """Log focal ratio and height (2,), their covariance (2, 2), and which sights agree with them (N,) bool."""
+    """Log focal ratio and height (2,), their covariance (2, 2), and which estimates agree with them (N,) bool."""
 
     mean: FloatArray
     covariance: FloatArray
@@ -171,26 +171,26 @@ def _calibrated(
     frames: Mapping[int, np.ndarray],
     prior: Mapping[int, Pose2 | None],
     called: Sequence[str],
-    told: tuple[str, ...],
+    earlier_notes: tuple[str, ...],
 ) -> PinholeCalibration | NotCalibrated:
     """Calibrate from one start, near enough for goals to be found."""
-    notes = list(told)
-    joint, sights = None, {}
+    notes = list(earlier_notes)
+    joint, estimates = None, {}
     for _ in progress(range(_ROUNDS), _ROUNDS, "pinhole"):
-        sights = _sights(field, camera, frames, prior)
-        if not sights:
+        estimates = _camera_estimates(field, camera, frames, prior)
+        if not estimates:
             return NotCalibrated("no goal is found in any of the images", tuple(notes))
-        joint = _join(goal_shape(field), camera, list(sights.values()))
+        joint = _join(goal_shape(field), camera, list(estimates.values()))
         if joint is None:
             break
         camera = _moved(camera, joint)
     if joint is None:
         return NotCalibrated(
-            "goals seen from the front, from afar and without lines do not tell the focal length from the distance: "
-            "take pictures from the side and nearer",
+            "goals seen from the front, from afar and without lines do not separate the focal length from the "
+            "distance: take pictures from the side and nearer",
             tuple(notes),
         )
-    used = [index for index, agrees in zip(sights, joint.agrees, strict=True) if agrees]
+    used = [index for index, agrees in zip(estimates, joint.agrees, strict=True) if agrees]
     focal_std, height_std_m = (float(s) for s in np.sqrt(np.diag(joint.covariance)))
     for what, std, most in (("focal length", focal_std, _MAX_FOCAL_STD), ("height", height_std_m, _MAX_HEIGHT_STD_M)):
         if std > most:
@@ -202,20 +202,20 @@ def _calibrated(
         )
     if len(used) == 1:
         notes.append("one image cannot contradict itself: use several")
-    return _result(camera, joint, {index: sights[index] for index in used}, called, tuple(notes))
+    return _result(camera, joint, {index: estimates[index] for index in used}, called, tuple(notes))
 
 
 def _result(
     camera: PinholeCamera,
     joint: _Joint,
-    sights: Mapping[int, CameraEstimate],
+    estimates: Mapping[int, CameraEstimate],
     called: Sequence[str],
     notes: tuple[str, ...],
 ) -> PinholeCalibration:
     focal_std, height_std_m = np.sqrt(np.diag(joint.covariance))
-    tilts, rolls = (np.array([s.unknowns[at] for s in sights.values()]) for at in (TILT, ROLL))
+    tilts, rolls = (np.array([s.unknowns[at] for s in estimates.values()]) for at in (TILT, ROLL))
     std = {"focal_px": float(focal_std * camera.focal_px[0]), "height_m": float(height_std_m)}
-    own = np.array([s.covariance[TILT, TILT] for s in sights.values()])
+    own = np.array([s.covariance[TILT, TILT] for s in estimates.values()])
     is_fixed = len(tilts) > 1 and float(np.abs(tilts - np.median(tilts)).max()) < _FIXED_RAD
     tilt, roll = (float(np.median(t)) if is_fixed else None for t in (tilts, rolls))
     if is_fixed:
@@ -231,14 +231,14 @@ def _result(
     )
     used = tuple(
         PinholeFrame(i, called[i], float(s.unknowns[TILT]), float(s.unknowns[ROLL]), s.lines is not None)
-        for i, s in sights.items()
+        for i, s in estimates.items()
     )
     correlation = float(joint.covariance[0, 1] / (focal_std * height_std_m))
     return PinholeCalibration(final, std, correlation, used, notes)
 
 
 def _loosened(camera: PinholeCamera) -> PinholeCamera:
-    """Return a start of which little is believed: tilt and roll unknown but upright."""
+    """Return a start with wide priors: tilt and roll unknown but upright."""
     focal_std_px = FOCAL_STD * camera.focal_px[0]
     return replace(
         camera, tilt_rad=None, roll_rad=None, pan_rad=None, height_std_m=HEIGHT_STD_M, focal_std_px=focal_std_px
@@ -258,31 +258,31 @@ def _best_starts(field: Field, frames: Mapping[int, np.ndarray], given: PinholeC
         starts = [replace(given, focal_px=(fu * scale, fv * scale)) for scale in scales]
     ranked: list[tuple[int, float, PinholeCamera]] = []
     for camera in progress([_loosened(start) for start in starts], len(starts), "starts"):
-        sights = _sights(field, camera, some, dict.fromkeys(some))
-        if not sights:
+        estimates = _camera_estimates(field, camera, some, dict.fromkeys(some))
+        if not estimates:
             continue
         # among starts that see as many goals the one that must move least under its priors
-        moved = np.array([s.unknowns[list(_SHARED)] for s in sights.values()]) - (0.0, camera.height_m)
-        strain = float(np.median(np.abs(moved / (FOCAL_STD, HEIGHT_STD_M)).max(axis=1)))
-        ranked.append((len(sights), -strain, camera))
+        moved = np.array([s.unknowns[list(_SHARED)] for s in estimates.values()]) - (0.0, camera.height_m)
+        deviation = float(np.median(np.abs(moved / (FOCAL_STD, HEIGHT_STD_M)).max(axis=1)))
+        ranked.append((len(estimates), -deviation, camera))
     ranked.sort(key=lambda entry: entry[:2], reverse=True)
     return [camera for _, _, camera in ranked[:_STARTS_TRIED]]
 
 
-def _sights(
+def _camera_estimates(
     field: Field, camera: PinholeCamera, frames: Mapping[int, np.ndarray], prior: Mapping[int, Pose2 | None]
 ) -> dict[int, CameraEstimate]:
     localizer = GoalLocalizer(field, camera)
-    sights = {index: localizer.locate_camera(frame, prior[index]) for index, frame in frames.items()}
-    return {index: sight for index, sight in sights.items() if not isinstance(sight, NotLocated)}
+    estimates = {index: localizer.locate_camera(frame, prior[index]) for index, frame in frames.items()}
+    return {index: estimate for index, estimate in estimates.items() if not isinstance(estimate, NotLocated)}
 
 
-def _join(shape: GoalShape, camera: PinholeCamera, sights: Sequence[CameraEstimate]) -> _Joint | None:
-    """Join what the sights say of the shared unknowns; None where that does not tell them."""
-    told = [_told(shape, camera, sight) for sight in sights]
-    information, weighted = np.array([i for i, _ in told]), np.array([w for _, w in told])
+def _join(shape: GoalShape, camera: PinholeCamera, estimates: Sequence[CameraEstimate]) -> _Joint | None:
+    """Join what the estimates say of the shared unknowns; None where that does not determine them."""
+    of_each = [_shared_information(shape, camera, estimate) for estimate in estimates]
+    information, weighted = np.array([i for i, _ in of_each]), np.array([w for _, w in of_each])
     wide = np.diag([FOCAL_STD**-2, HEIGHT_STD_M**-2])
-    agrees = np.ones(len(sights), dtype=bool)
+    agrees = np.ones(len(estimates), dtype=bool)
     scale = 1.0
     for _ in range(6):
         total = information[agrees].sum(axis=0)
@@ -301,28 +301,30 @@ def _join(shape: GoalShape, camera: PinholeCamera, sights: Sequence[CameraEstima
     return _Joint(mean, scale * joint, agrees)
 
 
-def _lines_believe() -> FloatArray:
+def _max_prior_information() -> FloatArray:
     """Greatest information (2,) that `loosened` leaves to priors on the shared unknowns."""
     view = IdealView((1.0, 1.0), (0.0, 0.0))
     model = GoalModel(GoalShape(1.0, 1.0, 1.0, 0.1), view, np.zeros(UNKNOWNS), np.full(UNKNOWNS, np.inf))
     return np.asarray(loosened(model).weight[list(_SHARED)])
 
 
-def _told(shape: GoalShape, camera: PinholeCamera, sight: CameraEstimate) -> tuple[FloatArray, FloatArray]:
+def _shared_information(
+    shape: GoalShape, camera: PinholeCamera, estimate: CameraEstimate
+) -> tuple[FloatArray, FloatArray]:
     """Return what a picture alone says of the shared unknowns: information (2, 2), and it times the best ones (2,)."""
     shared, own = list(_SHARED), [i for i in range(UNKNOWNS) if i not in _SHARED]
-    p = sight.unknowns
-    if sight.lines is not None or sight.fit is None:
-        posterior = np.linalg.inv(sight.covariance[np.ix_(shared, shared)])
+    p = estimate.unknowns
+    if estimate.lines is not None or estimate.fit is None:
+        posterior = np.linalg.inv(estimate.covariance[np.ix_(shared, shared)])
         # without the priors that its fit has used, which with lines count no more than `loosened` lets them
         weight = np.array([(camera.focal_px[0] / camera.focal_std_px) ** 2, camera.height_std_m**-2])
-        believed = np.diag(np.minimum(weight, _lines_believe()))
-        weighted = posterior @ p[shared] - believed @ [0.0, camera.height_m]
-        return np.asarray(posterior - believed, np.float64), np.asarray(weighted, np.float64)
+        of_prior = np.diag(np.minimum(weight, _max_prior_information()))
+        weighted = posterior @ p[shared] - of_prior @ [0.0, camera.height_m]
+        return np.asarray(posterior - of_prior, np.float64), np.asarray(weighted, np.float64)
     model = goal_model(shape, camera, _BLOOM_STD_PX)
     weight = np.zeros(UNKNOWNS)
     weight[[ROLL, BLOOM]] = model.weight[[ROLL, BLOOM]]
-    normal, pull = system_at(replace(model, weight=weight), sight.fit.samples, p, _LOSS)
+    normal, pull = system_at(replace(model, weight=weight), estimate.fit.samples, p, _LOSS)
     across = np.linalg.solve(normal[np.ix_(own, own)], normal[np.ix_(own, shared)]).T
     information = normal[np.ix_(shared, shared)] - across @ normal[np.ix_(own, shared)]
     weighted = information @ p[shared] + (pull[shared] - across @ pull[own])
@@ -334,7 +336,7 @@ def _moved(camera: PinholeCamera, joint: _Joint) -> PinholeCamera:
     log_focal = float(np.clip(joint.mean[0], -2 * FOCAL_STD, 2 * FOCAL_STD))
     height_m = float(np.clip(joint.mean[1], camera.height_m / 2, camera.height_m * 2))
     focal = camera.focal_px[0] * math.exp(log_focal), camera.focal_px[1] * math.exp(log_focal)
-    focal_std, height_std_m = _BELIEVE * np.sqrt(np.diag(joint.covariance))
+    focal_std, height_std_m = _WIDEN * np.sqrt(np.diag(joint.covariance))
     return replace(
         camera,
         focal_px=focal,

@@ -1,4 +1,4 @@
-"""Which of the two halves: goals of different colours tell a pose from its half turn."""
+"""Which of the two halves: goals of different colours decide between a pose and its half turn."""
 
 from __future__ import annotations
 

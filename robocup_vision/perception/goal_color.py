@@ -1,4 +1,4 @@
-"""Goal paint of a hue family, told relative to the image's own white: nothing is learnt by hand.
+"""Goal paint of a hue family, relative to the image's own white: no colour is set by hand.
 
 A pixel belongs to the family whose rule-book hue is nearest, among the families that occur on this pitch, so the
 boundaries lie half-way between goal, carpet, ball and beacons.
@@ -19,7 +19,7 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.kernels.goal.shine import fill_shine
 
-_MIN_SATURATION = 0.30  # a third of full paint: glare that leaves less is white for all we can tell
+_MIN_SATURATION = 0.30  # a third of full paint: glare that leaves less cannot be told from white
 _MIN_VALUE = 25  # of 255, below which hue is noise
 _SHINE = 170  # what a lamp washes white is as bright in all channels
 # a hue peak's least share of a mask (one of three smoothed bins), and how deep the valley to the next must be
@@ -135,8 +135,8 @@ def parting(image: UInt8Array, paint: UInt8Array, other: UInt8Array) -> npt.NDAr
         return None
     mine, theirs = (np.array(cv2.mean(image, mask)[:3]) for mask in (paint, other))
     axis = np.cross(np.ones(3), theirs)
-    share = float(axis @ mine) / max(float(np.linalg.norm(axis) * np.linalg.norm(mine)), 1e-9)
-    return np.asarray(axis / np.linalg.norm(axis) * math.copysign(1.0, share)) if abs(share) > _PARTED else None
+    sine = float(axis @ mine) / max(float(np.linalg.norm(axis) * np.linalg.norm(mine)), 1e-9)
+    return np.asarray(axis / np.linalg.norm(axis) * math.copysign(1.0, sine)) if abs(sine) > _PARTED else None
 
 
 def _balanced(image: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
