@@ -1,8 +1,8 @@
-"""Centre and tilt of a mirror camera, followed slowly while a robot plays: a knock or a warm mount is not the end.
+"""Centre and tilt of a mirror camera, followed slowly while a robot plays, as a knock or a warm mount moves them.
 
 Every few frames the points of the one just seen are kept, one frame per place and heading, and the same joint fit as in
-`calibration.omni` is run over them with the curve held. What it says is approached step by step, never farther from the
-camera file than a bound; at the bound it stays there, and says so.
+`calibration.omni` is run over them with the curve held. The camera in use approaches the result step by
+step, never farther from the camera file than a bound; the state says where it is at the bound.
 """
 
 from __future__ import annotations
@@ -24,21 +24,64 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.view import View
 
-# frames closer together than this tell the same: the newer one stays
-_SAME_PLACE_M, _SAME_HEADING_RAD = 0.1, math.radians(15.0)
-_MIN_SHARE = 0.5
-# of each kind, in a frame
-_MAX_POINTS = 80
-_MIN_POINTS = 40
-# frames that the first fit needs, and those a fit waits for after another
+# a fit needs so many frames
 _MIN_FRAMES = 6
-_FRAMES_BETWEEN = 4
-_SCALES_PX = (2.0, 1.0, 0.7)
-# a fit counts if it knows the centre this well, pixels of 220
-_MIN_KNOWN_PX = 0.6
-# the share of the way that one step goes, and what is too small to go, pixels
-_GAIN = 0.5
-_SMALLEST_STEP_PX = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class OnlineSettings:
+    """What `OnlineCalibration` can be tuned by.
+
+    Parameters
+    ----------
+    max_center_px, max_tilt_rad : float
+        How far the centre may go, in either coordinate, and the tilt, about either axis: what a knock does to a mount.
+    every : int
+        Only every so many frames is used: it costs some milliseconds, and a fit some tens, after which the tables of
+        the new camera are made.
+    window : int
+        Frames that are kept, at least 6.
+    frames_between : int
+        Frames between two fits: fewer tell little that is new.
+    same_place_m, same_heading_rad : float
+        Frames closer together tell the same: the newer one stays.
+    min_inlier_ratio : float
+        Frames whose pose fits worse are not used.
+    min_points, max_points : int
+        Points that a frame must show, and points of each kind that are kept: neighbours err together.
+    scales_px : tuple of float
+        Widths of the weights, from the first iterations to the last.
+    max_center_std_px : float
+        A fit counts if it knows the centre this well, pixels of an image 220 high.
+    gain : float
+        Ratio of the way to the fit that one step goes: noise of a single fit is averaged.
+    min_step_px : float
+        Smaller steps are not worth new tables.
+    """
+
+    max_center_px: float = 3.0
+    max_tilt_rad: float = math.radians(1.0)
+    every: int = 5
+    window: int = 20
+    frames_between: int = 4
+    same_place_m: float = 0.1
+    same_heading_rad: float = math.radians(15.0)
+    min_inlier_ratio: float = 0.5
+    min_points: int = 40
+    max_points: int = 80
+    scales_px: tuple[float, ...] = (2.0, 1.0, 0.7)
+    max_center_std_px: float = 0.6
+    gain: float = 0.5
+    min_step_px: float = 0.03
+
+    def __post_init__(self) -> None:
+        for name, value in (("max_center_px", self.max_center_px), ("max_tilt_rad", self.max_tilt_rad)):
+            if not 0 < value < math.inf:
+                raise ArgumentError(f"{name} must be positive, got {value}")
+        if self.every < 1:
+            raise ArgumentError(f"every must be at least 1, got {self.every}")
+        if self.window < _MIN_FRAMES:
+            raise ArgumentError(f"window must be at least {_MIN_FRAMES}, got {self.window}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +97,7 @@ class OnlineState:
     tilted_rad : float
         How far the tilt has.
     at_bound : bool
-        Whether it would go farther if it might: calibrate anew, or see what is loose.
+        Whether the fit lies at the bound: calibrate anew, or look for what is loose.
     steps : int
         Number of changes so far.
     """
@@ -89,20 +132,8 @@ class OnlineCalibration:
         Where it starts, and what the bounds are about.
     mask : (H, W) uint8, optional
         As for the `Vision`.
-    max_center_px : float
-        How far the centre may go, in either coordinate.
-    max_tilt_rad : float
-        How far the tilt may go, about either axis.
-    every : int
-        Only every so many frames is looked at: it costs some milliseconds, and a fit some tens, after which the tables
-        of the new camera are made.
-    window : int
-        Frames that are kept.
-
-    Raises
-    ------
-    ArgumentError
-        If a bound is not positive or a number is below 1.
+    settings : OnlineSettings
+        How far it may go, and how often it is fitted.
     """
 
     def __init__(
@@ -110,28 +141,17 @@ class OnlineCalibration:
         field: Field,
         camera: OmniCamera,
         mask: UInt8Array | None = None,
-        *,
-        max_center_px: float = 3.0,
-        max_tilt_rad: float = math.radians(1.0),
-        every: int = 5,
-        window: int = 20,
+        settings: OnlineSettings = OnlineSettings(),
     ) -> None:
-        for name, value in (("max_center_px", max_center_px), ("max_tilt_rad", max_tilt_rad)):
-            if not 0 < value < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {value}")
-        if every < 1:
-            raise ArgumentError(f"every must be at least 1, got {every}")
-        if window < _MIN_FRAMES:
-            raise ArgumentError(f"window must be at least {_MIN_FRAMES}, got {window}")
         self.camera = camera
-        self._field, self._every, self._window = field, every, window
+        self._field, self._settings = field, settings
         self._shape = FieldShape(field)
         self._finder = LineFinder(camera, field.line_width_m, mask)
         self._model = CameraModel(camera, "kept")
         self._start = self._model.vector(camera)
         self._now = self._start.copy()
         self._reach = np.zeros(self._model.size)
-        self._reach[CENTER], self._reach[TILT] = max_center_px, max_tilt_rad
+        self._reach[CENTER], self._reach[TILT] = settings.max_center_px, settings.max_tilt_rad
         self._seen: list[_Seen] = []
         self._count, self._new, self._steps = 0, 0, 0
         self._at_bound = False
@@ -153,35 +173,43 @@ class OnlineCalibration:
     def follow(self, frame: UInt8Array, view: View) -> OmniCamera | None:
         """Take note of a frame (H, W, 3) uint8 and what was seen in it; return a camera that is better, if any."""
         self._count += 1
-        if self._count % self._every or not self._note(frame, view):
+        if self._count % self._settings.every or not self._note(frame, view):
             return None
         self._new += 1
-        if len(self._seen) < _MIN_FRAMES or self._new < _FRAMES_BETWEEN:
+        if len(self._seen) < _MIN_FRAMES or self._new < self._settings.frames_between:
             return None
         self._new = 0
         return self._step()
 
     def _note(self, frame: UInt8Array, view: View) -> bool:
         """Keep a frame's points, if they are worth it."""
-        estimate = view.pose
-        if not isinstance(estimate, PoseEstimate) or estimate.inlier_share < _MIN_SHARE:
+        estimate, settings = view.pose, self._settings
+        if not isinstance(estimate, PoseEstimate) or estimate.inlier_share < settings.min_inlier_ratio:
             return False
         boundary = view.boundary_px if self._field.is_bounded else np.empty((0, 2))
         boundary = boundary[np.isfinite(boundary).all(axis=1)]
         lines = self._finder.find(frame).pixels
-        seen = _Seen(estimate.pose, _thinned(boundary), _thinned(lines))
-        if len(seen.boundary_px) + len(seen.line_px) < _MIN_POINTS:
+        seen = _Seen(estimate.pose, _thinned(boundary, settings.max_points), _thinned(lines, settings.max_points))
+        if len(seen.boundary_px) + len(seen.line_px) < settings.min_points:
             return False
-        self._seen = [other for other in self._seen if not _same_place(other.pose, seen.pose)][1 - self._window :]
+        others = [other for other in self._seen if not self._is_same_place(other.pose, seen.pose)]
+        self._seen = others[1 - settings.window :]
         self._seen.append(seen)
         return True
 
+    def _is_same_place(self, pose: Pose2, other: Pose2) -> bool:
+        distance_m, angle_rad = pose.error_to(other)
+        return distance_m < self._settings.same_place_m and angle_rad < self._settings.same_heading_rad
+
     def _step(self) -> OmniCamera | None:
+        settings = self._settings
         low, high = self._start - self._reach, self._start + self._reach
         points = _points(self._seen)
         joint = JointFit(self._shape, points)
         poses = np.array([seen.pose.array for seen in self._seen])
-        fit = joint.solve(self._model, self._now, poses, _SCALES_PX, self._start, (low, high), repeats=2, most=4)
+        fit = joint.solve(
+            self._model, self._now, poses, settings.scales_px, self._start, (low, high), repeats=2, most=4
+        )
         std = np.sqrt(np.diag(joint.covariance(fit)))[CENTER].max()
         self._seen = [
             dataclasses.replace(seen, pose=Pose2(*pose.tolist()))
@@ -190,11 +218,11 @@ class OnlineCalibration:
         on_edge = np.minimum(fit.vector - low, high - fit.vector)
         self._at_bound = bool(on_edge.min() < 1e-9)
         # at its bound a fit is as poor as the camera is far off: the bound itself protects then
-        if std > _MIN_KNOWN_PX * min(self.camera.size_px) / 220 and not self._at_bound:
+        if std > settings.max_center_std_px * min(self.camera.size_px) / 220 and not self._at_bound:
             return None
-        if _shift_px(self._model.camera(self._now), fit.camera) < _SMALLEST_STEP_PX:
+        if _shift_px(self._model.camera(self._now), fit.camera) < settings.min_step_px:
             return None
-        self._now = self._now + _GAIN * (fit.vector - self._now)
+        self._now = self._now + settings.gain * (fit.vector - self._now)
         self._steps += 1
         self.camera = self._model.camera(self._now)
         return self.camera
@@ -208,13 +236,8 @@ class OnlineCalibration:
         JointFit(self._shape, points).residuals(self.camera, np.zeros((1, 3)))
 
 
-def _thinned(pixels: FloatArray) -> FloatArray:
-    return pixels[:: max(1, -(-len(pixels) // _MAX_POINTS))]
-
-
-def _same_place(pose: Pose2, other: Pose2) -> bool:
-    distance_m, angle_rad = pose.error_to(other)
-    return distance_m < _SAME_PLACE_M and angle_rad < _SAME_HEADING_RAD
+def _thinned(pixels: FloatArray, max_points: int) -> FloatArray:
+    return pixels[:: max(1, -(-len(pixels) // max_points))]
 
 
 def _shift_px(camera: OmniCamera, other: OmniCamera) -> float:

@@ -1,4 +1,4 @@
-"""Colours kept from frame to frame, and followed as the light changes, without ever learning what stands on the floor.
+"""Colours kept from frame to frame, and followed as the light changes, without learning what stands on the floor.
 
 Each frame's surest floor says how bright and of what colour the light on it is. When that has moved on, the floor's
 colour is learnt anew from just these samples. Where the old colours tell next to nothing (the light was switched), the
@@ -29,54 +29,81 @@ from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUM
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
 
-# the nearest floor's mean likelihood ratio below this share of what it was when learnt: something has changed
-_DRIFT_SHARE = 0.6
-# nats that make a sample surely floor, and every how many bearings samples are looked at for the light
-_SURE_NATS = 1.0
-_ROW_STRIDE = 4
-# in every so many frames the light is looked at: it moves slowly, and what is sudden hides the nearest floor
-_LOOK_EVERY = 3
-# share of the floor that is darker than its sunny part
-_SUNNY = 0.9
-# hysteresis, logarithms: light is followed when it has moved so far since it was learnt; below a step of the model
-_MAX_LEVEL, _MAX_CAST = 0.3, 0.08
-# surely floor, as a share of what was when learnt: less than this tells nothing of the light
-_MIN_SURE = 0.15
-# new colours must keep this share of what was surely floor
-_KEPT_SURE = 0.9
-# a colour that makes up this share of the floor's is the floor's under another light: largest difference of log ratios
-_SAME_COLOR = 0.35
-# frames in which nothing can be read before the tolerance has doubled
-_PATIENCE = 15.0
-# what is surely floor must become more by this factor, or the nearest floor be told better by this share of what was
-_MORE_SURE, _BETTER_RING = 1.1, 0.2
-# log brightness by which sun that is looked for outshines the floor that is known
-_LIFT = 0.5
-# frames between two attempts to learn while the nearest floor stays hidden
-_RETRY = 8
+
+@dataclass(frozen=True, slots=True)
+class ColorMemorySettings:
+    """What `ColorMemory` can be tuned by.
+
+    Parameters
+    ----------
+    drift_ratio : float
+        Where the nearest floor's mean likelihood ratio falls below this ratio of what it was when learnt, something has
+        changed.
+    sure_nats : float
+        Log-likelihood ratio from which on a sample is surely floor.
+    row_stride : int
+        Every so many bearings the light is measured: it varies slowly from one to the next.
+    look_every : int
+        In every so many frames the light is measured: it moves slowly, and a sudden change hides the nearest floor.
+    sunny_ratio : float
+        Ratio of the floor that is darker than its sunny part.
+    max_level, max_cast : float
+        Light is followed when log brightness or log hue has moved so far since it was learnt: less than a step of the
+        model.
+    min_sure_ratio : float
+        Surely floor, by what was when learnt: less tells nothing of the light.
+    kept_sure_ratio : float
+        New colours must keep this ratio of what was surely floor.
+    same_color : float
+        Largest difference of log ratios between one floor under two lights.
+    patience_frames : float
+        Frames in which nothing can be read before that difference may have doubled.
+    more_sure, better_ring : float
+        What is surely floor must grow by this factor, or the nearest floor's likelihood by this ratio of what was.
+    lift : float
+        Log brightness by which sun that is searched for outshines the known floor.
+    retry_frames : int
+        Frames between two attempts to learn while the nearest floor stays hidden.
+    """
+
+    drift_ratio: float = 0.6
+    sure_nats: float = 1.0
+    row_stride: int = 4
+    look_every: int = 3
+    sunny_ratio: float = 0.9
+    max_level: float = 0.3
+    max_cast: float = 0.08
+    min_sure_ratio: float = 0.15
+    kept_sure_ratio: float = 0.9
+    same_color: float = 0.35
+    patience_frames: float = 15.0
+    more_sure: float = 1.1
+    better_ring: float = 0.2
+    lift: float = 0.5
+    retry_frames: int = 8
 
 
 @dataclass(frozen=True, eq=False)
 class _LightOnFloor:
-    """How the surest floor of a frame looks: its share of the samples, how bright, and its hue.
+    """How the surest floor of a frame looks: its ratio of the samples, how bright, and its hue.
 
     Parameters
     ----------
-    share : float
-        Of all samples.
+    ratio : float
+        Of all samples, those surely floor.
     level : float
         Log brightness of its sunny part, off the model's level.
     cast : (2,) float64
         Log R/G and B/G, off the model's at each sample's brightness.
     """
 
-    share: float
+    ratio: float
     level: float
     cast: FloatArray
 
 
 class ColorMemory:
-    """The colours a camera's frames are read by.
+    """The colours that a camera's frames are classified by.
 
     Parameters
     ----------
@@ -86,10 +113,19 @@ class ColorMemory:
         Never change these.
     strongest_cast : float
         Logarithm of the strongest cast of light: what seems white beyond it is some paint.
+    settings : ColorMemorySettings
+        When and how light is followed.
     """
 
-    def __init__(self, field: Field, fixed: Colors | None = None, strongest_cast: float = math.inf) -> None:
+    def __init__(
+        self,
+        field: Field,
+        fixed: Colors | None = None,
+        strongest_cast: float = math.inf,
+        settings: ColorMemorySettings = ColorMemorySettings(),
+    ) -> None:
         self._field = field
+        self._settings = settings
         self._strongest_cast = strongest_cast
         self._fixed = None if fixed is None else build_color_table(fixed)
         self._table = self._fixed
@@ -135,56 +171,64 @@ class ColorMemory:
         ring = _look_up(samples, view, self._table, llr)
         if self._fixed is not None:
             return self._table, llr
-        is_hidden = ring < _DRIFT_SHARE * self._learnt_ring
+        is_hidden = ring < self._settings.drift_ratio * self._learnt_ring
         self._frames += 1
-        if not is_hidden and self._frames % _LOOK_EVERY:
+        if not is_hidden and self._frames % self._settings.look_every:
             self._hidden_frames = self._lost_frames = 0
             return self._table, llr
         light = self._light(samples, llr, self._table.colors.floor)
-        is_readable = light.share > 0 and light.share >= _MIN_SURE * self._learnt_light.share
+        is_readable = light.ratio > 0 and light.ratio >= self._settings.min_sure_ratio * self._learnt_light.ratio
         has_moved = is_readable and self._has_moved(light)
         # a robot parked at the camera, or the dark, must not cost an attempt a frame
         hidden, lost = self._hidden_frames, self._lost_frames
         self._hidden_frames = hidden + 1 if is_hidden else 0
         self._lost_frames = lost + 1 if is_hidden and not is_readable else 0
-        if has_moved or (is_hidden and is_readable and hidden % _RETRY == 0):
+        if has_moved or (is_hidden and is_readable and hidden % self._settings.retry_frames == 0):
             self._follow(samples, view, llr, light, ring)
-        elif is_hidden and not is_readable and lost % _RETRY == 0:
+        elif is_hidden and not is_readable and lost % self._settings.retry_frames == 0:
             self._learn_again(samples, view, llr, lost)
         return self._table, llr
 
     def _has_moved(self, light: _LightOnFloor) -> bool:
         before = self._learnt_light
-        return abs(light.level - before.level) > _MAX_LEVEL or np.abs(light.cast - before.cast).max() > _MAX_CAST
+        return (
+            abs(light.level - before.level) > self._settings.max_level
+            or np.abs(light.cast - before.cast).max() > self._settings.max_cast
+        )
 
     def _follow(
         self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, light: _LightOnFloor, ring: float
     ) -> None:
         assert self._table is not None
-        best, best_llr, share = self._table, llr, light.share
+        best, best_llr, ratio = self._table, llr, light.ratio
         # the nearest floor may lie in sun beyond the brightest that is known: what is learnt first reaches on to it
-        lifts = (0.0,) if self._has_moved(light) else (_LIFT, 0.0)
+        lifts = (0.0,) if self._has_moved(light) else (self._settings.lift, 0.0)
         for lift in lifts:
-            is_floor = best_llr >= _SURE_NATS / LLR_PER_UNIT
+            is_floor = best_llr >= self._settings.sure_nats / LLR_PER_UNIT
             colors = follow_colors(samples, view.valid, is_floor, best.colors, self._field, self._strongest_cast, lift)
             if colors is None:
                 break
             table, new_llr = build_color_table(colors), np.empty_like(llr)
             new_ring = _look_up(samples, view, table, new_llr)
-            new_share = self._light(samples, new_llr, colors.floor).share
-            is_better = new_share > _MORE_SURE * share or new_ring > ring + _BETTER_RING * self._learnt_ring
+            new_ratio = self._light(samples, new_llr, colors.floor).ratio
+            is_better = (
+                new_ratio > self._settings.more_sure * ratio
+                or new_ring > ring + self._settings.better_ring * self._learnt_ring
+            )
             if not is_better and (best is not self._table or not self._has_moved(light)):
                 break
-            if new_share < _KEPT_SURE * share:
+            if new_ratio < self._settings.kept_sure_ratio * ratio:
                 break
-            best, best_llr, share, ring = table, new_llr, new_share, new_ring
+            best, best_llr, ratio, ring = table, new_llr, new_ratio, new_ring
         if best is not self._table:
             self._adopt(best, samples, view, llr)
 
     def _learn_again(self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, turn: int) -> None:
         assert self._table is not None
         colors = learn_colors(samples, view.valid, self._field, self._strongest_cast)
-        if colors is not None and _is_same_floor(colors, self._table.colors, _SAME_COLOR * (1 + turn / _PATIENCE)):
+        if colors is not None and _is_same_floor(
+            colors, self._table.colors, self._settings.same_color * (1 + turn / self._settings.patience_frames)
+        ):
             self._adopt(build_color_table(colors), samples, view, llr)
 
     def _adopt(self, table: ColorTable, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array) -> None:
@@ -194,21 +238,22 @@ class ColorMemory:
         self._step_of_sum = np.clip(step, 0, len(LEVELS) - 1).astype(np.uint8)
         self._table = table
         # learnt with a robot at the camera, the floor is nearer and larger than it seems
-        self._learnt_ring = max(_look_up(samples, view, table, llr), _DRIFT_SHARE * self._learnt_ring)
+        self._learnt_ring = max(_look_up(samples, view, table, llr), self._settings.drift_ratio * self._learnt_ring)
         light = self._light(samples, llr, floor)
-        self._learnt_light = replace(light, share=max(light.share, self._learnt_light.share / 2))
+        self._learnt_light = replace(light, ratio=max(light.ratio, self._learnt_light.ratio / 2))
 
     def _light(self, samples: UInt8Array, llr: Int8Array, floor: FloorColor) -> _LightOnFloor:
-        sums = self._sums
-        floor_colors.light_on_floor(samples, llr, int(_SURE_NATS / LLR_PER_UNIT), _ROW_STRIDE, self._step_of_sum, sums)
+        sums, settings = self._sums, self._settings
+        sure = int(settings.sure_nats / LLR_PER_UNIT)
+        floor_colors.light_on_floor(samples, llr, sure, settings.row_stride, self._step_of_sum, sums)
         count, blue, green, red = sums.T
         number = float(count.sum())
         if not number:
             return _LightOnFloor(0.0, 0.0, np.zeros(2))
         expected = np.maximum([floor.red_ratio @ green, floor.blue_ratio @ green], 1.0)
         cast = np.log(np.maximum([red.sum(), blue.sum()], 1.0) / expected)
-        level = float(np.interp(_SUNNY * number, np.cumsum(count), LEVELS + LEVEL_STEP / 2))
-        return _LightOnFloor(number * _ROW_STRIDE / llr.size, level, cast)
+        level = float(np.interp(self._settings.sunny_ratio * number, np.cumsum(count), LEVELS + LEVEL_STEP / 2))
+        return _LightOnFloor(number * self._settings.row_stride / llr.size, level, cast)
 
 
 def _look_up(samples: UInt8Array, view: PolarView | FloorView, table: ColorTable, llr: Int8Array) -> float:
@@ -216,7 +261,7 @@ def _look_up(samples: UInt8Array, view: PolarView | FloorView, table: ColorTable
 
 
 def _is_same_floor(new: Colors, old: Colors, tolerance: float) -> bool:
-    """Tell whether one light's floor may be the other's: by itself or beside white, or because it is the greener."""
+    """Return whether one light's floor may be the other's: by itself or beside white, or because it is the greener."""
     floors = [np.log([c.floor.lit.red_ratio, c.floor.lit.blue_ratio]) for c in (new, old)]
     beside = [f - np.log([c.line.red_ratio, c.line.blue_ratio]) for f, c in zip(floors, (new, old), strict=True)]
     # however long nothing was seen, what is half-way to grey is no carpet

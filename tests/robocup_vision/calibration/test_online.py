@@ -9,7 +9,7 @@ import pytest
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision import Vision
-from robocup_vision.calibration.online import OnlineCalibration
+from robocup_vision.calibration.online import OnlineCalibration, OnlineSettings
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from sim2d.rendering.random_scenes import CONDITIONS, sample
@@ -27,7 +27,7 @@ def true_camera(paper_camera):
 
 
 def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera, true_camera, walk):
-    online = OnlineCalibration(ssl_field, paper_camera, every=1)
+    online = OnlineCalibration(ssl_field, paper_camera, settings=OnlineSettings(every=1))
     vision = Vision(ssl_field, paper_camera, online=online)
     errors = []
     for one in [*walk, *walk]:
@@ -49,7 +49,7 @@ def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera
 
 def test_it_stops_at_its_bound_and_says_so(ssl_field, paper_camera, walk):
     off = dataclasses.replace(paper_camera, center_px=(125.5, 111.0))
-    online = OnlineCalibration(ssl_field, off, every=1, max_center_px=0.5, max_tilt_rad=1e-3)
+    online = OnlineCalibration(ssl_field, off, settings=OnlineSettings(every=1, max_center_px=0.5, max_tilt_rad=1e-3))
     vision = Vision(ssl_field, off, online=online)
     for one in walk[:16]:
         vision.look(one.frame)
@@ -61,7 +61,7 @@ def test_it_stops_at_its_bound_and_says_so(ssl_field, paper_camera, walk):
 
 
 def test_the_same_frame_over_and_over_moves_nothing(ssl_field, paper_camera, walk):
-    online = OnlineCalibration(ssl_field, paper_camera, every=1)
+    online = OnlineCalibration(ssl_field, paper_camera, settings=OnlineSettings(every=1))
     vision = Vision(ssl_field, paper_camera, online=online)
     for _ in range(12):
         vision.look(walk[0].frame)
@@ -70,7 +70,7 @@ def test_the_same_frame_over_and_over_moves_nothing(ssl_field, paper_camera, wal
 
 
 def test_only_every_so_many_frames_count_and_only_located_ones(ssl_field, paper_camera, walk):
-    online = OnlineCalibration(ssl_field, paper_camera, every=3)
+    online = OnlineCalibration(ssl_field, paper_camera, settings=OnlineSettings(every=3))
     view = Vision(ssl_field, paper_camera).look(walk[0].frame)
     lost = dataclasses.replace(view, pose=NotLocated("a test"))
     for _ in range(30):
@@ -110,6 +110,6 @@ def test_it_is_made_for_one_mirror_camera(ssl_field, paper_camera):
         ({"window": 5}, "window must be at least 6"),
     ],
 )
-def test_wrong_settings_are_named(ssl_field, paper_camera, wrong, message):
+def test_wrong_settings_are_named(wrong, message):
     with pytest.raises(ArgumentError, match=message):
-        OnlineCalibration(ssl_field, paper_camera, **wrong)
+        OnlineSettings(**wrong)
