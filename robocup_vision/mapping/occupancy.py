@@ -120,13 +120,6 @@ class FreeSpaceMap:
         half = self.cells * self.cell_m / 2
         return self.corner_m[0] + half, self.corner_m[1] + half
 
-    @property
-    def cell_centers_m(self) -> FloatArray:
-        """(N, N, 2) float64: middles of the cells, metres; the first index runs along x."""
-        along = (np.arange(self.cells) + 0.5) * self.cell_m
-        x, y = along + self.corner_m[0], along + self.corner_m[1]
-        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-
     def move(self, robot: Pose2 | None = None, *, odometry: Pose2 | None = None) -> None:
         """Tell where the robot is by now; the window follows in whole cells.
 

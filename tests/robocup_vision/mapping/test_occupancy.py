@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from map_cells import cell_centers_m
 
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance.steering import Steering
@@ -33,7 +34,7 @@ def single(model=WEAK, **options):
 
 
 def away(grid):
-    return np.linalg.norm(grid.cell_centers_m - (grid.robot.x_m, grid.robot.y_m), axis=-1)
+    return np.linalg.norm(cell_centers_m(grid) - (grid.robot.x_m, grid.robot.y_m), axis=-1)
 
 
 def test_the_measured_cell_is_hit_nearer_ones_crossed_and_farther_ones_untold():
@@ -69,7 +70,7 @@ def test_cells_that_a_cone_crosses_in_part_are_not_told_free():
     evidence = grid.evidence("one", profile)
     low = grid.robot.theta_rad + profile.bearing_rad[count // 2] - math.pi / count
     high = low + math.tau / count
-    corners = grid.cell_centers_m[:, :, None] + grid.cell_m / 2 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    corners = cell_centers_m(grid)[:, :, None] + grid.cell_m / 2 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     offset = corners - (grid.robot.x_m, grid.robot.y_m)
     bearing = np.arctan2(offset[..., 1], offset[..., 0])
     inside = ((bearing > low) & (bearing < high)).any(axis=-1)
@@ -175,7 +176,7 @@ def test_the_window_moves_in_whole_cells_and_keeps_what_stays_in_it(x, y):
     grid = single()
     for _ in range(8):
         grid.update("one", circle(0.9))
-    before, places = grid.probability("one"), grid.cell_centers_m
+    before, places = grid.probability("one"), cell_centers_m(grid)
     grid.move(Pose2(HERE.x_m + x, HERE.y_m + y, 1.0))
     offset = (np.array(grid.corner_m) - (places[0, 0] - grid.cell_m / 2)) / grid.cell_m
     shift = np.rint(offset).astype(int)
@@ -223,7 +224,7 @@ def test_what_moves_is_masked_and_the_way_to_it_is_still_free():
     x, y = HERE.x_m + 0.9 * math.cos(direction), HERE.y_m + 0.9 * math.sin(direction)
     disc = np.array([[x, y, 0.15]])
     plain, masked = grid.evidence("one", profile), grid.evidence("one", profile, mask=disc)
-    distance = np.linalg.norm(grid.cell_centers_m - (x, y), axis=-1)
+    distance = np.linalg.norm(cell_centers_m(grid) - (x, y), axis=-1)
     assert (masked[distance < 0.15] == 0).all()
     assert (plain[distance < 0.15] == HIT).any()
     # what the profile meets within a cell of the disc is the mover itself
@@ -231,7 +232,7 @@ def test_what_moves_is_masked_and_the_way_to_it_is_still_free():
     changed = plain != masked
     assert (distance[changed] < 0.15 + 3 * grid.cell_m).all()
     halfway = np.linalg.norm(
-        grid.cell_centers_m - (HERE.x_m + 0.4 * math.cos(direction), HERE.y_m + 0.4 * math.sin(direction)), axis=-1
+        cell_centers_m(grid) - (HERE.x_m + 0.4 * math.cos(direction), HERE.y_m + 0.4 * math.sin(direction)), axis=-1
     )
     assert masked[np.unravel_index(halfway.argmin(), halfway.shape)] == CROSSED
     np.testing.assert_array_equal(grid.evidence("one", profile, mask=np.empty((0, 3))), plain)

@@ -1,6 +1,7 @@
 """The truth about a map's cells."""
 
 import numpy as np
+from map_cells import cell_centers_m
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2
@@ -57,7 +58,7 @@ def test_a_maps_window_is_cut_out_at_its_place():
     grid.move(Pose2(1.2, 0.3, 0.0))
     occupied, free = truth.window(grid)
     for i, j in np.ndindex(80, 80):
-        at = np.floor(grid.cell_centers_m[i, j] / 0.04).astype(int) - truth.first
+        at = np.floor(cell_centers_m(grid)[i, j] / 0.04).astype(int) - truth.first
         inside = (at >= 0).all() and (at < truth.free.shape).all()
         assert occupied[i, j] == (inside and truth.occupied[tuple(at)])
         assert free[i, j] == (inside and truth.free[tuple(at)])
