@@ -107,9 +107,6 @@ class GoalCondition:
     height_std_m: float = 0.0
 
 
-ROUGH_SHOT = Sensor(noise_sigma=4.0, blur_px=0.7, vignette=0.20, jpeg_quality=90)
-
-
 def _ers7_conditions(width: int, height: int) -> dict[str, GoalCondition]:
     camera, size = ers7_camera(width, height), f"{width}x{height}"
     smear_px = 0.8 * width / 416
