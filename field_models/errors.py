@@ -53,5 +53,9 @@ class FrameError(RobocupVisionError):
     """A camera frame has the wrong type, shape or size; it is refused, never resized in silence."""
 
 
+class PacketError(RobocupVisionError):
+    """Bytes from a network or a log are not the message that they should be."""
+
+
 class ArgumentError(RobocupVisionError, ValueError):
     """An argument of a public function or command is out of its range."""

@@ -1,4 +1,4 @@
-"""Moves the ball on the carpet: it slides until it rolls, and rolls until it lies still."""
+"""Moves the ball: on the carpet it slides until it rolls, and rolls until it lies still; chipped, it flies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pymunk
 
 from sim2d.world.state import BallState
 
-_GRAVITY_MPS2 = 9.81
+GRAVITY_MPS2 = 9.81
 # a slower ball lies still
 _STILL_MPS = 1e-4
 
@@ -36,6 +36,29 @@ class BallSettings:
     rolling_friction: float = 0.03
 
 
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """How a chipped ball flies: the league's model of a fixed loss at each bounce.
+
+    Attributes
+    ----------
+    first_floor_ratio, later_floor_ratio : float
+        Of its velocity along the floor, what it keeps at its first bounce and at each later one.
+    up_ratio : float
+        Of its vertical speed, what it keeps at a bounce.
+    min_bounce_mps : float
+        Below this vertical speed it no longer bounces: that is a bounce of 1 mm.
+    clear_height_m : float
+        With its lower side above this it touches neither robots nor walls: the league's robots are at most 0.15 m high.
+    """
+
+    first_floor_ratio: float = 0.715
+    later_floor_ratio: float = 1.0
+    up_ratio: float = 0.566
+    min_bounce_mps: float = 0.15
+    clear_height_m: float = 0.15
+
+
 class BallBody:
     """A ball in a pymunk space.
 
@@ -53,24 +76,44 @@ class BallBody:
         Of its shape.
     settings : BallSettings
         See there.
+    flight : Flight
+        See there.
     """
 
     def __init__(
-        self, space: pymunk.Space, radius_m: float, collision_type: int, settings: BallSettings = BallSettings()
+        self,
+        space: pymunk.Space,
+        radius_m: float,
+        collision_type: int,
+        settings: BallSettings = BallSettings(),
+        flight: Flight = Flight(),
     ) -> None:
-        self.radius_m, self._settings = radius_m, settings
+        self.radius_m, self._settings, self.flight = radius_m, settings, flight
         self.body = pymunk.Body(settings.mass_kg, pymunk.moment_for_circle(settings.mass_kg, 0, radius_m))
-        shape = pymunk.Circle(self.body, radius_m)
+        self.shape = shape = pymunk.Circle(self.body, radius_m)
         shape.elasticity, shape.friction = settings.elasticity, 0.0
         shape.collision_type = collision_type
         space.add(self.body, shape)
         self._roll = (0.0, 0.0)
+        self._height_m = self._rise_mps = 0.0
+        self._bounces = 0
+        self._is_clear = False
 
     @property
     def state(self) -> BallState:
         """Position and velocity."""
         (x, y), (vx, vy) = self.body.position, self.body.velocity
-        return BallState(x, y, vx, vy)
+        return BallState(x, y, vx, vy, self._height_m, self._rise_mps)
+
+    @property
+    def height_m(self) -> float:
+        """Height of its lower side above the carpet."""
+        return self._height_m
+
+    @property
+    def flies(self) -> bool:
+        """Whether it is off the carpet, or about to be."""
+        return self._height_m > 0 or self._rise_mps > 0
 
     def place(self, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0) -> None:
         """Put it somewhere, rolling at a velocity."""
@@ -78,11 +121,21 @@ class BallBody:
         self.body.velocity = (vx_mps, vy_mps)
         self.body.angular_velocity = 0.0
         self._roll = (vx_mps, vy_mps)
+        self.throw(0.0, 0.0)
 
-    def kick(self, vx_mps: float, vy_mps: float) -> None:
-        """Give it a velocity without roll."""
+    def kick(self, vx_mps: float, vy_mps: float, vz_mps: float = 0.0) -> None:
+        """Give it a velocity without roll; upwards it flies."""
         self.body.velocity = (vx_mps, vy_mps)
         self._roll = (0.0, 0.0)
+        self.throw(self._height_m, vz_mps)
+
+    def throw(self, z_m: float, vz_mps: float) -> None:
+        """Put it at a height, rising at a speed; position and velocity along the floor stay."""
+        self._height_m, self._rise_mps = max(z_m, 0.0), vz_mps
+        if self._height_m == 0:
+            self._rise_mps = max(vz_mps, 0.0)
+        self._bounces = 0
+        self._set_clear()
 
     def pull(self, ax_mps2: float, ay_mps2: float, dt_s: float) -> None:
         """Accelerate it as a dribbler does, which also makes it roll."""
@@ -90,11 +143,14 @@ class BallBody:
         self.body.velocity = self._roll = (vx + ax_mps2 * dt_s, vy + ay_mps2 * dt_s)
 
     def apply_friction(self, dt_s: float) -> None:
-        """Apply the carpet's friction for a step."""
+        """Apply the carpet's friction for a step, or gravity while it flies."""
+        if self.flies:
+            self._fall(dt_s)
+            return
         vx, vy = self.body.velocity
         rx, ry = self._roll
         sliding = math.hypot(vx - rx, vy - ry)
-        grip = self._settings.sliding_friction * _GRAVITY_MPS2 * dt_s
+        grip = self._settings.sliding_friction * GRAVITY_MPS2 * dt_s
         if sliding > 3.5 * grip:
             gx, gy = grip * (vx - rx) / sliding, grip * (vy - ry) / sliding
             self.body.velocity = (vx - gx, vy - gy)
@@ -103,6 +159,27 @@ class BallBody:
         # velocity and roll meet within this step: momentum about the point of contact is kept
         vx, vy = (5 * vx + 2 * rx) / 7, (5 * vy + 2 * ry) / 7
         speed = math.hypot(vx, vy)
-        loss = self._settings.rolling_friction * _GRAVITY_MPS2 * dt_s
+        loss = self._settings.rolling_friction * GRAVITY_MPS2 * dt_s
         part = 1 - loss / speed if speed > max(loss, _STILL_MPS) else 0.0
         self.body.velocity = self._roll = (vx * part, vy * part)
+
+    def _fall(self, dt_s: float) -> None:
+        height, rise = self._height_m, self._rise_mps
+        self._height_m = height + rise * dt_s - GRAVITY_MPS2 * dt_s**2 / 2
+        self._rise_mps = rise - GRAVITY_MPS2 * dt_s
+        if self._height_m <= 0:
+            # the speed at which it meets the floor, whenever within the step that is
+            back_mps = self.flight.up_ratio * math.sqrt(rise**2 + 2 * GRAVITY_MPS2 * height)
+            part = self.flight.later_floor_ratio if self._bounces else self.flight.first_floor_ratio
+            vx, vy = self.body.velocity
+            self.body.velocity = self._roll = (vx * part, vy * part)
+            self._bounces += 1
+            self._height_m = 0.0
+            self._rise_mps = back_mps if back_mps >= self.flight.min_bounce_mps else 0.0
+        self._set_clear()
+
+    def _set_clear(self) -> None:
+        is_clear = self._height_m > self.flight.clear_height_m
+        if is_clear != self._is_clear:
+            self._is_clear = is_clear
+            self.shape.filter = pymunk.ShapeFilter(mask=0) if is_clear else pymunk.ShapeFilter()

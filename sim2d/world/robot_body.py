@@ -13,6 +13,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2, wrap_angle
 from sim2d.robot_link import Command, RobotLimits
 from sim2d.world.ball_physics import BallBody
+from sim2d.world.mouth import Mouth
 from sim2d.world.state import RobotState
 
 
@@ -243,10 +244,7 @@ class RobotBody:
 
     def holds(self, ball: BallBody) -> bool:
         """Return whether the ball interrupts the light barrier across the mouth."""
-        along, aside = self._in_robot(ball)
-        reach = self.limits.radius_m + ball.radius_m
-        in_depth = 0 < along <= reach + self._settings.mouth_depth * ball.radius_m
-        return in_depth and abs(aside) <= self._settings.mouth_half_width * ball.radius_m
+        return self._mouth(ball).holds(self.body, ball)
 
     def handle(self, ball: BallBody, rng: np.random.Generator) -> float:
         """Dribble or kick the ball if it lies in the mouth; return the speed of a kick, or 0."""
@@ -254,9 +252,7 @@ class RobotBody:
         if not (self.command.dribble or wanted > 0) or not self.holds(ball):
             return 0.0
         angle = self.body.angle
-        c, s = math.cos(angle), math.sin(angle)
         vx, vy = self.body.velocity
-        turn = self.body.angular_velocity
         if wanted > 0 and not self._steps_to_kick:
             self._steps_to_kick = round(settings.kick_again_s / self._step_s)
             hard, askew = rng.standard_normal(2).tolist()
@@ -265,24 +261,19 @@ class RobotBody:
             ball.kick(vx + speed * math.cos(aim), vy + speed * math.sin(aim))
             return float(speed)
         if self.command.dribble and not self._steps_to_kick:
-            along, aside = self._in_robot(ball)
-            seat = self.limits.radius_m + ball.radius_m
-            bx, by = ball.body.velocity
-            # velocity of the seat, which turns with the robot
-            off_x, off_y = bx - (vx - turn * s * seat), by - (vy + turn * c * seat)
-            to_f, to_l = seat - along, -aside
-            k, d = settings.dribbler_stiffness_ps2, settings.dribbler_damping_ps
-            ax = k * (c * to_f - s * to_l) - d * off_x
-            ay = k * (s * to_f + c * to_l) - d * off_y
-            pull = math.hypot(ax, ay)
-            part = min(1.0, settings.dribbler_grip_mps2 / pull) if pull else 0.0
-            ball.pull(ax * part, ay * part, self._step_s)
+            self._mouth(ball).dribble(self.body, ball, self._step_s)
         return 0.0
 
-    def _in_robot(self, ball: BallBody) -> tuple[float, float]:
-        (x, y), (bx, by) = self.body.position, ball.body.position
-        c, s = math.cos(self.body.angle), math.sin(self.body.angle)
-        return c * (bx - x) + s * (by - y), -s * (bx - x) + c * (by - y)
+    def _mouth(self, ball: BallBody) -> Mouth:
+        settings, radius_m = self._settings, ball.radius_m
+        return Mouth(
+            self.limits.radius_m + radius_m,
+            settings.mouth_half_width * radius_m,
+            settings.mouth_depth * radius_m,
+            settings.dribbler_stiffness_ps2,
+            settings.dribbler_damping_ps,
+            settings.dribbler_grip_mps2,
+        )
 
 
 def check_command(command: Command) -> None:

@@ -44,12 +44,14 @@ class RobotState:
 
 @dataclass(frozen=True, slots=True)
 class BallState:
-    """The ball's place and velocity, field frame."""
+    """The ball's place and velocity, field frame; `z_m` is its height above where it lies, 0 while it rolls."""
 
     x_m: float
     y_m: float
     vx_mps: float = 0.0
     vy_mps: float = 0.0
+    z_m: float = 0.0
+    vz_mps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,237 @@
+"""The small-size league's network: speed, punctuality, decoders under damaged messages, and the tracker.
+
+Speed: 11 against 11 on division B, every robot commanded 60 times a second by encoded commands; simulated seconds over
+the processor's seconds of one thread, sockets left out, making the commands included. Punctuality: the same on the
+loopback (multicast with a time to live of 0) at the clock's speed, commanded by another process; how late a vision
+packet leaves against the moment its step was due, and the processor's share. It says something on an undisturbed
+machine only: the load is told. Decoders: damaged messages of every kind, read or refused; anything else is a fault.
+Tracker: robots drive to random places and one follows the ball and kicks it, vision as real as `rc2021`; errors at the
+moment of each true frame, by what was received until then, as vectors' RMS; beside the last detection. Robots as quick
+as sim2d's own players are (1 m/s, 1.2 m/s^2), and as quick as the league's.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
+from benchmarks.network.damaged_messages import damaged_messages
+from field_models import load_field
+from field_models.errors import PacketError
+from robocup_vision.ssl.log import LogEntry, LogKind
+from robocup_vision.ssl.log_score import score_log
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.values.simulation import (
+    GlobalVelocity,
+    MoveCommand,
+    RobotCommand,
+    RobotControl,
+    Team,
+)
+from sim2d.network.league import STEPS_A_FRAME, Channel, LeagueSimulator
+from sim2d.network.realism import REALISMS
+from sim2d.network.robot import LeagueRobotSpec
+from sim2d.network.server import LeagueServer, Ports
+
+FIELD = load_field("ssl_division_b")
+TEAMS = (Team.YELLOW, Team.BLUE)
+KINDS = {Channel.VISION: LogKind.VISION, Channel.TRACKER: LogKind.TRACKER, Channel.REFEREE: LogKind.REFEREE}
+MIN_SPEED, MAX_LATE_MS = 8.0, 4.0
+MAX_PLACE_RATIO, MAX_VELOCITY_MPS, MAX_REFOUND_S = 0.6, 0.08, 0.2
+# away from the ports of a simulator that may be running
+PORTS, VISION_PORT = Ports(31300, 31310, 31303), 31320
+
+
+def commands_at(t_s: float) -> bytes:
+    """Return commands for eleven robots that wander about."""
+    return encode(
+        RobotControl(
+            tuple(
+                RobotCommand(
+                    number,
+                    MoveCommand(world=GlobalVelocity(2 * math.sin(number + t_s), 2 * math.cos(number + t_s), 1.0)),
+                )
+                for number in range(11)
+            )
+        )
+    )
+
+
+def measure_speed(seconds: float) -> bool:
+    """Print how much faster than the clock it goes; return whether that is enough."""
+    table = Table(("realism", col.score("times real time"), "target", "verdict"), "Speed, 11 against 11", name="speed")
+    all_ok = True
+    for name in REALISMS:
+        made = LeagueSimulator(FIELD, 11, REALISMS[name])
+        run(made, 1.0)
+        begin_s = time.process_time()
+        run(made, seconds)
+        speed = seconds / (time.process_time() - begin_s)
+        all_ok &= speed >= MIN_SPEED
+        table.row(name, round(speed, 1), f">= {MIN_SPEED:g}", verdict(speed >= MIN_SPEED))
+    return all_ok
+
+
+def run(made: LeagueSimulator, seconds: float) -> None:
+    """Go on by some seconds, every robot commanded at each frame."""
+    for _ in range(round(60 * seconds)):
+        data = commands_at(made.world.t_s)
+        for team in TEAMS:
+            made.answer_robots(team, data)
+        for _ in range(STEPS_A_FRAME):
+            made.step()
+
+
+_TEAM = """
+import socket, sys, time
+sys.path[:0] = [{root!r}]
+from benchmarks.network.league_network import PORTS, commands_at
+end = time.monotonic() + {seconds}
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as team:
+    while time.monotonic() < end:
+        for port in (PORTS.blue, PORTS.yellow):
+            team.sendto(commands_at(time.monotonic()), ("127.0.0.1", port))
+        time.sleep(1 / 60)
+"""
+
+
+def measure_punctuality(seconds: float) -> bool:
+    """Print how late vision packets leave; return whether the 99th percentile is early enough."""
+    made = LeagueSimulator(FIELD, 11, REALISMS["none"], epoch_s=time.time())
+    made.vision_port = VISION_PORT
+    columns = ("served for", "median ms", col.error("p99 ms", 1.0), "processor", "load", "target", "verdict")
+    table = Table(columns, "Punctuality at the clock's speed", name="punctuality")
+    program = _TEAM.format(root=os.getcwd(), seconds=seconds + 2)
+    with LeagueServer(made, ports=PORTS) as server, subprocess.Popen([sys.executable, "-c", program]) as team:
+        end_s, begin_s = time.monotonic() + seconds, time.process_time()
+        server.run(lambda: time.monotonic() < end_s)
+        used = (time.process_time() - begin_s) / seconds
+        team.kill()
+        late_ms = 1000 * np.array(server.lateness_s)
+    p99 = float(np.percentile(late_ms, 99))
+    ok = p99 < MAX_LATE_MS and used < 1
+    table.row(
+        f"{seconds:g} s",
+        round(float(np.median(late_ms)), 2),
+        round(p99, 2),
+        f"{100 * used:.0f} %",
+        f"{os.getloadavg()[0]:.1f}",
+        f"< {MAX_LATE_MS:g}",
+        verdict(ok),
+    )
+    return ok
+
+
+def measure_decoders(count: int, seed: int) -> bool:
+    """Print what decoders made of damaged messages; return whether they did nothing but read or refuse."""
+    read = refused = faults = 0
+    for cls, data in damaged_messages(np.random.default_rng(seed), count):
+        try:
+            encode(decode(cls, data))
+            read += 1
+        except PacketError:
+            refused += 1
+        except Exception as error:
+            faults += 1
+            print(f"{cls.__name__}: {error!r} of {data.hex()}")
+    columns = ("damaged messages", "read", "refused", col.count("faults"), "target", "verdict")
+    table = Table(columns, "Decoders", name="decoders")
+    table.row(str(count), read, refused, faults, "0", verdict(faults == 0))
+    return faults == 0
+
+
+def measure_tracker(seconds: float, seed: int) -> bool:
+    """Print the tracker's errors; return whether they are small enough for robots like sim2d's."""
+    columns = (
+        "robots",
+        "place mm",
+        "last mm",
+        col.error("ratio"),
+        col.error("velocity m/s"),
+        "per axis",
+        "ball mm",
+        "last mm ",
+        col.error("refound s"),
+        "target",
+        "verdict",
+    )
+    table = Table(columns, "Tracker on rc2021", name="tracker")
+    slow = replace(LeagueRobotSpec(), speed_up_mps2=1.2, brake_mps2=1.2, max_speed_mps=1.0)
+    all_ok = True
+    for name, spec in (("1.0 m/s, 1.2 m/s2", slow), ("4.0 m/s, 4 to 6 m/s2", LeagueRobotSpec())):
+        score = score_log(recorded(spec, seconds, seed))
+        values = (score.robot_rms_m, score.robot_last_rms_m, score.robot_velocity_rms_mps)
+        place, last, velocity = (math.nan if value is None else value for value in values)
+        refound = score.ball_refound_s or 0.0
+        per_axis = velocity / math.sqrt(2)
+        ok = place <= MAX_PLACE_RATIO * last and per_axis <= MAX_VELOCITY_MPS and refound <= MAX_REFOUND_S
+        all_ok &= ok
+        table.row(
+            name,
+            round(1000 * place, 1),
+            round(1000 * last, 1),
+            round(place / last, 3),
+            round(velocity, 3),
+            round(per_axis, 3),
+            round(1000 * (score.ball_rms_m or 0.0), 1),
+            round(1000 * (score.ball_last_rms_m or 0.0), 1),
+            round(refound, 3),
+            "0.6, 0.08, 0.2",
+            verdict(ok),
+        )
+    return all_ok
+
+
+def recorded(spec: LeagueRobotSpec, seconds: float, seed: int) -> list[LogEntry]:
+    """Return what a run of six against six published."""
+    made = LeagueSimulator(FIELD, 6, REALISMS["rc2021"], seed)
+    for team in TEAMS:
+        for number in range(6):
+            made.world.set_spec(team, number, spec)
+    rng = np.random.default_rng([seed, 1])
+    targets: dict[tuple[Team, int], tuple[float, float]] = {}
+    entries = []
+    for _ in range(round(60 * seconds)):
+        state = made.world.state
+        commands: dict[Team, list[RobotCommand]] = {team: [] for team in TEAMS}
+        for robot in state.robots:
+            key, place = (robot.team, robot.number), (robot.pose.x_m, robot.pose.y_m)
+            if key not in targets or math.dist(targets[key], place) < 0.1 or rng.random() < 0.005:
+                targets[key] = (float(rng.uniform(-4, 4)), float(rng.uniform(-2.5, 2.5)))
+            chases = robot.number == 1
+            to = (state.ball.x_m, state.ball.y_m) if chases else targets[key]
+            dx, dy = to[0] - place[0], to[1] - place[1]
+            far = max(math.hypot(dx, dy), 1e-9)
+            speed = min(0.5 * spec.max_speed_mps + 0.5, math.sqrt(spec.speed_up_mps2 * far))
+            off = math.remainder(math.atan2(dy, dx) - robot.pose.theta_rad, math.tau)
+            move = MoveCommand(world=GlobalVelocity(speed * dx / far, speed * dy / far, 4 * off))
+            commands[robot.team].append(RobotCommand(robot.number, move, 3.0 if chases else 0.0))
+        for team in TEAMS:
+            made.answer_robots(team, encode(RobotControl(tuple(commands[team]))))
+        for _ in range(STEPS_A_FRAME):
+            for channel, data in made.step():
+                entries.append(LogEntry(round(1e9 * made.world.t_s), KINDS[channel], data))
+    return entries
+
+
+def main() -> None:
+    """Run all parts."""
+    arguments = parse_arguments(__doc__ or "")
+    size = 0.2 if arguments.quick else 5.0 if arguments.full else 1.0
+    all_ok = measure_speed(20 * size)
+    all_ok &= measure_punctuality(20 * size)
+    all_ok &= measure_decoders(round(200_000 * size), arguments.seed)
+    all_ok &= measure_tracker(60 * size, arguments.seed)
+    finish(arguments.check, all_ok)
+
+
+if __name__ == "__main__":
+    main()

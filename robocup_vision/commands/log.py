@@ -1,0 +1,109 @@
+"""`robocup-vision log`: what is in a log of the small-size league, as tables, and how good our tracker is on it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `log` to the subparsers of an argparse parser."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "log", help="read a log of the small-size league: what is in it, as tables, as a test of the tracker"
+    )
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    for name, words in (
+        ("info", "what is in it"),
+        ("convert", "write detections.csv, referee.csv and tracked.csv"),
+        ("score", "score our tracker beside the last detection, against the log's tracker packets"),
+    ):
+        action = actions.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
+        action.add_argument("file", metavar="FILE", help="log; compressed where its name ends in gz")
+        if name == "convert":
+            action.add_argument("--out", metavar="DIR", help="folder for the tables (default: out/NAME)")
+    parser.set_defaults(run=run_log)
+    return parser
+
+
+def run_log(args: argparse.Namespace) -> int:
+    """Run an action on a log; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from robocup_vision.ssl.log import SslLog
+
+    with SslLog(args.file) as log:
+        if args.action == "info":
+            return _info(log)
+        if args.action == "convert":
+            return _convert(log, Path(args.out) if args.out else Path("out") / log.path.name.partition(".")[0])
+        return _score(log)
+
+
+def _info(log: Any) -> int:
+    import sys
+    from datetime import datetime, timezone
+
+    from robocup_vision.ssl.log_info import NS_PER_S, log_info
+
+    info = log_info(log)
+    print(log.path.name)
+    rows = [("entries", ", ".join(f"{count} {name}" for name, count in sorted(info.entries.items())) or "none")]
+    if info.first_ns is not None:
+        begin = datetime.fromtimestamp(info.first_ns / NS_PER_S, timezone.utc)
+        rows.append(("time", f"{begin:%Y-%m-%d %H:%M:%S} UTC, {info.duration_s:.1f} s"))
+    for camera, count in sorted(info.cameras.items()):
+        rate = f", {(count - 1) / info.duration_s:.1f} a second" if info.duration_s > 0 else ""
+        rows.append((f"camera {camera}", f"{count} frames{rate}"))
+    if info.field_m is not None:
+        rows.append(
+            ("geometry", f"{info.geometry_packets} packets, field {info.field_m[0]:g} m x {info.field_m[1]:g} m")
+        )
+    rows += [(f"tracker {name}", f"{count} packets") for name, count in sorted(info.trackers.items())]
+    if info.teams is not None and info.score is not None:
+        rows.append(("teams", f"yellow {info.teams[0]} {info.score[0]} : {info.score[1]} {info.teams[1]} blue"))
+        rows.append(("commands", ", ".join(info.commands)))
+    if info.unreadable:
+        rows.append(("unreadable", f"{info.unreadable} entries, the first: {info.first_problem}"))
+    width = max(len(label) for label, _ in rows)
+    for label, text in rows:
+        print(f"  {label:<{width}}  {text}")
+    if info.damage:
+        print(f"robocup-vision log: {info.damage}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _convert(log: Any, out: Path) -> int:
+    from robocup_vision.ssl.log_csv import write_tables
+
+    tables = write_tables(log, out)
+    for name, rows in tables.items():
+        print(f"{out / name}.csv: {rows} rows")
+    if not tables:
+        print("there is nothing in it that a table holds")
+    return 0
+
+
+def _score(log: Any) -> int:
+    from robocup_vision.ssl.log_score import score_log
+
+    score = score_log(log)
+    print(f"{log.path.name}: {score.frames} frames of {score.source}")
+    print(f"{'':<16} {'tracker':>10} {'last seen':>10}")
+    for label, ours, last, per_unit, unit in (
+        ("robot, place", score.robot_rms_m, score.robot_last_rms_m, 1000.0, "mm"),
+        ("robot, angle", score.robot_rms_rad, score.robot_last_rms_rad, 1000.0, "mrad"),
+        ("robot, velocity", score.robot_velocity_rms_mps, None, 1000.0, "mm/s"),
+        ("ball, place", score.ball_rms_m, score.ball_last_rms_m, 1000.0, "mm"),
+        ("ball, velocity", score.ball_velocity_rms_mps, None, 1000.0, "mm/s"),
+    ):
+        cells = ("-" if value is None else f"{per_unit * value:.1f}" for value in (ours, last))
+        print(f"{label:<16} " + " ".join(f"{cell:>10}" for cell in cells) + f" {unit} RMS")
+    refound = "-" if score.ball_refound_s is None else f"{score.ball_refound_s:.2f} s"
+    print(f"ball hidden {score.ball_hidden} times, longest until it was found again: {refound}")
+    return 0

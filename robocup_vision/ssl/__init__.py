@@ -1,0 +1,42 @@
+"""The small-size league's network: its messages as values, clients of its programs, and its log files.
+
+Needs the extra ``ssl`` (protobuf), which nothing else of the package loads.
+
+>>> from robocup_vision.ssl import RobotClient, SslLog, VisionClient
+"""
+
+from __future__ import annotations
+
+from robocup_vision.ssl.field import field_from_geometry, geometry_from_field
+from robocup_vision.ssl.log import LogEntry, LogKind, SslLog, SslLogWriter, log_entry
+from robocup_vision.ssl.overview import CameraMerge, MergeSettings, Overview, merge_frames
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.requests import RobotClient, SimulatorClient
+from robocup_vision.ssl.subscriptions import RefereeClient, TrackerClient, VisionClient
+from robocup_vision.ssl.values.simulation import GlobalVelocity, LocalVelocity, MoveCommand, RobotCommand, Team
+
+__all__ = [
+    "CameraMerge",
+    "GlobalVelocity",
+    "LocalVelocity",
+    "LogEntry",
+    "LogKind",
+    "MergeSettings",
+    "MoveCommand",
+    "Overview",
+    "RefereeClient",
+    "RobotClient",
+    "RobotCommand",
+    "SimulatorClient",
+    "SslLog",
+    "SslLogWriter",
+    "Team",
+    "TrackerClient",
+    "VisionClient",
+    "decode",
+    "encode",
+    "field_from_geometry",
+    "geometry_from_field",
+    "log_entry",
+    "merge_frames",
+]

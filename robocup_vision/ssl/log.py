@@ -1,0 +1,306 @@
+"""The league's log files: datagrams with their time of reception, read and written one by one.
+
+A file begins with a mark and a version; then each entry has its time (ns), its kind and its size, all big-endian.
+Names that end in ``gz`` are compressed. An index, if there is one, is the last entry: the place of each entry before
+it, the index's own size, and a mark.
+"""
+
+from __future__ import annotations
+
+import gzip
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, cast
+
+from field_models.errors import ArgumentError, FileError, PacketError
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.values.detection import VisionPacket
+from robocup_vision.ssl.values.referee import Referee
+from robocup_vision.ssl.values.tracked import TrackerPacket
+
+MAGIC, VERSION = b"SSL_LOG_FILE", 1
+INDEX_MARK = b"INDEXED"
+# a datagram has at most 64 kB; an index has 8 bytes an entry, and days of play stay below this
+MAX_ENTRY_BYTES = 1 << 30
+_HEAD = struct.Struct(">qii")
+_FILE_HEAD = struct.Struct(">12si")
+
+LogValue = VisionPacket | Referee | TrackerPacket
+
+
+class LogKind(IntEnum):
+    """What an entry is."""
+
+    BLANK = 0
+    UNKNOWN = 1
+    VISION_2010 = 2
+    REFEREE = 3
+    VISION = 4
+    TRACKER = 5
+    INDEX = 6
+
+
+_VALUES: dict[int, type[VisionPacket] | type[Referee] | type[TrackerPacket]] = {
+    LogKind.REFEREE: Referee,
+    LogKind.VISION: VisionPacket,
+    LogKind.TRACKER: TrackerPacket,
+}
+_KINDS = {value: LogKind(kind) for kind, value in _VALUES.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry:
+    """One datagram of a log.
+
+    Parameters
+    ----------
+    received_ns : int
+        When it was received, nanoseconds since 1970.
+    kind : int
+        A `LogKind`, or a number that later versions of the format may have.
+    data : bytes
+        As it was received.
+    """
+
+    received_ns: int
+    kind: int
+    data: bytes
+
+    @property
+    def value(self) -> LogValue | None:
+        """What it says.
+
+        None for a blank entry, an index, and vision of 2010, whose layout is another. An entry of unknown kind is the
+        first of vision, referee and tracker packet that its bytes fit.
+
+        Raises
+        ------
+        PacketError
+            If it is not what its kind says, or its kind is not known.
+        """
+        if self.kind in (LogKind.BLANK, LogKind.INDEX, LogKind.VISION_2010):
+            return None
+        if self.kind == LogKind.UNKNOWN:
+            return _guess(self.data)
+        if self.kind not in _VALUES:
+            raise PacketError(f"there is no log entry of kind {self.kind}")
+        return decode(_VALUES[self.kind], self.data)
+
+
+def log_entry(received_ns: int, value: LogValue) -> LogEntry:
+    """Return the entry that holds a value."""
+    return LogEntry(received_ns, _KINDS[type(value)], encode(value))
+
+
+class SslLog:
+    """Reads a log; iterate over it to get its entries, as often as you like. Close it, or use it in a ``with``.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; compressed where its name ends in ``gz``.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read or is no such log. Iterating raises it after the last whole entry of a damaged file.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        try:
+            self._file: BinaryIO = self.path.open("rb")
+            if self.path.name.endswith("gz"):
+                self._file = cast(BinaryIO, gzip.GzipFile(fileobj=self._file))
+            head = self._file.read(_FILE_HEAD.size)
+        except (OSError, EOFError) as error:
+            raise FileError(path, f"cannot be read ({_words(error)})") from None
+        if len(head) < _FILE_HEAD.size or head[: len(MAGIC)] != MAGIC:
+            self._file.close()
+            raise FileError(path, "is no log of the small-size league (it does not begin with SSL_LOG_FILE)")
+        version = _FILE_HEAD.unpack(head)[1]
+        if version != VERSION:
+            self._file.close()
+            raise FileError(path, f"must be of version {VERSION}", key="version", value=version)
+
+    def __enter__(self) -> SslLog:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __iter__(self) -> Iterator[LogEntry]:
+        """Yield every entry, the index too if there is one."""
+        place = _FILE_HEAD.size
+        while True:
+            entry = self._read(place)
+            if entry is None:
+                return
+            yield entry
+            place += _HEAD.size + len(entry.data)
+
+    def entry_at(self, place: int) -> LogEntry:
+        """Return the entry that begins at a byte, one of `places`.
+
+        Raises
+        ------
+        FileError
+            If none does.
+        """
+        entry = self._read(place) if place >= _FILE_HEAD.size else None
+        if entry is None:
+            raise FileError(self.path, f"has no entry at byte {place}")
+        return entry
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Byte at which each entry begins (uncompressed), the index left out: from the index, else by reading on."""
+        found: list[int] = []
+        place = _FILE_HEAD.size
+        if not self.path.name.endswith("gz"):
+            indexed = self._read_index()
+            if indexed is not None:
+                return indexed
+        while True:
+            entry = self._read(place)
+            if entry is None or entry.kind == LogKind.INDEX:
+                return tuple(found)
+            found.append(place)
+            place += _HEAD.size + len(entry.data)
+
+    def _read_index(self) -> tuple[int, ...] | None:
+        tail = struct.Struct(f">q{len(INDEX_MARK)}s")
+        size = self._file.seek(0, 2)
+        if size < _FILE_HEAD.size + _HEAD.size + tail.size:
+            return None
+        self._file.seek(size - tail.size)
+        back, mark = tail.unpack(self._file.read(tail.size))
+        if mark != INDEX_MARK:
+            return None
+        begin = size - back
+        entry = self._read(begin) if _FILE_HEAD.size <= begin < size else None
+        if entry is None or entry.kind != LogKind.INDEX or (len(entry.data) - tail.size) % 8:
+            raise FileError(self.path, "has a damaged index", key="index", value=back)
+        count = (len(entry.data) - tail.size) // 8
+        return struct.unpack_from(f">{count}q", entry.data)
+
+    def _read(self, place: int) -> LogEntry | None:
+        """Return the entry at a byte, or None at the end of the file."""
+        try:
+            self._file.seek(place)
+            head = self._file.read(_HEAD.size)
+            if not head:
+                return None
+            if len(head) < _HEAD.size:
+                raise FileError(self.path, f"ends within the head of the entry at byte {place}")
+            received_ns, kind, size = _HEAD.unpack(head)
+            if not 0 <= size <= MAX_ENTRY_BYTES:
+                raise FileError(self.path, f"is damaged at byte {place}: an entry's size", value=size)
+            data = self._file.read(size)
+        except (OSError, EOFError, zlib.error) as error:
+            raise FileError(self.path, f"cannot be read beyond byte {place} ({_words(error)})") from None
+        if len(data) < size:
+            raise FileError(self.path, f"ends within the entry at byte {place}: {len(data)} of {size} bytes are there")
+        return LogEntry(received_ns, kind, data)
+
+
+class SslLogWriter:
+    """Writes a log. Close it, or use it in a ``with``: only then it is whole.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, replaced if it is there; compressed where its name ends in ``gz``. The same entries give the same
+        bytes.
+    index : bool
+        Write an index at the end, for tools that jump.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
+
+    def __init__(self, path: str | Path, *, index: bool = False) -> None:
+        self.path = Path(path)
+        self._places: list[int] | None = [] if index else None
+        self._place = 0
+        try:
+            self._plain = self.path.open("wb")
+            self._file: BinaryIO = self._plain
+            if self.path.name.endswith("gz"):
+                # neither name nor time in its head
+                self._file = cast(BinaryIO, gzip.GzipFile("", "wb", fileobj=self._plain, mtime=0))
+        except OSError as error:
+            raise FileError(path, f"cannot be written ({_words(error)})") from None
+        self._write(_FILE_HEAD.pack(MAGIC, VERSION))
+
+    def __enter__(self) -> SslLogWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def write(self, entry: LogEntry) -> None:
+        """Append an entry.
+
+        Raises
+        ------
+        ArgumentError
+            If it is an index: the writer makes its own.
+        FileError
+            If the file cannot be written.
+        """
+        if entry.kind == LogKind.INDEX:
+            raise ArgumentError("an index is not copied: it holds the places of another file (use index=True)")
+        if self._places is not None:
+            self._places.append(self._place)
+        self._write(_HEAD.pack(entry.received_ns, entry.kind, len(entry.data)) + entry.data)
+
+    def close(self) -> None:
+        """Write the index, if one is wanted, and close the file."""
+        if self._plain.closed:
+            return
+        if self._places is not None:
+            size = 8 * len(self._places) + 8 + len(INDEX_MARK)
+            places = struct.pack(f">{len(self._places)}q", *self._places)
+            head = _HEAD.pack(0, LogKind.INDEX, size)
+            self._write(head + places + struct.pack(">q", _HEAD.size + size) + INDEX_MARK)
+        self._file.close()
+        self._plain.close()
+
+    def _write(self, data: bytes) -> None:
+        try:
+            self._file.write(data)
+        except OSError as error:
+            raise FileError(self.path, f"cannot be written ({_words(error)})") from None
+        self._place += len(data)
+
+
+def _guess(data: bytes) -> LogValue:
+    for kind in (LogKind.VISION, LogKind.REFEREE, LogKind.TRACKER):
+        try:
+            value = decode(_VALUES[kind], data)
+        except PacketError:
+            continue
+        # a message of optional fields alone takes any bytes: one that knows none of them is not it
+        if not (isinstance(value, VisionPacket) and value.detection is None and value.geometry is None):
+            return value
+    raise PacketError(f"{len(data)} bytes are neither a vision packet nor a referee's nor a tracker's")
+
+
+def _words(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)

@@ -1,0 +1,142 @@
+"""A log as tables: detections, referee packets and tracked things, in the messages' own units.
+
+The columns of detections and referee packets are those in which the league's recordings are passed around.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from field_models.errors import FileError
+from robocup_vision.ssl.log import SslLog
+from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
+from robocup_vision.ssl.values.referee import Referee
+from robocup_vision.ssl.values.tracked import TrackedFrame, TrackerPacket
+
+# fmt: off
+DETECTION_COLUMNS = (
+    "datagram", "camera_id", "frame_number", "t_capture_s", "kind", "robot_id", "x_mm", "y_mm", "orientation_rad",
+    "confidence",
+)
+REFEREE_COLUMNS = (
+    "received_ns", "packet_timestamp_us", "stage", "stage_time_left_us", "command", "command_counter",
+    "command_timestamp_us", "yellow_name", "yellow_score", "yellow_goalkeeper", "blue_name", "blue_score",
+    "blue_goalkeeper", "designated_x_mm", "designated_y_mm", "blue_on_positive_half", "next_command",
+    "action_time_remaining_us", "size_bytes",
+)
+TRACKED_COLUMNS = (
+    "datagram", "source", "frame_number", "t_s", "kind", "robot_id", "x_m", "y_m", "z_m", "orientation_rad",
+    "vx_mps", "vy_mps", "vz_mps", "turn_rps", "visibility",
+)
+# fmt: on
+FILES = {"detections": DETECTION_COLUMNS, "referee": REFEREE_COLUMNS, "tracked": TRACKED_COLUMNS}
+
+
+def write_tables(log: SslLog, folder: Path) -> dict[str, int]:
+    """Write ``detections.csv``, ``referee.csv`` and ``tracked.csv``, those that have rows.
+
+    Parameters
+    ----------
+    log : SslLog
+        What is written.
+    folder : Path
+        Where to; made if missing.
+
+    Returns
+    -------
+    dict of str to int
+        Rows of each table, those without rows left out.
+
+    Raises
+    ------
+    FileError
+        If the log is damaged, or the tables cannot be written.
+    PacketError
+        If an entry is not what its kind says.
+    """
+    rows = dict.fromkeys(FILES, 0)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        # written as they come: a log of a match is larger than memory should hold
+        opened = {name: (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") for name in FILES}
+        try:
+            writers = {name: csv.writer(file, lineterminator="\n") for name, file in opened.items()}
+            for name, columns in FILES.items():
+                writers[name].writerow(columns)
+            for name, row in _rows(log):
+                writers[name].writerow(row)
+                rows[name] += 1
+        finally:
+            for file in opened.values():
+                file.close()
+        for name, count in rows.items():
+            if not count:
+                (folder / f"{name}.csv").unlink()
+    except OSError as error:
+        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None
+    return {name: count for name, count in rows.items() if count}
+
+
+def _rows(log: SslLog) -> Iterator[tuple[str, list[Any]]]:
+    for index, entry in enumerate(log):
+        value = entry.value
+        if isinstance(value, VisionPacket) and value.detection is not None:
+            yield from (("detections", row) for row in _detections(index, value.detection))
+        elif isinstance(value, Referee):
+            yield "referee", _referee(entry.received_ns, value, len(entry.data))
+        elif isinstance(value, TrackerPacket) and value.frame is not None:
+            yield from (("tracked", row) for row in _tracked(index, value, value.frame))
+
+
+def _detections(index: int, frame: DetectionFrame) -> Iterator[list[Any]]:
+    head = [index, frame.camera_id, frame.frame_number, frame.t_capture_s]
+    for ball in frame.balls:
+        yield [*head, "ball", "", _mm(ball.x_m), _mm(ball.y_m), "", ball.confidence]
+    for kind, robots in (("yellow", frame.yellow), ("blue", frame.blue)):
+        for robot in robots:
+            number = "" if robot.robot_id is None else robot.robot_id
+            angle = "" if robot.orientation_rad is None else robot.orientation_rad
+            yield [*head, kind, number, _mm(robot.x_m), _mm(robot.y_m), angle, robot.confidence]
+
+
+def _referee(received_ns: int, packet: Referee, size: int) -> list[Any]:
+    place = packet.designated_position
+    return [
+        received_ns,
+        packet.packet_time_us,
+        packet.stage.name,
+        packet.stage_time_left_us,
+        packet.command.name,
+        packet.command_counter,
+        packet.command_time_us,
+        *(item for team in (packet.yellow, packet.blue) for item in (team.name, team.score, team.goalkeeper)),
+        "" if place is None else f"{_mm(place.x_m):g}",
+        "" if place is None else f"{_mm(place.y_m):g}",
+        "" if packet.blue_on_positive_half is None else int(packet.blue_on_positive_half),
+        "" if packet.next_command is None else packet.next_command.name,
+        packet.action_time_left_us,
+        size,
+    ]
+
+
+def _tracked(index: int, packet: TrackerPacket, frame: TrackedFrame) -> Iterator[list[Any]]:
+    head = [index, packet.source_name or packet.uuid, frame.frame_number, frame.t_s]
+    for ball in frame.balls:
+        place, velocity = ball.position_m, ball.velocity_mps
+        moves: list[Any] = ["", "", "", ""] if velocity is None else [velocity.x, velocity.y, velocity.z, ""]
+        yield [*head, "ball", "", place.x, place.y, place.z, "", *moves, ball.visibility]
+    for robot in frame.robots:
+        spot, speed = robot.position_m, robot.velocity_mps
+        moves = ["", "", "", robot.turn_rps] if speed is None else [speed.x, speed.y, "", robot.turn_rps]
+        color = robot.robot.team.name.lower()
+        yield [*head, color, robot.robot.number, spot.x, spot.y, "", robot.orientation_rad, *moves, robot.visibility]
+
+
+def _mm(length_m: float) -> float:
+    """Return millimetres as the message has them."""
+    return float(np.float32(1000 * length_m))

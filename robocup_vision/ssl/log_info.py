@@ -1,0 +1,109 @@
+"""What is in a log: how many entries of each kind, over which time, who sent them, and what is wrong with some."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from field_models.errors import FileError, PacketError
+from robocup_vision.ssl.log import LogKind, SslLog
+from robocup_vision.ssl.values.detection import VisionPacket
+from robocup_vision.ssl.values.referee import Referee
+from robocup_vision.ssl.values.tracked import TrackerPacket
+
+NS_PER_S = 1e9
+
+
+@dataclass(slots=True)
+class LogInfo:
+    """What a log holds.
+
+    Parameters
+    ----------
+    entries : dict of str to int
+        How many of each kind, by name.
+    first_ns, last_ns : int or None
+        When the first and the last entry with a time were received.
+    cameras : dict of int to int
+        Detection frames of each camera.
+    geometry_packets : int
+        Packets with a geometry.
+    field_m : (float, float) or None
+        Length and width of the field in the last geometry.
+    trackers : dict of str to int
+        Packets of each tracker, by its name or else its uuid.
+    commands : list of str
+        The referee's commands in their order, each when its counter changed.
+    teams : (str, str) or None
+        Names of yellow and blue.
+    score : (int, int) or None
+        Goals of yellow and blue in the last referee packet.
+    unreadable : int
+        Entries that are not what their kind says.
+    first_problem : str
+        What is wrong with the first of them; empty if none is.
+    damage : str
+        Why the file could not be read to its end; empty if it could.
+    """
+
+    entries: dict[str, int] = field(default_factory=dict)
+    first_ns: int | None = None
+    last_ns: int | None = None
+    cameras: dict[int, int] = field(default_factory=dict)
+    geometry_packets: int = 0
+    field_m: tuple[float, float] | None = None
+    trackers: dict[str, int] = field(default_factory=dict)
+    commands: list[str] = field(default_factory=list)
+    teams: tuple[str, str] | None = None
+    score: tuple[int, int] | None = None
+    unreadable: int = 0
+    first_problem: str = ""
+    damage: str = ""
+
+    @property
+    def duration_s(self) -> float:
+        """Between the first and the last entry."""
+        if self.first_ns is None or self.last_ns is None:
+            return 0.0
+        return (self.last_ns - self.first_ns) / NS_PER_S
+
+
+def log_info(log: SslLog) -> LogInfo:
+    """Read a log through; what cannot be read is told in the result, and stops nothing."""
+    info = LogInfo()
+    counter = None
+    try:
+        for entry in log:
+            name = LogKind(entry.kind).name.lower() if entry.kind in set(LogKind) else f"kind_{entry.kind}"
+            info.entries[name] = info.entries.get(name, 0) + 1
+            if entry.kind != LogKind.INDEX:
+                info.first_ns = entry.received_ns if info.first_ns is None else info.first_ns
+                info.last_ns = entry.received_ns
+            try:
+                value = entry.value
+            except PacketError as error:
+                info.unreadable += 1
+                info.first_problem = info.first_problem or str(error)
+                continue
+            if isinstance(value, VisionPacket):
+                _add_vision(info, value)
+            elif isinstance(value, TrackerPacket):
+                tracker = value.source_name or value.uuid
+                info.trackers[tracker] = info.trackers.get(tracker, 0) + 1
+            elif isinstance(value, Referee):
+                if value.command_counter != counter:
+                    counter = value.command_counter
+                    info.commands.append(value.command.name)
+                info.teams = (value.yellow.name, value.blue.name)
+                info.score = (value.yellow.score, value.blue.score)
+    except FileError as error:
+        info.damage = str(error)
+    return info
+
+
+def _add_vision(info: LogInfo, packet: VisionPacket) -> None:
+    if packet.detection is not None:
+        camera = packet.detection.camera_id
+        info.cameras[camera] = info.cameras.get(camera, 0) + 1
+    if packet.geometry is not None:
+        info.geometry_packets += 1
+        info.field_m = (packet.geometry.field.length_m, packet.geometry.field.width_m)

@@ -1,0 +1,215 @@
+"""How good a tracker is on a log: ours beside the last detection, against what the log's tracker packets say.
+
+At each tracker packet both may use what was received before it. The packets of sim2d are the truth; those of another
+tracker are its opinion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import wrap_angle
+from robocup_vision.ssl.log import LogEntry, LogKind
+from robocup_vision.ssl.tracker import OverheadTracker
+from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
+from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot, TrackerPacket
+
+# a ball of which no frame of any camera tells for so long is hidden
+_HIDDEN_S = 0.1
+# found again: nearer than a robot's radius to where it is
+_FOUND_M = 0.09
+# what the first frames tell of velocity is little
+_SETTLING_S = 0.5
+
+
+@dataclass(slots=True)
+class _Squares:
+    """Sums of squares of errors."""
+
+    total: float = 0.0
+    count: int = 0
+
+    def add(self, square: float) -> None:
+        self.total += square
+        self.count += 1
+
+    @property
+    def rms(self) -> float | None:
+        return math.sqrt(self.total / self.count) if self.count else None
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerScore:
+    """What a tracker was worth on a log; None where there was nothing to compare.
+
+    Parameters
+    ----------
+    source : str
+        Whose tracker packets it was compared with.
+    frames : int
+        How many of them.
+    robot_rms_m, robot_last_rms_m : float or None
+        Error of a robot's place: by the tracker, and if the last detection is taken as it is.
+    robot_rms_rad, robot_last_rms_rad : float or None
+        The same of its direction.
+    robot_velocity_rms_mps : float or None
+        Error of a robot's velocity.
+    ball_rms_m, ball_last_rms_m, ball_velocity_rms_mps : float or None
+        The same of the ball.
+    ball_hidden : int
+        How often no camera saw the ball for more than a tenth of a second.
+    ball_refound_s : float or None
+        The longest time from when it was seen again until the tracker had it.
+    """
+
+    source: str
+    frames: int
+    robot_rms_m: float | None
+    robot_last_rms_m: float | None
+    robot_rms_rad: float | None
+    robot_last_rms_rad: float | None
+    robot_velocity_rms_mps: float | None
+    ball_rms_m: float | None
+    ball_last_rms_m: float | None
+    ball_velocity_rms_mps: float | None
+    ball_hidden: int
+    ball_refound_s: float | None
+
+
+@dataclass(slots=True)
+class _Sums:
+    place: _Squares = field(default_factory=_Squares)
+    last_place: _Squares = field(default_factory=_Squares)
+    angle: _Squares = field(default_factory=_Squares)
+    last_angle: _Squares = field(default_factory=_Squares)
+    velocity: _Squares = field(default_factory=_Squares)
+    ball: _Squares = field(default_factory=_Squares)
+    last_ball: _Squares = field(default_factory=_Squares)
+    ball_velocity: _Squares = field(default_factory=_Squares)
+
+
+def score_log(entries: Iterable[LogEntry], tracker: OverheadTracker | None = None) -> TrackerScore:
+    """Score a tracker.
+
+    Parameters
+    ----------
+    entries : iterable of LogEntry
+        In the order of their reception.
+    tracker : OverheadTracker, optional
+        A fresh one unless given.
+
+    Raises
+    ------
+    ArgumentError
+        If there are no tracker packets, or no detections before them.
+    PacketError
+        If an entry cannot be read.
+    """
+    run = _Run(OverheadTracker() if tracker is None else tracker)
+    for entry in entries:
+        if entry.kind not in (LogKind.VISION, LogKind.TRACKER):
+            continue
+        value = entry.value
+        if isinstance(value, VisionPacket) and value.detection is not None:
+            run.see(value.detection)
+        elif isinstance(value, TrackerPacket) and value.frame is not None:
+            run.compare(value, value.frame)
+    if run.uuid is None:
+        raise ArgumentError("the log has no tracker packets to score against")
+    if not run.frames:
+        raise ArgumentError("the log has no detections in the time of its tracker packets")
+    return run.score
+
+
+class _Run:
+    def __init__(self, tracker: OverheadTracker) -> None:
+        self._tracker = tracker
+        self._sums = _Sums()
+        self._robots: dict[tuple[TeamColor, int], tuple[float, float, float]] = {}
+        self._ball: tuple[float, float] | None = None
+        self._begin_s: float | None = None
+        self._ball_seen_s = -math.inf
+        self._refinding_since_s: float | None = None
+        self._hidden = 0
+        self._refound_s: float | None = None
+        self._source = ""
+        # of the first tracker in the log: others are left out
+        self.uuid: str | None = None
+        self.frames = 0
+
+    def see(self, frame: DetectionFrame) -> None:
+        if self._begin_s is None:
+            self._begin_s = frame.t_capture_s
+        self._tracker.update(frame)
+        for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue)):
+            for robot in robots:
+                if robot.robot_id is not None:
+                    self._robots[color, robot.robot_id] = (robot.x_m, robot.y_m, robot.orientation_rad or 0.0)
+        for ball in frame.balls:
+            self._ball = (ball.x_m, ball.y_m)
+            if self._ball_seen_s + _HIDDEN_S < frame.t_capture_s and math.isfinite(self._ball_seen_s):
+                self._hidden += 1
+                self._refinding_since_s = frame.t_capture_s
+            self._ball_seen_s = max(self._ball_seen_s, frame.t_capture_s)
+
+    def compare(self, packet: TrackerPacket, truth: TrackedFrame) -> None:
+        if self.uuid is None:
+            self.uuid, self._source = packet.uuid, packet.source_name or packet.uuid
+        if packet.uuid != self.uuid or self._begin_s is None or truth.t_s - self._begin_s < _SETTLING_S:
+            return
+        self.frames += 1
+        ours = self._tracker.at(truth.t_s)
+        known = {(robot.robot.team, robot.robot.number): robot for robot in ours.robots}
+        for robot in truth.robots:
+            key = robot.robot.team, robot.robot.number
+            if key in known and key in self._robots:
+                self._compare_robot(robot, known[key], self._robots[key])
+        if truth.balls and ours.balls and self._ball is not None:
+            self._compare_ball(truth, ours, self._ball)
+
+    def _compare_robot(self, truth: TrackedRobot, ours: TrackedRobot, last: tuple[float, float, float]) -> None:
+        sums, place = self._sums, truth.position_m
+        sums.place.add((ours.position_m.x - place.x) ** 2 + (ours.position_m.y - place.y) ** 2)
+        sums.last_place.add((last[0] - place.x) ** 2 + (last[1] - place.y) ** 2)
+        sums.angle.add(wrap_angle(ours.orientation_rad - truth.orientation_rad) ** 2)
+        sums.last_angle.add(wrap_angle(last[2] - truth.orientation_rad) ** 2)
+        if truth.velocity_mps is not None and ours.velocity_mps is not None:
+            dx, dy = ours.velocity_mps.x - truth.velocity_mps.x, ours.velocity_mps.y - truth.velocity_mps.y
+            sums.velocity.add(dx**2 + dy**2)
+
+    def _compare_ball(self, truth: TrackedFrame, ours: TrackedFrame, last: tuple[float, float]) -> None:
+        sums, there, here = self._sums, truth.balls[0], ours.balls[0]
+        place = there.position_m
+        error2 = (here.position_m.x - place.x) ** 2 + (here.position_m.y - place.y) ** 2
+        if self._refinding_since_s is not None and error2 < _FOUND_M**2:
+            took_s = truth.t_s - self._refinding_since_s
+            self._refound_s = max(self._refound_s or 0.0, took_s)
+            self._refinding_since_s = None
+        if truth.t_s - self._ball_seen_s > _HIDDEN_S:
+            return
+        sums.ball.add(error2)
+        sums.last_ball.add((last[0] - place.x) ** 2 + (last[1] - place.y) ** 2)
+        if there.velocity_mps is not None and here.velocity_mps is not None:
+            dx, dy = here.velocity_mps.x - there.velocity_mps.x, here.velocity_mps.y - there.velocity_mps.y
+            sums.ball_velocity.add(dx**2 + dy**2)
+
+    @property
+    def score(self) -> TrackerScore:
+        sums = self._sums
+        return TrackerScore(
+            self._source,
+            self.frames,
+            sums.place.rms,
+            sums.last_place.rms,
+            sums.angle.rms,
+            sums.last_angle.rms,
+            sums.velocity.rms,
+            sums.ball.rms,
+            sums.last_ball.rms,
+            sums.ball_velocity.rms,
+            self._hidden,
+            self._refound_s,
+        )

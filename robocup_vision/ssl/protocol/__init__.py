@@ -1,0 +1,1 @@
+"""How the league's messages are laid out, and how they become values and bytes."""

@@ -1,0 +1,205 @@
+"""Clients that ask one program and get its answer: a simulator's control, and the robots of a team."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, Generic, TypeVar
+
+from field_models.errors import ArgumentError, PacketError
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.sockets import (
+    BLUE_PORT,
+    LOOPBACK,
+    SIMULATION_PORT,
+    YELLOW_PORT,
+    await_datagram,
+    wait_for_datagram,
+)
+from robocup_vision.ssl.values.simulation import (
+    RobotCommand,
+    RobotControl,
+    RobotControlResponse,
+    RobotId,
+    SimulatorCommand,
+    SimulatorControl,
+    SimulatorResponse,
+    SyncRequest,
+    SyncResponse,
+    Team,
+    TeleportBall,
+    TeleportRobot,
+)
+
+T = TypeVar("T")
+U = TypeVar("U")
+S = TypeVar("S", bound="_Client[Any]")
+
+
+class _Client(Generic[T]):
+    """Sends to one address and receives from there alone. Close it, or use it in a ``with``.
+
+    Parameters
+    ----------
+    answer : type
+        What comes back.
+    host : str
+        Name or IPv4 address of the machine.
+    port : int
+        Where it listens.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no way to that address.
+    """
+
+    def __init__(self, answer: type[T], host: str, port: int) -> None:
+        self._answer = answer
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._host, self._port = host, port
+        self.bad_datagrams = 0
+        self.last_problem = ""
+        try:
+            self._socket.connect((host, port))
+        except (OSError, OverflowError) as error:
+            self._socket.close()
+            raise ArgumentError(f"cannot reach {host}:{port}: {getattr(error, 'strerror', None) or error}") from None
+
+    def __enter__(self: S) -> S:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def receive(self, timeout_s: float | None = None) -> T | None:
+        """Return the next answer, or None after a time (None: wait on)."""
+        return self._receive(self._answer, timeout_s)
+
+    async def receive_async(self, timeout_s: float | None = None) -> T | None:
+        """As `receive`, for asyncio."""
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        while (data := await await_datagram(self._socket, deadline_s)) is not None:
+            answer = self._take(self._answer, data)
+            if answer is not None:
+                return answer
+        return None
+
+    def _receive(self, answer: type[U], timeout_s: float | None) -> U | None:
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        while (data := wait_for_datagram(self._socket, deadline_s)) is not None:
+            value = self._take(answer, data)
+            if value is not None:
+                return value
+        return None
+
+    def _take(self, answer: type[U], data: bytes) -> U | None:
+        try:
+            return decode(answer, data)
+        except PacketError as error:
+            self.bad_datagrams += 1
+            self.last_problem = str(error)
+            return None
+
+    def _send(self, value: object) -> None:
+        data = encode(value)
+        try:
+            self._socket.send(data)
+        except ConnectionRefusedError:
+            # tells of the datagram before this one: nobody listened then
+            self._socket.send(data)
+        except OSError as error:
+            raise ArgumentError(f"cannot send to {self._host}:{self._port}: {error.strerror or error}") from None
+
+
+class RobotClient(_Client[RobotControlResponse]):
+    """Commands the robots of a team.
+
+    Parameters
+    ----------
+    team : Team
+        Yellow or blue.
+    host : str
+        Where the simulator or the radio runs.
+    port : int, optional
+        Default: the league's for that team.
+
+    Raises
+    ------
+    ArgumentError
+        If the team is unknown, or there is no way to that address.
+    """
+
+    def __init__(self, team: Team, host: str = LOOPBACK, port: int | None = None) -> None:
+        if team not in (Team.YELLOW, Team.BLUE):
+            raise ArgumentError(f"team must be yellow or blue, got {team!r}")
+        super().__init__(RobotControlResponse, host, port or (YELLOW_PORT if team == Team.YELLOW else BLUE_PORT))
+
+    def send(self, commands: Sequence[RobotCommand]) -> None:
+        """Send commands, at most one a robot. A robot without one for 0.1 s stands still.
+
+        Raises
+        ------
+        PacketError
+            If a number of a command does not fit into its field.
+        """
+        self._send(RobotControl(tuple(commands)))
+
+    def step(self, step_s: float, commands: Sequence[RobotCommand], timeout_s: float = 1.0) -> SyncResponse | None:
+        """Let a simulator go on by a step with these commands; return what was seen, or None after a time."""
+        self._send(SyncRequest(step_s, robot_control=RobotControl(tuple(commands))))
+        return self._receive(SyncResponse, timeout_s)
+
+
+class SimulatorClient(_Client[SimulatorResponse]):
+    """Controls a simulator: puts things somewhere, changes its speed and settings, or steps it.
+
+    Parameters
+    ----------
+    host : str
+        Where it runs.
+    port : int
+        Where it listens.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no way to that address.
+    """
+
+    def __init__(self, host: str = LOOPBACK, port: int = SIMULATION_PORT) -> None:
+        super().__init__(SimulatorResponse, host, port)
+
+    def send(self, command: SimulatorCommand) -> None:
+        """Send a command; a simulator answers one that held an error, and may answer others."""
+        self._send(command)
+
+    def step(
+        self, step_s: float, command: SimulatorCommand | None = None, timeout_s: float = 1.0
+    ) -> SyncResponse | None:
+        """Let it go on by a step, a command first; return what was seen, or None after a time."""
+        self._send(SyncRequest(step_s, command))
+        return self._receive(SyncResponse, timeout_s)
+
+    def place_ball(self, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0) -> None:
+        """Put the ball on the floor somewhere."""
+        ball = TeleportBall(x_m, y_m, 0.0, vx_mps, vy_mps, 0.0)
+        self.send(SimulatorCommand(SimulatorControl(ball)))
+
+    def place_robot(self, team: Team, number: int, x_m: float, y_m: float, orientation_rad: float) -> None:
+        """Put a robot somewhere, at rest; one that is not on the field is put there."""
+        robot = TeleportRobot(RobotId(number, team), x_m, y_m, orientation_rad, 0.0, 0.0, 0.0, True)
+        self.send(SimulatorCommand(SimulatorControl(robots=(robot,))))
+
+    def remove_robot(self, team: Team, number: int) -> None:
+        """Take a robot off the field."""
+        self.send(SimulatorCommand(SimulatorControl(robots=(TeleportRobot(RobotId(number, team), present=False),))))

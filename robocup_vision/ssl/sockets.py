@@ -1,0 +1,169 @@
+"""The league's addresses, and sockets for them that reach no farther than they are told to.
+
+Without an interface everything stays on the loopback: it is bound to 127.0.0.1, and multicast has a time to live of 0.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import ipaddress
+import select
+import socket
+import struct
+import time
+
+from field_models.errors import ArgumentError
+
+LOOPBACK = "127.0.0.1"
+VISION_GROUP, VISION_PORT, SIMULATED_VISION_PORT = "224.5.23.2", 10006, 10020
+TRACKER_GROUP, TRACKER_PORT = "224.5.23.2", 10010
+REFEREE_GROUP, REFEREE_PORT = "224.5.23.1", 10003
+SIMULATION_PORT, BLUE_PORT, YELLOW_PORT = 10300, 10301, 10302
+# of a UDP datagram
+MAX_DATAGRAM_BYTES = 65_507
+# frames of several cameras arrive at once; the default holds a few only
+_RECEIVE_BUFFER_BYTES = 1 << 20
+_SIOCGIFADDR = 0x8915
+# Linux: take only what is sent to a group on the interface this socket has joined it on
+_IP_MULTICAST_ALL = 49
+
+
+def interface_address(interface: str) -> str:
+    """Return the IPv4 address of a network interface.
+
+    Parameters
+    ----------
+    interface : str
+        ``loopback``, an interface's name or its IPv4 address.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such interface, or it has no address.
+    """
+    if interface == "loopback":
+        return LOOPBACK
+    try:
+        return str(ipaddress.IPv4Address(interface))
+    except ValueError:
+        pass
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            found = fcntl.ioctl(probe, _SIOCGIFADDR, struct.pack("256s", interface.encode()[:15]))
+        except OSError:
+            raise ArgumentError(f"there is no network interface {interface!r} with an IPv4 address") from None
+    return socket.inet_ntoa(found[20:24])
+
+
+def multicast_receiver(group: str, port: int, interface: str = "loopback") -> socket.socket:
+    """Return a non-blocking socket that gets what is sent to a group on one interface; others may listen too.
+
+    Raises
+    ------
+    ArgumentError
+        If the interface or the port cannot be had.
+    """
+    address = interface_address(interface)
+    made = _socket()
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
+        made.bind((group, port))
+        membership = socket.inet_aton(group) + socket.inet_aton(address)
+        made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        made.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+    except (OSError, OverflowError) as error:
+        made.close()
+        raise ArgumentError(f"cannot listen to {group}:{port} on {interface}: {_words(error)}") from None
+    return made
+
+
+def multicast_sender(interface: str = "loopback", *groups: str) -> socket.socket:
+    """Return a socket that sends to groups on one interface; those who listen on this machine get it too.
+
+    Parameters
+    ----------
+    interface : str
+        ``loopback``, a network interface's name or its IPv4 address.
+    groups : str
+        Groups that are sent to. The interface then belongs to them, and clients of this machine that have joined on
+        another interface, as many do, get them all the same.
+
+    Raises
+    ------
+    ArgumentError
+        If the interface cannot be had.
+    """
+    address = interface_address(interface)
+    made = _socket()
+    try:
+        made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(address))
+        made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0 if address == LOOPBACK else 1)
+        made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+        for group in dict.fromkeys(groups):
+            membership = socket.inet_aton(group) + socket.inet_aton(address)
+            made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+    except OSError as error:
+        made.close()
+        raise ArgumentError(f"cannot send on {interface}: {_words(error)}") from None
+    return made
+
+
+def server(port: int, interface: str = "loopback") -> socket.socket:
+    """Return a non-blocking socket on a port (0: any free one) of one interface's address.
+
+    Raises
+    ------
+    ArgumentError
+        If the interface or the port cannot be had.
+    """
+    address = interface_address(interface)
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    made.setblocking(False)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
+        made.bind((address, port))
+    except (OSError, OverflowError) as error:
+        made.close()
+        raise ArgumentError(f"cannot listen on {address}:{port}: {_words(error)}") from None
+    return made
+
+
+def wait_for_datagram(listening: socket.socket, deadline_s: float | None) -> bytes | None:
+    """Return the next datagram, or None once `time.monotonic` has passed the deadline (None: wait on)."""
+    while True:
+        left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
+        ready, _, _ = select.select([listening], [], [], left_s)
+        if not ready:
+            return None
+        try:
+            return listening.recv(MAX_DATAGRAM_BYTES)
+        except BlockingIOError:
+            continue
+        except ConnectionRefusedError:
+            # nobody listened at the address that something was sent to before; somebody may yet
+            continue
+
+
+async def await_datagram(listening: socket.socket, deadline_s: float | None) -> bytes | None:
+    """As `wait_for_datagram`, for a running asyncio loop."""
+    loop = asyncio.get_running_loop()
+    while True:
+        left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
+        try:
+            return await asyncio.wait_for(loop.sock_recv(listening, MAX_DATAGRAM_BYTES), left_s)
+        except (TimeoutError, asyncio.TimeoutError):
+            return None
+        except ConnectionRefusedError:
+            continue
+
+
+def _socket() -> socket.socket:
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    made.setblocking(False)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    return made
+
+
+def _words(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)

@@ -1,0 +1,168 @@
+"""Clients of what is sent to everybody: vision, trackers, the referee. Each receives, and keeps the newest of its kind.
+
+Bad datagrams are counted and passed over: anybody can send anything to a group.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from types import TracebackType
+from typing import Generic, TypeVar
+
+from field_models.errors import PacketError
+from robocup_vision.ssl.overview import CameraMerge, Overview
+from robocup_vision.ssl.protocol.mapping import decode
+from robocup_vision.ssl.sockets import (
+    REFEREE_GROUP,
+    REFEREE_PORT,
+    TRACKER_GROUP,
+    TRACKER_PORT,
+    VISION_GROUP,
+    VISION_PORT,
+    await_datagram,
+    multicast_receiver,
+    wait_for_datagram,
+)
+from robocup_vision.ssl.values.detection import VisionPacket
+from robocup_vision.ssl.values.geometry import Geometry
+from robocup_vision.ssl.values.referee import Referee
+from robocup_vision.ssl.values.tracked import TrackerPacket
+
+T = TypeVar("T")
+S = TypeVar("S", bound="Subscription[object]")
+
+
+class Subscription(Generic[T]):
+    """Listens to a multicast group. Close it, or use it in a ``with``.
+
+    Parameters
+    ----------
+    value : type
+        What is sent there.
+    group : str
+        The group's address.
+    port : int
+        Its port.
+    interface : str
+        ``loopback``, a network interface's name or its IPv4 address.
+
+    Raises
+    ------
+    ArgumentError
+        If the interface or the port cannot be had.
+
+    Attributes
+    ----------
+    bad_datagrams : int
+        How many were no such message.
+    last_problem : str
+        What was wrong with the last of those; empty if none was.
+    """
+
+    def __init__(self, value: type[T], group: str, port: int, interface: str = "loopback") -> None:
+        self._value = value
+        self._socket: socket.socket = multicast_receiver(group, port, interface)
+        self.bad_datagrams = 0
+        self.last_problem = ""
+
+    def __enter__(self: S) -> S:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def receive(self, timeout_s: float | None = None) -> T | None:
+        """Return the next packet, or None after a time (None: wait on)."""
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        while (data := wait_for_datagram(self._socket, deadline_s)) is not None:
+            packet = self._take(data)
+            if packet is not None:
+                return packet
+        return None
+
+    async def receive_async(self, timeout_s: float | None = None) -> T | None:
+        """As `receive`, for asyncio."""
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        while (data := await await_datagram(self._socket, deadline_s)) is not None:
+            packet = self._take(data)
+            if packet is not None:
+                return packet
+        return None
+
+    def _take(self, data: bytes) -> T | None:
+        try:
+            packet = decode(self._value, data)
+        except PacketError as error:
+            self.bad_datagrams += 1
+            self.last_problem = str(error)
+            return None
+        self._keep(packet)
+        return packet
+
+    def _keep(self, packet: T) -> None:
+        """Remember what is worth it."""
+
+
+class VisionClient(Subscription[VisionPacket]):
+    """Listens to a vision system, and merges what its cameras send.
+
+    Parameters
+    ----------
+    port : int
+        10006 of the league's vision; simulators use 10020 (`SIMULATED_VISION_PORT`).
+    interface, group : str
+        As in `Subscription`.
+    """
+
+    def __init__(self, port: int = VISION_PORT, interface: str = "loopback", group: str = VISION_GROUP) -> None:
+        super().__init__(VisionPacket, group, port, interface)
+        self._merge = CameraMerge()
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """The newest field with the newest calibration of each camera, in order of their ids; None before any came."""
+        return self._merge.geometry
+
+    @property
+    def overview(self) -> Overview | None:
+        """The newest frames of all cameras in one; None before any came."""
+        return self._merge.overview
+
+    def _keep(self, packet: VisionPacket) -> None:
+        self._merge.add(packet)
+
+
+class TrackerClient(Subscription[TrackerPacket]):
+    """Listens to trackers. Several may send; a packet's `uuid` tells them apart."""
+
+    def __init__(self, port: int = TRACKER_PORT, interface: str = "loopback", group: str = TRACKER_GROUP) -> None:
+        super().__init__(TrackerPacket, group, port, interface)
+
+
+class RefereeClient(Subscription[Referee]):
+    """Listens to the game controller.
+
+    Attributes
+    ----------
+    newest : Referee or None
+        The newest packet.
+    new_command : bool
+        Whether the newest packet brought a command that the one before had not: its counter is another.
+    """
+
+    def __init__(self, port: int = REFEREE_PORT, interface: str = "loopback", group: str = REFEREE_GROUP) -> None:
+        super().__init__(Referee, group, port, interface)
+        self.newest: Referee | None = None
+        self.new_command = False
+
+    def _keep(self, packet: Referee) -> None:
+        before = self.newest
+        self.new_command = before is None or before.command_counter != packet.command_counter
+        self.newest = packet

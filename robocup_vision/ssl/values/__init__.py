@@ -1,0 +1,1 @@
+"""What the league's messages say, as frozen values in metres, radians and seconds."""

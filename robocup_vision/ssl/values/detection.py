@@ -1,0 +1,127 @@
+"""What one camera saw at one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated
+
+from robocup_vision.ssl.protocol.mapping import Wire, message_value
+from robocup_vision.ssl.values.geometry import MM_PER_M, Geometry
+
+
+class Source(IntEnum):
+    """What kind of program sends vision packets."""
+
+    UNKNOWN = 0
+    OTHER = 1
+    SSL_VISION = 2
+    VISION_PROCESSOR = 3
+    GRSIM = 4
+    ERFORCE_SIM = 5
+
+
+@message_value("vision.SSL_DetectionBall")
+@dataclass(frozen=True, slots=True)
+class DetectionBall:
+    """A ball as one camera sees it.
+
+    Parameters
+    ----------
+    confidence : float
+        From 0 to 1.
+    x_m, y_m : float
+        Field frame; of a flying ball where its ray meets the floor, unless `z_m` is set.
+    pixel_x, pixel_y : float
+        Where in the camera's image.
+    area_px : int or None
+        Pixels.
+    z_m : float or None
+        Height, where the sender knows it.
+    unknown : bytes
+        Fields that the tables do not have.
+    """
+
+    confidence: float
+    x_m: Annotated[float, Wire("x", MM_PER_M)]
+    y_m: Annotated[float, Wire("y", MM_PER_M)]
+    pixel_x: float = 0.0
+    pixel_y: float = 0.0
+    area_px: Annotated[int | None, Wire("area")] = None
+    z_m: Annotated[float | None, Wire("z", MM_PER_M)] = None
+    unknown: bytes = b""
+
+
+@message_value("vision.SSL_DetectionRobot")
+@dataclass(frozen=True, slots=True)
+class DetectionRobot:
+    """A robot as one camera sees it.
+
+    Parameters
+    ----------
+    confidence : float
+        From 0 to 1.
+    robot_id : int or None
+        The pattern's number; None where only the team's colour was seen.
+    x_m, y_m : float
+        Its centre, field frame.
+    orientation_rad : float or None
+        Where it faces, counter-clockwise from +x.
+    pixel_x, pixel_y : float
+        Where in the camera's image.
+    height_m : float or None
+        Of its pattern above the floor.
+    unknown : bytes
+        Fields that the tables do not have.
+    """
+
+    confidence: float
+    robot_id: int | None
+    x_m: Annotated[float, Wire("x", MM_PER_M)]
+    y_m: Annotated[float, Wire("y", MM_PER_M)]
+    orientation_rad: Annotated[float | None, Wire("orientation")] = None
+    pixel_x: float = 0.0
+    pixel_y: float = 0.0
+    height_m: Annotated[float | None, Wire("height", MM_PER_M)] = None
+    unknown: bytes = b""
+
+
+@message_value("vision.SSL_DetectionFrame")
+@dataclass(frozen=True, slots=True)
+class DetectionFrame:
+    """Everything one camera saw in one of its frames.
+
+    Parameters
+    ----------
+    frame_number, camera_id : int
+        Which one, and whose.
+    t_capture_s, t_sent_s : float
+        When it was exposed and when it was sent, seconds since 1970 by the sender's clock.
+    balls, yellow, blue : tuple
+        What was seen.
+    t_capture_camera_s : float or None
+        When it was exposed by the camera's own clock.
+    unknown : bytes
+        Fields that the tables do not have.
+    """
+
+    frame_number: int
+    t_capture_s: Annotated[float, Wire("t_capture")]
+    t_sent_s: Annotated[float, Wire("t_sent")]
+    camera_id: int
+    balls: tuple[DetectionBall, ...] = ()
+    yellow: Annotated[tuple[DetectionRobot, ...], Wire("robots_yellow")] = ()
+    blue: Annotated[tuple[DetectionRobot, ...], Wire("robots_blue")] = ()
+    t_capture_camera_s: Annotated[float | None, Wire("t_capture_camera")] = None
+    unknown: bytes = b""
+
+
+@message_value("vision.SSL_WrapperPacket")
+@dataclass(frozen=True, slots=True)
+class VisionPacket:
+    """One datagram of a vision system: a frame's detections, the geometry, or both."""
+
+    detection: DetectionFrame | None = None
+    geometry: Geometry | None = None
+    source: Source | None = None
+    unknown: bytes = b""

@@ -1,0 +1,332 @@
+"""What a league simulator takes and answers: where things are put, what robots shall do, what they feel.
+
+A field that is None is left out of the message, and the simulator keeps what it has.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated
+
+from robocup_vision.ssl.protocol.mapping import Wire, message_value
+from robocup_vision.ssl.values.detection import DetectionFrame
+from robocup_vision.ssl.values.geometry import Geometry
+
+DEGREES_PER_RAD = math.degrees(1.0)
+RPM_PER_RPS = 60 / math.tau
+
+
+class Team(IntEnum):
+    """Which team."""
+
+    UNKNOWN = 0
+    YELLOW = 1
+    BLUE = 2
+
+
+@message_value("simulation.Any")
+@dataclass(frozen=True, slots=True)
+class AnyMessage:
+    """A message of a kind that only some programs know: the kind's name, and its bytes."""
+
+    type_url: str | None = None
+    value: bytes | None = None
+    unknown: bytes = b""
+
+    @property
+    def kind(self) -> str:
+        """Name of the message without its package."""
+        return (self.type_url or "").rpartition("/")[2].rpartition(".")[2]
+
+
+@message_value("simulation.RobotId")
+@dataclass(frozen=True, slots=True)
+class RobotId:
+    """A robot's number and team."""
+
+    number: Annotated[int | None, Wire("id")] = None
+    team: Team | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.SimulatorError")
+@dataclass(frozen=True, slots=True)
+class SimulatorError:
+    """What a simulator did not do: a code for programs, words for people."""
+
+    code: str | None = None
+    message: str | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotLimits")
+@dataclass(frozen=True, slots=True)
+class LeagueRobotLimits:
+    """How fast robots speed up, brake, drive and turn at most."""
+
+    speed_up_mps2: Annotated[float | None, Wire("acc_speedup_absolute_max")] = None
+    turn_speed_up_rps2: Annotated[float | None, Wire("acc_speedup_angular_max")] = None
+    brake_mps2: Annotated[float | None, Wire("acc_brake_absolute_max")] = None
+    turn_brake_rps2: Annotated[float | None, Wire("acc_brake_angular_max")] = None
+    speed_mps: Annotated[float | None, Wire("vel_absolute_max")] = None
+    turn_rps: Annotated[float | None, Wire("vel_angular_max")] = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotWheelAngles")
+@dataclass(frozen=True, slots=True)
+class WheelAngles:
+    """Where a robot's wheels sit, counter-clockwise from straight ahead."""
+
+    front_right_rad: Annotated[float, Wire("front_right")]
+    back_right_rad: Annotated[float, Wire("back_right")]
+    back_left_rad: Annotated[float, Wire("back_left")]
+    front_left_rad: Annotated[float, Wire("front_left")]
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotSpecs")
+@dataclass(frozen=True, slots=True)
+class RobotSpecs:
+    """What one robot is like."""
+
+    robot: Annotated[RobotId, Wire("id")]
+    radius_m: Annotated[float | None, Wire("radius")] = None
+    height_m: Annotated[float | None, Wire("height")] = None
+    mass_kg: Annotated[float | None, Wire("mass")] = None
+    max_kick_mps: Annotated[float | None, Wire("max_linear_kick_speed")] = None
+    max_chip_mps: Annotated[float | None, Wire("max_chip_kick_speed")] = None
+    center_to_dribbler_m: Annotated[float | None, Wire("center_to_dribbler")] = None
+    limits: LeagueRobotLimits | None = None
+    wheel_angles: WheelAngles | None = None
+    custom: tuple[AnyMessage, ...] = ()
+    unknown: bytes = b""
+
+
+@message_value("simulation.RealismConfig")
+@dataclass(frozen=True, slots=True)
+class RealismConfig:
+    """How real a simulator is, in messages that each simulator has of its own."""
+
+    custom: tuple[AnyMessage, ...] = ()
+    unknown: bytes = b""
+
+
+@message_value("simulation.RealismConfigErForce")
+@dataclass(frozen=True, slots=True)
+class ErForceRealism:
+    """The realism settings that teams know from the ER-Force simulator; losses are shares, times nanoseconds."""
+
+    ball_std_m: Annotated[float | None, Wire("stddev_ball_p")] = None
+    robot_std_m: Annotated[float | None, Wire("stddev_robot_p")] = None
+    robot_std_rad: Annotated[float | None, Wire("stddev_robot_phi")] = None
+    ball_area_std_px: Annotated[float | None, Wire("stddev_ball_area")] = None
+    enable_invisible_ball: bool | None = None
+    ball_visibility_threshold: float | None = None
+    camera_overlap_m: Annotated[float | None, Wire("camera_overlap")] = None
+    dribbler_ball_detections: float | None = None
+    camera_position_error_m: Annotated[float | None, Wire("camera_position_error")] = None
+    robot_command_loss: float | None = None
+    robot_response_loss: float | None = None
+    missing_ball_detections: float | None = None
+    vision_delay_ns: Annotated[int | None, Wire("vision_delay")] = None
+    vision_processing_ns: Annotated[int | None, Wire("vision_processing_time")] = None
+    simulate_dribbling: bool | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotSpecErForce")
+@dataclass(frozen=True, slots=True)
+class ErForceRobotSpec:
+    """What the ER-Force simulator knows of a robot beyond the league's fields."""
+
+    shoot_radius_m: Annotated[float | None, Wire("shoot_radius")] = None
+    dribbler_width_m: Annotated[float | None, Wire("dribbler_width")] = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.SimulatorConfig")
+@dataclass(frozen=True, slots=True)
+class SimulatorConfig:
+    """What a simulator shall be set to."""
+
+    geometry: Geometry | None = None
+    robot_specs: tuple[RobotSpecs, ...] = ()
+    realism: Annotated[RealismConfig | None, Wire("realism_config")] = None
+    vision_port: int | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.TeleportBall")
+@dataclass(frozen=True, slots=True)
+class TeleportBall:
+    """Where to put the ball and how it shall move; `roll`: it rolls at once instead of sliding first."""
+
+    x_m: Annotated[float | None, Wire("x")] = None
+    y_m: Annotated[float | None, Wire("y")] = None
+    z_m: Annotated[float | None, Wire("z")] = None
+    vx_mps: Annotated[float | None, Wire("vx")] = None
+    vy_mps: Annotated[float | None, Wire("vy")] = None
+    vz_mps: Annotated[float | None, Wire("vz")] = None
+    teleport_safely: bool | None = None
+    roll: bool | None = None
+    by_force: bool | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.TeleportRobot")
+@dataclass(frozen=True, slots=True)
+class TeleportRobot:
+    """Where to put a robot, how it shall move, and whether it is on the field at all."""
+
+    robot: Annotated[RobotId, Wire("id")]
+    x_m: Annotated[float | None, Wire("x")] = None
+    y_m: Annotated[float | None, Wire("y")] = None
+    orientation_rad: Annotated[float | None, Wire("orientation")] = None
+    vx_mps: Annotated[float | None, Wire("v_x")] = None
+    vy_mps: Annotated[float | None, Wire("v_y")] = None
+    turn_rps: Annotated[float | None, Wire("v_angular")] = None
+    present: bool | None = None
+    by_force: bool | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.SimulatorControl")
+@dataclass(frozen=True, slots=True)
+class SimulatorControl:
+    """What is put where, and how fast simulated time goes (1: as a clock)."""
+
+    ball: Annotated[TeleportBall | None, Wire("teleport_ball")] = None
+    robots: Annotated[tuple[TeleportRobot, ...], Wire("teleport_robot")] = ()
+    speed: Annotated[float | None, Wire("simulation_speed")] = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.SimulatorCommand")
+@dataclass(frozen=True, slots=True)
+class SimulatorCommand:
+    """One datagram to a simulator's control port."""
+
+    control: SimulatorControl | None = None
+    config: SimulatorConfig | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.SimulatorResponse")
+@dataclass(frozen=True, slots=True)
+class SimulatorResponse:
+    """What it answers; a command without errors need not be answered."""
+
+    errors: tuple[SimulatorError, ...] = ()
+    unknown: bytes = b""
+
+
+@message_value("simulation.MoveWheelVelocity")
+@dataclass(frozen=True, slots=True)
+class WheelVelocities:
+    """Speeds of the wheels' rims, metres a second."""
+
+    front_right_mps: Annotated[float, Wire("front_right")]
+    back_right_mps: Annotated[float, Wire("back_right")]
+    back_left_mps: Annotated[float, Wire("back_left")]
+    front_left_mps: Annotated[float, Wire("front_left")]
+    unknown: bytes = b""
+
+
+@message_value("simulation.MoveLocalVelocity")
+@dataclass(frozen=True, slots=True)
+class LocalVelocity:
+    """Velocity in the robot frame."""
+
+    forward_mps: Annotated[float, Wire("forward")]
+    left_mps: Annotated[float, Wire("left")]
+    turn_rps: Annotated[float, Wire("angular")]
+    unknown: bytes = b""
+
+
+@message_value("simulation.MoveGlobalVelocity")
+@dataclass(frozen=True, slots=True)
+class GlobalVelocity:
+    """Velocity in the field frame."""
+
+    x_mps: Annotated[float, Wire("x")]
+    y_mps: Annotated[float, Wire("y")]
+    turn_rps: Annotated[float, Wire("angular")]
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotMoveCommand")
+@dataclass(frozen=True, slots=True)
+class MoveCommand:
+    """How a robot shall move: one of the three."""
+
+    wheels: Annotated[WheelVelocities | None, Wire("wheel_velocity")] = None
+    local: Annotated[LocalVelocity | None, Wire("local_velocity")] = None
+    world: Annotated[GlobalVelocity | None, Wire("global_velocity")] = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotCommand")
+@dataclass(frozen=True, slots=True)
+class RobotCommand:
+    """What one robot shall do; a `kick_angle_rad` above 0 chips the ball up at that angle."""
+
+    number: Annotated[int, Wire("id")]
+    move: Annotated[MoveCommand | None, Wire("move_command")] = None
+    kick_mps: Annotated[float | None, Wire("kick_speed")] = None
+    kick_angle_rad: Annotated[float | None, Wire("kick_angle", DEGREES_PER_RAD)] = None
+    dribbler_rps: Annotated[float | None, Wire("dribbler_speed", RPM_PER_RPS)] = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotControl")
+@dataclass(frozen=True, slots=True)
+class RobotControl:
+    """One datagram to a team's robots."""
+
+    commands: Annotated[tuple[RobotCommand, ...], Wire("robot_commands")] = ()
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotFeedback")
+@dataclass(frozen=True, slots=True)
+class RobotFeedback:
+    """What one robot feels."""
+
+    number: Annotated[int, Wire("id")]
+    ball_contact: Annotated[bool | None, Wire("dribbler_ball_contact")] = None
+    custom: AnyMessage | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.RobotControlResponse")
+@dataclass(frozen=True, slots=True)
+class RobotControlResponse:
+    """What the robots of a team answer."""
+
+    errors: tuple[SimulatorError, ...] = ()
+    feedback: tuple[RobotFeedback, ...] = ()
+    unknown: bytes = b""
+
+
+@message_value("simulation.SimulationSyncRequest")
+@dataclass(frozen=True, slots=True)
+class SyncRequest:
+    """Asks a simulator to go on by `step_s` and to answer with what was seen."""
+
+    step_s: Annotated[float | None, Wire("sim_step")] = None
+    command: Annotated[SimulatorCommand | None, Wire("simulator_command")] = None
+    robot_control: RobotControl | None = None
+    unknown: bytes = b""
+
+
+@message_value("simulation.SimulationSyncResponse")
+@dataclass(frozen=True, slots=True)
+class SyncResponse:
+    """The frames of that step, and the robots' answer."""
+
+    detections: Annotated[tuple[DetectionFrame, ...], Wire("detection")] = ()
+    robots: Annotated[RobotControlResponse | None, Wire("robot_control_response")] = None
+    unknown: bytes = b""

@@ -1,0 +1,106 @@
+"""`robocup-vision simulate`: sim2d as a simulator of the small-size league, for anybody's team."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sim2d.network.server import LeagueServer
+
+_STATUS_S = 1.0
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `simulate` to the subparsers of an argparse parser."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "simulate",
+        help="simulate a field of the small-size league for teams' own programs",
+        description="Simulate a field of the small-size league: publish vision, tracker and, unless a game controller "
+        "runs, referee; take simulation control and robot commands by the league's protocols. Ctrl-C ends it.",
+    )
+    add = parser.add_argument
+    add("--field", default="ssl_division_b", metavar="F", help="built-in field, or a field file (ssl_division_b)")
+    add("--players", type=int, default=6, metavar="N", help="robots of each team (default: 6)")
+    add("--network", default="loopback", metavar="I", help="loopback (default), or a network interface or its address")
+    add("--speed", type=float, default=1.0, metavar="X", help="1: as a clock (default); 0: as fast as it goes")
+    add("--realism", default="none", metavar="R", help="none (default) or rc2021: noise, delays, losses")
+    add("--seed", type=int, default=0, metavar="S", help="of all noise (default: 0)")
+    add("--vision-port", type=int, default=10020, metavar="P", help="10020 (default), or 10006 as the league's own")
+    add("--tracker-port", type=int, default=10010, metavar="P", help="default: 10010")
+    add("--referee-port", type=int, default=10003, metavar="P", help="default: 10003")
+    add("--control-port", type=int, default=10300, metavar="P", help="robots at the next two (default: 10300)")
+    add("--seconds", type=float, metavar="T", help="end after so much simulated time (default: never)")
+    parser.set_defaults(run=run_simulate)
+    return parser
+
+
+def run_simulate(args: argparse.Namespace) -> int:
+    """Serve until interrupted or the time is over; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    import math
+    import time
+
+    from field_models import load_field
+    from field_models.errors import ArgumentError
+    from sim2d.network.league import LeagueSimulator
+    from sim2d.network.realism import realism_named
+    from sim2d.network.server import LeagueServer, Ports
+
+    if not 0 <= args.speed < math.inf:
+        raise ArgumentError(f"--speed must be 0 or more, got {args.speed}")
+    if args.seconds is not None and not 0 < args.seconds < math.inf:
+        raise ArgumentError(f"--seconds must be positive, got {args.seconds}")
+    for name in ("vision", "tracker", "referee", "control"):
+        port = getattr(args, f"{name}_port")
+        if not 1 <= port <= 65533:
+            raise ArgumentError(f"--{name}-port must be from 1 to 65533, got {port}")
+    simulator = LeagueSimulator(
+        load_field(args.field), args.players, realism_named(args.realism), args.seed, time.time()
+    )
+    simulator.speed = args.speed or math.inf
+    simulator.vision_port = args.vision_port
+    ports = Ports(args.control_port, args.tracker_port, args.referee_port)
+    with LeagueServer(simulator, args.network, ports) as server:
+        print(f"{args.field}, {args.players} against {args.players}, realism {args.realism}, network {args.network}")
+        print(f"vision 224.5.23.2:{args.vision_port}, tracker 224.5.23.2:{ports.tracker}, referee 224.5.23.1:", end="")
+        print(f"{ports.referee}; control {ports.control}, blue {ports.blue}, yellow {ports.yellow}", flush=True)
+        try:
+            _serve(server, args.seconds)
+        except KeyboardInterrupt:
+            print()
+        _print_end(server)
+    return 0
+
+
+def _serve(server: LeagueServer, seconds: float | None) -> None:
+    import sys
+    import time
+
+    simulator = server.simulator
+    shown, next_s = 0, 0.0
+
+    def goes_on() -> bool:
+        nonlocal shown, next_s
+        if simulator.bad_datagrams != shown and time.monotonic() >= next_s:
+            shown, next_s = simulator.bad_datagrams, time.monotonic() + _STATUS_S
+            print(f"bad datagrams: {shown}, the last one: {simulator.last_problem}", file=sys.stderr, flush=True)
+        return seconds is None or simulator.world.t_s < seconds - 1e-9
+
+    server.run(goes_on)
+
+
+def _print_end(server: LeagueServer) -> None:
+    simulator = server.simulator
+    print(f"{simulator.world.t_s:.1f} s simulated, {simulator.bad_datagrams} bad datagrams")
+    late = sorted(server.lateness_s)
+    if late:
+        p99_ms = 1000 * late[int(0.99 * (len(late) - 1))]
+        print(f"vision packets went out late by {1000 * late[len(late) // 2]:.2f} ms (median), {p99_ms:.2f} ms (p99)")
+    if server.behind_s:
+        print(f"this machine could not keep up with the clock: {server.behind_s:.1f} s were given up")

@@ -1,0 +1,266 @@
+"""What a SimulatorCommand does: things put somewhere, robots changed, the field exchanged, realism set.
+
+Whatever cannot be done is an error with a code, and changes nothing; the rest of the command is done all the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from field_models.errors import ArgumentError, PacketError
+from robocup_vision.geometry import Pose2
+from robocup_vision.ssl.field import field_from_geometry
+from robocup_vision.ssl.protocol.mapping import decode
+from robocup_vision.ssl.values.geometry import Geometry
+from robocup_vision.ssl.values.simulation import (
+    ErForceRealism,
+    ErForceRobotSpec,
+    RealismConfig,
+    RobotId,
+    RobotSpecs,
+    SimulatorCommand,
+    SimulatorConfig,
+    SimulatorControl,
+    SimulatorError,
+    Team,
+    TeleportBall,
+    TeleportRobot,
+)
+from sim2d.network.realism import UNSUPPORTED, changed_realism
+from sim2d.network.robot import LeagueRobotSpec
+from sim2d.network.world import MAX_NUMBER
+from sim2d.world.ball_physics import Flight
+from sim2d.world.state import BallState
+
+if TYPE_CHECKING:
+    from sim2d.network.league import LeagueSimulator
+
+# where things can be put, how fast they can be, how large a field can be: far beyond the league's, and finite
+MAX_PLACE_M, MAX_SPEED_MPS, MAX_TURN_RPS, MAX_HEIGHT_M = 20.0, 30.0, 100.0, 20.0
+MAX_FIELD_M, MAX_LINES = 30.0, 100
+MAX_CLOCK_RATIO = 100.0
+# each key of a robot's specification: its smallest and largest value
+_SPEC_RANGES = {
+    "radius_m": (0.02, 0.3),
+    "height_m": (0.02, 1.0),
+    "mass_kg": (0.1, 50.0),
+    "max_kick_mps": (0.0, 30.0),
+    "max_chip_mps": (0.0, 30.0),
+    "center_to_dribbler_m": (0.01, 0.3),
+    "dribbler_width_m": (0.01, 0.3),
+    "speed_up_mps2": (0.01, 1000.0),
+    "brake_mps2": (0.01, 1000.0),
+    "turn_speed_up_rps2": (0.01, 10000.0),
+    "turn_brake_rps2": (0.01, 10000.0),
+    "max_speed_mps": (0.0, MAX_SPEED_MPS),
+    "max_turn_rps": (0.0, MAX_TURN_RPS),
+}
+
+
+class _Refused(Exception):
+    """Something that is not done: its code and why."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.error = SimulatorError(code, message)
+
+
+def apply_command(simulator: LeagueSimulator, command: SimulatorCommand) -> list[SimulatorError]:
+    """Do what a command says; return what was not done.
+
+    Parameters
+    ----------
+    simulator : LeagueSimulator
+        To whom it is done.
+    command : SimulatorCommand
+        As received.
+    """
+    errors: list[SimulatorError] = []
+    # settings first: what is put on another field belongs there
+    if command.config is not None:
+        _configure(simulator, command.config, errors)
+    if command.control is not None:
+        _control(simulator, command.control, errors)
+    return errors
+
+
+def _control(simulator: LeagueSimulator, control: SimulatorControl, errors: list[SimulatorError]) -> None:
+    for robot in control.robots:
+        try:
+            _teleport_robot(simulator, robot)
+        except _Refused as refused:
+            errors.append(refused.error)
+    try:
+        if control.ball is not None:
+            _teleport_ball(simulator, control.ball)
+    except _Refused as refused:
+        errors.append(refused.error)
+    if control.speed is not None:
+        if 0 <= control.speed <= MAX_CLOCK_RATIO:
+            simulator.speed = control.speed
+        else:
+            errors.append(SimulatorError("SPEED_RANGE", f"simulation_speed must be from 0 to 100, got {control.speed}"))
+
+
+def _configure(simulator: LeagueSimulator, config: SimulatorConfig, errors: list[SimulatorError]) -> None:
+    try:
+        if config.geometry is not None:
+            _set_geometry(simulator, config.geometry)
+    except _Refused as refused:
+        errors.append(refused.error)
+    for specs in config.robot_specs:
+        try:
+            _set_spec(simulator, specs)
+        except _Refused as refused:
+            errors.append(refused.error)
+    if config.realism is not None:
+        _set_realism(simulator, config.realism, errors)
+    if config.vision_port is not None:
+        if 1 <= config.vision_port <= 65535:
+            simulator.vision_port = config.vision_port
+        else:
+            errors.append(SimulatorError("VISION_PORT", f"there is no port {config.vision_port}"))
+
+
+def _teleport_ball(simulator: LeagueSimulator, ball: TeleportBall) -> None:
+    if ball.by_force:
+        raise _Refused("BY_FORCE", "the ball cannot be moved by force; leave by_force out to teleport it")
+    now = simulator.world.ball
+    state = BallState(
+        now.x_m if ball.x_m is None else _checked("x", ball.x_m, MAX_PLACE_M),
+        now.y_m if ball.y_m is None else _checked("y", ball.y_m, MAX_PLACE_M),
+        now.vx_mps if ball.vx_mps is None else _checked("vx", ball.vx_mps, MAX_SPEED_MPS),
+        now.vy_mps if ball.vy_mps is None else _checked("vy", ball.vy_mps, MAX_SPEED_MPS),
+        now.z_m if ball.z_m is None else _checked("z", ball.z_m, MAX_HEIGHT_M),
+        now.vz_mps if ball.vz_mps is None else _checked("vz", ball.vz_mps, MAX_SPEED_MPS),
+    )
+    if state.z_m < 0:
+        raise _Refused("TELEPORT_RANGE", f"z must not be below the floor, got {state.z_m}")
+    simulator.world.place_ball(state, rolls=bool(ball.roll))
+    if ball.teleport_safely:
+        simulator.world.make_room(state.x_m, state.y_m)
+
+
+def _teleport_robot(simulator: LeagueSimulator, robot: TeleportRobot) -> None:
+    team, number = _robot_key(robot.robot)
+    name = f"robot {number} of {team.name.lower()}"
+    world = simulator.world
+    if robot.by_force:
+        raise _Refused("BY_FORCE", f"{name} cannot be moved by force; leave by_force out to teleport it")
+    x = None if robot.x_m is None else _checked("x", robot.x_m, MAX_PLACE_M)
+    y = None if robot.y_m is None else _checked("y", robot.y_m, MAX_PLACE_M)
+    angle = None if robot.orientation_rad is None else _checked("orientation", robot.orientation_rad, 1000.0)
+    vx, vy = _checked("v_x", robot.vx_mps or 0.0, MAX_SPEED_MPS), _checked("v_y", robot.vy_mps or 0.0, MAX_SPEED_MPS)
+    turn = _checked("v_angular", robot.turn_rps or 0.0, MAX_TURN_RPS)
+    if robot.present is False:
+        if world.has(team, number):
+            world.remove(team, number)
+        return
+    if not world.has(team, number):
+        if not robot.present:
+            raise _Refused("ROBOT_NOT_PRESENT", f"{name} is not on the field; set present to put it there")
+        world.add(team, number, Pose2(x or 0.0, y or 0.0, angle or 0.0)).place(
+            Pose2(x or 0.0, y or 0.0, angle or 0.0), (vx, vy), turn
+        )
+        return
+    if (x, y, angle, robot.vx_mps, robot.vy_mps, robot.turn_rps) == (None,) * 6:
+        return
+    body = world.robot(team, number)
+    now = body.pose
+    pose = Pose2(now.x_m if x is None else x, now.y_m if y is None else y, now.theta_rad if angle is None else angle)
+    body.place(pose, (vx, vy), turn)
+
+
+def _robot_key(robot: RobotId) -> tuple[Team, int]:
+    if robot.team not in (Team.YELLOW, Team.BLUE):
+        raise _Refused("UNKNOWN_TEAM", f"a robot's team must be yellow (1) or blue (2), got {robot.team!r}")
+    if robot.number is None or robot.number > MAX_NUMBER:
+        raise _Refused("UNKNOWN_ROBOT", f"a robot's id must be from 0 to {MAX_NUMBER}, got {robot.number}")
+    return robot.team, robot.number
+
+
+def _checked(key: str, value: float, largest: float) -> float:
+    if not abs(value) <= largest:
+        raise _Refused("TELEPORT_RANGE", f"{key} must be within {largest:g}, got {value}")
+    return value
+
+
+def _set_geometry(simulator: LeagueSimulator, geometry: Geometry) -> None:
+    if max(len(geometry.field.lines), len(geometry.field.arcs)) > MAX_LINES:
+        raise _Refused("GEOMETRY", f"a field must have at most {MAX_LINES} lines and arcs")
+    try:
+        field = field_from_geometry(geometry)
+    except PacketError as error:
+        raise _Refused("GEOMETRY", str(error)) from None
+    reach_m = float(2 * np.abs(field.floor_polygon).max())
+    if not reach_m <= MAX_FIELD_M or not 0.01 <= field.ball_radius_m <= 0.2 or field.robot_radius_m > 0.3:
+        raise _Refused("GEOMETRY", f"a field must be at most {MAX_FIELD_M:g} m long and wide, got {reach_m:g}")
+    flight = simulator.world.flight
+    bouncing = None if geometry.models is None else geometry.models.bouncing
+    if bouncing is not None:
+        ratios = (bouncing.first_floor_share, bouncing.later_floor_share, bouncing.up_share)
+        if not all(0 <= ratio <= 1 for ratio in ratios) or bouncing.up_share > 0.95:
+            raise _Refused(
+                "GEOMETRY", f"what a bounce keeps must be from 0 to 1 and upwards at most 0.95, got {ratios}"
+            )
+        flight = Flight(*ratios)
+    simulator.set_field(field, flight)
+
+
+def _set_spec(simulator: LeagueSimulator, specs: RobotSpecs) -> None:
+    team, number = _robot_key(specs.robot)
+    changes: dict[str, object] = {}
+    for key in ("radius_m", "height_m", "mass_kg", "max_kick_mps", "max_chip_mps", "center_to_dribbler_m"):
+        changes[key] = getattr(specs, key)
+    if specs.limits is not None:
+        limits = specs.limits
+        changes |= {"speed_up_mps2": limits.speed_up_mps2, "brake_mps2": limits.brake_mps2}
+        changes |= {"turn_speed_up_rps2": limits.turn_speed_up_rps2, "turn_brake_rps2": limits.turn_brake_rps2}
+        changes |= {"max_speed_mps": limits.speed_mps, "max_turn_rps": limits.turn_rps}
+    for custom in specs.custom:
+        if custom.kind != "RobotSpecErForce":
+            raise _Refused("SPEC_UNKNOWN", f"there is no robot specification {custom.kind!r} here")
+        try:
+            more = decode(ErForceRobotSpec, custom.value or b"")
+        except PacketError as error:
+            raise _Refused("SPEC_UNREADABLE", str(error)) from None
+        changes["dribbler_width_m"] = more.dribbler_width_m
+        if more.shoot_radius_m is not None and changes.get("center_to_dribbler_m") is None:
+            changes["center_to_dribbler_m"] = more.shoot_radius_m
+    changes = {key: value for key, value in changes.items() if value is not None}
+    for key, value in changes.items():
+        low, high = _SPEC_RANGES[key]
+        if not (isinstance(value, float) and low <= value <= high):
+            raise _Refused("SPEC_RANGE", f"a robot's {key} must be from {low:g} to {high:g}, got {value}")
+    if specs.wheel_angles is not None:
+        wheels = specs.wheel_angles
+        angles = (wheels.front_right_rad, wheels.back_right_rad, wheels.back_left_rad, wheels.front_left_rad)
+        if not all(map(math.isfinite, angles)):
+            raise _Refused("SPEC_RANGE", f"a robot's wheel angles must be finite, got {angles}")
+        changes["wheel_angles_rad"] = angles
+    spec: LeagueRobotSpec = dataclasses.replace(simulator.world.spec(team, number), **changes)  # type: ignore[arg-type]
+    if spec.center_to_dribbler_m > spec.radius_m:
+        raise _Refused("SPEC_RANGE", f"a robot's center_to_dribbler must not exceed its radius, got {spec}")
+    simulator.world.set_spec(team, number, spec)
+
+
+def _set_realism(simulator: LeagueSimulator, config: RealismConfig, errors: list[SimulatorError]) -> None:
+    for custom in config.custom:
+        if custom.kind != "RealismConfigErForce":
+            errors.append(SimulatorError("REALISM_UNKNOWN", f"there is no realism configuration {custom.kind!r} here"))
+            continue
+        try:
+            message = decode(ErForceRealism, custom.value or b"")
+            simulator.set_realism(changed_realism(simulator.realism, message))
+        except (PacketError, ArgumentError) as error:
+            errors.append(SimulatorError("REALISM_RANGE", str(error)))
+            continue
+        errors += [
+            SimulatorError("REALISM_UNSUPPORTED", f"{key} is not simulated")
+            for key in UNSUPPORTED
+            if getattr(message, key) is not None
+        ]

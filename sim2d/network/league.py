@@ -1,0 +1,271 @@
+"""The league's simulator without sockets: bytes of commands in, bytes of answers and of published packets out.
+
+A step of the physics is 1/300 s; cameras expose every fifth. Everything is counted in steps, so that days of simulated
+time neither drift nor grow. What cannot be read is counted, answered with an error, and does no more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from enum import Enum
+
+import numpy as np
+
+from field_models import Field
+from field_models.errors import ArgumentError, PacketError
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.sockets import SIMULATED_VISION_PORT
+from robocup_vision.ssl.values.detection import DetectionFrame
+from robocup_vision.ssl.values.simulation import (
+    RobotCommand,
+    RobotControl,
+    RobotControlResponse,
+    RobotFeedback,
+    SimulatorCommand,
+    SimulatorError,
+    SimulatorResponse,
+    SyncRequest,
+    SyncResponse,
+    Team,
+)
+from sim2d.kick_off import kick_off_pose
+from sim2d.network.control import MAX_SPEED_MPS, MAX_TURN_RPS, apply_command
+from sim2d.network.packets import referee_packet, tracker_packet
+from sim2d.network.realism import Realism
+from sim2d.network.vision import OverheadVision, detection_packets
+from sim2d.network.world import MAX_NUMBER, STEP_S, STEPS_PER_S, LeagueWorld
+from sim2d.world.ball_physics import Flight
+
+STEPS_A_FRAME = 5
+STEPS_A_GEOMETRY = STEPS_PER_S
+STEPS_A_REFEREE = 8
+# one request must not keep the simulator from everybody else
+MAX_SYNC_STEP_S = 1.0
+# the largest command that means something has half of this; more would take longer to read than there is time
+MAX_REQUEST_BYTES = 8192
+MAX_KICK_MPS, MAX_DRIBBLER_RPS = 100.0, 10_000.0
+MAX_KICK_RAD = math.pi / 2 + 1e-6  # 90 degrees as a float32 may be a little more
+_WORLD, _RADIO = range(2)
+# a SyncRequest begins with its step: field 1, a float; every other request begins with a message
+_SYNC_MARK = b"\x0d"
+
+
+class Channel(Enum):
+    """Where a published packet belongs."""
+
+    VISION = "vision"
+    TRACKER = "tracker"
+    REFEREE = "referee"
+
+
+class LeagueSimulator:
+    """A field that anybody's programs play on.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    players : int
+        Of each team, standing as for a kick-off: yellow plays towards +x.
+    realism : Realism
+        How real vision and radio are.
+    seed : int
+        The same seed and the same requests at the same steps give the same packets, but for their time.
+    epoch_s : float
+        Seconds since 1970 when it begins: simulated time counts from there.
+
+    Attributes
+    ----------
+    world : LeagueWorld
+        The truth.
+    speed : float
+        How fast simulated time shall go: 1 as a clock, 0 not at all, infinity as fast as it goes.
+    vision_port : int
+        Where vision shall be published.
+    bad_datagrams : int
+        Requests that were none.
+    last_problem : str
+        What was wrong with the last of them.
+
+    Raises
+    ------
+    ArgumentError
+        If the field has no goals, there are too many players or the seed is negative.
+    """
+
+    def __init__(self, field: Field, players: int, realism: Realism, seed: int = 0, epoch_s: float = 0.0) -> None:
+        if not field.goals:
+            raise ArgumentError(f"the field {field.name} has no goals: it is none of the small-size league")
+        if not 0 <= players <= MAX_NUMBER + 1:
+            raise ArgumentError(f"players must be from 0 to {MAX_NUMBER + 1}, got {players}")
+        if seed < 0:
+            raise ArgumentError(f"seed must not be negative, got {seed}")
+        self.epoch_s = epoch_s
+        self.speed = 1.0
+        self.vision_port = SIMULATED_VISION_PORT
+        self.bad_datagrams = 0
+        self.last_problem = ""
+        self.world = LeagueWorld(field, Flight())
+        for team, side in ((Team.YELLOW, 1), (Team.BLUE, -1)):
+            for number in range(players):
+                self.world.add(team, number, kick_off_pose(field, side, number, players, field.robot_radius_m))
+        self._seed = seed
+        self._rng = np.random.default_rng([seed, _RADIO])
+        self._vision_rng = np.random.default_rng([seed, _WORLD])
+        self._vision = OverheadVision(field, realism, self._vision_rng)
+        self._delayed: deque[tuple[int, bytes]] = deque()
+        self._sync_debt_s = 0.0
+        self.publishes_referee = True
+
+    @property
+    def realism(self) -> Realism:
+        """How real it is now."""
+        return self._vision.realism
+
+    def set_realism(self, realism: Realism) -> None:
+        """Change how real it is."""
+        self._vision = OverheadVision(self.world.field, realism, self._vision_rng)
+
+    def set_field(self, field: Field, flight: Flight) -> None:
+        """Lay out another field."""
+        self.world.set_field(field, flight)
+        self._vision = OverheadVision(field, self.realism, self._vision_rng)
+
+    def step(self) -> list[tuple[Channel, bytes]]:
+        """Go on by one step of the physics; return what is to be published then."""
+        self.world.step()
+        steps = self.world.steps
+        out: list[tuple[Channel, bytes]] = []
+        if steps % STEPS_A_FRAME == 0:
+            state = self.world.state
+            due = steps + math.ceil(self.realism.vision_delay_s / STEP_S - 1e-9)
+            for frame in self._vision.capture(state, self.epoch_s):
+                self._delayed.extend((due, data) for data in detection_packets(frame))
+            out.append((Channel.TRACKER, encode(tracker_packet(state, steps // STEPS_A_FRAME, self.epoch_s))))
+        if steps % STEPS_A_GEOMETRY == STEPS_A_FRAME:
+            out += [(Channel.VISION, data) for data in self._vision.geometry_packets(self.world.flight)]
+        while self._delayed and self._delayed[0][0] <= steps:
+            out.append((Channel.VISION, self._delayed.popleft()[1]))
+        if self.publishes_referee and steps % STEPS_A_REFEREE == 0:
+            out.append((Channel.REFEREE, encode(referee_packet(self.epoch_s, self.world.t_s))))
+        return out
+
+    def answer_control(self, data: bytes) -> tuple[bytes | None, list[tuple[Channel, bytes]]]:
+        """Take a datagram of the simulation control.
+
+        Returns
+        -------
+        (bytes or None, list of (Channel, bytes))
+            The answer to its sender (None: nothing to say), and what was published on the way.
+        """
+        try:
+            self._check_size(data)
+            if data[:1] == _SYNC_MARK:
+                return self._answer_sync(decode(SyncRequest, data), None)
+            errors = apply_command(self, decode(SimulatorCommand, data))
+        except PacketError as error:
+            errors = [self._count_bad(error)]
+        return (encode(SimulatorResponse(tuple(errors))) if errors else None), []
+
+    def answer_robots(self, team: Team, data: bytes) -> tuple[bytes | None, list[tuple[Channel, bytes]]]:
+        """Take a datagram for the robots of a team; returns as `answer_control`."""
+        try:
+            self._check_size(data)
+            if data[:1] == _SYNC_MARK:
+                return self._answer_sync(decode(SyncRequest, data), team)
+            response = self._command_robots(team, decode(RobotControl, data))
+        except PacketError as error:
+            response = RobotControlResponse((self._count_bad(error),))
+        if self._is_lost(self.realism.response_loss):
+            return None, []
+        return encode(response), []
+
+    def _answer_sync(self, request: SyncRequest, team: Team | None) -> tuple[bytes, list[tuple[Channel, bytes]]]:
+        # whoever steps it wants it to stand still in between
+        self.speed = 0.0
+        errors: list[SimulatorError] = []
+        feedback: tuple[RobotFeedback, ...] = ()
+        published: list[tuple[Channel, bytes]] = []
+        if request.command is not None:
+            errors += apply_command(self, request.command)
+        if request.robot_control is not None:
+            if team is None:
+                message = "send a robot_control to the port of its team: here nobody knows whose robots are meant"
+                errors.append(SimulatorError("UNKNOWN_TEAM", message))
+            else:
+                response = self._command_robots(team, request.robot_control)
+                errors += response.errors
+                feedback = response.feedback
+        step_s = request.step_s or 0.0
+        if 0 <= step_s <= MAX_SYNC_STEP_S:
+            self._sync_debt_s += step_s
+            count = math.floor(self._sync_debt_s / STEP_S + 1e-6)
+            self._sync_debt_s -= count * STEP_S
+            for _ in range(count):
+                published += self.step()
+        else:
+            message = f"sim_step must be from 0 to {MAX_SYNC_STEP_S:g}, got {request.step_s}"
+            errors.append(SimulatorError("STEP_RANGE", message))
+        frames: tuple[DetectionFrame, ...] = tuple(self._vision.capture(self.world.state, self.epoch_s))
+        if feedback:
+            feedback = tuple(
+                RobotFeedback(known.number, team is not None and self.world.touches_ball(team, known.number))
+                for known in feedback
+            )
+        return encode(SyncResponse(frames, RobotControlResponse(tuple(errors), feedback))), published
+
+    def _command_robots(self, team: Team, control: RobotControl) -> RobotControlResponse:
+        errors: list[SimulatorError] = []
+        feedback: list[RobotFeedback] = []
+        for command in control.commands:
+            if not self.world.has(team, command.number):
+                message = f"there is no robot {command.number} of {team.name.lower()} on the field"
+                errors.append(SimulatorError("ROBOT_NOT_PRESENT", message))
+                continue
+            problem = _problem(command)
+            if problem:
+                errors.append(SimulatorError("COMMAND_RANGE", f"robot {command.number}: {problem}"))
+            elif not self._is_lost(self.realism.command_loss):
+                self.world.command(team, command)
+            feedback.append(RobotFeedback(command.number, self.world.touches_ball(team, command.number)))
+        return RobotControlResponse(tuple(errors), tuple(feedback))
+
+    def _is_lost(self, ratio: float) -> bool:
+        return ratio > 0 and bool(self._rng.random() < ratio)
+
+    def _check_size(self, data: bytes) -> None:
+        if len(data) > MAX_REQUEST_BYTES:
+            raise PacketError(f"a request must have at most {MAX_REQUEST_BYTES} bytes, got {len(data)}")
+
+    def _count_bad(self, error: PacketError) -> SimulatorError:
+        self.bad_datagrams += 1
+        self.last_problem = str(error)
+        return SimulatorError("UNREADABLE", str(error))
+
+
+def _problem(command: RobotCommand) -> str:
+    """Return what no robot can do of a command; empty if it can do all."""
+    move = command.move
+    speeds: list[float] = []
+    turns: list[float] = []
+    if move is not None and move.local is not None:
+        speeds += [move.local.forward_mps, move.local.left_mps]
+        turns.append(move.local.turn_rps)
+    if move is not None and move.world is not None:
+        speeds += [move.world.x_mps, move.world.y_mps]
+        turns.append(move.world.turn_rps)
+    if move is not None and move.wheels is not None:
+        wheels = move.wheels
+        speeds += [wheels.front_right_mps, wheels.back_right_mps, wheels.back_left_mps, wheels.front_left_mps]
+    if not all(abs(speed) <= MAX_SPEED_MPS for speed in speeds):
+        return f"a velocity must be within {MAX_SPEED_MPS:g} m/s, got {speeds}"
+    if not all(abs(turn) <= MAX_TURN_RPS for turn in turns):
+        return f"a turning rate must be within {MAX_TURN_RPS:g} rad/s, got {turns[0]}"
+    if command.kick_mps is not None and not 0 <= command.kick_mps <= MAX_KICK_MPS:
+        return f"kick_speed must be from 0 to {MAX_KICK_MPS:g} m/s, got {command.kick_mps}"
+    if command.kick_angle_rad is not None and not 0 <= command.kick_angle_rad <= MAX_KICK_RAD:
+        return f"kick_angle must be from 0 to 90 degrees, got {math.degrees(command.kick_angle_rad)}"
+    if command.dribbler_rps is not None and not abs(command.dribbler_rps) <= MAX_DRIBBLER_RPS:
+        return f"dribbler_speed must be within {MAX_DRIBBLER_RPS:g} rad/s, got {command.dribbler_rps}"
+    return ""

@@ -1,0 +1,132 @@
+"""How real the simulated vision and radio are: not at all, or as teams expect of a realistic simulator."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from field_models.errors import ArgumentError
+from robocup_vision.ssl.values.simulation import ErForceRealism
+
+NS_PER_S = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Realism:
+    """What goes wrong, and how much; the defaults: nothing.
+
+    Parameters
+    ----------
+    ball_std_m, robot_std_m, robot_std_rad : float
+        Noise of a detection, per axis.
+    ball_area_std_px : float
+        Noise of the ball's area.
+    missing_ball_ratio : float
+        Of the detections of a ball, how many are missing.
+    hides_ball : bool
+        Whether robots hide the ball from cameras.
+    min_visible_ratio : float
+        A ball of whose area less is to be seen is not found.
+    floor_rays : bool
+        A flying ball is reported where its ray meets the floor, without a height; otherwise where it is.
+    camera_columns, camera_rows : int
+        Cameras along x and along y.
+    camera_overlap_m : float
+        Strip that two neighbouring cameras both see.
+    vision_delay_s : float
+        From exposure to reception.
+    processing_s : float
+        Of those, from exposure to `t_sent`.
+    command_loss, response_loss : float
+        Of the robots' commands and answers, how many are lost.
+    """
+
+    ball_std_m: float = 0.0
+    robot_std_m: float = 0.0
+    robot_std_rad: float = 0.0
+    ball_area_std_px: float = 0.0
+    missing_ball_ratio: float = 0.0
+    hides_ball: bool = False
+    min_visible_ratio: float = 0.4
+    floor_rays: bool = False
+    camera_columns: int = 1
+    camera_rows: int = 1
+    camera_overlap_m: float = 0.0
+    vision_delay_s: float = 0.0
+    processing_s: float = 0.0
+    command_loss: float = 0.0
+    response_loss: float = 0.0
+
+
+REALISMS = {
+    "none": Realism(),
+    "rc2021": Realism(
+        ball_std_m=0.0010,
+        robot_std_m=0.0013,
+        robot_std_rad=0.01,
+        ball_area_std_px=6.0,
+        missing_ball_ratio=0.05,
+        hides_ball=True,
+        min_visible_ratio=0.4,
+        floor_rays=True,
+        camera_columns=2,
+        camera_rows=2,
+        camera_overlap_m=1.0,
+        vision_delay_s=0.035,
+        processing_s=0.010,
+        command_loss=0.03,
+        response_loss=0.10,
+    ),
+}
+
+
+def realism_named(name: str) -> Realism:
+    """Return the realism of a name.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none.
+    """
+    if name not in REALISMS:
+        raise ArgumentError(f"there is no realism {name!r}, only {', '.join(REALISMS)}")
+    return REALISMS[name]
+
+
+# fields of the message that mean the same as one of ours: theirs, ours, how many of theirs make one of ours
+_FIELDS = (
+    ("ball_std_m", "ball_std_m", 1.0, 1.0),
+    ("robot_std_m", "robot_std_m", 1.0, 1.0),
+    ("robot_std_rad", "robot_std_rad", 1.0, math.pi),
+    ("ball_area_std_px", "ball_area_std_px", 1.0, 1e4),
+    ("ball_visibility_threshold", "min_visible_ratio", 1.0, 1.0),
+    ("camera_overlap_m", "camera_overlap_m", 1.0, 10.0),
+    ("robot_command_loss", "command_loss", 1.0, 1.0),
+    ("robot_response_loss", "response_loss", 1.0, 1.0),
+    ("missing_ball_detections", "missing_ball_ratio", 1.0, 1.0),
+    ("vision_delay_ns", "vision_delay_s", NS_PER_S, 1.0),
+    ("vision_processing_ns", "processing_s", NS_PER_S, 1.0),
+)
+UNSUPPORTED = ("dribbler_ball_detections", "camera_position_error_m", "simulate_dribbling")
+
+
+def changed_realism(realism: Realism, message: ErForceRealism) -> Realism:
+    """Return a realism with what a message sets; what it leaves out stays.
+
+    Raises
+    ------
+    ArgumentError
+        If a number is negative, not finite or too large.
+    """
+    changes: dict[str, float | bool] = {}
+    for theirs, ours, per_unit, largest in _FIELDS:
+        value = getattr(message, theirs)
+        if value is None:
+            continue
+        if not 0 <= value / per_unit <= largest:
+            raise ArgumentError(f"{theirs} must be from 0 to {largest * per_unit:g}, got {value}")
+        changes[ours] = value / per_unit
+    if message.enable_invisible_ball is not None:
+        changes["hides_ball"] = message.enable_invisible_ball
+    return dataclasses.replace(realism, **changes)  # type: ignore[arg-type]

@@ -1,0 +1,238 @@
+"""The simulator's sockets and clock: publishes when a packet is due, and answers in between.
+
+One thread does it all. Requests are read as they come, for a limited time between two steps of the physics: whoever
+floods a port loses datagrams, and slows nobody.
+"""
+
+from __future__ import annotations
+
+import math
+import select
+import socket
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+
+from field_models.errors import PacketError
+from robocup_vision.ssl.protocol.mapping import decode
+from robocup_vision.ssl.sockets import (
+    LOOPBACK,
+    MAX_DATAGRAM_BYTES,
+    REFEREE_GROUP,
+    REFEREE_PORT,
+    SIMULATION_PORT,
+    TRACKER_GROUP,
+    TRACKER_PORT,
+    VISION_GROUP,
+    interface_address,
+    multicast_receiver,
+    multicast_sender,
+    server,
+)
+from robocup_vision.ssl.values.referee import Referee
+from robocup_vision.ssl.values.simulation import Team
+from sim2d.network.league import Channel, LeagueSimulator
+from sim2d.network.packets import REFEREE_SOURCE
+from sim2d.network.world import STEP_S
+
+# a step of the physics takes a fifth of a millisecond: so much is left between two for requests
+_REQUEST_TIME_S = 0.002
+# a game controller that has been silent for so long runs no more
+_REFEREE_SILENT_S = 1.0
+# what could not be kept up with is given up rather than hurried after
+_MAX_BEHIND_S = 0.25
+_PAUSED_WAIT_S = 0.05
+# as fast as it goes: requests are looked for every so many steps
+_STEPS_A_LOOK = 5
+_KEPT_LATENESSES = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """Where the simulator listens and publishes; vision's port is the simulator's, for it can be commanded.
+
+    Parameters
+    ----------
+    control : int
+        Of the simulation control; blue robots are commanded at the next port, yellow ones at the one after.
+    tracker, referee : int
+        Of those groups.
+    """
+
+    control: int = SIMULATION_PORT
+    tracker: int = TRACKER_PORT
+    referee: int = REFEREE_PORT
+
+    @property
+    def blue(self) -> int:
+        """Of the blue robots."""
+        return self.control + 1
+
+    @property
+    def yellow(self) -> int:
+        """Of the yellow robots."""
+        return self.control + 2
+
+
+class LeagueServer:
+    """Serves a simulator on the network. Close it, or use it in a ``with``.
+
+    Parameters
+    ----------
+    simulator : LeagueSimulator
+        What is served.
+    interface : str
+        ``loopback``, a network interface's name or its IPv4 address. Requests are taken on the loopback too.
+    ports : Ports
+        Where.
+
+    Attributes
+    ----------
+    lateness_s : deque of float
+        How late the last vision packets went out.
+    behind_s : float
+        How much time was given up because the machine could not keep up.
+
+    Raises
+    ------
+    ArgumentError
+        If the interface or a port cannot be had.
+    """
+
+    def __init__(self, simulator: LeagueSimulator, interface: str = "loopback", ports: Ports = Ports()) -> None:
+        self.simulator, self.ports = simulator, ports
+        self.lateness_s: deque[float] = deque(maxlen=_KEPT_LATENESSES)
+        self.behind_s = 0.0
+        self._referee_heard_s = -math.inf
+        self._speed = simulator.speed
+        self._anchor_s, self._anchor_step = time.monotonic(), simulator.world.steps
+        self._sockets: dict[socket.socket, Team | None] = {}
+        self._opened: list[socket.socket] = []
+        try:
+            self._sender = self._open(multicast_sender(interface, VISION_GROUP, TRACKER_GROUP, REFEREE_GROUP))
+            self._referee = self._open(multicast_receiver(REFEREE_GROUP, ports.referee, interface))
+            for address in dict.fromkeys((LOOPBACK, interface_address(interface))):
+                for port, team in ((ports.control, None), (ports.blue, Team.BLUE), (ports.yellow, Team.YELLOW)):
+                    self._sockets[self._open(server(port, address))] = team
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, made: socket.socket) -> socket.socket:
+        self._opened.append(made)
+        return made
+
+    def __enter__(self) -> LeagueServer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all sockets."""
+        for opened in self._opened:
+            opened.close()
+
+    def run(self, goes_on: Callable[[], bool]) -> None:
+        """Serve for as long as a function says, which is asked before every step."""
+        self._anchor()
+        while goes_on():
+            self.turn()
+
+    def turn(self) -> None:
+        """Wait until the next step is due, answering in between, and take it; paused, only answer for a while."""
+        simulator = self.simulator
+        if simulator.speed != self._speed:
+            self._speed = simulator.speed
+            self._anchor()
+        if self._speed == 0:
+            self._answer(_PAUSED_WAIT_S)
+            return
+        if math.isinf(self._speed):
+            if simulator.world.steps % _STEPS_A_LOOK == 0:
+                self._answer(0.0)
+            self._take_step(None)
+            return
+        due_s = self._due_s()
+        while True:
+            left_s = due_s - time.monotonic()
+            self._answer(max(left_s, 0.0))
+            if simulator.speed != self._speed:
+                return
+            if time.monotonic() >= due_s:
+                break
+        if time.monotonic() - due_s > _MAX_BEHIND_S:
+            self.behind_s += time.monotonic() - due_s
+            self._anchor()
+            due_s = self._due_s()
+        self._take_step(due_s)
+
+    def _anchor(self) -> None:
+        self._anchor_s, self._anchor_step = time.monotonic(), self.simulator.world.steps
+
+    def _due_s(self) -> float:
+        return self._anchor_s + (self.simulator.world.steps + 1 - self._anchor_step) * STEP_S / self._speed
+
+    def _take_step(self, due_s: float | None) -> None:
+        self.simulator.publishes_referee = time.monotonic() - self._referee_heard_s > _REFEREE_SILENT_S
+        self._publish(self.simulator.step(), due_s)
+
+    def _publish(self, packets: list[tuple[Channel, bytes]], due_s: float | None) -> None:
+        addresses = {
+            Channel.VISION: (VISION_GROUP, self.simulator.vision_port),
+            Channel.TRACKER: (TRACKER_GROUP, self.ports.tracker),
+            Channel.REFEREE: (REFEREE_GROUP, self.ports.referee),
+        }
+        # vision first: it is what others wait for
+        for channel, data in sorted(packets, key=lambda packet: packet[0] is not Channel.VISION):
+            try:
+                self._sender.sendto(data, addresses[channel])
+            except (BlockingIOError, OSError):
+                # a full queue or an interface that has gone: the next packet says what this one would have
+                continue
+            if due_s is not None and channel is Channel.VISION:
+                self.lateness_s.append(time.monotonic() - due_s)
+
+    def _answer(self, wait_s: float) -> None:
+        """Wait for requests at most so long, and answer those that are there for a limited time."""
+        ready, _, _ = select.select([self._referee, *self._sockets], [], [], wait_s)
+        if not ready:
+            return
+        end_s = time.monotonic() + _REQUEST_TIME_S
+        for listening in ready:
+            while time.monotonic() < end_s:
+                try:
+                    data, peer = listening.recvfrom(MAX_DATAGRAM_BYTES)
+                except (BlockingIOError, ConnectionRefusedError):
+                    break
+                if listening is self._referee:
+                    self._hear_referee(data)
+                    continue
+                team = self._sockets[listening]
+                if team is None:
+                    answer, published = self.simulator.answer_control(data)
+                else:
+                    answer, published = self.simulator.answer_robots(team, data)
+                self._publish(published, None)
+                if answer is not None:
+                    self._send_back(listening, answer, peer)
+
+    def _hear_referee(self, data: bytes) -> None:
+        try:
+            packet = decode(Referee, data)
+        except PacketError:
+            return
+        if packet.source_identifier != REFEREE_SOURCE:
+            self._referee_heard_s = time.monotonic()
+
+    @staticmethod
+    def _send_back(listening: socket.socket, answer: bytes, peer: tuple[str, int]) -> None:
+        try:
+            listening.sendto(answer, peer)
+        except (BlockingIOError, OSError):
+            # whoever asked is gone, or does not read
+            return

@@ -1,0 +1,172 @@
+"""What overhead cameras report of the truth: detections with noise, hidden balls, and the geometry."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from field_models import Field
+from robocup_vision.geometry import wrap_angle
+from robocup_vision.ssl.field import geometry_from_field
+from robocup_vision.ssl.protocol.mapping import encode
+from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot, Source, VisionPacket
+from robocup_vision.ssl.values.geometry import BallModels, BouncingBall, CameraCalibration, Geometry, RollingBall
+from robocup_vision.ssl.values.simulation import Team
+from sim2d.network.cameras import OverheadCamera, camera_rig
+from sim2d.network.realism import Realism
+from sim2d.network.world import LeagueRobotState, LeagueState
+from sim2d.world.ball_physics import GRAVITY_MPS2, BallSettings, Flight
+
+MAX_PACKET_BYTES = 1024
+# where on a ball its visible part is probed: its centre and two rings of equal areas
+_RINGS = ((1, 0.0, 0.0), (6, 0.58, 0.0), (12, 0.88, math.pi / 12))
+_PROBES = tuple(
+    (radius * math.cos(phase + k * math.tau / count), radius * math.sin(phase + k * math.tau / count))
+    for count, radius, phase in _RINGS
+    for k in range(count)
+)
+
+
+class OverheadVision:
+    """A vision system over a field.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    realism : Realism
+        What goes wrong.
+    rng : numpy.random.Generator
+        Source of all noise.
+    """
+
+    def __init__(self, field: Field, realism: Realism, rng: np.random.Generator) -> None:
+        self.field, self.realism = field, realism
+        self.cameras = camera_rig(field, realism.camera_columns, realism.camera_rows, realism.camera_overlap_m)
+        self._rng = rng
+        self._frame_numbers = [0] * len(self.cameras)
+
+    def geometry_packets(self, flight: Flight) -> list[bytes]:
+        """Return field, ball models and cameras, as many cameras a packet as a client with a small buffer reads."""
+        carpet = BallSettings()
+        slide_mps2, roll_mps2 = carpet.sliding_friction * GRAVITY_MPS2, carpet.rolling_friction * GRAVITY_MPS2
+        rolling = RollingBall(-slide_mps2, -roll_mps2, 5 / 7)
+        bouncing = BouncingBall(flight.first_floor_ratio, flight.later_floor_ratio, flight.up_ratio)
+        geometry = geometry_from_field(self.field, (), BallModels(rolling, bouncing))
+        return _geometry_packets(geometry, tuple(camera.calibration for camera in self.cameras))
+
+    def capture(self, state: LeagueState, epoch_s: float) -> list[DetectionFrame]:
+        """Return one frame of each camera.
+
+        Parameters
+        ----------
+        state : LeagueState
+            The truth at the exposure.
+        epoch_s : float
+            Seconds since 1970 when the simulation began.
+        """
+        return [self._frame(index, state, epoch_s + state.t_s) for index in range(len(self.cameras))]
+
+    def _frame(self, index: int, state: LeagueState, t_s: float) -> DetectionFrame:
+        camera, realism = self.cameras[index], self.realism
+        seen = [robot for robot in state.robots if camera.sees(robot.pose.x_m, robot.pose.y_m)]
+        noise = (
+            self._rng.standard_normal((len(seen), 3)).tolist() if realism.robot_std_m + realism.robot_std_rad else ()
+        )
+        teams: dict[Team, list[DetectionRobot]] = {Team.YELLOW: [], Team.BLUE: []}
+        for place, robot in enumerate(seen):
+            teams[robot.team].append(self._robot(camera, robot, noise[place] if noise else (0.0, 0.0, 0.0)))
+        ball = self._ball(camera, state)
+        self._frame_numbers[index] += 1
+        return DetectionFrame(
+            self._frame_numbers[index],
+            t_s,
+            t_s + realism.processing_s,
+            camera.camera_id,
+            () if ball is None else (ball,),
+            tuple(teams[Team.YELLOW]),
+            tuple(teams[Team.BLUE]),
+        )
+
+    def _robot(self, camera: OverheadCamera, robot: LeagueRobotState, noise: Sequence[float]) -> DetectionRobot:
+        realism, pose = self.realism, robot.pose
+        x, y = pose.x_m + realism.robot_std_m * noise[0], pose.y_m + realism.robot_std_m * noise[1]
+        u, v = camera.pixel(x, y, robot.height_m)
+        angle = wrap_angle(pose.theta_rad + realism.robot_std_rad * noise[2])
+        return DetectionRobot(1.0, robot.number, x, y, angle, u, v, robot.height_m)
+
+    def _ball(self, camera: OverheadCamera, state: LeagueState) -> DetectionBall | None:
+        realism, ball = self.realism, state.ball
+        x, y, z = ball.x_m, ball.y_m, ball.z_m
+        missing = self._rng.random()
+        dx, dy, da = self._rng.standard_normal(3).tolist()
+        floor_x, floor_y = camera.on_floor(x, y, z)
+        if not camera.sees(floor_x, floor_y) or missing < realism.missing_ball_ratio:
+            return None
+        visible = visible_ratio(camera, state, self.field.ball_radius_m) if realism.hides_ball else 1.0
+        if visible < realism.min_visible_ratio:
+            return None
+        if realism.floor_rays:
+            x, y = floor_x, floor_y
+        x, y = x + realism.ball_std_m * dx, y + realism.ball_std_m * dy
+        radius_px = self.field.ball_radius_m * camera.focal_length_px / (camera.z_m - z)
+        area = max(round(visible * math.pi * radius_px**2 + realism.ball_area_std_px * da), 1)
+        height = z if z > 0 and not realism.floor_rays else None
+        return DetectionBall(visible, x, y, *camera.pixel(x, y), area, height)
+
+
+def visible_ratio(camera: OverheadCamera, state: LeagueState, ball_radius_m: float) -> float:
+    """Return how much of the ball's disc a camera sees past the robots, upright cylinders."""
+    ball = state.ball
+    # a robot hides what lies behind it as far as the ray over its rim takes to come down
+    near = [
+        robot
+        for robot in state.robots
+        if robot.height_m > ball.z_m
+        and math.hypot(robot.pose.x_m - ball.x_m, robot.pose.y_m - ball.y_m)
+        < robot.radius_m
+        + ball_radius_m
+        + robot.height_m * math.hypot(ball.x_m - camera.x_m, ball.y_m - camera.y_m) / camera.z_m
+    ]
+    if not near:
+        return 1.0
+    hidden = sum(
+        any(
+            _is_behind(camera, robot, ball.x_m + ball_radius_m * px, ball.y_m + ball_radius_m * py, ball.z_m)
+            for robot in near
+        )
+        for px, py in _PROBES
+    )
+    return 1.0 - hidden / len(_PROBES)
+
+
+def _is_behind(camera: OverheadCamera, robot: LeagueRobotState, x: float, y: float, z: float) -> bool:
+    """Tell whether the ray from a point to the camera meets a robot before it has risen above it."""
+    along = min((robot.height_m - z) / (camera.z_m - z), 1.0)
+    dx, dy = (camera.x_m - x) * along, (camera.y_m - y) * along
+    off_x, off_y = robot.pose.x_m - x, robot.pose.y_m - y
+    length2 = dx * dx + dy * dy
+    share = max(0.0, min(1.0, (off_x * dx + off_y * dy) / length2)) if length2 > 0 else 0.0
+    return math.hypot(off_x - share * dx, off_y - share * dy) < robot.radius_m
+
+
+def detection_packets(frame: DetectionFrame) -> list[bytes]:
+    """Return a frame as packets that every client's buffer holds; a crowd takes more than one."""
+    data = encode(VisionPacket(frame, source=Source.OTHER))
+    if len(data) <= MAX_PACKET_BYTES:
+        return [data]
+    half_y, half_b = len(frame.yellow) // 2, len(frame.blue) // 2
+    first = dataclasses.replace(frame, yellow=frame.yellow[:half_y], blue=frame.blue[:half_b])
+    second = dataclasses.replace(frame, balls=(), yellow=frame.yellow[half_y:], blue=frame.blue[half_b:])
+    return detection_packets(first) + detection_packets(second)
+
+
+def _geometry_packets(geometry: Geometry, cameras: tuple[CameraCalibration, ...]) -> list[bytes]:
+    data = encode(VisionPacket(geometry=dataclasses.replace(geometry, cameras=cameras), source=Source.OTHER))
+    if len(data) <= MAX_PACKET_BYTES or len(cameras) < 2:
+        return [data]
+    half = len(cameras) // 2
+    return _geometry_packets(geometry, cameras[:half]) + _geometry_packets(geometry, cameras[half:])

@@ -1,0 +1,163 @@
+"""Clients over the loopback: values arrive as they were sent, silence ends in time, and rubbish is counted."""
+
+import asyncio
+import dataclasses
+import socket
+import threading
+
+import pytest
+from ssl_sockets import free_port
+
+from benchmarks.network.damaged_messages import FRAME, GEOMETRY, REFEREE, TRACKED
+from field_models.errors import ArgumentError, PacketError
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.requests import RobotClient, SimulatorClient
+from robocup_vision.ssl.sockets import VISION_GROUP, interface_address, multicast_receiver, multicast_sender, server
+from robocup_vision.ssl.subscriptions import RefereeClient, TrackerClient, VisionClient
+from robocup_vision.ssl.values import simulation as sim
+from robocup_vision.ssl.values.detection import VisionPacket
+from robocup_vision.ssl.values.tracked import TrackerPacket
+
+WAIT_S = 5.0
+
+
+@pytest.fixture
+def sender():
+    with multicast_sender() as made:
+        assert made.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL) == 0
+        yield made
+
+
+def test_vision_arrives_and_is_merged(sender):
+    port = free_port()
+    packet = decode(VisionPacket, encode(VisionPacket(FRAME, GEOMETRY)))
+    with VisionClient(port) as client, VisionClient(port) as neighbour:
+        assert client.receive(0.0) is None
+        sender.sendto(b"rubbish", (VISION_GROUP, port))
+        sender.sendto(encode(packet), (VISION_GROUP, port))
+        assert client.receive(WAIT_S) == neighbour.receive(WAIT_S) == packet
+        assert client.overview.t_capture_s == FRAME.t_capture_s
+        assert client.geometry == packet.geometry
+        assert client.bad_datagrams == 1
+        assert "are no vision.SSL_WrapperPacket" in client.last_problem
+        assert client.receive(0.05) is None
+
+
+def test_referee_tells_new_commands_from_repeated_ones(sender):
+    port = free_port()
+    with RefereeClient(port) as client:
+        seen = []
+        for counter in (7, 7, 8):
+            sender.sendto(encode(dataclasses.replace(REFEREE, command_counter=counter)), ("224.5.23.1", port))
+            assert client.receive(WAIT_S).command_counter == counter
+            seen.append(client.new_command)
+    assert seen == [True, False, True]
+    assert client.newest.command_counter == 8
+
+
+def test_asyncio_receives_too(sender):
+    port = free_port()
+    packet = TrackerPacket("a", "b", TRACKED)
+
+    async def listen(client):
+        assert await client.receive_async(0.02) is None
+        asyncio.get_running_loop().call_later(0.02, sender.sendto, encode(packet), (VISION_GROUP, port))
+        return await client.receive_async(WAIT_S)
+
+    with TrackerClient(port) as client:
+        received = asyncio.run(listen(client))
+    assert received.uuid == packet.uuid
+
+
+@pytest.fixture
+def echo():
+    """Answer three datagrams with what a function makes of them."""
+    with server(0) as listening:
+        listening.settimeout(WAIT_S)
+
+        def run(answer):
+            def serve():
+                for _ in range(3):
+                    try:
+                        data, peer = listening.recvfrom(65507)
+                    except TimeoutError:
+                        return
+                    if data == b"end":
+                        return
+                    for reply in answer(data):
+                        listening.sendto(reply, peer)
+
+            thread = threading.Thread(target=serve)
+            thread.start()
+            return thread
+
+        yield listening.getsockname()[1], run
+
+
+def test_robots_are_commanded_and_answer(echo):
+    port, run = echo
+    commands = (sim.RobotCommand(3, sim.MoveCommand(world=sim.GlobalVelocity(1.0, 0.0, 0.0)), kick_mps=2.0),)
+    feedback = sim.RobotControlResponse(feedback=(sim.RobotFeedback(3, True),))
+    heard = []
+
+    def answer(data):
+        heard.append(data)
+        return b"\xff", encode(feedback)
+
+    thread = run(answer)
+    with RobotClient(sim.Team.BLUE, port=port) as client:
+        client.send(commands)
+        assert client.receive(WAIT_S) == feedback
+        assert client.bad_datagrams == 1
+        client._socket.send(b"end")
+    thread.join(WAIT_S)
+    assert decode(sim.RobotControl, heard[0]).commands == commands
+
+
+def test_a_simulator_is_controlled_stepped_and_answers_asyncio(echo):
+    port, run = echo
+    heard = []
+
+    def answer(data):
+        heard.append(data)
+        if len(heard) == 1:
+            return [encode(sim.SimulatorResponse((sim.SimulatorError("CODE", "words"),)))]
+        return [encode(sim.SyncResponse((FRAME,)))]
+
+    thread = run(answer)
+    with SimulatorClient(port=port) as client:
+        client.place_robot(sim.Team.YELLOW, 2, 1.0, 2.0, 0.5)
+        told = asyncio.run(client.receive_async(WAIT_S))
+        assert told.errors[0].code == "CODE"
+        assert client.step(0.5, timeout_s=WAIT_S).detections[0].camera_id == FRAME.camera_id
+        client._socket.send(b"end")
+        thread.join(WAIT_S)
+    placed = decode(sim.SimulatorCommand, heard[0]).control.robots[0]
+    assert (placed.robot.number, placed.robot.team, placed.present) == (2, sim.Team.YELLOW, True)
+    assert decode(sim.SyncRequest, heard[1]).step_s == 0.5
+
+
+def test_nobody_there_is_silence():
+    with SimulatorClient(port=free_port()) as client:
+        client.place_ball(0.0, 0.0)
+        client.remove_robot(sim.Team.BLUE, 1)
+        assert client.receive(0.05) is None
+        assert asyncio.run(client.receive_async(0.05)) is None
+
+
+def test_what_a_user_can_mend_is_told():
+    with pytest.raises(ArgumentError, match="no network interface 'nothere0'"):
+        interface_address("nothere0")
+    assert interface_address("lo") == interface_address("loopback") == interface_address("127.0.0.1") == "127.0.0.1"
+    with pytest.raises(ArgumentError, match=r"cannot listen to 224\.5\.23\.2:70000.*port must be"):
+        multicast_receiver(VISION_GROUP, 70000)
+    with pytest.raises(ArgumentError, match=r"cannot send on 203\.0\.113\.9"):
+        multicast_sender("203.0.113.9")
+    with pytest.raises(ArgumentError, match="team must be yellow or blue"):
+        RobotClient(sim.Team.UNKNOWN)
+    with pytest.raises(ArgumentError, match="cannot reach"):
+        SimulatorClient("300.300.300.300")
+    with server(0) as taken, pytest.raises(ArgumentError, match=r"cannot listen on 127\.0\.0\.1"):
+        server(taken.getsockname()[1])
+    with SimulatorClient(port=free_port()) as client, pytest.raises(PacketError, match="cannot be written"):
+        client.send(sim.SimulatorCommand(config=sim.SimulatorConfig(vision_port=-1)))

@@ -1,0 +1,116 @@
+"""The tracker follows robots and ball through delays, noise, kicks, hidden moments and several cameras."""
+
+import math
+
+import numpy as np
+import pytest
+
+from robocup_vision.geometry import wrap_angle
+from robocup_vision.ssl.tracker import OverheadTracker
+from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot
+from robocup_vision.ssl.values.tracked import TeamColor
+
+PERIOD_S = 1 / 60
+
+
+def frame(t_s, balls=(), yellow=(), blue=(), camera=0):
+    return DetectionFrame(
+        1,
+        t_s,
+        t_s,
+        camera,
+        tuple(DetectionBall(1.0, *place) for place in balls),
+        tuple(DetectionRobot(1.0, number, *pose) for number, *pose in yellow),
+        tuple(DetectionRobot(1.0, number, *pose) for number, *pose in blue),
+    )
+
+
+def test_a_robot_is_predicted_to_now():
+    tracker, rng = OverheadTracker(), np.random.default_rng(1)
+    for k in range(120):
+        t_s = k * PERIOD_S
+        x, y, angle = 1.5 * t_s + rng.normal(0, 0.0013), -0.5 * t_s + rng.normal(0, 0.0013), 3.0 + 2.0 * t_s
+        tracker.update(frame(t_s, yellow=[(4, x, y, wrap_angle(angle + rng.normal(0, 0.01)))]))
+    now_s = t_s + 0.05
+    (robot,) = tracker.at(now_s).robots
+    assert (robot.robot.team, robot.robot.number) == (TeamColor.YELLOW, 4)
+    assert math.hypot(robot.position_m.x - 1.5 * now_s, robot.position_m.y + 0.5 * now_s) < 0.01
+    assert (robot.velocity_mps.x, robot.velocity_mps.y) == pytest.approx((1.5, -0.5), abs=0.12)
+    assert robot.turn_rps == pytest.approx(2.0, abs=0.3)
+    assert abs(wrap_angle(robot.orientation_rad - 3.0 - 2.0 * now_s)) < 0.05
+    assert robot.visibility == pytest.approx(0.95)
+
+
+def test_robots_of_two_teams_and_cameras_are_two_however_their_frames_come():
+    tracker = OverheadTracker()
+    for k in range(30):
+        t_s = k * PERIOD_S
+        tracker.update(frame(t_s, yellow=[(1, 0.1, 0.0, 0.0)], blue=[(1, -1.0, 0.0, 1.0)]))
+        # the other camera exposed a little earlier
+        tracker.update(frame(t_s - 0.004, yellow=[(1, 0.102, 0.0, 0.0)], camera=1))
+    yellow, blue = tracker.at(t_s).robots
+    assert yellow.position_m.x == pytest.approx(0.101, abs=0.002)
+    assert blue.position_m.x == pytest.approx(-1.0, abs=0.001)
+
+
+def test_one_wrong_detection_is_not_believed_and_a_carried_robot_is():
+    tracker = OverheadTracker()
+    for k in range(30):
+        tracker.update(frame(k * PERIOD_S, yellow=[(1, 0.0, 0.0, 0.0)]))
+    tracker.update(frame(30 * PERIOD_S, yellow=[(1, 3.0, 2.0, 0.0)]))
+    assert abs(tracker.at(30 * PERIOD_S).robots[0].position_m.x) < 0.01
+    for k in (31, 32, 33):
+        tracker.update(frame(k * PERIOD_S, yellow=[(1, -2.0, 1.0, 0.5)]))
+    assert tracker.at(33 * PERIOD_S).robots[0].position_m.x == pytest.approx(-2.0, abs=0.01)
+
+
+def test_what_is_not_seen_is_gone_after_a_while():
+    tracker = OverheadTracker()
+    assert tracker.at(0.0).robots == tracker.at(0.0).balls == ()
+    tracker.update(frame(0.0, balls=[(0.0, 0.0)], yellow=[(1, 0.0, 0.0, 0.0)]))
+    assert tracker.at(0.5).robots[0].visibility == pytest.approx(0.5)
+    assert tracker.at(1.5).robots == ()
+    assert tracker.at(1.5).balls[0].visibility == 0.0
+
+
+def test_a_rolling_ball_is_followed_behind_a_robot_and_found_again():
+    tracker, rng = OverheadTracker(), np.random.default_rng(2)
+    place = lambda t_s: 2.0 * t_s - 0.35 * t_s**2 / 2  # noqa: E731
+    for k in range(150):
+        t_s = k * PERIOD_S
+        hidden = 1.0 < t_s < 1.6
+        balls = () if hidden else [(place(t_s) + rng.normal(0, 0.001), rng.normal(0, 0.001))]
+        tracker.update(frame(t_s, balls=balls))
+        if t_s > 0.5:
+            error = abs(tracker.at(t_s).balls[0].position_m.x - place(t_s))
+            assert error < (0.1 if hidden else 0.03)
+
+
+def test_a_kicked_ball_is_caught_up_with_in_three_frames():
+    tracker = OverheadTracker()
+    for k in range(30):
+        tracker.update(frame(k * PERIOD_S, balls=[(0.0, 0.0)]))
+    for k in range(1, 6):
+        t_s = 29 * PERIOD_S + k * PERIOD_S
+        tracker.update(frame(t_s, balls=[(6.0 * k * PERIOD_S, 0.0), (3.0, 2.0)]))
+    ball = tracker.at(t_s).balls[0]
+    assert ball.position_m.x == pytest.approx(6.0 * 5 * PERIOD_S, abs=0.03)
+    assert ball.velocity_mps.x == pytest.approx(6.0, abs=0.5)
+
+
+def test_a_ball_that_lies_still_lies_still():
+    tracker = OverheadTracker()
+    for k in range(60):
+        tracker.update(frame(k * PERIOD_S, balls=[(1.0, 1.0)]))
+    ball = tracker.at(2.0).balls[0]
+    assert (ball.position_m.x, ball.position_m.y) == pytest.approx((1.0, 1.0), abs=1e-3)
+    assert abs(ball.velocity_mps.x) < 0.01
+
+
+def test_numbers_that_are_none_are_left_out():
+    tracker = OverheadTracker()
+    nan = float("nan")
+    tracker.update(frame(nan, balls=[(0.0, 0.0)]))
+    tracker.update(frame(1.0, balls=[(nan, 0.0)], yellow=[(1, nan, 0.0, 0.0), (None, 0.0, 0.0, 0.0)]))
+    tracker.update(frame(1.0, blue=[(1, 0.0, 0.0, float("inf"))]))
+    assert tracker.at(1.0).robots == tracker.at(1.0).balls == ()

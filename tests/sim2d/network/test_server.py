@@ -1,0 +1,228 @@
+"""The simulator on the loopback: its own clients, a program that knows nothing of it, and people who send rubbish."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ssl_sockets import free_port
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.cli import main
+from robocup_vision.ssl.protocol.mapping import encode
+from robocup_vision.ssl.requests import RobotClient, SimulatorClient
+from robocup_vision.ssl.sockets import REFEREE_GROUP, multicast_sender
+from robocup_vision.ssl.subscriptions import RefereeClient, TrackerClient, VisionClient
+from robocup_vision.ssl.values import simulation as sim
+from robocup_vision.ssl.values.referee import RefereeCommand
+from sim2d.network.league import LeagueSimulator
+from sim2d.network.packets import referee_packet
+from sim2d.network.realism import Realism
+from sim2d.network.server import LeagueServer, Ports
+
+WAIT_S = 10.0
+FOREIGN_TEAM = Path(__file__).with_name("foreign_team.py")
+
+
+def free_ports():
+    """Return ports of which the control's next two are free as well."""
+    while True:
+        control = free_port()
+        try:
+            with (
+                socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
+                socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
+            ):
+                first.bind(("127.0.0.1", control + 1))
+                second.bind(("127.0.0.1", control + 2))
+        except (OSError, OverflowError):
+            continue
+        return Ports(control, free_port(), free_port())
+
+
+@pytest.fixture
+def running():
+    """Run a simulator in a thread until the test is over."""
+    simulator = LeagueSimulator(load_field("ssl_division_b"), 6, Realism(), epoch_s=time.time())
+    simulator.vision_port = free_port()
+    end_s = time.monotonic() + 60
+    with LeagueServer(simulator, ports=free_ports()) as served:
+        stop = threading.Event()
+        thread = threading.Thread(target=served.run, args=(lambda: not stop.is_set() and time.monotonic() < end_s,))
+        thread.start()
+        yield served
+        stop.set()
+        thread.join(WAIT_S)
+
+
+def test_our_clients_see_a_robot_that_they_drive(running):
+    ports, simulator = running.ports, running.simulator
+    move = sim.MoveCommand(local=sim.LocalVelocity(1.0, 0.0, 0.0))
+    with (
+        VisionClient(simulator.vision_port) as vision,
+        TrackerClient(ports.tracker) as tracker,
+        RobotClient(sim.Team.YELLOW, port=ports.yellow) as robots,
+        SimulatorClient(port=ports.control) as control,
+    ):
+        control.place_robot(sim.Team.YELLOW, 2, 0.0, 2.0, 0.0)
+        places = []
+        while len(places) < 40:
+            assert vision.receive(WAIT_S) is not None
+            robots.send([sim.RobotCommand(2, move)])
+            assert robots.receive(WAIT_S).feedback[0].number == 2
+            overview = vision.overview
+            if overview is not None:
+                places.append(next(robot.x_m for robot in overview.yellow if robot.robot_id == 2))
+        assert places[-1] > places[0] + 0.1
+        assert tracker.receive(WAIT_S).frame.robots
+        while vision.geometry is None:
+            assert vision.receive(WAIT_S) is not None
+        assert vision.geometry.field.length_m == 9.0
+        control.send(sim.SimulatorCommand(sim.SimulatorControl(speed=-1.0)))
+        assert control.receive(WAIT_S).errors[0].code == "SPEED_RANGE"
+    assert simulator.bad_datagrams == 0
+
+
+def test_vision_moves_to_another_port(running):
+    port = free_port()
+    with VisionClient(port) as vision, SimulatorClient(port=running.ports.control) as control:
+        assert vision.receive(0.1) is None
+        control.send(sim.SimulatorCommand(config=sim.SimulatorConfig(vision_port=port)))
+        assert vision.receive(WAIT_S) is not None
+
+
+def test_it_is_stepped_and_paused(running):
+    with SimulatorClient(port=running.ports.control) as control:
+        assert control.step(0.5, timeout_s=WAIT_S).detections
+        steps = running.simulator.world.steps
+        time.sleep(0.2)
+        assert running.simulator.world.steps == steps
+        control.send(sim.SimulatorCommand(sim.SimulatorControl(speed=1.0)))
+        end_s = time.monotonic() + WAIT_S
+        while running.simulator.world.steps == steps and time.monotonic() < end_s:
+            time.sleep(0.01)
+        assert running.simulator.world.steps > steps
+
+
+def test_it_keeps_quiet_while_a_game_controller_speaks(running):
+    foreign = encode(referee_packet(1.7e9, 1.0)).replace(b"sim2d", b"other")
+    with multicast_sender() as sender, RefereeClient(running.ports.referee) as referee:
+        assert referee.receive(WAIT_S).command == RefereeCommand.FORCE_START
+        own = 0
+        for _ in range(20):
+            sender.sendto(foreign, (REFEREE_GROUP, running.ports.referee))
+            time.sleep(0.03)
+        while (packet := referee.receive(0.0)) is not None:
+            own = own + 1 if packet.source_identifier == "sim2d" else own
+        for _ in range(5):
+            sender.sendto(foreign, (REFEREE_GROUP, running.ports.referee))
+            time.sleep(0.03)
+        later = [packet.source_identifier for _ in range(5) if (packet := referee.receive(0.0)) is not None]
+    assert set(later) == {"other"}
+
+
+def test_who_floods_it_slows_nobody(running):
+    simulator = running.simulator
+    flooding = threading.Event()
+
+    def flood():
+        junk = np.random.default_rng(1).bytes(600)
+        command = encode(sim.SimulatorCommand(config=sim.SimulatorConfig(vision_port=0)))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            while not flooding.is_set():
+                client.sendto(junk, ("127.0.0.1", running.ports.control))
+                client.sendto(command, ("127.0.0.1", running.ports.yellow))
+                time.sleep(0.0002)
+
+    thread = threading.Thread(target=flood)
+    before, begin_s = simulator.world.t_s, time.monotonic()
+    thread.start()
+    time.sleep(1.0)
+    flooding.set()
+    thread.join(WAIT_S)
+    gone_s, simulated_s = time.monotonic() - begin_s, simulator.world.t_s - before
+    assert simulator.bad_datagrams > 100
+    # what the machine could not do for others is no fault of the flood
+    assert simulated_s + running.behind_s > 0.5 * gone_s
+
+
+def test_a_port_that_is_taken_is_told():
+    simulator = LeagueSimulator(load_field("ssl_division_b"), 1, Realism())
+    ports = free_ports()
+    with (
+        LeagueServer(simulator, ports=ports) as served,
+        pytest.raises(ArgumentError, match=f"cannot listen on 127.0.0.1:{ports.control}"),
+    ):
+        LeagueServer(served.simulator, ports=Ports(ports.control, ports.tracker, free_port()))
+
+
+def command_line(ports, vision_port, *more):
+    given = [
+        f"--vision-port={vision_port}",
+        f"--tracker-port={ports.tracker}",
+        f"--referee-port={ports.referee}",
+        f"--control-port={ports.control}",
+    ]
+    return ["simulate", *given, *more]
+
+
+def test_the_command_runs_as_fast_as_it_goes_and_ends(capsys):
+    assert main(command_line(free_ports(), free_port(), "--speed", "0", "--seconds", "3", "--players", "2")) == 0
+    out = capsys.readouterr().out
+    assert "3.0 s simulated, 0 bad datagrams" in out
+    assert "realism none, network loopback" in out
+
+
+def test_the_command_shows_bad_datagrams_and_ends_by_an_interrupt():
+    ports = free_ports()
+    command = [sys.executable, "-m", "robocup_vision.cli", *command_line(ports, free_port(), "--seconds", "60")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert "division_b" in process.stdout.readline()
+        process.stdout.readline()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+            client.sendto(b"rubbish", ("127.0.0.1", ports.control))
+        assert "bad datagrams: 1" in process.stderr.readline()
+        time.sleep(1.0)
+        os.kill(process.pid, signal.SIGINT)
+        out, _ = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 0
+    assert "vision packets went out late by" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--speed", "-1"], "--speed must be 0 or more"),
+        (["--seconds", "0"], "--seconds must be positive"),
+        (["--vision-port", "0"], "--vision-port must be from 1"),
+        (["--realism", "odd"], "no realism 'odd'"),
+        (["--network", "nothere0"], "no network interface 'nothere0'"),
+        (["--players", "99"], "players must be from 0 to 16"),
+        (["--field", "four_legged_2007", "--players", "-1"], "players must be from 0 to 16"),
+    ],
+)
+def test_wrong_options_are_told_in_one_line(options, words, capsys):
+    assert main(["simulate", *options]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_a_foreign_team_of_thirty_lines_drives_a_square_and_kicks(running):
+    ports = running.ports
+    arguments = [ports.control, ports.yellow, running.simulator.vision_port]
+    done = subprocess.run(
+        [sys.executable, str(FOREIGN_TEAM), *map(str, arguments)], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    words = dict(line.split() for line in done.stdout.splitlines())
+    assert float(words["worst_corner_m"]) < 0.05
+    assert float(words["ball_moved_m"]) > 0.3
+    assert words["ball_contact"] == "1"
