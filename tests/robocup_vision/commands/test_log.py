@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.network.damaged_messages import REFEREE
+from benchmarks.worlds.damaged_messages import REFEREE
 from field_models import load_field
 from robocup_vision.cli import main
 from robocup_vision.ssl.log import LogEntry, LogKind, SslLog, SslLogWriter, log_entry

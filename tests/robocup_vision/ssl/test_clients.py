@@ -8,7 +8,7 @@ import threading
 import pytest
 from ssl_sockets import free_port
 
-from benchmarks.network.damaged_messages import FRAME, GEOMETRY, REFEREE, TRACKED
+from benchmarks.worlds.damaged_messages import FRAME, GEOMETRY, REFEREE, TRACKED
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.requests import RobotClient, SimulatorClient

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.network.damaged_messages import EXAMPLES, damaged
+from benchmarks.worlds.damaged_messages import EXAMPLES, damaged
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.ssl.field import geometry_from_field

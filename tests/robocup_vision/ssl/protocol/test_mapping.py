@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.network.damaged_messages import EXAMPLES, REFEREE, damaged_messages
+from benchmarks.worlds.damaged_messages import EXAMPLES, REFEREE, damaged_messages
 from field_models.errors import PacketError
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.protocol.messages import message_class, parse
