@@ -13,7 +13,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor.free_floor import LINE
+from robocup_vision.kernels.floor.free_floor import FLOOR, LINE
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.perception.polar_view import PolarView
@@ -34,7 +34,10 @@ class LineSupportSettings:
         With fewer samples marked as line these say nothing. They are coarse, but cost nothing; where they do not bear
         the pose out, line points are found to a fraction of a pixel.
     min_points : int
-        With fewer the points say nothing, and nothing bears the pose out.
+        With fewer the points say nothing: robots may hide all lines. Plain floor where the pose puts lines then speaks
+        against it.
+    min_hidden_inlier_ratio : float
+        Share of the outline that must agree where all lines are hidden.
     near_widths : float
         So near to a line's middle, in line widths, a point is on it.
     """
@@ -43,6 +46,7 @@ class LineSupportSettings:
     min_ratio_sum: float = 1.0
     min_samples: int = 10
     min_points: int = 8
+    min_hidden_inlier_ratio: float = 0.6
     near_widths: float = 1.2
 
 
@@ -96,9 +100,17 @@ class LineSupport:
                 return True
         points = self._finder.find(frame)
         if len(points) < settings.min_points:
-            return False
+            return estimate.inlier_share >= settings.min_hidden_inlier_ratio and not self._lacks_lines(estimate, marks)
         off_m = self._off_lines_m(estimate.pose, points.floor_m)
         return bool(np.count_nonzero(off_m < self._near_m) >= missing_ratio * len(points))
+
+    def _lacks_lines(self, estimate: PoseEstimate, marks: UInt8Array) -> bool:
+        """Whether plain floor shows where the pose puts lines."""
+        row, column = np.nonzero(marks == FLOOR)
+        # samples whose whole width lies on a line
+        inner_m = 0.5 * self._map.field.line_width_m - 0.5 * np.gradient(self._view.range_m)[column]
+        off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
+        return int(np.count_nonzero(off_m < inner_m)) >= self._settings.min_samples
 
     def _off_lines_m(self, pose: Pose2, floor_m: FloatArray) -> FloatArray:
         return self._map.nearest(pose.transform(floor_m)).distance_m
