@@ -175,10 +175,8 @@ class Wayfinder:
             self._keep_inside()
             radius = 1.0 / self._settings.cell_ratio
             self._reach = radius / float(bearing[1] - bearing[0])
-            way_grid.mark_view(
-                self._state, self._seen_from, self._x, self._y, self._theta, bearing, range_cells,
-                radius, self._reach, self._settings.strip_cells,
-            )  # fmt: skip
+            view = way_grid.RangesInGrid(self._x, self._y, self._theta, bearing, range_cells)
+            way_grid.mark_view(self._state, self._seen_from, view, radius, self._reach, self._settings.strip_cells)
             self._is_due = True
         self._views += 1
 

@@ -102,7 +102,7 @@ class Motion:
     profiles : int
         Number of earlier profiles that it rests on; 0: odometry alone.
     agreement : float
-        Share of the bearings that agree with the earlier profiles; 0 without profiles.
+        Ratio of the bearings that agree with the earlier profiles; 0 without profiles.
     pose : Pose2
         The robot now, in its frame at the first frame.
     """
@@ -137,8 +137,8 @@ class _Profile:
         thing = np.empty(len(inverse), dtype=np.int64)
         things = kernels.part(present[kernels.VALUE], present[kernels.VARIANCE], thing)
         known = thing >= 0
-        shares = present[kernels.VARIANCE, known] / variance[known]
-        return cls(present, thing, things, float(shares.mean()) if known.any() else 1.0)
+        ratios = present[kernels.VARIANCE, known] / variance[known]
+        return cls(present, thing, things, float(ratios.mean()) if known.any() else 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,7 +205,7 @@ class EgoMotion:
         self._past.clear()
         self._t_s: float | None = None
         self._pose = Pose2(0.0, 0.0, 0.0)
-        # covariance of that pose from odometry alone, since a profile last told it
+        # covariance of that pose from odometry alone, since a profile last corrected it
         self._drift = np.zeros((3, 3))
 
     def update(
@@ -302,25 +302,25 @@ class EgoMotion:
         information = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         normal = np.empty((3, 3))
 
+        rules = kernels.Rules(settings.min_inlier_ratio, profile.worth, 2 * settings.reach + 1)
+        earlier, prediction = kernels.Earlier(past, thing), kernels.Prediction(predicted.array, information)
+
         def refine(pose: FloatArray) -> tuple[int, float]:
-            rules = self._gates, settings.min_inlier_ratio, profile.worth, 2 * settings.reach + 1
-            used, share = kernels.refine(
-                profile.present, past, thing, pose, predicted.array, information, *rules, normal
-            )
-            return int(used), float(share)
+            used, ratio = kernels.refine(profile.present, earlier, pose, prediction, self._gates, rules, normal)
+            return int(used), float(ratio)
 
         pose = predicted.array
-        used, share = refine(pose)
-        if share < settings.search_below_ratio:
+        used, ratio = refine(pose)
+        if ratio < settings.search_below_ratio:
             pose = self._search(profile.present, past, predicted, spread)
-            used, share = refine(pose)
+            used, ratio = refine(pose)
         if not used:
             return unaided
         self._drift = np.zeros((3, 3))
         now = Pose2(*pose.tolist())
         c, s = math.cos(before.theta_rad), math.sin(before.theta_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return Motion(before.inverse().compose(now), turn.T @ np.linalg.inv(normal) @ turn, used, share, now)
+        return Motion(before.inverse().compose(now), turn.T @ np.linalg.inv(normal) @ turn, used, ratio, now)
 
     def _search(self, present: FloatArray, past: FloatArray, predicted: Pose2, covariance: FloatArray) -> FloatArray:
         """(3,) float64: the best of a grid of candidates about what odometry says."""

@@ -170,18 +170,8 @@ class FreeSpaceMap:
         corner_x, corner_y = self.corner_m
         robot = self._robot
         kernel.gather_evidence(
-            corner_x,
-            corner_y,
-            self.cell_m,
-            robot.x_m,
-            robot.y_m,
-            robot.theta_rad,
-            profile.bearing_rad,
-            lower,
-            upper,
-            profile.range_m,
-            depth_m,
-            hit,
+            kernel.SensorInGrid(corner_x, corner_y, self.cell_m, robot.x_m, robot.y_m, robot.theta_rad),
+            kernel.ProfileArrays(profile.bearing_rad, lower, upper, profile.range_m, depth_m, hit),
             model.nearest_m,
             model.reach_m,
             discs,
@@ -275,9 +265,8 @@ class FreeSpaceMap:
         out = np.empty(len(bearing))
         lower, upper = cones(bearing)
         corner_x, corner_y = self.corner_m
-        pose = robot.x_m, robot.y_m, robot.theta_rad
-        is_free = self.state == FREE
-        kernel.free_ranges(corner_x, corner_y, self.cell_m, *pose, lower, upper, nearest_m, is_free, out)
+        sensor = kernel.SensorInGrid(corner_x, corner_y, self.cell_m, robot.x_m, robot.y_m, robot.theta_rad)
+        kernel.free_ranges(sensor, lower, upper, nearest_m, self.state == FREE, out)
         out.flags.writeable = False
         return FreeSpace(bearing, out)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,14 +19,57 @@ VALUE, VARIANCE, SLOPE = range(3)
 X, Y, RANGE_VARIANCE, MOVED_VARIANCE = range(4)
 # with so few blocks, the three numbers of a pose explain whatever they say
 _MIN_BLOCKS = 4
-# neighbours are of one thing if they differ by less than this share of their inverse range, beyond their noise
-_STEP_SHARE = 0.1
+# neighbours are of one thing if they differ by less than this ratio of their inverse range, beyond their noise
+_STEP_RATIO = 0.1
+
+
+class Rules(NamedTuple):
+    """How profiles are compared.
+
+    min_inlier_ratio : an earlier profile is used if at least this ratio of what could be compared is within the gate.
+    worth : independent measurements a bearing; below 1 where bearings have been smoothed over their neighbours.
+    block : the errors of this many neighbouring bearings may be one.
+    """
+
+    min_inlier_ratio: float
+    worth: float
+    block: int
+
+
+class Earlier(NamedTuple):
+    """Earlier profiles.
+
+    points : (k, M, 4) float64, see the columns' names.
+    thing : (k, M) int64, which thing each point lies on; those of one are next to each other (and around the end).
+    """
+
+    points: FloatArray
+    thing: Int64Array
+
+
+class Prediction(NamedTuple):
+    """What is known of the pose without the profiles: (3,) x, y, phi, and (3, 3) the inverse of its covariance."""
+
+    pose: FloatArray
+    information: FloatArray
+
+
+class Sums(NamedTuple):
+    """Sums over the compared bearings.
+
+    normal, slope : (3, 3) of J^T J and (3,) of J^T r.
+    scatter : (3, 3) of the outer products of the blocks' J^T r.
+    """
+
+    normal: FloatArray
+    slope: FloatArray
+    scatter: FloatArray
 
 
 @njit(cache=True, nogil=True)
-def is_step(one: float, other: float, variance: float) -> bool:
+def _is_step(one: float, other: float, variance: float) -> bool:
     """Whether two neighbouring inverse ranges (1/m), NaN for none, lie on different things."""
-    return not abs(one - other) < 3.0 * math.sqrt(2.0 * variance) + _STEP_SHARE * other
+    return not abs(one - other) < 3.0 * math.sqrt(2.0 * variance) + _STEP_RATIO * other
 
 
 @njit(cache=True, nogil=True)
@@ -53,7 +97,7 @@ def smooth(
             for step in range(1, reach + 1):
                 near = inverse[(j + side * step) % count]
                 # noise from one direction to the next is far smaller than a step in depth
-                if is_step(near, last, variance[j]):
+                if _is_step(near, last, variance[j]):
                     break
                 last = near
                 cos, sin = math.cos(step * step_rad), math.sin(side * step * step_rad)
@@ -83,7 +127,7 @@ def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
     # begin at a gap, so that no thing is cut in two at direction 0
     first = 0
     for j in range(count):
-        if is_step(inverse[j - 1], inverse[j], variance[j]):
+        if _is_step(inverse[j - 1], inverse[j], variance[j]):
             first = j
             break
     things = 0
@@ -92,7 +136,7 @@ def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
         if not inverse[j] > 0.0:
             thing[j] = -1
             continue
-        if step == 0 or is_step(inverse[j - 1], inverse[j], variance[j]):
+        if step == 0 or _is_step(inverse[j - 1], inverse[j], variance[j]):
             things += 1
         thing[j] = things - 1
     return things
@@ -112,7 +156,7 @@ def widths(points: FloatArray, thing: Int64Array, width: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def add_block(
+def _add_block(
     own_normal: FloatArray,
     own_slope: FloatArray,
     moved_variance: float,
@@ -157,12 +201,9 @@ def compare(
     thing: Int64Array,
     pose: FloatArray,
     gate: float,
-    worth: float,
-    block: int,
+    rules: Rules,
     nearest: FloatArray,
-    normal: FloatArray,
-    slope: FloatArray,
-    scatter: FloatArray,
+    sums: Sums,
 ) -> tuple[float, int, int, int]:
     """Difference of a profile from one earlier profile seen from a pose: one i of Miura's eq. 1.
 
@@ -170,15 +211,14 @@ def compare(
     thing : (M,) which thing an earlier point lies on; those of one are next to each other (and around the end).
     pose : (3,) x, y, phi.
     gate : differences over this many standard deviations are skipped.
-    worth : independent measurements a bearing; below 1 where bearings have been smoothed over their neighbours.
-    block : the errors of this many neighbouring bearings may be one.
     nearest : (J,) scratch.
-    normal, slope, scatter : (3, 3), (3,) and (3, 3); the sums of J^T J and J^T r, and of the outer products of the
-    blocks' J^T r, are added to them.
+    sums : added to.
 
     Returns the sum of squared normalised differences, and how many bearings were counted, how many could have been,
     and how many blocks they made.
     """
+    worth, block = rules.worth, rules.block
+    normal, slope, scatter = sums
     bearings, points = present.shape[1], past.shape[0]
     per_rad = bearings / math.tau
     x, y, phi = pose[0], pose[1], pose[2]
@@ -216,7 +256,7 @@ def compare(
         if abs(off) > limit:
             continue
         if last >= 0 and (inside == block or thing[m] != thing[last]):
-            add_block(own_normal, own_slope, past[last, MOVED_VARIANCE], normal, slope, scatter)
+            _add_block(own_normal, own_slope, past[last, MOVED_VARIANCE], normal, slope, scatter)
             blocks += 1
             inside = 0
         last = m
@@ -232,7 +272,7 @@ def compare(
             for b in range(3):
                 own_normal[a, b] += row[a] * row[b] * worth / spread
     if last >= 0:
-        add_block(own_normal, own_slope, past[last, MOVED_VARIANCE], normal, slope, scatter)
+        _add_block(own_normal, own_slope, past[last, MOVED_VARIANCE], normal, slope, scatter)
         blocks += 1
     return total, counted, comparable, blocks
 
@@ -266,52 +306,46 @@ def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blo
 @njit(cache=True, nogil=True)
 def difference(
     present: FloatArray,
-    past: FloatArray,
-    thing: Int64Array,
+    earlier: Earlier,
     pose: FloatArray,
     information: FloatArray,
     gate: float,
-    min_share: float,
-    worth: float,
-    block: int,
-    nearest: FloatArray,
+    rules: Rules,
     normal: FloatArray,
     slope: FloatArray,
 ) -> tuple[float, int, float]:
     """Miura's Diff(x, y, phi), with its normal matrix and its gradient, over k earlier profiles.
 
-    past, thing : (k, M, 4) and (k, M), as in `compare`.
     information : (3, 3) what is known of the pose without the profiles.
-    min_share : an earlier profile is used if at least this share of what could be compared is within the gate.
     normal, slope : (3, 3) and (3,); overwritten. They are the mean over profiles of the mean over bearings, each
     profile by its `excess`, times the largest number of bearings that one of them gave: all share the noise of the
     present profile, and together weigh as one of them does.
 
-    Returns Diff, how many profiles were used, and the share of all that could be compared which agree.
+    Returns Diff, how many profiles were used, and the ratio of all that could be compared which agrees.
     """
-    one_normal, one_slope, scatter = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    one, nearest = Sums(np.empty((3, 3)), np.empty(3), np.empty((3, 3))), np.empty(present.shape[1])
     normal[:] = 0.0
     slope[:] = 0.0
     total, used, most, agreeing, all_comparable = 0.0, 0, 0, 0, 0
-    for i in range(past.shape[0]):
-        one_normal[:] = 0.0
-        one_slope[:] = 0.0
-        scatter[:] = 0.0
+    for i in range(earlier.points.shape[0]):
+        one.normal[:] = 0.0
+        one.slope[:] = 0.0
+        one.scatter[:] = 0.0
         cost, counted, comparable, blocks = compare(
-            present, past[i], thing[i], pose, gate, worth, block, nearest, one_normal, one_slope, scatter
+            present, earlier.points[i], earlier.thing[i], pose, gate, rules, nearest, one
         )
         agreeing += counted
         all_comparable += comparable
-        if blocks < _MIN_BLOCKS or counted < min_share * comparable:
+        if blocks < _MIN_BLOCKS or counted < rules.min_inlier_ratio * comparable:
             continue
         used += 1
         most = max(most, counted)
         total += cost / counted
-        weight = 1.0 / (counted * excess(one_normal, scatter, information, blocks))
+        weight = 1.0 / (counted * excess(one.normal, one.scatter, information, blocks))
         for a in range(3):
-            slope[a] += one_slope[a] * weight
+            slope[a] += one.slope[a] * weight
             for b in range(3):
-                normal[a, b] += one_normal[a, b] * weight
+                normal[a, b] += one.normal[a, b] * weight
     for a in range(3):
         slope[a] *= most / max(used, 1)
         for b in range(3):
@@ -322,30 +356,25 @@ def difference(
 @njit(cache=True, nogil=True)
 def refine(
     present: FloatArray,
-    past: FloatArray,
-    thing: Int64Array,
+    earlier: Earlier,
     pose: FloatArray,
-    predicted: FloatArray,
-    information: FloatArray,
+    prediction: Prediction,
     gates: FloatArray,
-    min_share: float,
-    worth: float,
-    block: int,
+    rules: Rules,
     normal: FloatArray,
 ) -> tuple[int, float]:
     """Gauss-Newton on `difference` and the prediction, one step a gate; moves `pose` (3,) and leaves its `normal`.
 
-    predicted, information : (3,) and (3, 3) the pose that odometry says and the inverse of its covariance.
+    prediction : the pose by odometry.
 
-    Returns how many profiles were used at the last step, and the share of bearings that agreed then; 0 profiles where
+    Returns how many profiles were used at the last step, and the ratio of bearings that agreed then; 0 profiles where
     at some step none could be used.
     """
-    nearest, slope, matrix = np.empty(present.shape[1]), np.empty(3), np.empty((3, 3))
-    used, share = 0, 0.0
+    slope, matrix = np.empty(3), np.empty((3, 3))
+    predicted, information = prediction
+    used, ratio = 0, 0.0
     for gate in gates:
-        _, used, share = difference(
-            present, past, thing, pose, information, gate, min_share, worth, block, nearest, normal, slope
-        )
+        _, used, ratio = difference(present, earlier, pose, information, gate, rules, normal, slope)
         if used == 0:
             return 0, 0.0
         for a in range(3):
@@ -357,7 +386,7 @@ def refine(
             return 0, 0.0
         for a in range(3):
             pose[a] -= slope[a]
-    return used, share
+    return used, ratio
 
 
 @njit(cache=True, nogil=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -14,6 +15,37 @@ SILENT, HIT, CROSSED = 0, 1, 2
 _TURN = 2.0 * math.pi
 # bearings closer together than this join without a gap, radians
 _JOINED_RAD = 1e-9
+
+
+class SensorInGrid(NamedTuple):
+    """A grid of cells and the sensor in it, both in the map's frame.
+
+    corner_x, corner_y, cell_m : lowest corner of cell (0, 0) and side of a cell, metres.
+    x_m, y_m, theta_rad : the sensor.
+    """
+
+    corner_x: float
+    corner_y: float
+    cell_m: float
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+
+class ProfileArrays(NamedTuple):
+    """A range profile in the sensor's frame.
+
+    bearing, lower, upper : (J,) float64, middle and edges of each bearing's cone, ascending within one turn, radians.
+    range_m, depth_m : (J,) float64; what is met stands between range and range + depth; a NaN range tells nothing.
+    hit : (J,) bool, whether something is met; else it is free as far as the range.
+    """
+
+    bearing: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    range_m: FloatArray
+    depth_m: FloatArray
+    hit: BoolArray
 
 
 @njit(cache=True, nogil=True)
@@ -52,22 +84,7 @@ def _first_cone(direction: float, lower: FloatArray, upper: FloatArray) -> tuple
 
 @njit(cache=True, nogil=True)
 def gather_evidence(
-    corner_x: float,
-    corner_y: float,
-    cell_m: float,
-    x_m: float,
-    y_m: float,
-    theta_rad: float,
-    bearing: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    range_m: FloatArray,
-    depth_m: FloatArray,
-    hit: BoolArray,
-    nearest_m: float,
-    reach_m: float,
-    discs: FloatArray,
-    out: Int8Array,
+    sensor: SensorInGrid, profile: ProfileArrays, nearest_m: float, reach_m: float, discs: FloatArray, out: Int8Array
 ) -> None:
     """Say of each cell what one range profile tells: HIT, CROSSED or, where it tells nothing, SILENT.
 
@@ -76,18 +93,10 @@ def gather_evidence(
 
     Parameters
     ----------
-    corner_x, corner_y : float
-        Lowest corner of cell (0, 0), metres.
-    cell_m : float
-        Side of a cell.
-    x_m, y_m, theta_rad : float
-        The sensor in the map's frame.
-    bearing, lower, upper : (J,) float64
-        Middle and edges of each bearing's cone, sensor frame, ascending within one turn, radians.
-    range_m, depth_m : (J,) float64
-        What is met stands between range and range + depth; a NaN range tells nothing.
-    hit : (J,) bool
-        Whether something is met; else it is free as far as the range.
+    sensor : SensorInGrid
+        Where the cells and the sensor are.
+    profile : ProfileArrays
+        What the sensor measured.
     nearest_m, reach_m : float
         Ranges between which the sensor tells anything.
     discs : (D, 3) float64
@@ -95,6 +104,8 @@ def gather_evidence(
     out : (N, N) int8, written
         First index along x.
     """
+    corner_x, corner_y, cell_m, x_m, y_m, theta_rad = sensor
+    bearing, lower, upper, range_m, depth_m, hit = profile
     count, size = bearing.shape[0], out.shape[0]
     half = 0.5 * cell_m
     out[:] = SILENT
@@ -194,30 +205,23 @@ def add_evidence(
 
 @njit(cache=True, nogil=True)
 def free_ranges(
-    corner_x: float,
-    corner_y: float,
-    cell_m: float,
-    x_m: float,
-    y_m: float,
-    theta_rad: float,
-    lower: FloatArray,
-    upper: FloatArray,
-    nearest_m: float,
-    is_free: BoolArray,
-    out: FloatArray,
+    sensor: SensorInGrid, lower: FloatArray, upper: FloatArray, nearest_m: float, is_free: BoolArray, out: FloatArray
 ) -> None:
     """Range of each cone to the first cell that touches it and is not free, or to the map's end.
 
     Parameters
     ----------
-    corner_x, corner_y, cell_m, x_m, y_m, theta_rad, lower, upper
-        As in `gather_evidence`.
+    sensor : SensorInGrid
+        Where the cells and the sensor are.
+    lower, upper : (J,) float64
+        Edges of each cone, sensor frame, ascending within one turn, radians.
     nearest_m : float
         Cells that reach nearer than this are not asked.
     is_free : (N, N) bool
     out : (J,) float64, written
         Metres.
     """
+    corner_x, corner_y, cell_m, x_m, y_m, theta_rad = sensor
     count, size = lower.shape[0], is_free.shape[0]
     half, side = 0.5 * cell_m, size * cell_m
     for k in range(count):

@@ -6,6 +6,8 @@ are sums and no division is needed.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -15,6 +17,28 @@ from robocup_vision.arrays import FloatArray
 # what is done at a node, besides the viewpoints' numbers
 DETOUR = -1
 PASS = -2
+
+
+class GateProblem(NamedTuple):
+    """A gate problem in numbers.
+
+    first_wide : from this cell of the width on, the gap is wide enough.
+    likelihood : (N, K, W) float64, probability of each of K measurements at each viewpoint, by the width.
+    move : (N, N) float64, seconds between viewpoints, never more than by way of a third.
+    look : seconds of a look.
+    passing, failing, detour : (N,) float64, seconds to the target: through a gap that is wide enough; by a gap that
+    turns out too narrow, and back round it, never less than the detour; by the detour.
+    confirmed : probability from which a gap may be passed.
+    """
+
+    first_wide: int
+    likelihood: FloatArray
+    move: FloatArray
+    look: float
+    passing: FloatArray
+    failing: FloatArray
+    detour: FloatArray
+    confirmed: float
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -32,14 +56,7 @@ def search(
     depth: int,
     place: int,
     limit: float,
-    first_wide: int,
-    likelihood: FloatArray,
-    move: FloatArray,
-    look: float,
-    passing: FloatArray,
-    failing: FloatArray,
-    detour: FloatArray,
-    confirmed: float,
+    problem: GateProblem,
     counted: npt.NDArray[np.int64],
 ) -> tuple[float, int]:
     """Return the least expected cost from here, weighted by mass, and what to do first; exact if below `limit`.
@@ -47,22 +64,13 @@ def search(
     Parameters
     ----------
     belief : (H + 1, W) float64, row `depth` read, later rows written
-        Joint masses of the width's cells, ascending; from `first_wide` on they are wide enough.
+        Joint masses of the width's cells, ascending.
     depth, place : int
         Looks taken so far, of H; the viewpoint the robot is at.
     limit : float
         A cost that is known to be reachable otherwise: what is not below it need not be exact.
-    likelihood : (N, K, W) float64
-        Probability of each of K readings at each viewpoint, by the width.
-    move : (N, N) float64
-        Seconds between viewpoints, never more than by way of a third.
-    look : float
-        Seconds of a look.
-    passing, failing, detour : (N,) float64
-        Seconds to the goal: through a gap that is wide enough; by a gap that turns out too narrow, and back round it,
-        never less than the detour; by the detour.
-    confirmed : float
-        Probability from which a gap may be passed.
+    problem : GateProblem
+        What is asked.
     counted : (1,) int64, written
         Grows by the beliefs that were reckoned with: one for each reading at each viewpoint tried.
 
@@ -70,6 +78,7 @@ def search(
     the detour if not: no branch costs less, so viewpoints are tried in the order of that bound, and readings are given
     up as soon as what they have cost, and the bounds of those to come, exceed the best.
     """
+    first_wide, likelihood, move, look, passing, failing, detour, confirmed = problem
     width_count = belief.shape[1]
     wide = 0.0
     narrow = 0.0
@@ -116,10 +125,7 @@ def search(
                     break
                 for w in range(width_count):
                     belief[depth + 1, w] = belief[depth, w] * likelihood[x, k, w]
-                exact, _ = search(
-                    belief, depth + 1, x, reach - cost + least[k], first_wide, likelihood, move, look, passing,
-                    failing, detour, confirmed, counted,
-                )  # fmt: skip
+                exact, _ = search(belief, depth + 1, x, reach - cost + least[k], problem, counted)
                 cost += exact - least[k]
         if cost < reach:
             best, action, reach = cost, x, cost

@@ -17,7 +17,7 @@ COLUMNS = 8
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def keep_off_m(moving: FloatArray, k: int, t: float) -> float:
+def _keep_off_m(moving: FloatArray, k: int, t: float) -> float:
     """Distance, metres, that the robot's centre keeps from the middle of disc k, t seconds from now."""
     spread = math.sqrt(moving[k, 5] * moving[k, 5] + moving[k, 6] * moving[k, 6] * t * t)
     return float(moving[k, 4] + min(spread, moving[k, 7]))
@@ -62,12 +62,12 @@ def moving_contact_time(
         x, y = moving[k, 0] + moving[k, 2] * begin - start[0], moving[k, 1] + moving[k, 3] * begin - start[1]
         away = math.sqrt(x * x + y * y)
         nearest = np.inf
-        if away < keep_off_m(moving, k, begin):
+        if away < _keep_off_m(moving, k, begin):
             nearest = away - step_m
         t, free = 0.0, 0.0
         until = min(horizon, first)
         while t < until:
-            gap = away - min(keep_off_m(moving, k, begin + t), nearest)
+            gap = away - min(_keep_off_m(moving, k, begin + t), nearest)
             if gap < 0.0:
                 first = min(free, t)
                 break

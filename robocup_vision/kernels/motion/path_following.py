@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,34 @@ Pair = tuple[float, float]
 _BACK_M, _LATEST_S = 0.01, 3.0
 # how late, at the most, the robot obeys when it comes to rest
 _LATE_S = 0.1
+
+
+class Start(NamedTuple):
+    """Where a robot is estimated to be, and how it moves.
+
+    place, velocity, pending : m; m/s; and the command it obeys till the next, m/s.
+    covariance : (3, 3) float64 of its pose.
+    """
+
+    place: Pair
+    velocity: Pair
+    pending: Pair
+    covariance: FloatArray
+
+
+class Following(NamedTuple):
+    """How a robot follows a path: speed, m/s; how far ahead it aims, m; its limits and periods, SI units.
+
+    until_look : until the next look, s; odometry : errors along and aside as ratios of the way.
+    """
+
+    speed: float
+    ahead_m: float
+    acceleration: float
+    dead_time: float
+    period: float
+    until_look: float
+    odometry: Pair
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -113,66 +142,32 @@ def _turned(vector: Pair, angle: float) -> Pair:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def min_clearance(
-    path: FloatArray,
-    place: Pair,
-    velocity: Pair,
-    pending: Pair,
-    covariance: FloatArray,
-    speed: float,
-    ahead_m: float,
-    acceleration: float,
-    dead_time: float,
-    period: float,
-    until_look: float,
-    odometry: Pair,
-    discs: FloatArray,
-    sigmas: float,
-) -> tuple[float, int]:
-    """Return the least clearance, metres, to a disc at this speed, and which disc that is (-1: there is none).
-
-    Parameters
-    ----------
-    path : (P, 2) float64
-        What is followed, m.
-    place, velocity, pending : pair of float
-        Where the robot is thought to be, m; its velocity and the command it obeys till the next, m/s.
-    covariance : (3, 3) float64
-        Of its pose.
-    until_look : float
-        Until the next look, s.
-    discs : (M, 6) float64
-        x, y, radius and the robot's, and the covariance (xx, xy, yy) of the centre.
-    sigmas : float
-        How many standard deviations count.
-
-    Two parts; once it is negative, no more is looked at. Until the next look the robot believes its odometry: the
-    controller's way is rolled out from where it is thought to be, and then a stop at once, which is done if no speed is
-    safe from there; each disc must be `sigmas` deviations of the error by then away. At the look it may turn out to be
-    at the worst point of its error ellipse (Miura 2004, section 6.2), and turned as that point of the pose's ellipsoid
-    is: from the ends of both axes the controller's return to the path is rolled out, and the stop after it. What error
-    the look leaves is the next plan's concern: it can still stop.
-    """
-    count = discs.shape[0]
-    least, which = np.inf, -1
-    if count == 0:
-        return least, which
-    # who is nearer than allowed already may go on if it gets no nearer: what is missing now is given
-    given = np.empty(count)
-    now = (covariance[0, 0], covariance[0, 1], covariance[1, 1])
-    for m in range(count):
-        away, variance = _toward(discs[m], place, now)
+def _allowances(discs: FloatArray, start: Start, sigmas: float) -> FloatArray:
+    """(M,) metres: who is nearer than allowed already may go on if it gets no nearer: what is missing now is given."""
+    given = np.empty(discs.shape[0])
+    now = (start.covariance[0, 0], start.covariance[0, 1], start.covariance[1, 1])
+    for m in range(discs.shape[0]):
+        away, variance = _toward(discs[m], start.place, now)
         given[m] = max(discs[m, 2] + sigmas * math.sqrt(variance) - away, 0.0)
-    here, moving, obeyed = place, velocity, pending
-    steps = max(1, int(round(until_look / period)))
+    return given
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clearance_until_look(
+    path: FloatArray, start: Start, way: Following, discs: FloatArray, given: FloatArray, sigmas: float
+) -> tuple[float, int, Pair, Pair, Pair]:
+    """Roll out the way until the next look and a stop; return (clearance, disc), and place, velocity, command then."""
+    least, which = np.inf, -1
+    here, moving, obeyed = start.place, start.velocity, start.pending
+    steps = max(1, int(round(way.until_look / way.period)))
     viewpoint, there, commanded = here, moving, obeyed
     step = 0
     while True:
-        target = follow(path, here, speed, ahead_m, acceleration) if step < steps else (0.0, 0.0)
-        here, moving = drive(here, moving, obeyed, target, acceleration, dead_time, period)
+        target = follow(path, here, way.speed, way.ahead_m, way.acceleration) if step < steps else (0.0, 0.0)
+        here, moving = drive(here, moving, obeyed, target, way.acceleration, way.dead_time, way.period)
         obeyed = target
-        by_then = spread(covariance, odometry, (here[0] - place[0], here[1] - place[1]))
-        for m in range(count):
+        by_then = spread(start.covariance, way.odometry, (here[0] - start.place[0], here[1] - start.place[1]))
+        for m in range(discs.shape[0]):
             away, variance = _toward(discs[m], here, by_then)
             clear = away - discs[m, 2] - sigmas * math.sqrt(variance) + given[m]
             if clear < least:
@@ -182,10 +177,81 @@ def min_clearance(
             viewpoint, there, commanded = here, moving, obeyed
         if least < 0.0 or (step > steps and moving[0] == 0.0 and moving[1] == 0.0):
             break
+    return least, which, viewpoint, there, commanded
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clearance_of_return(
+    path: FloatArray,
+    worst: tuple[Pair, Pair, Pair],
+    far: float,
+    way: Following,
+    discs: FloatArray,
+    given: FloatArray,
+    sigmas: float,
+    best: tuple[float, int],
+) -> tuple[float, int]:
+    """Roll out the return to the path and a stop; return the least clearance and its disc, or `best` if less.
+
+    worst : place, velocity and command at the look, at an end of the error ellipse's axis; far : that axis, m.
+    """
+    least, which = best
+    place, moving, obeyed = worst
+    step, back = 0, False
+    while True:
+        _, off, _ = nearest_on_path(path, place)
+        back = back or off <= _BACK_M or step * way.period >= _LATEST_S
+        target = (0.0, 0.0) if back else follow(path, place, way.speed, way.ahead_m, way.acceleration)
+        place, moving = drive(place, moving, obeyed, target, way.acceleration, way.dead_time, way.period)
+        obeyed = target
+        step += 1
+        for m in range(discs.shape[0]):
+            away, variance = _toward(discs[m], place, (0.0, 0.0, 0.0))
+            # deviations add up by squares, and the roll-out has the pose's
+            more = sigmas * (math.sqrt(far * far + variance) - far)
+            clear = away - discs[m, 2] - more + given[m]
+            if clear < least:
+                least, which = clear, m
+        if least < 0.0 or (back and moving[0] == 0.0 and moving[1] == 0.0):
+            break
+    return least, which
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def min_clearance(
+    path: FloatArray, start: Start, way: Following, discs: FloatArray, sigmas: float
+) -> tuple[float, int]:
+    """Return the least clearance, metres, to a disc at this speed, and which disc that is (-1: there is none).
+
+    Parameters
+    ----------
+    path : (P, 2) float64
+        What is followed, m.
+    start : Start
+        Where the robot is estimated to be, and how it moves.
+    way : Following
+        How it follows the path.
+    discs : (M, 6) float64
+        x, y, radius and the robot's, and the covariance (xx, xy, yy) of the centre.
+    sigmas : float
+        How many standard deviations count.
+
+    Two parts; once it is negative, no more is looked at. Until the next look the robot relies on its odometry: the
+    controller's way is rolled out from where it is thought to be, and then a stop at once, which is done if no speed is
+    safe from there; each disc must be `sigmas` deviations of the error by then away. At the look it may turn out to be
+    at the worst point of its error ellipse (Miura 2004, section 6.2), and turned as that point of the pose's ellipsoid
+    is: from the ends of both axes the controller's return to the path is rolled out, and the stop after it. What error
+    the look leaves is the next plan's concern: it can still stop.
+    """
+    if discs.shape[0] == 0:
+        return np.inf, -1
+    given = _allowances(discs, start, sigmas)
+    least, which, viewpoint, there, commanded = _clearance_until_look(path, start, way, discs, given, sigmas)
     if least < 0.0:
         return least, which
-    dx, dy = viewpoint[0] - place[0], viewpoint[1] - place[1]
-    xx, xy, yy = spread(covariance, odometry, (dx, dy))
+    covariance = start.covariance
+    dx, dy = viewpoint[0] - start.place[0], viewpoint[1] - start.place[1]
+    xx, xy, yy = spread(covariance, way.odometry, (dx, dy))
     # how the error of heading goes along with that of the place
     turned_x, turned_y = covariance[0, 2] - dy * covariance[2, 2], covariance[1, 2] + dx * covariance[2, 2]
     middle, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
@@ -194,26 +260,10 @@ def min_clearance(
     for case in range(4):
         cosine, sine = math.cos(axis + 0.5 * math.pi * case), math.sin(axis + 0.5 * math.pi * case)
         far = math.sqrt(max(middle + (longer if case % 2 == 0 else -longer), 1e-18))
-        worst = (viewpoint[0] + sigmas * far * cosine, viewpoint[1] + sigmas * far * sine)
+        place = (viewpoint[0] + sigmas * far * cosine, viewpoint[1] + sigmas * far * sine)
         turn = sigmas * (turned_x * cosine + turned_y * sine) / far
-        worst_moving, worst_obeyed = _turned(there, turn), _turned(commanded, turn)
-        step, back = 0, False
-        while True:
-            _, off, _ = nearest_on_path(path, worst)
-            back = back or off <= _BACK_M or step * period >= _LATEST_S
-            target = (0.0, 0.0) if back else follow(path, worst, speed, ahead_m, acceleration)
-            worst, worst_moving = drive(worst, worst_moving, worst_obeyed, target, acceleration, dead_time, period)
-            worst_obeyed = target
-            step += 1
-            for m in range(count):
-                away, variance = _toward(discs[m], worst, (0.0, 0.0, 0.0))
-                # deviations add up by squares, and the roll-out has the pose's
-                more = sigmas * (math.sqrt(far * far + variance) - far)
-                clear = away - discs[m, 2] - more + given[m]
-                if clear < least:
-                    least, which = clear, m
-            if least < 0.0 or (back and worst_moving[0] == 0.0 and worst_moving[1] == 0.0):
-                break
+        worst = (place, _turned(there, turn), _turned(commanded, turn))
+        least, which = _clearance_of_return(path, worst, far, way, discs, given, sigmas, (least, which))
         if least < 0.0:
             break
     return least, which

@@ -122,7 +122,7 @@ def unwind(detour: float, way_m: float, radius_m: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, moving: FloatArray) -> Start:
+def _coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, moving: FloatArray) -> Start:
     """Predict the dead time: what happens before the new command is obeyed, no choice can change.
 
     Parameters as those of `choose_direction`.
@@ -137,7 +137,7 @@ def coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, movin
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def try_command(
+def _try_command(
     start: Start, target: Pair, speed: float, rules: Rules, profile: Profile, smallest: float, moving: FloatArray
 ) -> tuple[float, float, float]:
     """Return when a velocity (m/s, of this size) meets something, when it may at the earliest, and when what moves.
@@ -173,7 +173,7 @@ def try_command(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def passes_target(start: Start, target: Pair, speed: float, t: float, distance: float, rules: Rules) -> bool:
+def _passes_target(start: Start, target: Pair, speed: float, t: float, distance: float, rules: Rules) -> bool:
     """Whether a contact at t, on the way straight to a target at a distance, lies beyond it and the stop after it."""
     if not (distance < np.inf and t >= rules.dead_time):
         return False
@@ -186,7 +186,7 @@ def passes_target(start: Start, target: Pair, speed: float, t: float, distance: 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def latest_contact(
+def _latest_contact(
     motion: Motion,
     start: Start,
     speed: float,
@@ -264,7 +264,7 @@ def choose_direction(
     if wanted.distance < np.inf:
         lag = rules.acceleration * (rules.dead_time + rules.period)
         speed = min(speed, math.sqrt(lag * lag + 2.0 * rules.acceleration * wanted.distance) - lag)
-    start = coast(motion, rules, profile, smallest, moving)
+    start = _coast(motion, rules, profile, smallest, moving)
     best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
     for level in range(rules.levels):
         slower = speed * 0.5**level
@@ -285,11 +285,11 @@ def choose_direction(
             if level > 0 and away > least + 1e-9:
                 continue
             target = (slower * directions.units[j, 0], slower * directions.units[j, 1])
-            t, needed, meets = try_command(start, target, slower, rules, profile, smallest, moving)
+            t, needed, meets = _try_command(start, target, slower, rules, profile, smallest, moving)
             if level == 0:
                 directions.time_to_contact[j] = t
             is_unsafe = t < needed or meets < np.inf
-            if is_unsafe and not (ahead and passes_target(start, target, slower, t, wanted.distance, rules)):
+            if is_unsafe and not (ahead and _passes_target(start, target, slower, t, wanted.distance, rules)):
                 continue
             if away < least - 1e-9 or (away < least + 1e-9 and t > longest):
                 chosen, least, longest, turned_least = j, min(away, least), t, turned
@@ -298,7 +298,7 @@ def choose_direction(
             progress = slower * math.cos(min(least, math.pi))
     if best >= 0:
         return 0, best, pace, toward
-    return latest_contact(motion, start, speed, rules, directions, profile, smallest, moving)
+    return _latest_contact(motion, start, speed, rules, directions, profile, smallest, moving)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,15 +26,26 @@ _TIGHT = 2.0
 _DIAGONAL = math.sqrt(2.0)
 
 
+class RangesInGrid(NamedTuple):
+    """Free ranges of a view, and the robot in the grid.
+
+    robot_x, robot_y, robot_theta : cells and radians.
+    bearing, range_cells : (J,) float64, evenly spaced bearings, robot frame, radians; free ranges, cells. NaN: not
+    measured.
+    """
+
+    robot_x: float
+    robot_y: float
+    robot_theta: float
+    bearing: FloatArray
+    range_cells: FloatArray
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def mark_view(
     state: UInt8Array,
     seen_from: Float32Array,
-    robot_x: float,
-    robot_y: float,
-    robot_theta: float,
-    bearing: FloatArray,
-    range_cells: FloatArray,
+    view: RangesInGrid,
     least: float,
     reach: float,
     thickness: float,
@@ -46,15 +58,14 @@ def mark_view(
         UNSEEN, FREE or BLOCKED; rows along y, columns along x.
     seen_from : (N, N) float32, changed
         Distance from which each cell was judged, cells.
-    robot_x, robot_y, robot_theta : float
-        The robot in the grid, cells and radians.
-    bearing, range_cells : (J,) float64
-        Evenly spaced bearings, robot frame, radians; free ranges, cells. NaN: not measured.
+    view : RangesInGrid
+        What is free, and from where.
     least, reach : float
         Nothing is judged from nearer, or at all from farther, cells.
     thickness : float
         Of the blocked strip, cells.
     """
+    robot_x, robot_y, robot_theta, bearing, range_cells = view
     size = state.shape[0]
     count = bearing.shape[0]
     step = bearing[1] - bearing[0]

@@ -78,7 +78,7 @@ class GateTables:
     move_s : (N, N) float64
         Seconds between viewpoints.
     pass_s, fail_s, detour_s : (N,) float64
-        Seconds to the goal through a wide gap, by a narrow one and back, and by the detour.
+        Seconds to the target through a wide gap, by a narrow one and back, and by the detour.
     """
 
     viewpoints_m: FloatArray
@@ -158,7 +158,7 @@ class GatePlanner:
         gap : Gap
             The gap, as believed.
         detour_m : sequence of (float, float)
-            The way round, by these points, without robot and goal.
+            The way round, by these points, without robot and target.
         viewpoints_m : (N, 2) float64, optional
             Where it may look from besides where it is and right before the gap. A grid between robot, gap and detour
             unless given.
@@ -167,10 +167,11 @@ class GatePlanner:
         belief = np.empty((self._looks + 1, len(tables.prior)))
         belief[0] = tables.prior
         counted = np.ones(1, dtype=np.int64)
-        expected, action = gate_problem.search(
-            belief, 0, 0, math.inf, tables.first_wide, tables.likelihood, tables.move_s, self._look_s,
-            tables.pass_s, tables.fail_s, tables.detour_s, self._confirmed, counted,
+        problem = gate_problem.GateProblem(
+            tables.first_wide, tables.likelihood, tables.move_s, self._look_s,
+            tables.pass_s, tables.fail_s, tables.detour_s, self._confirmed,
         )  # fmt: skip
+        expected, action = gate_problem.search(belief, 0, 0, math.inf, problem, counted)
         probability = float(tables.prior[tables.first_wide :].sum())
         detour_s = float(tables.detour_s[0])
         known = f"gap {gap.width_m:.2f} m, sigma {gap.sigma_m:.2f} m"

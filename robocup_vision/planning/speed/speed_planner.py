@@ -165,13 +165,14 @@ class SpeedPlanner:
         ).reshape(-1, 6)
         until_look = self.look_period_s if until_look_s is None else float(until_look_s)
         limits = self.follower.limits
+        start = kernel.Start((pose.x_m, pose.y_m), velocity, pending, doubt)
         clearance, nearest = -math.inf, -1
         for speed in self._speeds:
-            clearance, which = kernel.min_clearance(
-                path, (pose.x_m, pose.y_m), velocity, pending, doubt, speed, self.follower.ahead(speed),
-                limits.acceleration_mps2, limits.dead_time_s, self.period_s, until_look,
-                (self.noise.along, self.noise.aside), table, self._sigmas,
+            way = kernel.Following(
+                speed, self.follower.ahead(speed), limits.acceleration_mps2, limits.dead_time_s, self.period_s,
+                until_look, (self.noise.along, self.noise.aside),
             )  # fmt: skip
+            clearance, which = kernel.min_clearance(path, start, way, table, self._sigmas)
             if clearance >= 0.0:
                 if speed == self._speeds[0]:
                     return SpeedPlan(speed, True, clearance, f"full speed: {_room(clearance, discs, which)}")

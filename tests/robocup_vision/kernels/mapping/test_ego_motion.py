@@ -13,6 +13,7 @@ from robocup_vision.kernels.mapping import ego_motion as kernels
 
 seeds = st.integers(0, 2**32 - 1)
 GATE, WORTH, BLOCK = 4.0, 0.3, 5
+RULES = kernels.Rules(0.3, WORTH, BLOCK)
 
 
 def plain_step(one, other, variance):
@@ -71,8 +72,9 @@ def plain_terms(present, past, pose, gate):
 def compared(present, past, thing, pose):
     normal, slope, scatter = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
     nearest = np.empty(present.shape[1])
-    told = kernels.compare(present, past, thing, pose, GATE, WORTH, BLOCK, nearest, normal, slope, scatter)
-    return told, normal, slope, scatter
+    sums = kernels.Sums(normal, slope, scatter)
+    counts = kernels.compare(present, past, thing, pose, GATE, RULES, nearest, sums)
+    return counts, normal, slope, scatter
 
 
 @settings(deadline=None, max_examples=30)
@@ -198,16 +200,16 @@ def test_difference_is_the_sum_of_means_and_skips_profiles_that_disagree(seed):
     past[2, :, :2] *= 1.002
     thing = np.stack([thing for _, thing in twins])
     pose, information = np.zeros(3), np.eye(3)
-    normal, slope, nearest = np.empty((3, 3)), np.empty(3), np.empty(present.shape[1])
-    total, used, share = kernels.difference(
-        present, past, thing, pose, information, GATE, 0.3, WORTH, BLOCK, nearest, normal, slope
+    normal, slope = np.empty((3, 3)), np.empty(3)
+    total, used, ratio = kernels.difference(
+        present, kernels.Earlier(past, thing), pose, information, GATE, RULES, normal, slope
     )
     parts = [compared(present, past[i], thing[i], pose) for i in range(3)]
     chosen = [i for i in range(3) if parts[i][0][3] >= 4 and parts[i][0][1] >= 0.3 * parts[i][0][2]]
     assert used == len(chosen)
     assert total == pytest.approx(sum(parts[i][0][0] / parts[i][0][1] for i in chosen), abs=1e-9)
     agreeing, could = (sum(part[0][n] for part in parts) for n in (1, 2))
-    assert share == pytest.approx(agreeing / max(could, 1))
+    assert ratio == pytest.approx(agreeing / max(could, 1))
     if chosen:
         most = max(parts[i][0][1] for i in chosen)
         weights = [
@@ -221,8 +223,9 @@ def test_refinement_stays_where_nothing_can_be_compared():
     present = np.full((3, 16), np.nan)
     past, thing = np.full((1, 16, 4), np.nan), np.full((1, 16), -1)
     pose = np.array([0.1, 0.2, 0.3])
-    rules = np.array([8.0, 4.0]), 0.3, 1.0, BLOCK
-    assert kernels.refine(present, past, thing, pose, pose.copy(), np.eye(3), *rules, np.empty((3, 3))) == (0, 0.0)
+    earlier, prediction = kernels.Earlier(past, thing), kernels.Prediction(pose.copy(), np.eye(3))
+    rules, gates = kernels.Rules(0.3, 1.0, BLOCK), np.array([8.0, 4.0])
+    assert kernels.refine(present, earlier, pose, prediction, gates, rules, np.empty((3, 3))) == (0, 0.0)
     np.testing.assert_array_equal(pose, [0.1, 0.2, 0.3])
 
 

@@ -6,7 +6,16 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.mapping.occupancy import CROSSED, HIT, SILENT, add_evidence, free_ranges, gather_evidence
+from robocup_vision.kernels.mapping.occupancy import (
+    CROSSED,
+    HIT,
+    SILENT,
+    ProfileArrays,
+    SensorInGrid,
+    add_evidence,
+    free_ranges,
+    gather_evidence,
+)
 from robocup_vision.mapping.range_profile import cones
 
 seeds = st.integers(0, 2**32 - 1)
@@ -70,9 +79,8 @@ def test_evidence_agrees_with_its_twin(seed):
     nearest, reach = rng.uniform(0.0, 0.3), rng.uniform(0.6, 1.5)
     discs = rng.uniform((-0.7, -0.7, 0.0), (0.7, 0.7, 0.2), (int(rng.integers(3)), 3))
     out = np.empty((SIZE, SIZE), dtype=np.int8)
-    gather_evidence(
-        *CORNER, CELL, x, y, theta, bearing, lower, upper, range_m, depth_m, hit, nearest, reach, discs, out
-    )
+    profile = ProfileArrays(bearing, lower, upper, range_m, depth_m, hit)
+    gather_evidence(SensorInGrid(*CORNER, CELL, x, y, theta), profile, nearest, reach, discs, out)
     expected = np.zeros_like(out)
     for i in range(SIZE):
         for j in range(SIZE):
@@ -113,7 +121,7 @@ def test_free_ranges_agree_with_their_twin(seed):
     theta, nearest = rng.uniform(-4, 4), rng.uniform(0.0, 0.3)
     is_free = rng.random((SIZE, SIZE)) < rng.choice([0.8, 0.97, 1.0])
     out = np.empty(len(bearing))
-    free_ranges(*CORNER, CELL, x, y, theta, lower, upper, nearest, is_free, out)
+    free_ranges(SensorInGrid(*CORNER, CELL, x, y, theta), lower, upper, nearest, is_free, out)
     window = np.array(CORNER) + SIZE * CELL / 2 - (x, y)
     expected = []
     for low, high in zip(theta + lower, theta + upper, strict=True):
@@ -137,9 +145,9 @@ def test_a_robot_in_a_cell_that_is_not_free_has_no_free_range():
     is_free[7, 8] = False
     lower, upper = cones(np.arange(8) * (math.tau / 8))
     out = np.empty(8)
-    free_ranges(*CORNER, CELL, 0.05, 0.05, 0.0, lower, upper, 0.0, is_free, out)
+    free_ranges(SensorInGrid(*CORNER, CELL, 0.05, 0.05, 0.0), lower, upper, 0.0, is_free, out)
     assert (out == 0).all()
-    free_ranges(*CORNER, CELL, 0.05, 0.05, 0.0, lower, upper, 0.1, is_free, out)
+    free_ranges(SensorInGrid(*CORNER, CELL, 0.05, 0.05, 0.0), lower, upper, 0.1, is_free, out)
     assert (out > 0.5).all()
 
 

@@ -19,8 +19,8 @@ def solve(width, sigma, limit, looks=2):
     t = PLANNER.tables((0.0, 0.0), Gap((2.0, 0.3), 0.2, width, sigma), (3.0, 0.0), ((2.0, -2.0),))
     belief, counted = np.empty((looks + 1, len(t.prior))), np.ones(1, dtype=np.int64)
     belief[0] = t.prior
-    rest = (t.likelihood, t.move_s, 0.2, t.pass_s, t.fail_s, t.detour_s, 0.95, counted)
-    return *kernel.search(belief, 0, 0, limit, t.first_wide, *rest), int(counted[0])
+    problem = kernel.GateProblem(t.first_wide, t.likelihood, t.move_s, 0.2, t.pass_s, t.fail_s, t.detour_s, 0.95)
+    return *kernel.search(belief, 0, 0, limit, problem, counted), int(counted[0])
 
 
 @settings(deadline=None, max_examples=40)

@@ -91,6 +91,13 @@ def test_the_spread_is_that_of_composed_poses(seed):
     np.testing.assert_allclose([[xx, xy], [xy, yy]], expected[:2, :2], atol=1e-12)
 
 
+def clearance(path, place, velocity, pending, covariance, *numbers):
+    """Return what the kernel finds with the twin's arguments."""
+    *way, discs = numbers
+    start = kernels.Start(place, velocity, pending, covariance)
+    return kernels.min_clearance(path, start, kernels.Following(*way), discs, 3.0)
+
+
 def plain_clearance(
     path, place, velocity, pending, covariance, speed, ahead, acceleration, dead, period, looks, slip, discs
 ):
@@ -162,21 +169,21 @@ def test_the_least_clearance_is_that_of_its_definition(seed):
     place, velocity = tuple(rng.uniform(-0.1, 0.1, 2)), tuple(rng.uniform(-0.5, 0.5, 2))
     discs = np.array([(*rng.uniform((0, -0.9), (2.5, 0.9)), 0.18, 4e-4, 1e-4, 2e-4) for _ in range(2)])
     given_ones = PATH, place, velocity, velocity, root @ root.T, rng.uniform(0.2, 1.2), *NUMBERS, SLIP
-    found, which = kernels.min_clearance(*given_ones, discs, 3.0)
+    found, which = clearance(*given_ones, discs)
     plain = plain_clearance(*given_ones, discs)
     if plain < 0.0:
         # the first part that is short settles it
         assert plain - 1e-9 <= found < 0.0
     else:
         assert found == pytest.approx(plain, abs=1e-9)
-        assert kernels.min_clearance(*given_ones, discs[which : which + 1], 3.0)[0] == pytest.approx(found)
+        assert clearance(*given_ones, discs[which : which + 1])[0] == pytest.approx(found)
 
 
 def between_posts(doubt, posts, x=0.0, speed=0.8, slip=SLIP):
     """Clearance of a straight way between posts of 1 cm of doubt."""
     discs = np.array([(*post, 0.18, 1e-4, 0.0, 1e-4) for post in posts])
     moving = (speed, 0.0)
-    return kernels.min_clearance(STRAIGHT, (x, 0.0), moving, moving, doubt, speed, *NUMBERS, slip, discs, 3.0)[0]
+    return clearance(STRAIGHT, (x, 0.0), moving, moving, doubt, speed, *NUMBERS, slip, discs)[0]
 
 
 @settings(deadline=None, max_examples=40)
@@ -208,7 +215,5 @@ def test_a_heading_that_goes_along_with_the_place_counts_twice():
 
 
 def test_without_discs_there_is_no_end_of_room():
-    nothing = kernels.min_clearance(
-        PATH, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), np.eye(3), 1.0, *NUMBERS, SLIP, np.empty((0, 6)), 3.0
-    )
+    nothing = clearance(PATH, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), np.eye(3), 1.0, *NUMBERS, SLIP, np.empty((0, 6)))
     assert nothing == (math.inf, -1)

@@ -19,6 +19,7 @@ from robocup_vision.kernels.motion.way_grid import (
     TRIED,
     TRIES,
     UNSEEN,
+    RangesInGrid,
     dearest_between,
     find_way,
     mark_view,
@@ -66,7 +67,7 @@ def test_views_are_marked_as_numpy_marks_them(seed):
     seen_from = rng.uniform(0, 15, (SIZE, SIZE)).astype(np.float32)
     place = (*rng.uniform(4, 20, 2), rng.uniform(-4, 4))
     expected = mark_twin(state, seen_from, *place, bearing, ranges, 3.0, 11.0, 2.5)
-    mark_view(state, seen_from, *place, bearing, ranges, 3.0, 11.0, 2.5)
+    mark_view(state, seen_from, RangesInGrid(*place, bearing, ranges), 3.0, 11.0, 2.5)
     # in a cell on the very edge between two sectors rounding decides
     assert (state != expected[0]).sum() <= 1
     agree = state == expected[0]
