@@ -9,7 +9,6 @@ import pytest
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
-from sim2d.kernels.panels import PanelHits, Panels, Pyramids, RayFan, first_panel, shade_panels
 from sim2d.rendering.hall.hall import Hall, HallCamera, HallLight, Panel, loop_path, make_hall
 from sim2d.rendering.hall.textures import bundled_pictures
 
@@ -24,40 +23,6 @@ def plain(*levels):
 def facing(x_m: float, half_m: float, texture: int) -> Panel:
     """Make a square across the x axis that faces the origin."""
     return Panel((x_m, half_m, 0.5 - half_m), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (2 * half_m, 2 * half_m), texture)
-
-
-def test_rays_meet_what_geometry_says():
-    hall = make_hall(3, posters=8, furniture=5, crates=2)
-    pose = Pose2(0.7, -0.4, 2.0)
-    pixels = np.stack(np.meshgrid(np.arange(40.0), np.arange(30.0)), axis=-1)
-    along = CAMERA.pixel_to_camera_ray(pixels)
-    directions = ((along / along[..., :1]) @ CAMERA.camera_to_robot.T).astype(np.float32)[:, :, None]
-    origin, ax, up, size, _ = panels = hall.arrays
-    eye = np.array([pose.x_m, pose.y_m, CAMERA.height_m])
-    depth, met = np.empty((30, 40, 1), np.float32), np.empty((30, 40, 1), np.int16)
-    window = np.tile([0, 30, 0, 40], (len(origin), 1))
-    c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-    rays = RayFan(directions, c, s, eye, 0.01)
-    first_panel(rays, panels, window, PanelHits(depth, met))
-
-    world = directions[:, :, 0].astype(np.float64) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    normal = np.cross(ax, up)
-    facing_rays = world @ normal.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = ((origin - eye) * normal).sum(axis=1) / facing_rays
-        hit = eye + t[..., None] * world[:, :, None] - origin
-        a, b = (hit * ax).sum(axis=-1), (hit * up).sum(axis=-1)
-        inside = (facing_rays < 0) & (t > 0) & (a >= 0) & (a <= size[:, 0]) & (b >= 0) & (b <= size[:, 1])
-    t = np.where(inside, t, np.inf)
-    np.testing.assert_allclose(depth[..., 0], t.min(axis=-1), rtol=1e-4)
-    assert (met[..., 0] == t.argmin(axis=-1)).mean() > 0.995
-    assert len(np.unique(met)) > 5
-    # the windows leave nothing out
-    camera = HallCamera(CAMERA, 1)
-    windows = camera._windows(panels, pose)
-    near_depth = np.empty_like(depth)
-    first_panel(rays, panels, windows, PanelHits(near_depth, met))
-    np.testing.assert_array_equal(near_depth, depth)
 
 
 def test_shading_is_texture_times_light():
@@ -157,14 +122,3 @@ def test_pictures_are_small_colour_images():
     for picture in bundled_pictures():
         assert picture.ndim == 3
         assert max(picture.shape[:2]) <= 512
-
-
-def test_empty_rays_stay_black():
-    image = np.full((1, 1, 3), 7.0, dtype=np.float32)
-    nothing = np.empty((0, 3))
-    rays = RayFan(np.ones((1, 1, 1, 3), np.float32), 1.0, 0.0, np.zeros(3), 0.01)
-    panels = Panels(nothing, nothing, nothing, np.empty((0, 2)), np.empty(0, np.int64))
-    pyramids = Pyramids(np.zeros((1, 3), np.uint8), np.ones((1, 2, 3), np.int64))
-    hits = PanelHits(np.full((1, 1, 1), np.inf, np.float32), np.full((1, 1, 1), -1, np.int16))
-    shade_panels(rays, panels, pyramids, 1.0, np.empty((0, 4)), hits, image)
-    assert (image == 0).all()
