@@ -42,7 +42,7 @@ def normal_share(z: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def mix_pixel(image: UInt8Array, row: int, column: int, mix: FloatArray, value: FloatArray) -> None:
+def _mix_pixel(image: UInt8Array, row: int, column: int, mix: FloatArray, value: FloatArray) -> None:
     """Mix one pixel's channels (C,) into a value (2,)."""
     for c in range(CHANNELS):
         value[c] = 0.0
@@ -142,7 +142,7 @@ def gather_profiles(
                     continue
                 if n >= values.shape[0]:
                     return n
-                mix_pixel(image, i if upright else j, j if upright else i, mix, values[n])
+                _mix_pixel(image, i if upright else j, j if upright else i, mix, values[n])
                 places[n, 0], places[n, 1], places[n, 2] = (j - a) * cos_a, (b - j) * cos_b, 0.0
                 places[n, 3] = 2.0 * (i - 0.5 * (low + high)) / (high - low)
                 owner[n], lane[n] = segment, j % LANES
@@ -169,7 +169,7 @@ def gather_profiles(
                 s = min(1.0, max(-1.0, (j - a) / half - 1.0))
                 steep = (arcs[post, 1] + 2.0 * arcs[post, 2] * s) / half
                 row = arcs[post, 0] + (arcs[post, 1] + arcs[post, 2] * s) * s
-                mix_pixel(image, i, j, mix, values[n])
+                _mix_pixel(image, i, j, mix, values[n])
                 places[n, 0], places[n, 1], places[n, 3] = j - a, b - j, 1.0
                 places[n, 2] = (row - i) / math.sqrt(1.0 + steep * steep)
                 owner[n], lane[n] = segment, i % LANES

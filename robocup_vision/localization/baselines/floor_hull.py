@@ -37,7 +37,7 @@ _LARGEST_STD_M = 0.10
 _MIN_ELONGATION = 1.05
 # nearest a point comes to the end of the view and still counts as floor's edge, pixels
 _MARGIN_PX = 2
-# floor is believed to reach at most this many times as far as the field is long
+# floor may reach at most this many times as far as the field is long
 _FARTHEST = 1.2
 
 

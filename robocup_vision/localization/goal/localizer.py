@@ -185,9 +185,7 @@ class GoalLocalizer:
             return by_lines
         part = find_half_goal(self._search, frame, prior, self.settings.prior)
         return (
-            self._goal_alone(part)
-            if part is not None
-            else NotLocated(f"{reason}; nor does enough of it bear out the prior")
+            self._goal_alone(part) if part is not None else NotLocated(f"{reason}; too little of it confirms the prior")
         )
 
     def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> CameraEstimate:

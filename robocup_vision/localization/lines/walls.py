@@ -65,13 +65,13 @@ def wall_points(
     min_contrast : float
         Smallest colour difference (counts) that is an edge.
     """
-    told = np.flatnonzero(columns >= 0)
-    last = view.pixels[told, columns[told]]
+    decided = np.flatnonzero(columns >= 0)
+    last = view.pixels[decided, columns[decided]]
     foot = np.array(view.below_px)
     away = last - foot
     radius = np.hypot(away[:, 0], away[:, 1])
     step: FloatArray = np.ascontiguousarray((away / radius[:, None]).T)
-    edge = np.empty(len(told))
+    edge = np.empty(len(decided))
     # two more lines of sight, a pixel to either side
     rays = polar.Rays(*view.below_px, step[0], step[1], radius)
     half_width = 1.0 / float(np.hypot(*(foot - view.camera.center_px)))

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.algebra.cholesky import solve_symmetric
+from robocup_vision.kernels.algebra.cholesky import factor, solve_symmetric, substitute
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -22,3 +22,17 @@ def test_cholesky_agrees_with_numpy(seed):
 
 def test_cholesky_refuses_an_indefinite_matrix():
     assert not solve_symmetric(-np.eye(3), np.ones(3))
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.integers(1, 8))
+def test_factor_and_substitution_of_a_leading_block_agree_with_numpy(seed, n):
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(8, 8))
+    matrix, right = half @ half.T + 0.1 * np.eye(8), rng.normal(size=8)
+    lower, solved = matrix.copy(), right.copy()
+    assert factor(lower, n)
+    substitute(lower, n, solved)
+    np.testing.assert_allclose(np.tril(lower[:n, :n]), np.linalg.cholesky(matrix[:n, :n]), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(solved[:n], np.linalg.solve(matrix[:n, :n], right[:n]), rtol=1e-6, atol=1e-9)
+    np.testing.assert_array_equal(solved[n:], right[n:])

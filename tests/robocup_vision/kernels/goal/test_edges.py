@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.goal.edges import goal_points, link_runs, measure_edges, spread_samples
+from robocup_vision.kernels.goal.edges import goal_points, link_runs, measure_edges, sample, spread_samples
 from robocup_vision.kernels.goal.marks import measure_ridges
 from robocup_vision.localization.goal.edges import edge_segments, goal_scene
 from robocup_vision.localization.goal.geometry import IdealView, foot_points, goal_shape, project
@@ -39,6 +39,17 @@ def edges(image, starts, normal, grey=0.0, glare=300.0, reach=4.0):
         np.tile(TOWARDS, (n, 1)), glare, np.full(n, grey), offset, contrast, sigma,
     )  # fmt: skip
     return offset, contrast, sigma
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1))
+def test_a_sample_is_the_weighted_mean_of_four_pixels(seed):
+    rng = np.random.default_rng(seed)
+    image = rng.integers(0, 256, (7, 9, 3), dtype=np.uint8)
+    u, v, channel = rng.uniform(0, 8), rng.uniform(0, 6), int(rng.integers(3))
+    rows, columns = np.arange(7), np.arange(9)
+    weight = np.outer(np.maximum(0, 1 - np.abs(rows - v)), np.maximum(0, 1 - np.abs(columns - u)))
+    assert sample(image, u, v, channel) == pytest.approx((weight * image[..., channel]).sum())
 
 
 @settings(deadline=None, max_examples=40)
