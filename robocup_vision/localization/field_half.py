@@ -14,7 +14,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.goal.colors import vote_goal_colors
+from robocup_vision.kernels.goal.colors import MirrorProjection, vote_goal_colors
 from robocup_vision.perception.color_table import Colors
 
 # votes of one side that decide, and how far they must outnumber the other's
@@ -75,8 +75,17 @@ class GoalSide:
         return np.asarray(cv2.dilate(self.mask, np.ones((3, 3), np.uint8)), dtype=np.uint8)
 
     @cached_property
-    def _geometry(self) -> tuple[FloatArray, FloatArray]:
-        return np.array(self.camera.viewpoint_m), np.ascontiguousarray(self.camera.camera_to_robot.T)
+    def _projection(self) -> MirrorProjection:
+        camera = self.camera
+        return MirrorProjection(
+            np.array(camera.viewpoint_m),
+            np.ascontiguousarray(camera.camera_to_robot.T),
+            camera.center_px,
+            camera.heading_rad,
+            camera.mirrored,
+            camera.usable_radius_px,
+            *self._radius_of_q,
+        )
 
     def choose(
         self, frame: npt.NDArray[np.uint8], estimate: PoseEstimate, colors: Colors, prior: Pose2 | None = None
@@ -113,18 +122,5 @@ class GoalSide:
         hues = colors.goal_hues
         if abs(hues[0] - hues[1]) < _MIN_HUE_DIFFERENCE:
             return 0, 0
-        camera = self.camera
-        right, wrong = vote_goal_colors(
-            frame,
-            pose.array,
-            *self._points,
-            *self._geometry,
-            *camera.center_px,
-            camera.heading_rad,
-            camera.mirrored,
-            camera.usable_radius_px,
-            *self._radius_of_q,
-            hues,
-            self._hidden,
-        )
+        right, wrong = vote_goal_colors(frame, pose.array, *self._points, self._projection, hues, self._hidden)
         return int(right), int(wrong)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.goal.edges import link_runs
-from robocup_vision.kernels.goal.strips import fit_strip, straight_line, summarize_chains
+from robocup_vision.kernels.goal.strips import Runs, StripLimits, fit_strip, straight_line, summarize_chains
 
 _LEAN = 0.27  # the most a post may lean in the image: 15 degrees of roll and perspective
 _THINNEST_PX = 2.5
@@ -234,7 +234,7 @@ def _strip(
     shortest: float,
 ) -> Strip | None:
     found = np.empty(8)
-    if not fit_strip(*runs, members, carpet, shortest, _LEAN, 0.8 * _THINNEST_PX, found):
+    if not fit_strip(Runs(*runs), members, carpet, StripLimits(shortest, _LEAN, 0.8 * _THINNEST_PX), found):
         return None
     left_at, left_lean, right_at, right_lean, top, bottom, foot, strength = found.tolist()
     return Strip((left_at, left_lean), (right_at, right_lean), top, bottom, foot, strength)

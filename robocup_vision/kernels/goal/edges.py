@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,7 +12,88 @@ from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 from robocup_vision.kernels.goal.picture import GoalScene
 
-_WASHED = 0.5
+_WASHED = 0.5  # least over greatest channel: half of the colour is lost to white
+_STEP_PX, _MARGIN_PX, _MAX_STEPS = (
+    0.5,
+    3.0,
+    257,
+)  # along a normal, beyond its reach, and how many steps there are room for
+
+
+class EdgeStarts(NamedTuple):
+    """Where edges are looked for.
+
+    Parameters
+    ----------
+    uv, normals : (N, 2) float64
+        Pixels, and unit directions that point out of the object.
+    reach : (N,) float64
+        How far to look to both sides, pixels.
+    inside : (N,) float64
+        How far the object certainly goes on behind its edge, pixels.
+    towards : (N, 3) float64
+        Colour difference object - surroundings that each edge must agree with in sign.
+    grey : (N,) float64
+        How much of the two classes' difference in brightness counts: 1 for white paint, less for paint of a hue, beside
+        which grey clutter has edges of its own.
+    """
+
+    uv: FloatArray
+    normals: FloatArray
+    reach: FloatArray
+    inside: FloatArray
+    towards: FloatArray
+    grey: FloatArray
+
+
+class EdgeOffsets(NamedTuple):
+    """Measured edges (N,) float64.
+
+    Parameters
+    ----------
+    offset : (N,) float64
+        Where the edge lies, pixels along the normal; NaN: none.
+    contrast : (N,) float64
+        Its colour step; -1: dropped as glare.
+    sigma : (N,) float64
+        The offset's own noise, pixels.
+    """
+
+    offset: FloatArray
+    contrast: FloatArray
+    sigma: FloatArray
+
+
+class EdgePlaces(NamedTuple):
+    """Places at which edges and feet are measured; `expected` aside, one entry a place.
+
+    Parameters
+    ----------
+    starts, normals : (N, 2) float64
+        Pixels, and unit directions that point out of the object.
+    edge : (N,) int64
+        Which edge; 6: a foot.
+    inside : (N,) float64
+        How far the object goes on behind its edge, pixels.
+    expected : (6,) int64
+        Places on each edge that lie inside the image.
+    """
+
+    starts: FloatArray
+    normals: FloatArray
+    edge: Int64Array
+    inside: FloatArray
+    expected: Int64Array
+
+
+class _Profile(NamedTuple):
+    """Working memory: colours (M, 3) along one normal, their score (M,), the classes' difference and means (3,)."""
+
+    color: FloatArray
+    score: FloatArray
+    axis: FloatArray
+    mean_in: FloatArray
+    mean_out: FloatArray
 
 
 @njit(cache=True, nogil=True)
@@ -25,140 +107,160 @@ def sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def measure_edges(
-    image: UInt8Array,
-    starts: FloatArray,
-    normals: FloatArray,
-    reach: FloatArray,
-    inside: FloatArray,
-    towards: FloatArray,
-    glare: float,
-    grey: FloatArray,
-    offset: FloatArray,
-    contrast: FloatArray,
-    sigma: FloatArray,
-) -> None:
+def _read_profile(image: UInt8Array, starts: EdgeStarts, n: int, count: int, work: _Profile) -> bool:
+    """Read the picture along one normal, and its projection on the expected difference; False at the image's border."""
+    height, width = image.shape[0], image.shape[1]
+    uv, normals, towards = starts.uv, starts.normals, starts.towards
+    first = -starts.reach[n] - _MARGIN_PX
+    for i in range(count):
+        t = first + i * _STEP_PX
+        u, v = uv[n, 0] + t * normals[n, 0], uv[n, 1] + t * normals[n, 1]
+        if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
+            return False
+        for c in range(3):
+            work.color[i, c] = sample(image, u, v, c)
+        work.score[i] = (
+            work.color[i, 0] * towards[n, 0] + work.color[i, 1] * towards[n, 1] + work.color[i, 2] * towards[n, 2]
+        )
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _strongest_step(score: FloatArray, count: int, reach: float) -> int:
+    """Index of the strongest box step of +-1.5 px, the nearer the better where two are alike; -1: none."""
+    first = -reach - _MARGIN_PX
+    best, at = 0.0, -1
+    for i in range(6, count - 6):
+        t = first + i * _STEP_PX
+        value = score[i - 3] + score[i - 2] + score[i - 1] - score[i + 1] - score[i + 2] - score[i + 3]
+        value *= max(0.05, 1.0 - abs(t) / reach)
+        if value > best:
+            best, at = value, i
+    return at
+
+
+@njit(cache=True, nogil=True)
+def _class_means(work: _Profile, at: int, window: tuple[int, int, int]) -> float:
+    """Set the mean colours of both classes beside an edge; returns how much brighter the object is."""
+    low, high, n_in = window
+    n_out = high - (at + 3) + 1
+    work.mean_in[:] = 0.0
+    work.mean_out[:] = 0.0
+    brightness = 0.0
+    for c in range(3):
+        for i in range(low, low + n_in):
+            work.mean_in[c] += work.color[i, c] / n_in
+        for i in range(at + 3, high + 1):
+            work.mean_out[c] += work.color[i, c] / n_out
+        brightness += (work.mean_in[c] - work.mean_out[c]) / 3.0
+    return brightness
+
+
+@njit(cache=True, nogil=True)
+def _middle_crossing(
+    work: _Profile, at: int, window: tuple[int, int, int], first: float, norm2: float
+) -> tuple[float, float]:
+    """Where the profile, projected on the classes' difference, crosses their middle nearest to `at`, and its slope."""
+    low, high, _ = window
+    last, crossing, slope = 0.0, np.nan, 1.0
+    for i in range(low, high + 1):
+        value = 0.0
+        for c in range(3):
+            value += (work.color[i, c] - work.mean_out[c]) * work.axis[c]
+        value = value / norm2 - 0.5
+        if i > low and last >= 0.0 and value < 0.0:
+            t = first + (i - 1 + last / (last - value)) * _STEP_PX
+            if math.isnan(crossing) or abs(t - first - at * _STEP_PX) < abs(crossing - first - at * _STEP_PX):
+                crossing = t
+                slope = (last - value) / _STEP_PX
+        last = value
+    return crossing, slope
+
+
+@njit(cache=True, nogil=True)
+def _fine_edge(
+    work: _Profile, towards: FloatArray, at: int, window: tuple[int, int, int], grey: tuple[float, float], reach: float
+) -> tuple[float, float, float]:
+    """Offset, contrast and noise of one edge between its two classes; a NaN offset where there is none.
+
+    `grey` is how much of the difference in brightness counts, and that difference.
+    """
+    low, high, n_in = window
+    keep, brightness = grey
+    mean_in, mean_out, axis = work.mean_in, work.mean_out, work.axis
+    norm2, agree, size2, var, freedom = 0.0, 0.0, 0.0, 0.0, 0
+    for c in range(3):
+        axis[c] = mean_in[c] - mean_out[c] - (1.0 - keep) * brightness
+        norm2 += axis[c] * (mean_in[c] - mean_out[c])
+        agree += axis[c] * towards[c]
+        size2 += axis[c] ** 2
+    if norm2 < 1.0 or agree <= 0.0:
+        return np.nan, 0.0, np.inf
+    size = norm2 / math.sqrt(size2)
+    for i in range(low, high + 1):
+        if low + n_in <= i < at + 3:
+            continue
+        value = 0.0
+        for c in range(3):
+            value += (work.color[i, c] - (mean_in[c] if i < at else mean_out[c])) * axis[c]
+        var += value**2 / size2
+        freedom += 1
+    noise = math.sqrt(var / freedom + 1.0)
+    if size < 5.0 * noise:
+        return np.nan, 0.0, np.inf
+    crossing, slope = _middle_crossing(work, at, window, -reach - _MARGIN_PX, norm2)
+    if math.isnan(crossing) or abs(crossing) > reach:
+        return np.nan, 0.0, np.inf
+    return crossing, size, noise / (size * slope)
+
+
+@njit(cache=True, nogil=True)
+def measure_edges(image: UInt8Array, starts: EdgeStarts, glare: float, found: EdgeOffsets) -> None:
     """Sub-pixel step along the normal of each start point: a two-class edge, its classes taken beside it.
 
     Parameters
     ----------
     image : (H, W, 3) uint8
-    starts, normals : (N, 2) float64
-        Pixels, and unit directions that point out of the object.
-    reach : (N,) float64
-        How far to look to both sides, pixels.
-    inside : (N,) float64
-        How far the object certainly goes on behind its edge, pixels.
-    towards : (N, 3) float64
-        Colour difference object - surroundings that each edge must agree with in sign.
+    starts : EdgeStarts
+        Where to look, and for what.
     glare : float
         Samples are dropped whose inside is brighter than this and has lost half of its colour to white.
-    grey : (N,) float64
-        How much of the two classes' difference in brightness counts: 1 for white paint, less for paint of a hue, beside
-        which grey clutter has edges of its own.
-    offset, contrast, sigma : (N,) float64
-        Results: where the edge lies (pixels along the normal; NaN: none), its colour step (-1: dropped as glare),
-        and the offset's own noise.
+    found : EdgeOffsets
+        Results.
     """
-    height, width = image.shape[0], image.shape[1]
-    step = 0.5
-    profile = np.empty((257, 3))
-    score = np.empty(257)
-    axis, mean_in, mean_out = np.empty(3), np.empty(3), np.empty(3)
-    for n in range(starts.shape[0]):
-        offset[n] = np.nan
-        contrast[n] = 0.0
-        sigma[n] = np.inf
-        deep = min(3.0, max(1.5, inside[n]))
-        margin = 3.0
-        first = -reach[n] - margin
-        count = min(257, int(round(2.0 * (reach[n] + margin) / step)) + 1)
-        ok = True
-        for i in range(count):
-            t = first + i * step
-            u, v = starts[n, 0] + t * normals[n, 0], starts[n, 1] + t * normals[n, 1]
-            if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
-                ok = False
-                break
-            for c in range(3):
-                profile[i, c] = sample(image, u, v, c)
-            score[i] = profile[i, 0] * towards[n, 0] + profile[i, 1] * towards[n, 1] + profile[i, 2] * towards[n, 2]
-        if not ok:
+    work = _Profile(np.empty((_MAX_STEPS, 3)), np.empty(_MAX_STEPS), np.empty(3), np.empty(3), np.empty(3))
+    for n in range(starts.uv.shape[0]):
+        found.offset[n] = np.nan
+        found.contrast[n] = 0.0
+        found.sigma[n] = np.inf
+        reach = starts.reach[n]
+        count = min(_MAX_STEPS, int(round(2.0 * (reach + _MARGIN_PX) / _STEP_PX)) + 1)
+        if not _read_profile(image, starts, n, count, work):
             continue
-        # coarse: the strongest box step of +-1.5 px, the nearer the better where two are alike
-        best, at = 0.0, -1
-        for i in range(6, count - 6):
-            t = first + i * step
-            value = score[i - 3] + score[i - 2] + score[i - 1] - score[i + 1] - score[i + 2] - score[i + 3]
-            value *= max(0.05, 1.0 - abs(t) / reach[n])
-            if value > best:
-                best, at = value, i
+        at = _strongest_step(work.score, count, reach)
         if at < 0:
             continue
-        # fine: both classes beside the edge, the profile projected on their difference, where it crosses the middle
-        near = int(round(deep / step))
-        low, high = max(0, at - near), min(count - 1, at + 6)
-        n_in = max(1, near // 2)
-        n_out = high - (at + 3) + 1
-        mean_in[:] = 0.0
-        mean_out[:] = 0.0
-        brightness = 0.0
-        for c in range(3):
-            for i in range(low, low + n_in):
-                mean_in[c] += profile[i, c] / n_in
-            for i in range(at + 3, high + 1):
-                mean_out[c] += profile[i, c] / n_out
-            brightness += (mean_in[c] - mean_out[c]) / 3.0
+        near = int(round(min(3.0, max(1.5, starts.inside[n])) / _STEP_PX))
+        window = (max(0, at - near), min(count - 1, at + 6), max(1, near // 2))
+        brightness = _class_means(work, at, window)
+        mean_in = work.mean_in
         brightest = max(mean_in[0], mean_in[1], mean_in[2])
         if brightest >= glare and min(mean_in[0], mean_in[1], mean_in[2]) >= _WASHED * brightest:
-            contrast[n] = -1.0
+            found.contrast[n] = -1.0
             continue
-        for turn in range(1 if grey[n] >= 1.0 else 2):
-            keep = grey[n] if turn == 0 else 1.0
-            norm2, agree, size2, var, freedom = 0.0, 0.0, 0.0, 0.0, 0
-            for c in range(3):
-                axis[c] = mean_in[c] - mean_out[c] - (1.0 - keep) * brightness
-                norm2 += axis[c] * (mean_in[c] - mean_out[c])
-                agree += axis[c] * towards[n, c]
-                size2 += axis[c] ** 2
-            if norm2 < 1.0 or agree <= 0.0:
-                break
-            size = norm2 / math.sqrt(size2)
-            for i in range(low, high + 1):
-                if low + n_in <= i < at + 3:
-                    continue
-                value = 0.0
-                for c in range(3):
-                    value += (profile[i, c] - (mean_in[c] if i < at else mean_out[c])) * axis[c]
-                var += value**2 / size2
-                freedom += 1
-            noise = math.sqrt(var / freedom + 1.0)
-            if size < 5.0 * noise:
-                break
-            last, crossing, slope = 0.0, np.nan, 1.0
-            for i in range(low, high + 1):
-                value = 0.0
-                for c in range(3):
-                    value += (profile[i, c] - mean_out[c]) * axis[c]
-                value = value / norm2 - 0.5
-                if i > low and last >= 0.0 and value < 0.0:
-                    t = first + (i - 1 + last / (last - value)) * step
-                    if math.isnan(crossing) or abs(t - first - at * step) < abs(crossing - first - at * step):
-                        crossing = t
-                        slope = (last - value) / step
-                last = value
-            if math.isnan(crossing) or abs(crossing) > reach[n]:
-                break
-            spread = noise / (size * slope)
-            if turn == 0:
-                offset[n] = crossing
-                contrast[n] = size
-                sigma[n] = spread
-            elif abs(crossing - offset[n]) < 0.4:
-                # brightness is sharper than hue, but only where no grey clutter beside the edge pulls it aside
-                both = 1.0 / sigma[n] ** 2 + 1.0 / spread**2
-                offset[n] = (offset[n] / sigma[n] ** 2 + crossing / spread**2) / both
-                sigma[n] = both**-0.5
+        grey = starts.grey[n]
+        offset, contrast, sigma = _fine_edge(work, starts.towards[n], at, window, (grey, brightness), reach)
+        if math.isnan(offset):
+            continue
+        found.offset[n], found.contrast[n], found.sigma[n] = offset, contrast, sigma
+        if grey >= 1.0:
+            continue
+        # brightness is sharper than hue, but only where no grey clutter beside the edge pulls it aside
+        sharper, _, spread = _fine_edge(work, starts.towards[n], at, window, (1.0, brightness), reach)
+        if abs(sharper - offset) < 0.4:
+            both = 1.0 / sigma**2 + 1.0 / spread**2
+            found.offset[n] = (offset / sigma**2 + sharper / spread**2) / both
+            found.sigma[n] = both**-0.5
 
 
 @njit(cache=True, nogil=True)
@@ -262,17 +364,7 @@ def goal_points(scene: GoalScene, p: FloatArray, points: FloatArray) -> bool:
 
 @njit(cache=True, nogil=True)
 def spread_samples(
-    points: FloatArray,
-    feet: int,
-    width: int,
-    height: int,
-    spacing: float,
-    most: int,
-    starts: FloatArray,
-    normals: FloatArray,
-    edge: Int64Array,
-    inside: FloatArray,
-    expected: Int64Array,
+    points: FloatArray, feet: int, size: tuple[int, int], spacing: float, max_count: int, places: EdgePlaces
 ) -> int:
     """Places along the edges and at the feet, with outward normals.
 
@@ -282,20 +374,20 @@ def spread_samples(
         Of `goal_points`, in image pixels.
     feet : int
         How many of them are feet.
-    width, height : int
-        Of the image.
-    spacing, most : float, int
+    size : (int, int)
+        Width and height of the image, pixels.
+    spacing, max_count : float, int
         Pixels between places on an edge, and their greatest number.
-    starts, normals, edge, inside : (6 * most + feet, ...) float64, float64, int64, float64
-        Results: places, normals, which edge (6: a foot) and how far the object goes on behind it.
-    expected : (6,) int64
-        Result: places on each edge that lie inside the image.
+    places : EdgePlaces
+        Results, with room for 6 * max_count + feet.
 
     Returns
     -------
     int
         How many places there are; the last `feet` are the feet.
     """
+    width, height = size
+    starts, normals, edge, inside, expected = places
     n = 0
     for e in range(6):
         expected[e] = 0
@@ -310,7 +402,7 @@ def spread_samples(
         across = nx * px + ny * py
         if across > 0:
             nx, ny = -nx, -ny
-        count = int(min(max(length / spacing, 4.0), most))
+        count = int(min(max(length / spacing, 4.0), max_count))
         for k in range(count):
             t = (k + 0.5) / count
             u, v = ax + t * (bx - ax), ay + t * (by - ay)

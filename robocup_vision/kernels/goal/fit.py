@@ -60,6 +60,13 @@ class FitPriors(NamedTuple):
     weight: FloatArray
 
 
+class NormalSystem(NamedTuple):
+    """Normal matrix (8, 8) and right side (8,) of one Gauss-Newton step."""
+
+    matrix: FloatArray
+    right: FloatArray
+
+
 class FitLoss(NamedTuple):
     """The loss of each iteration.
 
@@ -205,8 +212,7 @@ def normal_equations(
     iteration: int,
     p: FloatArray,
     residual: FloatArray,
-    normal: FloatArray,
-    right: FloatArray,
+    system: NormalSystem,
 ) -> None:
     """Set up the normal equations of one Gauss-Newton step, priors included.
 
@@ -220,9 +226,10 @@ def normal_equations(
         The unknowns.
     residual : (N + M + L,) float64
         Of `goal_residuals` there, none of them NaN.
-    normal, right : (8, 8), (8,) float64
+    system : NormalSystem
         Results.
     """
+    normal, right = system
     normal[:, :] = 0.0
     right[:] = 0.0
     by_lines, by_feet = np.empty((8, 6, 3)), np.empty((8, 2, scene.offsets.shape[0], 2))
@@ -276,7 +283,7 @@ def fit_goal(
         before = robust_cost(samples, base, loss, iteration, p, priors)
         if math.isinf(before):
             return np.inf
-        normal_equations(scene, samples, priors, loss, iteration, p, base, normal, step)
+        normal_equations(scene, samples, priors, loss, iteration, p, base, NormalSystem(normal, step))
         work[:, :] = normal
         if not solve_symmetric(work, step):
             return np.inf

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,45 @@ from robocup_vision.kernels.goal.picture import FLOOR_UNKNOWNS, floor_derivative
 _MIN_RIDGE, _ALONG_STEP_PX = 6.0, 1.5
 
 
+class MarkLimits(NamedTuple):
+    """Which places on lines count.
+
+    Parameters
+    ----------
+    line_width_m : float
+        Of the paint.
+    spacing_px : float
+        Between places on a line.
+    min_width_px : float
+        Lines that look thinner are left out.
+    clear_px : float
+        Between the edges of two lines: where they come nearer, neither is told from the other, and both are left out.
+        Minus infinity: lines may cross.
+    """
+
+    line_width_m: float
+    spacing_px: float
+    min_width_px: float
+    clear_px: float
+
+
+class MarkPlaces(NamedTuple):
+    """Places on lines.
+
+    Parameters
+    ----------
+    marks, pixels, normals : (N, 2) float64
+        The places in the field (metres) and in the ideal image (pixels), and unit vectors across the line there.
+    widths : (N,) float64
+        How wide the line looks, pixels.
+    """
+
+    marks: FloatArray
+    pixels: FloatArray
+    normals: FloatArray
+    widths: FloatArray
+
+
 @njit(cache=True, nogil=True)
 def line_marks(
     points: FloatArray,
@@ -23,14 +63,8 @@ def line_marks(
     view: FloatArray,
     p: FloatArray,
     size: tuple[int, int],
-    line_width_m: float,
-    spacing_px: float,
-    min_width_px: float,
-    clear_px: float,
-    marks: FloatArray,
-    pixels: FloatArray,
-    normals: FloatArray,
-    widths: FloatArray,
+    limits: MarkLimits,
+    places: MarkPlaces,
 ) -> int:
     """Places along lines.
 
@@ -42,23 +76,17 @@ def line_marks(
         See `kernels.goal.picture.predict_goal`.
     size : (int, int)
         Width and height of the image, pixels.
-    line_width_m : float
-        Of the paint.
-    spacing_px : float
-        Between places on a line.
-    min_width_px : float
-        Lines that look thinner are left out.
-    clear_px : float
-        Between the edges of two lines: where they come nearer, neither is told from the other, and both are left out.
-        Minus infinity: lines may cross.
-    marks, pixels, normals, widths : (N, 2), (N, 2), (N, 2), (N,) float64
-        Results: the places in the field and in the ideal image, unit vectors across the line there, seen widths.
+    limits : MarkLimits
+        Which places count.
+    places : MarkPlaces
+        Results.
 
     Returns
     -------
     int
         How many places there are.
     """
+    marks, pixels, normals, widths = places
     axes = camera_axes(p[2], p[3], p[4])
     (r00, r01, r02), (r10, r11, r12), _ = axes
     fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
@@ -74,7 +102,7 @@ def line_marks(
         u, v = view[2] - fu * a, view[3] - fv * b
         if not (3.0 < u < size[0] - 4.0 and 3.0 < v < size[1] - 4.0):
             continue
-        if math.hypot(u - last_u, v - last_v) < spacing_px:
+        if math.hypot(u - last_u, v - last_v) < limits.spacing_px:
             continue
         # derivative of the picture by a step on the floor
         dx, dy = directions[k, 0], directions[k, 1]
@@ -84,8 +112,8 @@ def line_marks(
         across_v = -fv * (-dy * (r02 - b * r00) + dx * (r12 - b * r10)) / depth
         length = max(math.hypot(along_u, along_v), 1e-12)
         nu, nv = along_v / length, -along_u / length
-        width = abs(across_u * nu + across_v * nv) * line_width_m
-        if width < min_width_px:
+        width = abs(across_u * nu + across_v * nv) * limits.line_width_m
+        if width < limits.min_width_px:
             continue
         marks[n, 0], marks[n, 1] = points[k, 0], points[k, 1]
         pixels[n, 0], pixels[n, 1] = u, v
@@ -93,30 +121,23 @@ def line_marks(
         widths[n] = width
         last_u, last_v = u, v
         n += 1
-    if math.isinf(clear_px):
+    if math.isinf(limits.clear_px):
         return n
-    return _apart(n, spacing_px, clear_px, marks, pixels, normals, widths)
+    return _apart(n, limits, places)
 
 
 @njit(cache=True, nogil=True)
-def _apart(
-    count: int,
-    spacing_px: float,
-    clear_px: float,
-    marks: FloatArray,
-    pixels: FloatArray,
-    normals: FloatArray,
-    widths: FloatArray,
-) -> int:
+def _apart(count: int, limits: MarkLimits, places: MarkPlaces) -> int:
     """Keep the places that no place on another line comes near to, in order; returns how many there are."""
+    marks, pixels, normals, widths = places
     alone = np.ones(count, np.bool_)
     for i in range(count):
         for j in range(count):
             du, dv = pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1]
             # those on the same line are a spacing away along it
-            if i == j or abs(du * normals[i, 1] - dv * normals[i, 0]) > 0.95 * spacing_px:
+            if i == j or abs(du * normals[i, 1] - dv * normals[i, 0]) > 0.95 * limits.spacing_px:
                 continue
-            if abs(du * normals[i, 0] + dv * normals[i, 1]) < 0.5 * (widths[i] + widths[j]) + clear_px:
+            if abs(du * normals[i, 0] + dv * normals[i, 1]) < 0.5 * (widths[i] + widths[j]) + limits.clear_px:
                 alone[i] = False
                 break
     n = 0

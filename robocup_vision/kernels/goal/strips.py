@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -12,6 +14,23 @@ _ACROSS = np.linspace(0.15, 0.85, 7)  # of a foot: where carpet is looked for be
 BRIGHTEST = 20.0
 _ALONG = np.linspace(0.08, 0.92, 24)  # of a bar, clear of the posts
 _MIN_ALONG = 8
+
+
+class Runs(NamedTuple):
+    """Runs of paint: row, left and right end and contrast, (N,) float64 each (`perception.goal_region.white_runs`)."""
+
+    row: FloatArray
+    left: FloatArray
+    right: FloatArray
+    contrast: FloatArray
+
+
+class StripLimits(NamedTuple):
+    """What a strip must be: its least height in widths, lean of its edges (pixels per row), and width at both ends."""
+
+    min_aspect: float
+    max_lean: float
+    min_width_px: float
 
 
 @njit(cache=True, nogil=True)
@@ -105,32 +124,19 @@ def foot_row(line: FloatArray, bottom: float, carpet: UInt8Array) -> float:
 
 
 @njit(cache=True, nogil=True)
-def fit_strip(
-    row: FloatArray,
-    left: FloatArray,
-    right: FloatArray,
-    contrast: FloatArray,
-    members: Int64Array,
-    carpet: UInt8Array,
-    shortest: float,
-    max_lean: float,
-    thinnest_px: float,
-    strip: FloatArray,
-) -> bool:
+def fit_strip(runs: Runs, members: Int64Array, carpet: UInt8Array, limits: StripLimits, strip: FloatArray) -> bool:
     """Fit one strip.
 
     Parameters
     ----------
-    row, left, right, contrast : (N,) float64
-        All runs, see `perception.goal_region.white_runs`.
+    runs : Runs
+        All of the picture.
     members : (M,) int64
         Those of this strip, from the top down.
     carpet : (H, W) uint8
         Non-zero on carpet.
-    shortest : float
-        Least height, in widths.
-    max_lean, thinnest_px : float
-        Of the edges (pixels per row), and at both ends.
+    limits : StripLimits
+        What counts as a strip.
     strip : (8,) float64
         Result: `at` and `lean` of the left edge and of the right, top, bottom, foot, strength.
 
@@ -139,9 +145,10 @@ def fit_strip(
     bool
         Whether it is one.
     """
+    row, left, right, contrast = runs
     count = members.shape[0]
     rows = row[members]
-    if count < 4 or rows[-1] - rows[0] < shortest * np.median(right[members] - left[members]):
+    if count < 4 or rows[-1] - rows[0] < limits.min_aspect * np.median(right[members] - left[members]):
         return False
     keep, off = np.empty(count, np.bool_), np.empty(count)
     for side in range(2):
@@ -155,12 +162,12 @@ def fit_strip(
             typical = np.median(off)
             for n in range(count):
                 keep[n] = off[n] <= max(0.75, 2.5 * typical)
-        if abs(lean) > max_lean or typical > 1.0:
+        if abs(lean) > limits.max_lean or typical > 1.0:
             return False
         strip[2 * side], strip[2 * side + 1] = at, lean
     strip[4], strip[5] = rows[0], rows[-1]
     for v in (strip[4], strip[5]):
-        if strip[2] + strip[3] * v - strip[0] - strip[1] * v < thinnest_px:
+        if strip[2] + strip[3] * v - strip[0] - strip[1] * v < limits.min_width_px:
             return False
     strip[6] = foot_row(strip[:4], strip[5], carpet)
     strip[7] = 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -193,26 +194,57 @@ def nearest_lines(points: FloatArray, lines: FloatArray, arcs: FloatArray) -> tu
     return distance, normal, index
 
 
+class DistanceTable(NamedTuple):
+    """Distances to the nearest line, tabulated.
+
+    Parameters
+    ----------
+    values : (H, W) uint8
+        By cells of y and x.
+    origin_m : (float, float)
+        Middle of the first cell, metres.
+    cell_m : float
+        Side of a cell.
+    far : int
+        Value outside the table.
+    """
+
+    values: UInt8Array
+    origin_m: tuple[float, float]
+    cell_m: float
+    far: int
+
+
+class PoseGrid(NamedTuple):
+    """Poses on a grid, in cells of a table.
+
+    Parameters
+    ----------
+    headings : (K,) float64
+        Radians.
+    first : (int, int)
+        Cell of the first position, x and y.
+    step : int
+        Between positions.
+    size : (int, int)
+        How many positions along x and y.
+    """
+
+    headings: FloatArray
+    first: tuple[int, int]
+    step: int
+    size: tuple[int, int]
+
+
 @njit(cache=True, nogil=True)
-def score_pose_grid(
-    points: FloatArray,
-    headings: FloatArray,
-    table: UInt8Array,
-    origin_x: float,
-    origin_y: float,
-    cell: float,
-    first_x: int,
-    first_y: int,
-    step: int,
-    count_x: int,
-    count_y: int,
-    far: int,
-) -> Int32Array:
+def score_pose_grid(points: FloatArray, distances: DistanceTable, grid: PoseGrid) -> Int32Array:
     """Sum the tabulated distances of points seen from every pose of a grid. Returns (K, count_y, count_x) int32.
 
     Positions are first + i * step in cells of the table, so that a pose only shifts the points' cells. Points that fall
     outside the table count as far.
     """
+    table, (origin_x, origin_y), cell, far = distances
+    headings, (first_x, first_y), step, (count_x, count_y) = grid
     rows, columns = table.shape
     number = points.shape[0]
     cost = np.zeros((headings.shape[0], count_y, count_x), dtype=np.int32)

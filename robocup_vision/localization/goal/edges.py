@@ -10,7 +10,14 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.edges import goal_points, measure_edges, spread_samples
+from robocup_vision.kernels.goal.edges import (
+    EdgeOffsets,
+    EdgePlaces,
+    EdgeStarts,
+    goal_points,
+    measure_edges,
+    spread_samples,
+)
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.geometry import (
@@ -211,53 +218,43 @@ def measure(
         return None
     points = from_ideal(camera, points)
     room = EDGES * _MAX_SAMPLES + feet
-    start, normal, along = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 3))
-    edge, inside_px, expected = np.empty(room, np.int64), np.empty(room), np.empty(EDGES, np.int64)
-    width, height = camera.size_px
-    count = spread_samples(
-        points, feet, width, height, _SPACING_PX, _MAX_SAMPLES, start, normal, edge, inside_px, expected
+    places = EdgePlaces(
+        np.empty((room, 2)),
+        np.empty((room, 2)),
+        np.empty(room, np.int64),
+        np.empty(room),
+        np.empty(EDGES, np.int64),
     )
-    start, normal, along = start[:count], normal[:count], along[:count]
+    count = spread_samples(points, feet, camera.size_px, _SPACING_PX, _MAX_SAMPLES, places)
+    start, normal, inside_px, expected = places.starts[:count], places.normals[:count], places.inside, places.expected
     n = count - feet
-    edge = edge[:n]
+    edge = places.edge[:n]
+    along = np.empty((count, 3))
     along[:n], along[n:] = appearance.towards, _FOOT_TOWARDS
     keep = np.ones(count)
     keep[:n] = appearance.grey
     offset, contrast, sigma = np.empty(count), np.empty(count), np.empty(count)
-    measure_edges(
-        image,
-        start,
-        normal,
-        np.full(count, reach_px),
-        inside_px[:count],
-        along,
-        appearance.glare,
-        keep,
-        offset,
-        contrast,
-        sigma,
-    )
+    starts = EdgeStarts(start, normal, np.full(count, reach_px), inside_px[:count], along, keep)
+    measure_edges(image, starts, appearance.glare, EdgeOffsets(offset, contrast, sigma))
     found = np.isfinite(offset)
     if appearance.apart is not None:
         again = np.flatnonzero(~found[:n] & (contrast[:n] >= 0.0))
         results = np.empty((3, len(again)))
-        measure_edges(
-            image,
+        starts = EdgeStarts(
             start[again],
             normal[again],
             np.full(len(again), reach_px),
             inside_px[again],
             np.tile(appearance.apart, (len(again), 1)),
-            math.inf,
             keep[again],
-            *results,
         )
+        measure_edges(image, starts, math.inf, EdgeOffsets(*results))
         offset[again], contrast[again], sigma[again] = results
         found = np.isfinite(offset)
     if appearance.paint is not None:
         inner = start - normal * np.clip(inside_px[:count], 1.0, _PAINT_DEPTH_PX)[:, None]
         inner[found] += normal[found] * offset[found, None]
-        found &= _is_painted(appearance.paint, inner * (appearance.paint.shape[1] / width))
+        found &= _is_painted(appearance.paint, inner * (appearance.paint.shape[1] / camera.size_px[0]))
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
     where = np.ascontiguousarray(to_ideal(camera, start[found] + normal[found] * offset[found, None]))
     edge_found, foot_found = found[:n], np.flatnonzero(found[n:])

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, fit_goal, goal_residuals, normal_equations
+from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, NormalSystem, fit_goal, goal_residuals, normal_equations
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, goal_scene, measure
 from robocup_vision.localization.goal.geometry import (
@@ -272,7 +272,8 @@ def system_at(model: GoalModel, samples: EdgeSamples, p: FloatArray, loss: FitLo
     information, right = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
     last = len(loss.goal_px) - 1
     residual = residuals(model, samples, p)
-    normal_equations(model.scene, samples.for_fit, model.priors, loss, last, p, residual, information, right)
+    system = NormalSystem(information, right)
+    normal_equations(model.scene, samples.for_fit, model.priors, loss, last, p, residual, system)
     return information, right
 
 

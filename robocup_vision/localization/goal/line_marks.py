@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.marks import line_marks, measure_ridges
+from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
 from robocup_vision.localization.goal.edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.localization.lines.line_map import LineMap
@@ -121,21 +121,12 @@ class LineMarks:
         room = len(self.points)
         marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
         settings = self._settings
-        n = line_marks(
-            self.points,
-            self._directions,
-            model.scene.camera,
-            p,
-            self._camera.size_px,
-            self.line_width_m,
-            settings.spacing_px,
-            settings.width_px[0],
-            settings.clear_px,
-            marks,
-            pixels,
-            normals,
-            widths,
+        limits = MarkLimits(
+            float(self.line_width_m), float(settings.spacing_px), float(settings.width_px[0]), float(settings.clear_px)
         )
+        places = MarkPlaces(marks, pixels, normals, widths)
+        view, size_px = model.scene.camera, self._camera.size_px
+        n = line_marks(self.points, self._directions, view, p, size_px, limits, places)
         chosen = np.flatnonzero(widths[:n] < settings.width_px[1])
         if settings.cell_px > 0:
             cell = np.floor(pixels[chosen] / settings.cell_px).astype(np.int64)

@@ -13,7 +13,7 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.kernels.lines.lines import refine_line_poses, score_pose_grid
+from robocup_vision.kernels.lines.lines import DistanceTable, PoseGrid, refine_line_poses, score_pose_grid
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LinePoints
 
@@ -174,9 +174,8 @@ def _best_of_grid(floor_m: FloatArray, line_map: LineMap, settings: LineSearchSe
         count_x -= count_x // 2
     headings = np.arange(0, math.tau - 1e-9, settings.grid_step_rad)
     first_x, first_y = np.round(low / cell).astype(int).tolist()
-    cost = score_pose_grid(
-        floor_m, headings, line_map.table, origin[0], origin[1], cell, first_x, first_y, step, count_x, count_y, 255
-    )
+    table = DistanceTable(line_map.table, (float(origin[0]), float(origin[1])), cell, 255)
+    cost = score_pose_grid(floor_m, table, PoseGrid(headings, (first_x, first_y), step, (count_x, count_y)))
     flat = cost.ravel()
     best = np.argpartition(flat, min(600, flat.size - 1))[:600]
     best = best[np.argsort(flat[best], kind="stable")]

@@ -10,7 +10,7 @@ from strategies import PAPER_MIRROR, numbers
 
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.goal.colors import vote_goal_colors
+from robocup_vision.kernels.goal.colors import MirrorProjection, vote_goal_colors
 
 NO_MASK = np.empty((0, 0), dtype=np.uint8)
 HUES = np.array([-0.4, 0.5, 0.0])  # yellow, blue, white
@@ -34,10 +34,11 @@ def level_or_tilted(draw):
 
 def vote(frame, pose, points, sides, camera, hidden=NO_MASK):
     to_camera = np.ascontiguousarray(camera.camera_to_robot.T)
-    return vote_goal_colors(
-        frame, pose.array, points, sides, np.array(camera.viewpoint_m), to_camera, *camera.center_px,
-        camera.heading_rad, camera.mirrored, camera.usable_radius_px, Q_STEP, TABLE, HUES, hidden,
+    projection = MirrorProjection(
+        np.array(camera.viewpoint_m), to_camera, camera.center_px, camera.heading_rad, camera.mirrored,
+        camera.usable_radius_px, Q_STEP, TABLE,
     )  # fmt: skip
+    return vote_goal_colors(frame, pose.array, points, sides, projection, HUES, hidden)
 
 
 def twin(frame, pose, points, sides, camera, hidden):

@@ -10,7 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.goal.edges import goal_points, link_runs, measure_edges, sample, spread_samples
+from robocup_vision.kernels.goal.edges import (
+    EdgeOffsets,
+    EdgePlaces,
+    EdgeStarts,
+    goal_points,
+    link_runs,
+    measure_edges,
+    sample,
+    spread_samples,
+)
 from robocup_vision.kernels.goal.marks import measure_ridges
 from robocup_vision.localization.goal.edges import edge_segments, goal_scene
 from robocup_vision.localization.goal.geometry import IdealView, foot_points, goal_shape, project
@@ -33,12 +42,13 @@ def half_plane(angle_rad, at, inside, outside, size=48):
 
 def edges(image, starts, normal, grey=0.0, glare=300.0, reach=4.0):
     n = len(starts)
-    offset, contrast, sigma = np.empty(n), np.empty(n), np.empty(n)
-    measure_edges(
-        image, np.array(starts, float), np.tile(normal, (n, 1)), np.full(n, reach), np.full(n, 3.0),
-        np.tile(TOWARDS, (n, 1)), glare, np.full(n, grey), offset, contrast, sigma,
+    found = EdgeOffsets(np.empty(n), np.empty(n), np.empty(n))
+    where = EdgeStarts(
+        np.array(starts, float), np.tile(np.array(normal, float), (n, 1)), np.full(n, reach), np.full(n, 3.0),
+        np.tile(TOWARDS, (n, 1)), np.full(n, grey),
     )  # fmt: skip
-    return offset, contrast, sigma
+    measure_edges(image, where, glare, found)
+    return found
 
 
 @settings(deadline=None, max_examples=40)
@@ -164,7 +174,8 @@ def test_places_to_measure_agree_with_numpy(seed):
     room = 6 * 10 + 6
     starts, normals, inside = np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
     edge, expected_count = np.empty(room, np.int64), np.empty(6, np.int64)
-    count = spread_samples(points, 6, 416, 320, 2.0, 10, starts, normals, edge, inside, expected_count)
+    places = EdgePlaces(starts, normals, edge, inside, expected_count)
+    count = spread_samples(points, 6, (416, 320), 2.0, 10, places)
     assert count == expected_count.sum() + 6
     np.testing.assert_allclose(np.linalg.norm(normals[:count], axis=1), 1)
     assert (np.bincount(edge[:count], minlength=7)[:6] == expected_count).all()

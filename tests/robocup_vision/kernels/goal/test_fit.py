@@ -13,6 +13,7 @@ from robocup_vision.kernels.goal.fit import (
     FitLoss,
     FitPriors,
     FitSamples,
+    NormalSystem,
     fit_goal,
     goal_residuals,
     normal_equations,
@@ -136,7 +137,7 @@ def test_normal_equations_agree_with_numpy(seed, redescends):
     expected[~free], expected[:, ~free], pull[~free] = 0.0, 0.0, 0.0
     expected[~free, ~free] = 1.0
     normal, right = np.empty((8, 8)), np.empty(8)
-    normal_equations(SCENE, samples, priors, loss, 0, p, residual, normal, right)
+    normal_equations(SCENE, samples, priors, loss, 0, p, residual, NormalSystem(normal, right))
     size = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(normal / np.outer(size, size), expected / np.outer(size, size), atol=1e-5)
     np.testing.assert_allclose(right / size, pull / size, atol=1e-4 * (1 + np.abs(pull / size).max()))

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal.marks import line_marks, mark_stds, measure_ridges
+from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, mark_stds, measure_ridges
 from robocup_vision.localization.goal.geometry import IdealView, project
 
 VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
@@ -18,7 +18,8 @@ def places(p, spacing=6.0, least=0.2, points=POINTS, clear=2.5):
     marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
     along = np.tile([0.0, 1.0], (room, 1))
     size = (416, 320)
-    n = line_marks(points, along, VIEW_ARRAY, p, size, 0.05, spacing, least, clear, marks, pixels, normals, widths)
+    limits = MarkLimits(0.05, spacing, least, clear)
+    n = line_marks(points, along, VIEW_ARRAY, p, size, limits, MarkPlaces(marks, pixels, normals, widths))
     return marks[:n], pixels[:n], normals[:n], widths[:n]
 
 

@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal.strips import fit_strip, foot_row, mean_along, straight_line, summarize_chains
+from robocup_vision.kernels.goal.strips import (
+    Runs,
+    StripLimits,
+    fit_strip,
+    foot_row,
+    mean_along,
+    straight_line,
+    summarize_chains,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -67,18 +75,26 @@ def test_a_strip_is_its_straight_edges(seed):
     carpet[: int(row[-1]) + 2] = 0
     strip = np.empty(8)
     members = np.arange(len(row))
-    assert fit_strip(row, left, right, contrast, members, carpet, 1.0, 0.27, 2.0, strip)
+    assert fit_strip(Runs(row, left, right, contrast), members, carpet, StripLimits(1.0, 0.27, 2.0), strip)
     good = members != 4
     for k, side in ((0, left), (2, right)):
         slope, at = np.polyfit(row[good], side[good], 1)
         assert strip[k : k + 2] == pytest.approx((at, slope), abs=0.15)
     assert tuple(strip[4:7]) == (row[0], row[-1], plain_foot(strip[:4], row[-1], carpet))
     assert strip[7] == pytest.approx(np.minimum(contrast, 20.0).sum())
-    assert not fit_strip(row, left, right, contrast, members, carpet, 20.0, 0.27, 2.0, strip)  # too short
-    assert not fit_strip(row, left, right, contrast, members, carpet, 1.0, 0.01, 2.0, strip)  # leans too much
-    assert not fit_strip(row, left, right, contrast, members, carpet, 1.0, 0.27, 9.0, strip)  # too thin
+    assert not fit_strip(
+        Runs(row, left, right, contrast), members, carpet, StripLimits(20.0, 0.27, 2.0), strip
+    )  # too short
+    assert not fit_strip(
+        Runs(row, left, right, contrast), members, carpet, StripLimits(1.0, 0.01, 2.0), strip
+    )  # leans too much
+    assert not fit_strip(
+        Runs(row, left, right, contrast), members, carpet, StripLimits(1.0, 0.27, 9.0), strip
+    )  # too thin
     scattered = left + rng.uniform(2, 9, len(row)) * rng.choice([-1, 1], len(row))
-    assert not fit_strip(row, scattered, right + 20, contrast, members, carpet, 0.1, 0.27, 2.0, strip)
+    assert not fit_strip(
+        Runs(row, scattered, right + 20, contrast), members, carpet, StripLimits(0.1, 0.27, 2.0), strip
+    )
 
 
 @settings(deadline=None, max_examples=20)

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from field_models import load_field
 from robocup_vision.kernels.lines.lines import (
+    DistanceTable,
+    PoseGrid,
     floor_mask_by_tone,
     line_ridge_points,
     nearest_lines,
@@ -134,7 +136,8 @@ def test_pose_grid_agrees_with_numpy():
     rng = np.random.default_rng(3)
     table = rng.integers(0, 256, (40, 50), dtype=np.uint8)
     points, headings = rng.uniform(-2, 2, (30, 2)), np.array([0.0, 0.7, 3.0])
-    cost = score_pose_grid(points, headings, table, -1.0, -1.2, 0.05, -12, -8, 4, 6, 5, 255)
+    distances = DistanceTable(table, (-1.0, -1.2), 0.05, 255)
+    cost = score_pose_grid(points, distances, PoseGrid(headings, (-12, -8), 4, (6, 5)))
     for k, heading in enumerate(headings):
         c, s = math.cos(heading), math.sin(heading)
         cells = np.floor((points @ [[c, s], [-s, c]] - (-1.0, -1.2)) / 0.05 + 0.5).astype(int)
