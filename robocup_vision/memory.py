@@ -94,6 +94,10 @@ class Memory:
         """Where the robot was at a time, to look at a frame of then: `PoseFilter.prior`."""
         return self.poses.prior(t_s)
 
+    def prior_estimate(self, t_s: float) -> PoseEstimate | None:
+        """Where the robot was at a time, and how well that is known: `PoseFilter.prior_estimate`."""
+        return self.poses.prior_estimate(t_s)
+
     def update(self, view: View) -> Belief:
         """Update the belief by what a frame shows.
 
@@ -110,7 +114,7 @@ class Memory:
         t_s = view.t_s
         if t_s is None:
             raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
-        self.poses.update(view.pose, t_s)
+        self.poses.update(view.pose if view.measurement is None else view.measurement, t_s)
         if self.objects is not None or self.free_map is not None:
             self._update_surroundings(view, t_s)
         return self.belief(t_s)

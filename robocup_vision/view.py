@@ -57,6 +57,8 @@ class View:
         When the frame was taken, as `look` was told.
     belief : Belief or None
         What is believed over time, where `Vision` has a memory.
+    measurement : PoseEstimate or None
+        What the frame says of the robot without the prior, where `pose` has taken the prior in; None: `pose` has not.
     """
 
     pose: PoseEstimate | NotLocated
@@ -71,6 +73,7 @@ class View:
     grid: FreeSpaceGrid | None
     t_s: float | None = None
     belief: Belief | None = None
+    measurement: PoseEstimate | None = None
 
     def __post_init__(self) -> None:
         own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)

@@ -54,7 +54,9 @@ class Vision:
         the outline leaves a choice, tells nothing, or is not bounded, with no prior; a pinhole camera, whose tilt must
         be known, goes by the lines. "floor": by the outline alone; a pinhole camera sees too little of it to do without
         a prior. "hull" (mirror): as Sekimori et al. print it, by the convex hull of the whole floor mask; a published
-        baseline. "goal", the default of a pinhole camera: by the posts and bar of a goal, with the lines around it.
+        baseline. "edges", the default of a pinhole camera whose tilt is known: by everything in view that the field
+        file knows of, followed from frame to frame, or found anew. "goal", the default of one whose tilt is not: by the
+        posts and bar of a goal, with the lines around it.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     directions : int
@@ -105,6 +107,7 @@ class Vision:
         self.field = field
         self.camera = camera
         self.method = chosen.name
+        self._takes_covariance = chosen.takes_covariance
 
     def look(
         self,
@@ -177,7 +180,9 @@ class Vision:
             raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
         if odometry is not None:
             memory.predict(odometry, t_s)
-        view = self._look(frame, t_s, odometry, memory.prior(t_s) if prior is None else prior, pan_rad)
+        if prior is None:
+            prior = memory.prior_estimate(t_s) if self._takes_covariance else memory.prior(t_s)
+        view = self._look(frame, t_s, odometry, prior, pan_rad)
         return replace(view, belief=memory.update(view))
 
     def predict(self, odometry: Pose2, t_s: float) -> None:

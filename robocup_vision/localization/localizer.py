@@ -37,6 +37,8 @@ class FrameEvidence:
         Each bearing's outermost floor sample; -1 where none.
     marks : (K, M) uint8 or None
         What the samples show: 0 blocked, 1 floor, 2 line; None where that is not worked out before the pose.
+    t_s : float or None
+        When the frame was taken.
     """
 
     frame: UInt8Array
@@ -46,6 +48,7 @@ class FrameEvidence:
     edge_px: FloatArray
     floor_column: Int64Array
     marks: UInt8Array | None = None
+    t_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,11 +63,15 @@ class Localization:
         The camera as this frame shows it to be mounted on the robot: tilt and roll refined where they were fitted.
     wall_px : (K,) float64 or None
         Where the pose puts the walls, as `edge_px`; None where the localiser does not say.
+    measurement : PoseEstimate or None
+        What the frame says without the prior, where `pose` has taken the prior in as a factor: the filter takes this
+        one, so that it does not count the prior twice. None where `pose` is that already.
     """
 
     pose: PoseEstimate | NotLocated
     camera: Camera
     wall_px: FloatArray | None = None
+    measurement: PoseEstimate | None = None
 
 
 class Localizer(Protocol):

@@ -17,6 +17,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.localization.forward import GoalMethod, LineMethod, WallMethod
 from robocup_vision.localization.localizer import Camera, Localizer
 from robocup_vision.localization.mirror import MirrorLocalizer
+from robocup_vision.localization.model_edges.method import EdgeMethod
 from robocup_vision.perception.polar_view import PolarView
 
 MIRROR, PINHOLE = "mirror", "pinhole"
@@ -37,6 +38,8 @@ class Method:
         What it needs of field and camera beyond that.
     needs_tilt : bool
         Whether a pinhole camera's tilt must be known.
+    takes_covariance : bool
+        Whether it takes the prior's covariance as a factor of its answer.
     is_baseline : bool
         Whether it is a published method, kept for comparison.
     """
@@ -45,14 +48,18 @@ class Method:
     camera: str
     needs: str
     needs_tilt: bool = False
+    takes_covariance: bool = False
     is_baseline: bool = False
 
 
-# the first of each kind of camera is the default
+# the first of each kind of camera is the default, where the camera has what it needs
 METHODS = (
     Method("field", MIRROR, "walls or boards, or white lines"),
     Method("floor", MIRROR, "walls or boards that bound the floor"),
     Method("hull", MIRROR, "walls or boards that bound a floor longer than wide", is_baseline=True),
+    Method(
+        "edges", PINHOLE, "lines, goals, beacons or walls: everything in view", needs_tilt=True, takes_covariance=True
+    ),
     Method("goal", PINHOLE, "goals of posts and a bar"),
     Method("field", PINHOLE, "white lines", needs_tilt=True),
     Method("floor", PINHOLE, "walls or boards that bound the floor, and a prior", needs_tilt=True),
@@ -75,7 +82,8 @@ def choose_method(camera: Camera, name: str | None = None) -> Method:
     kind = kind_of(camera)
     mine = [method for method in METHODS if method.camera == kind]
     if name is None:
-        return mine[0]
+        has_tilt = not isinstance(camera, PinholeCamera) or camera.known_orientation
+        return next(method for method in mine if has_tilt or not method.needs_tilt)
     for method in mine:
         if method.name == name:
             if method.needs_tilt and isinstance(camera, PinholeCamera) and not camera.known_orientation:
@@ -104,5 +112,10 @@ def make_mirror_localizer(
 
 def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera, mask: UInt8Array | None) -> Localizer:
     """Make the localiser of a pinhole camera; raises as `make_mirror_localizer` does."""
-    makers: dict[str, Callable[..., Localizer]] = {"goal": GoalMethod, "field": LineMethod, "floor": WallMethod}
+    makers: dict[str, Callable[..., Localizer]] = {
+        "edges": EdgeMethod,
+        "goal": GoalMethod,
+        "field": LineMethod,
+        "floor": WallMethod,
+    }
     return makers[method.name](field, camera, mask)

@@ -156,8 +156,8 @@ class PinholePipeline(FramePipeline):
         start = perf_counter()
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
-        answer = self._localizer.locate(self._evidence(frame, camera, samples), prior)
-        pose = answer.pose
+        answer = self._localizer.locate(self._evidence(frame, camera, samples, t_s), prior)
+        pose, told = answer.pose, answer.measurement
         self._last_pose = pose.pose if pose else None
         timings["pose"] = perf_counter() - start
         if not camera.known_orientation:
@@ -167,7 +167,9 @@ class PinholePipeline(FramePipeline):
             nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
             timings["total"] = perf_counter() - begin
             free_space = FreeSpace(nothing, np.empty(0))
-            return View(pose, free_space, None, timings, nothing, none, np.empty(0), None, answer.camera, None, t_s)
+            return View(
+                pose, free_space, None, timings, nothing, none, np.empty(0), None, answer.camera, None, t_s, None, told
+            )
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
         marks, ball, free_space = self._see_floor(frame, floor, samples, robot, timings)
@@ -176,13 +178,17 @@ class PinholePipeline(FramePipeline):
             walls = wall_px(self.field.walls, robot, floor.view)
         timings["total"] = perf_counter() - begin
         edge = _edge_px(floor.view, samples.columns)
-        return View(pose, free_space, ball, timings, edge, marks, walls, floor.view, answer.camera, floor.grid, t_s)
+        return View(
+            pose, free_space, ball, timings, edge, marks, walls, floor.view, answer.camera, floor.grid, t_s, None, told
+        )
 
-    def _evidence(self, frame: UInt8Array, camera: PinholeCamera, samples: _FloorSamples | None) -> FrameEvidence:
+    def _evidence(
+        self, frame: UInt8Array, camera: PinholeCamera, samples: _FloorSamples | None, t_s: float | None
+    ) -> FrameEvidence:
         if samples is None or self._floor is None:
-            return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, dtype=np.int64))
+            return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, dtype=np.int64), t_s)
         view = self._floor.view
-        return FrameEvidence(frame, camera, samples.table, view, _edge_px(view, samples.columns), samples.columns)
+        return FrameEvidence(frame, camera, samples.table, view, _edge_px(view, samples.columns), samples.columns, t_s)
 
     def _sample(self, frame: UInt8Array, view: FloorView, timings: dict[str, float] | None = None) -> _FloorSamples:
         begin = perf_counter()

@@ -34,16 +34,28 @@ class PinholeRays(RaySet):
         Rays a pixel along each image axis.
     pixel_index : (P,) intp, optional
         Flat indices of the pixels; without it all of them.
+    turn_rad : float
+        How far the camera pans while its rows are read from the first to the last (a rolling shutter); the camera's
+        own pan is that of the middle row.
     """
 
     def __init__(
-        self, camera: PinholeCamera, supersample: int, pixel_index: npt.NDArray[np.intp] | None = None
+        self,
+        camera: PinholeCamera,
+        supersample: int,
+        pixel_index: npt.NDArray[np.intp] | None = None,
+        turn_rad: float = 0.0,
     ) -> None:
         width, height = camera.size_px
         index = np.arange(width * height) if pixel_index is None else pixel_index
         centers = np.stack([index % width, index // width], axis=-1)
         along_axis = camera.pixel_to_camera_ray(centers[:, None, :] + sample_offsets(supersample))
         directions = along_axis @ camera.camera_to_robot.T
+        if turn_rad:
+            turn = turn_rad * (centers[:, 1] / (height - 1) - 0.5)
+            c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+            x, y = directions[..., 0].copy(), directions[..., 1].copy()
+            directions[..., 0], directions[..., 1] = c * x - s * y, s * x + c * y
         run = np.maximum(np.hypot(directions[..., 0], directions[..., 1]), 1e-9)
         with np.errstate(divide="ignore", invalid="ignore"):
             floor = np.where(directions[..., 2] < -1e-7, camera.height_m * run / -directions[..., 2], 1e3)
@@ -62,6 +74,7 @@ def render_pinhole(
     glare: Sequence[Glare] = (),
     sun: Sequence[SunPatch] = (),
     supersample: int = 8,
+    turn_rad: float = 0.0,
 ) -> Float32Array:
     """Render a frame; each pixel is the mean over its area.
 
@@ -81,6 +94,8 @@ def render_pinhole(
         Sunlight through windows.
     supersample : int
         Rays along each axis of a pixel that an edge may cross; others get fewer.
+    turn_rad : float
+        How far the camera pans from its first row to its last, as a rolling shutter shows it.
 
     Returns
     -------
@@ -112,7 +127,7 @@ def render_pinhole(
                     spot.add_to(traced, goal)
         return traced
 
-    coarse_rays = PinholeRays(camera, COARSE)
+    coarse_rays = PinholeRays(camera, COARSE, turn_rad=turn_rad)
     if not np.isfinite(coarse_rays.slope).all():
         raise ArgumentError("the camera's lens distortion leaves part of the image without rays")
     coarse = trace(coarse_rays)
@@ -120,7 +135,7 @@ def render_pinhole(
     image[coarse_rays.pixel_index] = coarse.per_pixel
     edges = _pixels_at_edges(coarse, (height, width))
     if supersample > COARSE and len(edges):
-        fine_rays = PinholeRays(camera, supersample, edges)
+        fine_rays = PinholeRays(camera, supersample, edges, turn_rad)
         image[fine_rays.pixel_index] = trace(fine_rays).per_pixel
     return image.reshape(height, width, 3)
 

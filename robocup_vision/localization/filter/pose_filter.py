@@ -167,6 +167,14 @@ class PoseFilter:
             return None
         return self.hypotheses[0].pose.compose(motion.inverse())
 
+    def prior_estimate(self, t_s: float) -> PoseEstimate | None:
+        """Return `prior` with its covariance."""
+        motion = self.motion_since(t_s)
+        if self._mixture.is_contradicted or motion is None:
+            return None
+        best = self.hypotheses[0]
+        return PoseEstimate(best.pose, best.covariance, 1.0, 0.0).seen_from(motion.inverse())
+
     def motion_since(self, t_s: float) -> Pose2 | None:
         """Motion from a time to the present, in the robot's frame of then; None before what is remembered."""
         if not math.isfinite(t_s):

@@ -1,0 +1,1 @@
+"""Forward cameras on walking robots: followed from frame to frame, and found."""

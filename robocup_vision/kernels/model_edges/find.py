@@ -1,0 +1,270 @@
+"""Poses proposed without a prior: line points against a table of the field's lines, coloured uprights by bearing.
+
+All places and headings of a bank are scored by a few points first; the best again by all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
+
+BINS = 96  # of bearing across the picture
+FIRST_POINTS = 14
+
+
+class Bank(NamedTuple):
+    """Prepared once for a field and a camera.
+
+    Parameters
+    ----------
+    places : (P, 2) float64
+        Where the camera may stand, metres.
+    headings : (H,) float64
+        Of its axis, evenly spaced.
+    distance_m : (R, C) float32
+        From the nearest line, at cells of the floor; cut off.
+    origin_m : (2,) float64
+        x and y of cell (0, 0)'s middle; rows run along y.
+    cell_m : float
+        Side of a cell.
+    items : (I, 5) float64
+        Coloured uprights: x0, y0, x1, y1 of its foot across (a cylinder: twice its axis), radius.
+    item_paint : (I,) int64
+        Which paint each shows.
+    paints : (K, 3) float64
+        Unit vectors of their colour, blue, green, red, less grey.
+    half_view_rad : float
+        From the axis to the border of the picture.
+    """
+
+    places: FloatArray
+    headings: FloatArray
+    distance_m: Float32Array
+    origin_m: FloatArray
+    cell_m: float
+    items: FloatArray
+    item_paint: Int64Array
+    paints: FloatArray
+    half_view_rad: float
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def upright_bins(
+    image: UInt8Array, lens: FloatArray, horizon_row: float, paints: FloatArray, bank_half: float, seen: FloatArray
+) -> None:
+    """Tell at which bearings something of a paint stands about the horizon.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    lens : (18,) float64
+        See `prediction.predict`.
+    horizon_row : float
+        Of the camera.
+    paints : (K, 3) float64
+        See `Bank`.
+    bank_half : float
+        Half the view's width, radians.
+    seen : (K, BINS + 1) float64
+        Result: how many bins up to each show the paint.
+    """
+    height, width = image.shape[0], image.shape[1]
+    top = max(int(horizon_row - 0.45 * height), 0)
+    bottom = min(int(horizon_row + 0.2 * height), height)
+    step = max(1, (bottom - top) // 60)
+    for k in range(paints.shape[0]):
+        seen[k, 0] = 0.0
+        for i in range(BINS):
+            bearing = bank_half * (1.0 - 2.0 * (i + 0.5) / BINS)
+            u = int(round(lens[2] - lens[0] * math.tan(bearing)))
+            run, best = 0, 0
+            if 0 <= u < width:
+                for v in range(top, bottom, step):
+                    b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
+                    grey = (b + g + r) / 3.0
+                    b, g, r = b - grey, g - grey, r - grey
+                    size = math.sqrt(b * b + g * g + r * r)
+                    like = b * paints[k, 0] + g * paints[k, 1] + r * paints[k, 2]
+                    if size > 0.35 * grey + 10.0 and like > 0.93 * size:
+                        run += 1
+                        best = max(best, run)
+                    else:
+                        run = 0
+            seen[k, i + 1] = seen[k, i] + (1.0 if best >= 3 else 0.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def floor_places(
+    points: FloatArray, count: int, lens: FloatArray, tilt: float, roll: float, height_m: float, most_m: float,
+    out: FloatArray,
+) -> int:  # fmt: skip
+    """Put line points on the floor, for an undistorted lens: rows forward, left, tolerance (m), mixed in order."""
+    kept = 0
+    stride = max(1, int(0.381966 * count))
+    while count > 0 and stride > 1 and math.gcd(stride, count) != 1:
+        stride -= 1
+    ct, st = math.cos(tilt), math.sin(tilt)
+    cr, sr = math.cos(roll), math.sin(roll)
+    at = 0
+    for _ in range(count):
+        a = -(points[at, 0] - lens[2]) / lens[0]
+        b = -(points[at, 1] - lens[3]) / lens[1]
+        at = (at + stride) % count
+        # Ry(-tilt) Rx(roll)
+        left = cr * a - sr * b
+        up = sr * a + cr * b
+        ahead, up = ct - st * up, st + ct * up
+        if up > -0.02:
+            continue
+        scale = -height_m / up
+        x, y = ahead * scale, left * scale
+        away = math.sqrt(x * x + y * y)
+        if away > most_m:
+            continue
+        out[kept, 0], out[kept, 1] = x, y
+        out[kept, 2] = 0.12 + 0.06 * away + 0.012 * away * away / height_m
+        kept += 1
+        if kept == out.shape[0]:
+            break
+    return kept
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: float, c: float, s: float) -> float:
+    """Sum of squared distances from lines in tolerances, each at most 1."""
+    total = 0.0
+    inverse = 1.0 / bank.cell_m
+    last_row, last_column = bank.distance_m.shape[0] - 1, bank.distance_m.shape[1] - 1
+    for i in range(begin, end):
+        fx = x + c * rows[i, 0] - s * rows[i, 1]
+        fy = y + s * rows[i, 0] + c * rows[i, 1]
+        column = int((fx - bank.origin_m[0]) * inverse + 0.5)
+        row = int((fy - bank.origin_m[1]) * inverse + 0.5)
+        if column < 0 or row < 0 or column > last_column or row > last_row:
+            total += 1.0
+            continue
+        d = bank.distance_m[row, column] / rows[i, 2]
+        total += min(d * d, 1.0)
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def score_bank(
+    bank: Bank, rows: FloatArray, number: int, seen: FloatArray, upright_weight: float, scores: FloatArray
+) -> None:
+    """Score all poses of a bank: the smaller the better.
+
+    Parameters
+    ----------
+    bank : Bank
+        The bank.
+    rows : (N, 3) float64
+        As `floor_places` tells, `number` of them.
+    seen : (K, BINS + 1) float64
+        As `upright_bins` tells.
+    upright_weight : float
+        Of a bearing bin that is wrong, in line points.
+    scores : (P, H) float64
+        Result.
+    """
+    items = bank.items.shape[0]
+    first = min(number, FIRST_POINTS)
+    low, high = np.empty(items), np.empty(items)
+    total = 0.0
+    for k in range(seen.shape[0]):
+        total += seen[k, BINS]
+    per_bin = BINS / (2.0 * bank.half_view_rad)
+    headings = bank.headings.shape[0]
+    for i in range(bank.places.shape[0]):
+        x, y = bank.places[i, 0], bank.places[i, 1]
+        for m in range(items):
+            a = math.atan2(bank.items[m, 1] - y, bank.items[m, 0] - x)
+            b = math.atan2(bank.items[m, 3] - y, bank.items[m, 2] - x)
+            turn = b - a
+            if turn > math.pi:
+                turn -= math.tau
+            elif turn < -math.pi:
+                turn += math.tau
+            away = math.sqrt(
+                (0.5 * (bank.items[m, 0] + bank.items[m, 2]) - x) ** 2
+                + (0.5 * (bank.items[m, 1] + bank.items[m, 3]) - y) ** 2
+            )
+            half = bank.items[m, 4] / max(away, bank.items[m, 4])
+            low[m], high[m] = min(0.0, turn) - half + a, max(0.0, turn) + half + a
+        for j in range(headings):
+            theta = bank.headings[j]
+            c, s = math.cos(theta), math.sin(theta)
+            cost = _misfit(bank, rows, 0, first, x, y, c, s)
+            matched, predicted = 0.0, 0.0
+            for m in range(items):
+                middle = 0.5 * (low[m] + high[m]) - theta
+                turn = math.tau * math.floor((middle + math.pi) / math.tau)
+                # bins run from the left border to the right
+                begin = int((bank.half_view_rad - (high[m] - theta - turn)) * per_bin)
+                end = int((bank.half_view_rad - (low[m] - theta - turn)) * per_bin) + 1
+                begin, end = max(begin, 0), min(end, BINS)
+                if end > begin:
+                    k = bank.item_paint[m]
+                    matched += seen[k, end] - seen[k, begin]
+                    predicted += end - begin
+            wrong = max(total - matched, 0.0) + 0.4 * max(predicted - matched, 0.0)
+            scores[i, j] = cost * (number / max(first, 1)) + upright_weight * wrong
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def best_poses(
+    bank: Bank, rows: FloatArray, number: int, scores: FloatArray, kept: int, apart: FloatArray, out: FloatArray
+) -> int:
+    """Score the best `kept` poses by all points and give those that are apart, the best first.
+
+    Parameters
+    ----------
+    bank, rows, number, scores
+        As in `score_bank`.
+    kept : int
+        How many are scored in full.
+    apart : (2,) float64
+        Metres and radians that two answers are apart.
+    out : (K, 4) float64
+        Result: x, y, heading, score.
+
+    Returns
+    -------
+    int
+        How many.
+    """
+    headings = bank.headings.shape[0]
+    flat = scores.reshape(-1)
+    order = np.argsort(flat)[:kept]
+    full = np.empty(order.shape[0])
+    first = min(number, FIRST_POINTS)
+    for n in range(order.shape[0]):
+        i, j = order[n] // headings, order[n] % headings
+        c, s = math.cos(bank.headings[j]), math.sin(bank.headings[j])
+        x, y = bank.places[i, 0], bank.places[i, 1]
+        few = _misfit(bank, rows, 0, first, x, y, c, s)
+        rest = _misfit(bank, rows, first, number, x, y, c, s)
+        full[n] = flat[order[n]] - few * (number / max(first, 1)) + few + rest
+    again = np.argsort(full)
+    count = 0
+    for n in again:
+        i, j = order[n] // headings, order[n] % headings
+        x, y, theta = bank.places[i, 0], bank.places[i, 1], bank.headings[j]
+        near = False
+        for k in range(count):
+            turn = abs(theta - out[k, 2])
+            turn = min(turn, math.tau - turn)
+            if math.sqrt((x - out[k, 0]) ** 2 + (y - out[k, 1]) ** 2) < apart[0] and turn < apart[1]:
+                near = True
+        if not near:
+            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, theta, full[n]
+            count += 1
+            if count == out.shape[0]:
+                break
+    return count

@@ -1,0 +1,221 @@
+"""One fit of pose, tilt, roll and height to candidates along normals, with a prior as a factor.
+
+Unknowns are the prior's own standard normal ones, so that what the prior does not leave open needs no special case.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.kernels.algebra.cholesky import factor, substitute
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Room
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _nearest(found: Findings, n: int, expected: float) -> float:
+    """Residual of the candidate of sample n that lies nearest to where a hypothesis puts it; 1e9 without any."""
+    best, least = 1e9, 1e9
+    for k in range(found.candidates[n]):
+        r = found.offset_px[n, k] - expected
+        if abs(r) < least:
+            least, best = abs(r), r
+    return best
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def msac(rows: FloatArray, count: int, found: Findings, z: FloatArray, gate_px: float, prior_share: float) -> float:
+    """Cost a hypothesis: squared residuals in gates, at most 1 a sample, and the distance from the prior."""
+    cost = 0.0
+    for n in range(count):
+        if found.candidates[n] < 1:
+            continue
+        expected = 0.0
+        for j in range(UNKNOWNS):
+            expected += rows[n, j] * z[j]
+        r = _nearest(found, n, expected) / gate_px
+        cost += min(r * r, 1.0)
+    far = 0.0
+    for j in range(UNKNOWNS):
+        far += z[j] * z[j]
+    return cost + prior_share * far
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSettings, modes: FloatArray) -> int:
+    """Choose among hypotheses, each of three candidates and the prior.
+
+    Parameters
+    ----------
+    room : Room
+        Candidates and derivatives of `count` samples.
+    count : int
+        Samples in use.
+    draws : (H, 6) float64
+        Numbers in [0, 1): which samples and candidates each hypothesis takes.
+    settings : FollowSettings
+        `gate_px`, `prior_share` and `enough` count.
+    modes : (K, 7) float64
+        The best hypothesis and the next best that differ from all before by more than two gates.
+
+    Returns
+    -------
+    int
+        How many modes there are.
+    """
+    rows, found, gate_px, prior_share = room.rows, room.found, settings.gate_px, settings.prior_share
+    sigma_px = 0.5 * gate_px
+    usable = np.empty(count, dtype=np.int64)
+    number = 0
+    for n in range(count):
+        if found.candidates[n] > 0:
+            usable[number] = n
+            number += 1
+    z = np.zeros(UNKNOWNS)
+    small, right = np.empty((3, 3)), np.empty(3)
+    pick, at = np.empty(3, dtype=np.int64), np.empty(3)
+    costs = np.empty(draws.shape[0] + 1)
+    tried = np.zeros((draws.shape[0] + 1, UNKNOWNS))
+    costs[0] = msac(rows, count, found, z, gate_px, prior_share)
+    made, first = 1, 0
+    if number >= 3:
+        for h in range(draws.shape[0]):
+            for i in range(3):
+                n = usable[int(draws[h, i] * number)]
+                pick[i] = n
+                at[i] = found.offset_px[n, int(draws[h, 3 + i] * found.candidates[n])]
+            for i in range(3):
+                right[i] = at[i]
+                for k in range(i + 1):
+                    total = 0.0
+                    for j in range(UNKNOWNS):
+                        total += rows[pick[i], j] * rows[pick[k], j]
+                    small[i, k] = total
+                small[i, i] += sigma_px * sigma_px
+            if not factor(small, 3):
+                continue
+            substitute(small, 3, right)
+            for j in range(UNKNOWNS):
+                z[j] = rows[pick[0], j] * right[0] + rows[pick[1], j] * right[1] + rows[pick[2], j] * right[2]
+            costs[made] = msac(rows, count, found, z, gate_px, prior_share)
+            for j in range(UNKNOWNS):
+                tried[made, j] = z[j]
+            if costs[made] < costs[first]:
+                first = made
+            made += 1
+            if made >= 8 and costs[first] < settings.enough * number:
+                break
+    kept = 0
+    for _ in range(made):
+        least = -1
+        for h in range(made):
+            if costs[h] < 1e8 and (least < 0 or costs[h] < costs[least]):
+                least = h
+        if least < 0:
+            break
+        apart = 2.0 * gate_px + 1.0
+        for k in range(kept):
+            farthest = 0.0
+            for i in range(number):
+                r = 0.0
+                for j in range(UNKNOWNS):
+                    r += rows[usable[i], j] * (tried[least, j] - modes[k, j])
+                farthest = max(farthest, abs(r))
+            apart = min(apart, farthest)
+        costs[least] = 1e9
+        if apart > 2.0 * gate_px:
+            for j in range(UNKNOWNS):
+                modes[kept, j] = tried[least, j]
+            kept += 1
+            if kept == modes.shape[0]:
+                break
+    return kept
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def robust_fit(
+    room: Room, count: int, settings: FollowSettings, gates_px: FloatArray, z0: FloatArray, z: FloatArray
+) -> tuple[int, float, bool]:
+    """Tukey-weighted Gauss-Newton steps under narrowing gates.
+
+    Neighbours on one edge share what the lens, the paint and the tape got wrong: a sample's variance is `sigma_px`
+    squared and, for each inlier of its edge, `shared_px` squared.
+
+    Parameters
+    ----------
+    room : Room
+        Candidates and derivatives of `count` samples; takes information and gradient.
+    count : int
+        Samples in use.
+    settings : FollowSettings
+        `sigma_px` and `shared_px` count.
+    gates_px : (G,) float64
+        One a step.
+    z0 : (7,) float64
+        The prior's mean, in the unknowns whose origin is where the samples were predicted.
+    z : (7,) float64
+        In: the start. Out: the fit.
+
+    Returns
+    -------
+    int, float, bool
+        Inliers, root mean square of their residuals, whether it was solvable.
+    """
+    rows, samples, found = room.rows, room.samples, room.found
+    information, gradient, of_feature = room.information, room.gradient, room.of_feature
+    sigma_px, shared_px = settings.sigma_px, settings.shared_px
+    system, step = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
+    weight, residual = np.empty(count), np.empty(count)
+    inliers, rms = 0, 0.0
+    for turn in range(gates_px.shape[0] + 1):
+        last = turn == gates_px.shape[0]
+        gate = gates_px[min(turn, gates_px.shape[0] - 1)]
+        for i in range(of_feature.shape[0]):
+            of_feature[i] = 0
+        inliers, total = 0, 0.0
+        for n in range(count):
+            weight[n] = 0.0
+            if found.candidates[n] < 1:
+                continue
+            expected = 0.0
+            for j in range(UNKNOWNS):
+                expected += rows[n, j] * z[j]
+            r = _nearest(found, n, expected)
+            if abs(r) < gate:
+                t = 1.0 - (r / gate) ** 2
+                weight[n], residual[n] = t * t, r
+                of_feature[samples.feature[n]] += 1
+                inliers += 1
+                total += r * r
+        rms = math.sqrt(total / inliers) if inliers else 0.0
+        for i in range(UNKNOWNS):
+            gradient[i] = 0.0
+            for j in range(UNKNOWNS):
+                information[i, j] = 0.0
+        for n in range(count):
+            if weight[n] == 0.0:
+                continue
+            w = weight[n] / (sigma_px * sigma_px + shared_px * shared_px * of_feature[samples.feature[n]])
+            for i in range(UNKNOWNS):
+                a = w * rows[n, i]
+                gradient[i] += a * residual[n]
+                for j in range(i + 1):
+                    information[i, j] += a * rows[n, j]
+        for i in range(UNKNOWNS):
+            for j in range(i):
+                information[j, i] = information[i, j]
+        if last:
+            break
+        for i in range(UNKNOWNS):
+            step[i] = gradient[i] - (z[i] - z0[i])
+            for j in range(UNKNOWNS):
+                system[i, j] = information[i, j]
+            system[i, i] += 1.0
+        if not factor(system, UNKNOWNS):
+            return inliers, rms, False
+        substitute(system, UNKNOWNS, step)
+        for i in range(UNKNOWNS):
+            z[i] += step[i]
+    return inliers, rms, True

@@ -1,0 +1,368 @@
+"""One frame followed: predict, search, choose the mode, fit, and gather what the verdict needs."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.kernels.algebra.cholesky import factor, substitute
+from robocup_vision.kernels.model_edges.fit import choose_mode, robust_fit
+from robocup_vision.kernels.model_edges.prediction import predict
+from robocup_vision.kernels.model_edges.search import carpet_look, reaches, search, whiten
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, FieldEdges, FloatArray, FollowSettings, Room, UInt8Array
+from robocup_vision.kernels.model_edges.verdict import LineLook, explained, judge, line_points
+
+MODES = 5  # looked at before giving up
+CARPET_LIGHT = 225.0  # blue, green and red of the carpet under the light that channels' steps are given for
+
+
+class Scene(NamedTuple):
+    """What stays from frame to frame.
+
+    Parameters
+    ----------
+    field : FieldEdges
+        The field.
+    lens : (18,) float64
+        See `prediction.predict`.
+    draws : (H, 6) float64
+        See `fit.choose_mode`.
+    """
+
+    field: FieldEdges
+    lens: FloatArray
+    draws: FloatArray
+
+
+class Prior(NamedTuple):
+    """Mean (7,) of the unknowns and the lower triangular root (7, 7) of their covariance."""
+
+    mean: FloatArray
+    root: FloatArray
+
+
+class Fit(NamedTuple):
+    """What `follow` tells.
+
+    Parameters
+    ----------
+    unknowns : (7,) float64
+        The fit.
+    covariance : (7, 7) float64
+        With the prior.
+    information : (3, 3) float64
+        Of x, y and heading by the measurements alone, what else is unknown left as open as the prior leaves it.
+    gradient : (3,) float64
+        Of that log-likelihood at the fit.
+    carpet : (5,) float64
+        See `carpet_look`.
+    figures : (13,) float64
+        Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
+        line points, those explained, hidden upright, standard deviation of the position by the measurements alone
+        where it is greatest (m), logarithm of the odds but for that.
+    """
+
+    unknowns: FloatArray
+    covariance: FloatArray
+    information: FloatArray
+    gradient: FloatArray
+    carpet: FloatArray
+    figures: FloatArray
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def brightness(carpet: FloatArray) -> float:
+    """Light of a picture, relative to that which channels are given for, by its carpet."""
+    return min(max((carpet[0] + carpet[1] + carpet[2]) / CARPET_LIGHT, 0.15), 1.6)
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
+    """Unknowns of standard normal ones about the prior's mean."""
+    for i in range(UNKNOWNS):
+        p[i] = prior.mean[i]
+        for j in range(i + 1):
+            p[i] += prior.root[i, j] * z[j]
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _refine(
+    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, z: FloatArray
+) -> tuple[int, int, float, bool]:
+    """Predict and search anew near a fit and fit again, until it stays; z is about the prior's mean, in and out."""
+    count, inliers, rms = 0, 0, 0.0
+    here, origin, step = np.empty(UNKNOWNS), np.empty(UNKNOWNS), np.empty(UNKNOWNS)
+    again = settings.again_px
+    for _ in range(3):
+        for j in range(UNKNOWNS):
+            origin[j] = -z[j]
+            step[j] = 0.0
+        _moved(prior, z, here)
+        count = predict(scene.field, scene.lens, here, settings.spacing_px, room.samples)
+        whiten(room.samples, count, prior.root, room.rows)
+        for n in range(count):
+            room.reach_px[n] = again
+        search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, room, count)
+        inliers, rms, ok = robust_fit(room, count, settings, settings.fine_gates_px, origin, step)
+        if not ok:
+            return count, inliers, rms, False
+        for j in range(UNKNOWNS):
+            z[j] += step[j]
+        farthest = 0.0
+        for n in range(count):
+            if room.found.candidates[n] > 0:
+                moved = 0.0
+                for j in range(UNKNOWNS):
+                    moved += room.rows[n, j] * step[j]
+                farthest = max(farthest, abs(moved))
+        if farthest < 0.5 * settings.again_px:
+            break
+    # where the samples now lie by the fit
+    for j in range(UNKNOWNS):
+        fit.unknowns[j] = step[j]
+    return count, inliers, rms, True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def prepare(
+    pose: FloatArray,
+    covariance: FloatArray,
+    held: FloatArray,
+    keep: FloatArray,
+    sway: FloatArray,
+    into: Prior,
+) -> bool:
+    """Join the prior of the pose with how the camera is held.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        x, y, heading.
+    covariance : (3, 3) float64
+        Of these.
+    held : (2, 4) float64
+        Tilt, roll, height and logarithm of focal length at rest, and their standard deviations.
+    keep : (4,) float64
+        Share of what they were off by that is left since the last frame.
+    sway : (2, 4) float64
+        What they were off by in the last frame, and its variance; then, what is expected now.
+    into : Prior
+        Result.
+
+    Returns
+    -------
+    bool
+        Whether the covariance has a root.
+    """
+    prior, root = into.mean, into.root
+    for i in range(3):
+        prior[i] = pose[i]
+        for j in range(3):
+            root[i, j] = covariance[i, j]
+    if not factor(root, 3):
+        return False
+    for i in range(3):
+        for j in range(i + 1, 3):
+            root[i, j] = 0.0
+    for i in range(4):
+        k = keep[i]
+        sway[0, i] *= k
+        sway[1, i] = held[1, i] ** 2 * (1.0 - k * k) + k * k * sway[1, i]
+        prior[3 + i] = held[0, i] + sway[0, i]
+        root[3 + i, 3 + i] = math.sqrt(max(sway[1, i], 0.0))
+    return True
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def follow(
+    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, most_modes: int
+) -> bool:
+    """Fit one frame to what a prior lets it show.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    scene : Scene
+        Field, lens and draws.
+    prior : Prior
+        Of the unknowns.
+    settings : FollowSettings
+        Numbers.
+    room : Room
+        To work in; holds samples, findings and line points afterwards.
+    fit : Fit
+        Result.
+    most_modes : int
+        How many modes are looked at, at most `MODES`.
+
+    Returns
+    -------
+    bool
+        Whether there was anything to fit.
+    """
+    for i in range(fit.figures.shape[0]):
+        fit.figures[i] = 0.0
+    lens = scene.lens
+    carpet_look(image, int(lens[3] + lens[1] * math.tan(prior.mean[3])), fit.carpet)
+    count = predict(scene.field, lens, prior.mean, settings.coarse_spacing_px, room.samples)
+    if count < 3:
+        return False
+    whiten(room.samples, count, prior.root, room.rows)
+    reaches(room.rows, count, settings, room.reach_px)
+    search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, room, count)
+    modes = np.zeros((most_modes, UNKNOWNS))
+    kept = choose_mode(room, count, scene.draws, settings, modes)
+    origin = np.zeros(UNKNOWNS)
+    for k in range(kept):
+        robust_fit(room, count, settings, settings.coarse_gates_px, origin, modes[k])
+    best, best_odds = -1, -1e9
+    z = np.empty(UNKNOWNS)
+    for k in range(kept + 1):
+        # the last turn comes back to the best of them, where another was looked at since
+        again = k == kept
+        if again and (best < 0 or best == kept - 1):
+            break
+        for j in range(UNKNOWNS):
+            z[j] = modes[best if again else k, j]
+        clear, odds = _assess(image, scene, prior, settings, room, fit, z)
+        if odds > best_odds:
+            best, best_odds = k, odds
+            if clear:
+                break
+    if best < 0:
+        return False
+    fit.figures[12] = best_odds
+    return _conclude(prior.root, z, room.information, room.gradient, fit)
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _assess(
+    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, z: FloatArray
+) -> tuple[bool, float]:
+    """Refine a mode and weigh what speaks for it.
+
+    Returns
+    -------
+    bool, float
+        Whether no other mode needs a look, and the logarithm of the odds that it is right; -1e9 if it cannot be fitted.
+    """
+    figures = fit.figures
+    count, inliers, rms, ok = _refine(image, scene, prior, settings, room, fit, z)
+    if not ok:
+        return False, -1e9
+    step = np.empty(UNKNOWNS)
+    for j in range(UNKNOWNS):
+        step[j] = fit.unknowns[j]
+    seen, missing, upright, hidden = judge(image, fit.carpet, settings, room, count, step)
+    _moved(prior, z, fit.unknowns)
+    least = 0.5 * settings.min_share * scene.field.channels[0, 3] * brightness(fit.carpet)
+    look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, settings.point_stride)
+    number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, room.points)
+    right = explained(room, number, count, step, settings)
+    far = 0.0
+    for j in range(UNKNOWNS):
+        far += z[j] * z[j]
+    looked = 0
+    for n in range(count):
+        if room.found.candidates[n] >= 0:
+            looked += 1
+    figures[0], figures[1], figures[2], figures[3], figures[4] = count, looked, seen, missing, upright
+    figures[5], figures[6], figures[7], figures[8], figures[9] = inliers, rms, far, number, right
+    figures[10] = hidden
+    odds = settings.odds
+    value = (
+        odds[0]
+        + odds[1] * math.log(1.0 + inliers)
+        - odds[2] * missing / (seen + missing + 4.0)
+        - odds[3] * hidden / (upright + hidden + 4.0)
+        - odds[4] * (number - right) / (number + 4.0)
+        - odds[5] * far
+    )
+    clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
+    return clear, value
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _conclude(root: FloatArray, z: FloatArray, information: FloatArray, gradient: FloatArray, fit: Fit) -> bool:
+    """Tell the covariance with the prior, and information and gradient without it, in the unknowns' own units."""
+    size = UNKNOWNS
+    system, column = np.empty((size, size)), np.empty(size)
+    for i in range(size):
+        for j in range(size):
+            system[i, j] = information[i, j]
+        system[i, i] += 1.0
+    if not factor(system, size):
+        return False
+    for i in range(size):
+        for j in range(size):
+            column[j] = root[i, j] if j <= i else 0.0
+        substitute(system, size, column)
+        for k in range(size):
+            total = 0.0
+            for j in range(k + 1):
+                total += root[k, j] * column[j]
+            fit.covariance[k, i] = total
+    # leave out what is not asked: its prior stays in
+    rest = np.empty((4, 4))
+    cross = np.empty((3, 5))
+    for i in range(4):
+        for j in range(4):
+            rest[i, j] = information[3 + i, 3 + j]
+        rest[i, i] += 1.0
+    if not factor(rest, 4):
+        return False
+    part = np.empty(4)
+    marginal, slope = np.empty((3, 3)), np.empty(3)
+    for i in range(3):
+        for k in range(4):
+            part[k] = information[i, 3 + k]
+        substitute(rest, 4, part)
+        for j in range(3):
+            total = information[i, j]
+            for k in range(4):
+                total -= part[k] * information[j, 3 + k]
+            marginal[i, j] = total
+        total = gradient[i]
+        for k in range(4):
+            total -= part[k] * (gradient[3 + k] - z[3 + k])
+        slope[i] = total
+    # z = root^-1 (p - prior): rows of root^-T from the pose's block, which is the leading one
+    inverse = np.zeros((3, 3))
+    for j in range(3):
+        for i in range(j, 3):
+            total = 1.0 if i == j else 0.0
+            for k in range(j, i):
+                total -= root[i, k] * inverse[k, j]
+            inverse[i, j] = total / root[i, i]
+    for i in range(3):
+        total = 0.0
+        for k in range(3):
+            total += inverse[k, i] * slope[k]
+        fit.gradient[i] = total
+        for j in range(3):
+            cross[i, j] = 0.0
+            for k in range(3):
+                cross[i, j] += marginal[i, k] * inverse[k, j]
+    for i in range(3):
+        for j in range(3):
+            total = 0.0
+            for k in range(3):
+                total += inverse[k, i] * cross[k, j]
+            fit.information[i, j] = total
+    fit.figures[11] = _position_std(fit.information)
+    return True
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _position_std(information: FloatArray) -> float:
+    """Tell the greatest standard deviation of x and y, heading open, by an information matrix (3, 3); at most 9."""
+    turn = max(information[2, 2], 1e-9)
+    a = information[0, 0] - information[0, 2] * information[0, 2] / turn
+    b = information[0, 1] - information[0, 2] * information[1, 2] / turn
+    c = information[1, 1] - information[1, 2] * information[1, 2] / turn
+    least = 0.5 * (a + c) - math.sqrt(0.25 * (a - c) ** 2 + b * b)
+    return 1.0 / math.sqrt(max(least, 1.0 / 81.0))

@@ -1,0 +1,273 @@
+"""Search for predicted edges along the pixel row or column nearest to their normal, so without interpolation.
+
+Three neighbouring rows or columns, shifted with the edge's slope, are added up against noise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.kernels.model_edges.tables import (
+    PEAKS,
+    RIDGE,
+    UNKNOWNS,
+    FloatArray,
+    FollowSettings,
+    Room,
+    Samples,
+    UInt8Array,
+)
+
+GRID = 24  # places along each image axis at which the carpet is looked at
+FLANK_PX = 2
+TONES = 24
+ONE, TWO = np.uintp(1), np.uintp(2)
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None:
+    """Tell the carpet's colour and the picture's noise from a grid of pixels below the horizon.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    horizon_row : int
+        Where the floor may begin.
+    carpet : (5,) float64
+        Result: blue, green, red of the commonest tone, the noise of a channel (grey levels), how many pixels had that
+        tone as a share.
+    """
+    height, width = image.shape[0], image.shape[1]
+    top = min(max(horizon_row + 2, 1), height - 12)
+    tones = np.zeros((TONES + 2, TONES + 2), dtype=np.int64)
+    rough = np.zeros(64, dtype=np.int64)
+    total = 0
+    for i in range(GRID):
+        y = top + (height - 2 - top) * i // (GRID - 1)
+        for j in range(GRID):
+            x = 2 + (width - 5) * j // (GRID - 1)
+            b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
+            bend = abs(int(image[y, x - 1, 1]) - 2 * int(image[y, x, 1]) + int(image[y, x + 1, 1]))
+            rough[min(bend, 63)] += 1
+            total += 1
+            light = b + g + r
+            if light > 60.0:
+                tones[1 + int(b / light * (TONES - 1)), 1 + int(r / light * (TONES - 1))] += 1
+    best, bi, bj = -1, 1, 1
+    for i in range(1, TONES + 1):
+        for j in range(1, TONES + 1):
+            # the mode of sums over neighbours does not depend on where cells begin
+            near = 0
+            for k in range(-1, 2):
+                for m in range(-1, 2):
+                    near += tones[i + k, j + m]
+            near += tones[i, j]
+            if near > best:
+                best, bi, bj = near, i, j
+    sums = np.zeros(3)
+    number = 0
+    for i in range(GRID):
+        y = top + (height - 2 - top) * i // (GRID - 1)
+        for j in range(GRID):
+            x = 2 + (width - 5) * j // (GRID - 1)
+            b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
+            light = b + g + r
+            if light > 60.0:
+                i0, j0 = 1 + int(b / light * (TONES - 1)), 1 + int(r / light * (TONES - 1))
+                if abs(i0 - bi) <= 1 and abs(j0 - bj) <= 1:
+                    sums[0] += b
+                    sums[1] += g
+                    sums[2] += r
+                    number += 1
+    for c in range(3):
+        carpet[c] = sums[c] / max(number, 1)
+    half, k = 0, 0
+    while k < 63 and half + rough[k] < total // 2:
+        half += rough[k]
+        k += 1
+    # the median of |x0 - 2 x1 + x2| of Gaussian noise is 0.6745 sqrt(6) of its standard deviation
+    median = k + (total // 2 - half) / max(rough[k], 1) - 0.5
+    carpet[3] = max(median / (0.6745 * math.sqrt(6.0)), 0.8)
+    carpet[4] = number / max(total, 1)
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def is_carpet(b: float, g: float, r: float, carpet: FloatArray) -> bool:
+    """Tell whether a colour is the carpet's, somewhat brighter or darker."""
+    light, known = b + g + r, carpet[0] + carpet[1] + carpet[2]
+    if light < 0.45 * known or light > 1.6 * known or light < 1.0 or known < 1.0:
+        return False
+    slack = 0.05 + 2.0 * carpet[3] / light
+    return bool(abs(b / light - carpet[0] / known) < slack and abs(r / light - carpet[2] / known) < slack)
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def search(
+    image: UInt8Array,
+    channels: FloatArray,
+    carpet: FloatArray,
+    brightness: float,
+    settings: FollowSettings,
+    room: Room,
+    count: int,
+) -> None:
+    """Look for each sample's edge within its reach.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    channels : (K, 4) float64
+        See `FieldEdges`.
+    carpet : (5,) float64
+        As `carpet_look` tells.
+    brightness : float
+        Light of this picture, relative to that of `channels`.
+    settings : FollowSettings
+        `min_share` counts.
+    room : Room
+        Its samples, `count` of them, and their reach; `found` takes offsets, strengths and counts.
+    count : int
+        Samples.
+    """
+    samples, reach_px, found, least_share = room.samples, room.reach_px, room.found, settings.min_share
+    height, width = image.shape[0], image.shape[1]
+    flat = image.reshape(-1)
+    sums, response = np.empty(261), np.empty(260)
+    for n in range(count):
+        nu, nv = samples.normal[n, 0], samples.normal[n, 1]
+        u, v = samples.uv[n, 0], samples.uv[n, 1]
+        channel = samples.channel[n]
+        # three neighbours are added up
+        wb, wg, wr = channels[channel, 0] / 3.0, channels[channel, 1] / 3.0, channels[channel, 2] / 3.0
+        along_v = abs(nv) >= abs(nu)
+        n_axis = nv if along_v else nu
+        n_other = nu if along_v else nv
+        step = 1 if n_axis > 0 else -1
+        size_axis = height if along_v else width
+        size_other = width if along_v else height
+        middle = int(round(u if along_v else v))
+        # where the edge crosses the middle row or column
+        crossing = (v if along_v else u) - (middle - (u if along_v else v)) * n_other / n_axis
+        start = int(round(crossing))
+        slope = -n_other / n_axis
+        shift = int(round(slope))
+        if shift > 1:
+            shift = 1
+        elif shift < -1:
+            shift = -1
+        size_axis_px = abs(n_axis)
+        wide = samples.width_px[n] / size_axis_px
+        if samples.kind[n] == RIDGE:
+            inner = min(max(int(round(wide)), 1), 6)
+            fill = min(1.0, 0.75 * wide / inner)
+            flank = FLANK_PX
+            gap = 1
+            margin = inner // 2 + gap + flank + 2
+            noise_share = 1.0 / inner + 1.0 / flank
+        else:
+            inner = min(max(int(wide), 1), 3)
+            fill = min(1.0, 0.8 * wide / inner)
+            flank, gap = inner, 0
+            margin = inner + 2
+            noise_share = 2.0 / inner
+        norm = math.sqrt(wb * wb + wg * wg + wr * wr)
+        noise = carpet[3] * norm * math.sqrt(3.0 * noise_share)
+        expected = samples.expected[n] * brightness * fill
+        found.candidates[n] = -1
+        if expected < 4.0 * noise:
+            continue
+        least = max(least_share * expected, 3.5 * noise)
+        reach = min(int(math.ceil(reach_px[n] / size_axis_px)), 110)
+        low, high = -reach - margin, reach + margin
+        # keep within the picture, with the neighbours' shift
+        if middle < 1 or middle > size_other - 2:
+            continue
+        first, last = start + step * low, start + step * high
+        if step > 0:
+            if first < 1:
+                low += 1 - first
+            if last > size_axis - 2:
+                high -= last - (size_axis - 2)
+        else:
+            if first > size_axis - 2:
+                low += first - (size_axis - 2)
+            if last < 1:
+                high -= 1 - last
+        length = high - low + 1
+        if length < 2 * margin:
+            continue
+        sums[0] = 0.0
+        along = 3 * width if along_v else 3
+        across = 3 if along_v else 3 * width
+        at = (start + step * low) * along + middle * across
+        beside = across + shift * along
+        for i in range(length):
+            a, b, c = np.uintp(at - beside), np.uintp(at), np.uintp(at + beside)
+            blue = int(flat[a]) + int(flat[b]) + int(flat[c])
+            red = int(flat[a + TWO]) + int(flat[b + TWO]) + int(flat[c + TWO])
+            green = int(flat[a + ONE]) + int(flat[b + ONE]) + int(flat[c + ONE])
+            sums[i + 1] = sums[i] + (wb * blue + wg * green + wr * red)
+            at += step * along
+        begin, end = 0, 0
+        if samples.kind[n] == RIDGE:
+            # response[i]: inner pixels from i on
+            begin, end = flank + gap, length - inner - flank - gap
+            for i in range(begin, end + 1):
+                inside = (sums[i + inner] - sums[i]) / inner
+                before = (sums[i - gap] - sums[i - gap - flank]) / flank
+                after = (sums[i + inner + gap + flank] - sums[i + inner + gap]) / flank
+                response[i] = inside - max(before, after)
+            middle_of = 0.5 * (inner - 1)
+        else:
+            begin, end = inner, length - inner
+            for i in range(begin, end + 1):
+                response[i] = (sums[i + inner] - 2.0 * sums[i] + sums[i - inner]) / inner
+            middle_of = -0.5
+        kept = 0
+        for i in range(begin + 1, end):
+            here = response[i]
+            if here < least or here <= response[i - 1] or here < response[i + 1]:
+                continue
+            bend = response[i - 1] - 2.0 * here + response[i + 1]
+            part = 0.5 * (response[i - 1] - response[i + 1]) / bend if bend < 0.0 else 0.0
+            offset = (start + step * (low + i + part + middle_of) - crossing) * n_axis
+            if abs(offset) > reach_px[n] + 1.0:
+                continue
+            place = kept
+            while place > 0 and found.strength[n, place - 1] < here:
+                place -= 1
+            if place >= PEAKS:
+                continue
+            kept = min(kept + 1, PEAKS)
+            for k in range(kept - 1, place, -1):
+                found.strength[n, k] = found.strength[n, k - 1]
+                found.offset_px[n, k] = found.offset_px[n, k - 1]
+            found.strength[n, place] = here
+            found.offset_px[n, place] = offset
+        found.candidates[n] = kept
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def whiten(samples: Samples, count: int, root: FloatArray, rows: FloatArray) -> None:
+    """Take derivatives (M, 7) by the prior's standard normal unknowns: rows of the Jacobian times the root (7, 7)."""
+    for n in range(count):
+        for j in range(UNKNOWNS):
+            value = 0.0
+            for i in range(j, UNKNOWNS):
+                value += samples.jacobian[n, i] * root[i, j]
+            rows[n, j] = value
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def reaches(rows: FloatArray, count: int, settings: FollowSettings, reach_px: FloatArray) -> None:
+    """Tell how far from its prediction each sample may lie, by the prior."""
+    for n in range(count):
+        total = 0.0
+        for j in range(UNKNOWNS):
+            total += rows[n, j] * rows[n, j]
+        reach_px[n] = min(settings.reach_sigmas * math.sqrt(total) + settings.extra_px, settings.max_reach_px)

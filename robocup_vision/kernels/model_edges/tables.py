@@ -1,0 +1,245 @@
+"""What the loops share: the field's edges, the lens, the samples predicted and what was found there, as named tuples.
+
+Unknowns are numbered alike everywhere: x and y of the camera's foot (m), heading of its axis, tilt, roll (rad), height
+(m) and the logarithm of the focal length's scale.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+
+__all__ = [
+    "FieldEdges",
+    "Findings",
+    "FloatArray",
+    "Int64Array",
+    "Samples",
+    "UInt8Array",
+    "empty_findings",
+    "empty_samples",
+]
+
+UNKNOWNS = 7
+X, Y, HEADING, TILT, ROLL, HEIGHT, LOG_FOCAL = range(UNKNOWNS)
+
+# kinds of samples
+RIDGE, EDGE = 0, 1
+# where a feature is: painted on the floor, or standing on it
+ON_FLOOR, UPRIGHT = 0, 1
+# what the verdict says of a sample
+UNSEEN, FOUND, HIDDEN, MISSING = 0, 1, 2, 3
+
+PEAKS = 3  # candidates kept for a sample
+
+
+class FieldEdges(NamedTuple):
+    """The field's edges, field frame, metres.
+
+    Parameters
+    ----------
+    segments : (S, 14) float64
+        Straight edges that stay where they are, lines on the floor and feet of walls: x, y, z of both ends, unit vector
+        towards the inside (of a line: across), width (of a wall: height), channel, feature, `ON_FLOOR` or `UPRIGHT`,
+        1 where it is a line.
+    arcs : (A, 8) float64
+        Points on curved lines: x, y, their unit direction from the arc's centre, width, channel, feature, and 1 where
+        another arc begins.
+    cylinders : (C, 7) float64
+        Upright: x, y, radius, foot, top, channel, first feature.
+    bars : (B, 7) float64
+        Level, along y: x, y0, y1, height of the axis, radius, channel, first feature.
+    rings : (R, 7) float64
+        Around upright cylinders where the paint changes: x, y, radius, height, channel, how far the upper paint
+        reaches, feature.
+    channels : (K, 4) float64
+        Weights of blue, green and red, and the step of the weighted sum, from outside to inside, under the light that
+        shows the carpet at `CARPET_GREEN`.
+    """
+
+    segments: FloatArray
+    arcs: FloatArray
+    cylinders: FloatArray
+    bars: FloatArray
+    rings: FloatArray
+    channels: FloatArray
+
+
+class Samples(NamedTuple):
+    """Places on predicted edges, as many as a count beside it says.
+
+    Parameters
+    ----------
+    point_m : (M, 3) float64
+        On the edge, field frame.
+    uv : (M, 2) float64
+        Predicted pixel.
+    normal : (M, 2) float64
+        Unit normal in the image; for an edge it points inside.
+    jacobian : (M, 7) float64
+        Of the pixel along the normal by the unknowns.
+    width_px : (M,) float64
+        Of a ridge, along the normal; of an edge how much room it has inside.
+    expected : (M,) float64
+        Step in grey levels of its channel.
+    channel, feature, kind, place : (M,) int64
+        Which channel; which edge of the field it is on; `RIDGE` or `EDGE`; `ON_FLOOR` or `UPRIGHT`.
+    """
+
+    point_m: FloatArray
+    uv: FloatArray
+    normal: FloatArray
+    jacobian: FloatArray
+    width_px: FloatArray
+    expected: FloatArray
+    channel: Int64Array
+    feature: Int64Array
+    kind: Int64Array
+    place: Int64Array
+
+
+class Findings(NamedTuple):
+    """What a frame shows at the samples.
+
+    Parameters
+    ----------
+    offset_px : (M, PEAKS) float64
+        Along the normal from the predicted pixel, the strongest first.
+    strength : (M, PEAKS) float64
+        Steps in grey levels.
+    candidates : (M,) int64
+        Candidates of each sample; -1: it was not looked for.
+    status : (M,) int64
+        `UNSEEN`, `FOUND`, `HIDDEN` or `MISSING`.
+    """
+
+    offset_px: FloatArray
+    strength: FloatArray
+    candidates: Int64Array
+    status: Int64Array
+
+
+class FollowSettings(NamedTuple):
+    """Numbers of the loops; `localization.model_edges.settings.EdgeSettings` says why each is as it is.
+
+    Parameters
+    ----------
+    spacing_px, coarse_spacing_px : float
+        Between samples, in the fit and where the mode is chosen.
+    reach_sigmas, extra_px, max_reach_px : float
+        How far from its prediction a sample is searched for, along the normal.
+    min_share : float
+        Of the expected step, that a candidate must show.
+    sigma_px, shared_px : float
+        Noise of a sample, and of an edge as a whole.
+    gate_px : float
+        Of an inlier.
+    prior_share : float
+        Weight of the squared distance from the prior where modes are chosen, in samples.
+    enough : float
+        Share of the samples that a hypothesis may fail and still end the search for modes.
+    again_px : float
+        How far candidates are searched for around a fit.
+    line_width_m : float
+        Of painted lines.
+    point_stride : int
+        Rows and columns between those that are read for line points.
+    odds : (6,) float64
+        Weights of the verdict.
+    clear_missing, clear_unexplained : float
+        Shares up to which no other mode is looked at.
+    coarse_gates_px, fine_gates_px : (G,) float64
+        Of the fit's steps.
+    """
+
+    spacing_px: float
+    coarse_spacing_px: float
+    reach_sigmas: float
+    extra_px: float
+    max_reach_px: float
+    min_share: float
+    sigma_px: float
+    shared_px: float
+    gate_px: float
+    prior_share: float
+    enough: float
+    again_px: float
+    line_width_m: float
+    point_stride: int
+    odds: FloatArray
+    clear_missing: float
+    clear_unexplained: float
+    coarse_gates_px: FloatArray
+    fine_gates_px: FloatArray
+
+
+class Room(NamedTuple):
+    """Arrays that every frame uses anew.
+
+    Parameters
+    ----------
+    samples, found
+        What was predicted and what was found there.
+    rows : (M, 7) float64
+        Derivatives of the samples by the prior's standard normal unknowns.
+    reach_px : (M,) float64
+        How far each sample is searched for.
+    of_feature : (F,) int64
+        Inliers of each edge.
+    points : (P, 3) float64
+        Line points, see `verdict.line_points`.
+    information : (7, 7) float64
+        Of the measurements alone, by the standard normal unknowns.
+    gradient : (7,) float64
+        Of the measurements' log-likelihood at the fit.
+    """
+
+    samples: Samples
+    found: Findings
+    rows: FloatArray
+    reach_px: FloatArray
+    of_feature: Int64Array
+    points: FloatArray
+    information: FloatArray
+    gradient: FloatArray
+
+
+def empty_room(samples: int, features: int, points: int) -> Room:
+    """Return room for so many samples, edges and line points."""
+    return Room(
+        empty_samples(samples),
+        empty_findings(samples),
+        np.zeros((samples, UNKNOWNS)),
+        np.zeros(samples),
+        np.zeros(features, np.int64),
+        np.zeros((points, 3)),
+        np.zeros((UNKNOWNS, UNKNOWNS)),
+        np.zeros(UNKNOWNS),
+    )
+
+
+def empty_samples(size: int) -> Samples:
+    """Return room for so many samples."""
+    channel, feature, kind, place = (np.zeros(size, dtype=np.int64) for _ in range(4))
+    return Samples(
+        np.zeros((size, 3)),
+        np.zeros((size, 2)),
+        np.zeros((size, 2)),
+        np.zeros((size, UNKNOWNS)),
+        np.zeros(size),
+        np.zeros(size),
+        channel,
+        feature,
+        kind,
+        place,
+    )
+
+
+def empty_findings(size: int) -> Findings:
+    """Return room for so many samples."""
+    return Findings(
+        np.zeros((size, PEAKS)), np.zeros((size, PEAKS)), np.zeros(size, np.int64), np.zeros(size, np.int64)
+    )

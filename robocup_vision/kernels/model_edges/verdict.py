@@ -1,0 +1,233 @@
+"""Whether a picture bears a pose out: samples found, hidden or missing, and line points that the pose must explain."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.kernels.model_edges.search import is_carpet
+from robocup_vision.kernels.model_edges.tables import (
+    EDGE,
+    FOUND,
+    HIDDEN,
+    MISSING,
+    ON_FLOOR,
+    RIDGE,
+    UNKNOWNS,
+    UNSEEN,
+    FloatArray,
+    FollowSettings,
+    Room,
+    UInt8Array,
+)
+
+
+class LineLook(NamedTuple):
+    """What counts as a line: its step in blue and red together (grey levels), its width, and rows between read ones."""
+
+    min_step: float
+    width_m: float
+    stride: int
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _patch(image: UInt8Array, u: float, v: float, carpet: FloatArray) -> bool:
+    """Tell whether plain carpet lies at a pixel: the mean of three by three pixels is the carpet's colour."""
+    x, y = int(round(u)), int(round(v))
+    if x < 1 or y < 1 or x > image.shape[1] - 2 or y > image.shape[0] - 2:
+        return False
+    b, g, r = 0.0, 0.0, 0.0
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            b += image[y + i, x + j, 0]
+            g += image[y + i, x + j, 1]
+            r += image[y + i, x + j, 2]
+    return is_carpet(b / 9.0, g / 9.0, r / 9.0, carpet)
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def judge(
+    image: UInt8Array, carpet: FloatArray, settings: FollowSettings, room: Room, count: int, z: FloatArray
+) -> tuple[int, int, int, int]:
+    """Say of each sample what became of it.
+
+    A sample without a candidate speaks against a pose only where plain carpet shows in place of the paint; anything
+    else there may stand before it.
+
+    Returns
+    -------
+    int, int, int, int
+        How many were found, are missing, are found on something upright, are hidden there; `found.status` takes each
+        one's.
+    """
+    samples, rows, found, gate_px = room.samples, room.rows, room.found, settings.gate_px
+    seen, missing, upright, hidden = 0, 0, 0, 0
+    for n in range(count):
+        if found.candidates[n] < 0:
+            found.status[n] = UNSEEN
+            continue
+        expected = 0.0
+        for j in range(UNKNOWNS):
+            expected += rows[n, j] * z[j]
+        hit = False
+        for k in range(found.candidates[n]):
+            if abs(found.offset_px[n, k] - expected) < gate_px:
+                hit = True
+        if hit:
+            found.status[n] = FOUND
+            seen += 1
+            if samples.place[n] != ON_FLOOR:
+                upright += 1
+            continue
+        # into what should be painted
+        into = expected
+        if samples.kind[n] == EDGE:
+            into += 0.5 * min(samples.width_px[n], 8.0)
+        u = samples.uv[n, 0] + samples.normal[n, 0] * into
+        v = samples.uv[n, 1] + samples.normal[n, 1] * into
+        if _patch(image, u, v, carpet):
+            found.status[n] = MISSING
+            missing += 1
+        else:
+            found.status[n] = HIDDEN
+            if samples.place[n] != ON_FLOOR:
+                hidden += 1
+    return seen, missing, upright, hidden
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def line_points(
+    image: UInt8Array, lens: FloatArray, p: FloatArray, carpet: FloatArray, look: LineLook, points: FloatArray
+) -> int:
+    """Find points on lines whatever the pose: pixels brighter than carpet on both sides, along some rows and columns.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    lens : (18,) float64
+        See `prediction.predict`.
+    p : (7,) float64
+        Tilt, roll, height and focal length count: they tell how wide a line shows.
+    carpet : (5,) float64
+        As `carpet_look` tells.
+    look : LineLook
+        What counts as a line.
+    points : (P, 3) float64
+        Result: pixels u, v, and 1 where a row was read, 0 a column.
+
+    Returns
+    -------
+    int
+        How many.
+    """
+    height, width = image.shape[0], image.shape[1]
+    least, stride, line_width_m = look.min_step, look.stride, look.width_m
+    fu, fv = lens[0] * math.exp(p[6]), lens[1] * math.exp(p[6])
+    count = 0
+    sums = np.empty(max(height, width) + 1)
+    tan_tilt, tan_roll = math.tan(p[3]), math.tan(p[4])
+    for turn in range(2):
+        by_row = turn == 1
+        lines, length = (height, width) if by_row else (width, height)
+        for at in range(stride // 2, lines, stride):
+            # the horizon where this row or column meets it
+            if by_row:
+                down = (at - lens[3]) / fv - tan_tilt
+                if down < 0.02:
+                    continue
+                begin = 0
+                wide = int(round(fu * line_width_m * down / p[5]))
+            else:
+                horizon = lens[3] + fv * tan_tilt - tan_roll * (at - lens[2])
+                begin = max(int(horizon) + 2, 0)
+                wide = 0
+            if begin > length - 8:
+                continue
+            sums[begin] = 0.0
+            for i in range(begin, length):
+                if by_row:
+                    light = int(image[at, i, 0]) + int(image[at, i, 2])
+                else:
+                    light = int(image[i, at, 0]) + int(image[i, at, 2])
+                sums[i + 1] = sums[i] + light
+            peak, place, half = 0.0, -1, 1
+            i = begin + 6
+            while i < length - 6:
+                if not by_row:
+                    down = (i - lens[3]) / fv - tan_tilt + tan_roll * (at - lens[2]) / fu
+                    wide = int(round(fv * line_width_m * max(down, 0.0) ** 2 / p[5]))
+                inner = min(max(wide, 1), 41) // 2
+                gap = inner + 1 + (1 if wide > 1 else 0)
+                if i - gap - 2 < begin or i + gap + 3 > length:
+                    i += 1
+                    continue
+                inside = (sums[i + inner + 1] - sums[i - inner]) / (2 * inner + 1)
+                rise = inside - (sums[i - gap + 1] - sums[i - gap - 1]) * 0.5
+                if rise > least:
+                    rise = min(rise, inside - (sums[i + gap + 2] - sums[i + gap]) * 0.5)
+                if rise > least and rise > peak:
+                    peak, place, half = rise, i, gap
+                elif place >= 0 and i > place + 1 + inner:
+                    count = _keep(image, at, place, half, by_row, carpet, points, count)
+                    peak, place = 0.0, -1
+                i += 1
+            if place >= 0:
+                count = _keep(image, at, place, half, by_row, carpet, points, count)
+    return count
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _keep(
+    image: UInt8Array, at: int, place: int, half: int, by_row: bool, carpet: FloatArray, points: FloatArray, count: int
+) -> int:
+    """Keep a ridge that has carpet on both sides."""
+    if count >= points.shape[0]:
+        return count
+    for side in range(2):
+        i = place + (half + 1) * (2 * side - 1)
+        if by_row:
+            if i < 0 or i >= image.shape[1]:
+                return count
+            b, g, r = float(image[at, i, 0]), float(image[at, i, 1]), float(image[at, i, 2])
+        else:
+            if i < 0 or i >= image.shape[0]:
+                return count
+            b, g, r = float(image[i, at, 0]), float(image[i, at, 1]), float(image[i, at, 2])
+        if not is_carpet(b, g, r, carpet):
+            return count
+    points[count, 0], points[count, 1] = (float(place), float(at)) if by_row else (float(at), float(place))
+    points[count, 2] = 1.0 if by_row else 0.0
+    return count + 1
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def explained(room: Room, number: int, count: int, z: FloatArray, settings: FollowSettings) -> int:
+    """Count the line points that lie on predicted lines."""
+    points, samples, rows = room.points, room.samples, room.rows
+    spacing_px, gate_px = settings.spacing_px, settings.gate_px
+    right = 0
+    for m in range(number):
+        u, v = points[m, 0], points[m, 1]
+        for n in range(count):
+            if samples.place[n] != ON_FLOOR:
+                continue
+            du, dv = u - samples.uv[n, 0], v - samples.uv[n, 1]
+            if abs(du) > 2.0 * spacing_px or abs(dv) > 2.0 * spacing_px:
+                continue
+            nu, nv = samples.normal[n, 0], samples.normal[n, 1]
+            across = du * nu + dv * nv
+            for j in range(UNKNOWNS):
+                across -= rows[n, j] * z[j]
+            along = dv * nu - du * nv
+            room = gate_px
+            if samples.kind[n] != RIDGE:
+                room += 0.5 * samples.width_px[n]
+                across -= 0.5 * samples.width_px[n]
+            if abs(along) < 1.2 * spacing_px and abs(across) < room:
+                right += 1
+                break
+    return right

@@ -1,0 +1,79 @@
+"""A bank of poses all over a field, with the tables by which they are scored, prepared once."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from field_models import COLOR_NAMES, Field
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.model_edges.find import Bank
+
+_CELL_M = 0.04
+_MARGIN_M = 0.6  # of the table of distances beyond the outer lines
+_CUT_OFF_M = 1.2
+_MIN_CHROMA = 60.0
+
+
+def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_step_rad: float) -> Bank:
+    """Prepare a bank; on a field whose halves look alike, of one half only.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : PinholeCamera
+        What looks.
+    spacing_m, heading_step_rad : float
+        Between neighbouring poses.
+    """
+    half_x, half_y = field.length_m / 2 + 0.2, field.width_m / 2 + 0.2
+    low_x = -half_x if field.halves_differ else 0.0
+    columns = np.arange(low_x + spacing_m / 2, half_x, spacing_m)
+    rows = np.arange(-half_y + spacing_m / 2, half_y, spacing_m)
+    places = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    count = math.ceil(math.tau / heading_step_rad)
+    headings = np.arange(count) * (math.tau / count)
+    origin = np.array([-field.length_m / 2 - _MARGIN_M, -field.width_m / 2 - _MARGIN_M])
+    shape = (round(-2 * origin[1] / _CELL_M) + 1, round(-2 * origin[0] / _CELL_M) + 1)
+    away = np.full(shape, 255, dtype=np.uint8)
+    cells = np.rint((field.line_points(_CELL_M / 2) - origin) / _CELL_M).astype(np.intp)
+    away[cells[:, 1], cells[:, 0]] = 0
+    distance = np.asarray(cv2.distanceTransform(away, cv2.DIST_L2, 5), dtype=np.float32) * np.float32(_CELL_M)
+    items: list[list[float]] = []
+    item_paint: list[int] = []
+    paints: list[FloatArray] = []
+    names: list[str] = []
+
+    def add(name: str, row: list[float]) -> None:
+        color = np.array(COLOR_NAMES[name], dtype=np.float64)
+        if np.ptp(color) < _MIN_CHROMA:
+            return
+        if name not in names:
+            names.append(name)
+            paints.append(np.asarray((color - color.mean()) / np.linalg.norm(color - color.mean())))
+        items.append(row)
+        item_paint.append(names.index(name))
+
+    for goal in field.goals:
+        if goal.kind != "recess":
+            half, radius = goal.width_m / 2, max(goal.post_radius_m, 0.01)
+            add(goal.color, [goal.line_x_m, -half, goal.line_x_m, half, radius])
+    for beacon in field.beacons:
+        for name in beacon.colors:
+            add(name, [beacon.x_m, beacon.y_m, beacon.x_m, beacon.y_m, beacon.radius_m])
+    width = camera.size_px[0]
+    return Bank(
+        np.ascontiguousarray(places),
+        headings,
+        np.asarray(np.minimum(distance, _CUT_OFF_M), dtype=np.float32),
+        origin,
+        _CELL_M,
+        np.array(items, dtype=np.float64).reshape(-1, 5),
+        np.array(item_paint, dtype=np.int64),
+        np.array(paints, dtype=np.float64).reshape(-1, 3),
+        math.atan(width / 2 / camera.focal_px[0]),
+    )

@@ -1,0 +1,146 @@
+"""Tables of the field's edges and of the lens, prepared once for the compiled loops."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from field_models import COLOR_NAMES, Field
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UPRIGHT, FieldEdges
+
+Bgr = tuple[float, float, float]
+
+# a paint this colourful (greatest less least channel) is told from any grey background by its colour alone
+_MIN_CHROMA = 60.0
+# of white, grey and black things before an unknown background: their step is seldom all of it
+_PLAIN_STEP = 0.5
+_ARC_STEP_RAD = 0.06
+
+
+def field_edges(field: Field) -> FieldEdges:
+    """Gather what a camera may see of a field.
+
+    Channel 0 is that of lines: blue and red together, in which green carpet is dark.
+    """
+    carpet = np.array(COLOR_NAMES["green"], dtype=np.float64)
+    channels: list[list[float]] = []
+
+    def channel(weights: FloatArray, inside: FloatArray, outside: FloatArray, step: float = 1.0) -> float:
+        row = [*weights.tolist(), step * float(weights @ (inside - outside))]
+        if row not in channels:
+            channels.append(row)
+        return float(channels.index(row))
+
+    def color(name: str) -> FloatArray:
+        return np.array(COLOR_NAMES[name], dtype=np.float64)
+
+    def before_anything(name: str) -> float:
+        paint = color(name)
+        weights = paint - paint.mean()
+        if np.ptp(paint) > _MIN_CHROMA:
+            return channel(weights / np.abs(weights).max(), paint, np.zeros(3))
+        return channel(np.array([1.0, 0.0, 1.0]), paint, carpet, _PLAIN_STEP)
+
+    def between(inside: FloatArray, outside: FloatArray) -> float:
+        weights = inside - outside
+        return channel(weights / np.abs(weights).max(), inside, outside)
+
+    line = channel(np.array([1.0, 0.0, 1.0]), color(field.line_color), carpet)
+    features = itertools.count(0, 2)  # a line has two edges
+    segments: list[list[float]] = []
+    arcs: list[list[float]] = []
+    for x0, y0, x1, y1 in field.lines.tolist():
+        length = math.hypot(x1 - x0, y1 - y0)
+        across = ((y0 - y1) / length, (x1 - x0) / length, 0.0)
+        segments.append([x0, y0, 0.0, x1, y1, 0.0, *across, field.line_width_m, line, next(features), ON_FLOOR, 1.0])
+    for x, y, radius, start, sweep in field.arcs.tolist():
+        feature, steps = next(features), max(math.ceil(abs(sweep) / _ARC_STEP_RAD), 2)
+        for k in range(steps):
+            c, s = math.cos(start + sweep * (k + 0.5) / steps), math.sin(start + sweep * (k + 0.5) / steps)
+            arcs.append([x + radius * c, y + radius * s, c, s, field.line_width_m, line, feature, float(k == 0)])
+    cylinders: list[list[float]] = []
+    bars: list[list[float]] = []
+    rings: list[list[float]] = []
+
+    def foot(start: list[float], end: list[float], height_m: float, paint: float) -> None:
+        segments.append([*start, 0.0, *end, 0.0, 0.0, 0.0, 1.0, height_m, paint, next(features), UPRIGHT, 0.0])
+
+    if field.is_bounded:
+        wall = between(color(field.wall_color), carpet)
+        corners = field.floor_polygon
+        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            goal = next((g for g in field.goals if g.kind == "recess" and _in_recess(g.line_x_m, start, end)), None)
+            paint = wall if goal is None else between(color(goal.color), carpet)
+            foot(start.tolist(), end.tolist(), field.wall_height_m if goal is None else goal.height_m, paint)
+    for goal in field.goals:
+        paint = before_anything(goal.color)
+        if goal.kind == "panels":
+            for panel in goal.panels.tolist():
+                foot(panel[:2], panel[2:], goal.height_m, between(color(goal.color), carpet))
+        elif goal.kind == "posts":
+            half = goal.width_m / 2
+            for y in (-half, half):
+                cylinders.append([goal.line_x_m, y, goal.post_radius_m, 0.0, goal.height_m, paint, next(features)])
+                on_carpet = between(color(goal.color), carpet)
+                rings.append([goal.line_x_m, y, goal.post_radius_m, 0.0, on_carpet, goal.height_m, next(features)])
+            bars.append([goal.line_x_m, -half, half, goal.height_m, goal.post_radius_m, paint, next(features)])
+    for beacon in field.beacons:
+        band = beacon.height_m / len(beacon.colors)
+        for k, name in enumerate(beacon.colors):
+            place = [beacon.x_m, beacon.y_m, beacon.radius_m]
+            cylinders.append([*place, k * band, (k + 1) * band, before_anything(name), next(features)])
+            if k:
+                step = between(color(name), color(beacon.colors[k - 1]))
+                rings.append([*place, k * band, step, band, next(features)])
+    return FieldEdges(
+        _table(segments, 14),
+        _table(arcs, 8),
+        _table(cylinders, 7),
+        _table(bars, 7),
+        _table(rings, 7),
+        _table(channels, 4),
+    )
+
+
+def _in_recess(line_x_m: float, start: FloatArray, end: FloatArray) -> bool:
+    return max(abs(start[0]), abs(end[0])) > abs(line_x_m) + 1e-6 and float(start[0] + end[0]) * line_x_m > 0
+
+
+def _table(rows: list[list[float]], columns: int) -> FloatArray:
+    table = np.array(rows, dtype=np.float64).reshape(-1, columns)
+    table.flags.writeable = False
+    return table
+
+
+def lens_table(camera: PinholeCamera) -> FloatArray:
+    """Return the lens as the loops take it, (18,) float64 (see `kernels.model_edges.prediction.predict`)."""
+    width, height = camera.size_px
+    u = np.linspace(0.0, width - 1.0, 33)
+    v = np.linspace(0.0, height - 1.0, 33)
+    border = np.concatenate(
+        [np.stack([u, np.full(33, w)], 1) for w in (v[0], v[-1])]
+        + [np.stack([np.full(33, w), v], 1) for w in (u[0], u[-1])]
+    )
+    ray = camera.pixel_to_camera_ray(border)
+    slopes = ray[:, 1:] / ray[:, :1]
+    slopes = slopes[np.isfinite(slopes).all(axis=1)]
+    widest = np.abs(slopes).max(axis=0) if len(slopes) else np.array([1.0, 1.0])
+    coefficients = (*camera.distortion, *(0.0,) * (8 - len(camera.distortion)))
+    table = np.array(
+        [
+            *camera.focal_px,
+            *camera.center_px,
+            width,
+            height,
+            float(any(camera.distortion)),
+            *coefficients,
+            1.1 * float((slopes**2).sum(axis=1).max()) if len(slopes) else math.inf,
+            *(1.02 * widest),
+        ]
+    )
+    table.flags.writeable = False
+    return table

@@ -1,0 +1,201 @@
+"""Follows a pinhole camera from frame to frame by all edges that the field file lets it expect.
+
+Model-based edge tracking after Harris (RAPiD, 1990): predict, search along normals, fit; here with several candidates
+a sample, modes chosen by hypotheses, and tilt, roll and height as unknowns of every frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Scene, follow, prepare
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
+from robocup_vision.localization.model_edges.evidence import Evidence, reject
+from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
+from robocup_vision.localization.model_edges.settings import EdgeSettings
+
+_MAX_SAMPLES = 600
+_MAX_POINTS = 400
+# of what a frame leaves open, and the length at which a turn counts as a way
+_OPEN_STD_M, _LEVER_M = 1.0, 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseLikelihood:
+    """What one frame alone says of a pose, as a Gaussian in information form.
+
+    Parameters
+    ----------
+    about : Pose2
+        Where it was worked out.
+    information : (3, 3) float64
+        Of x_m, y_m, theta_rad; may be singular.
+    gradient : (3,) float64
+        Of the log-likelihood there.
+    """
+
+    about: Pose2
+    information: FloatArray
+    gradient: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FollowedCamera:
+    """A frame followed: the camera's foot and the heading of its axis, by the frame and the prior together.
+
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        The camera's pose.
+    likelihood : PoseLikelihood
+        Of the same, without the prior.
+    file_camera : PinholeCamera
+        As its file says.
+    held : (float, float, float, float)
+        Tilt and roll (rad), height (m) and logarithm of the focal length's scale in this frame.
+    evidence : Evidence
+        What the verdict was based on.
+    """
+
+    estimate: PoseEstimate
+    likelihood: PoseLikelihood
+    file_camera: PinholeCamera
+    held: tuple[float, float, float, float]
+    evidence: Evidence
+
+    @property
+    def measurement(self) -> PoseEstimate:
+        """What the frame alone says of the camera's pose: in directions that it leaves open, nearly nothing.
+
+        In a direction that the frame knows to no better than `_OPEN_STD_M` the fit stands as it is, with that error.
+        """
+        scale = np.array([1.0, 1.0, _LEVER_M])
+        value, vector = np.linalg.eigh(self.likelihood.information / np.outer(scale, scale))
+        open_ = value < _OPEN_STD_M**-2
+        value = np.maximum(value, _OPEN_STD_M**-2)
+        slope = vector.T @ (self.likelihood.gradient / scale)
+        step = vector @ (np.where(open_, 0.0, slope) / value) / scale
+        covariance = (vector / value) @ vector.T / np.outer(scale, scale)
+        about = self.likelihood.about
+        pose = Pose2(about.x_m + step[0], about.y_m + step[1], about.theta_rad + step[2])
+        share, rms = self.estimate.inlier_share, self.estimate.residual_px
+        measured = PoseEstimate(pose, (covariance + covariance.T) / 2, share, rms)
+        return measured if len(self.estimate.candidates) == 1 else _with_twin(measured)
+
+    def with_twin(self) -> FollowedCamera:
+        """Return the answer with the half turn about the field's centre as a second candidate."""
+        return replace(self, estimate=_with_twin(self.estimate))
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """The camera as this frame shows it to be held, its pan and offset 0."""
+        tilt, roll, height, log_focal = self.held
+        (fu, fv), scale = self.file_camera.focal_px, math.exp(log_focal)
+        return replace(
+            self.file_camera,
+            focal_px=(fu * scale, fv * scale),
+            height_m=height,
+            offset_m=(0.0, 0.0),
+            pan_rad=0.0,
+            tilt_rad=tilt,
+            roll_rad=roll,
+        )
+
+
+def _with_twin(estimate: PoseEstimate) -> PoseEstimate:
+    return replace(estimate, candidates=(estimate.pose, estimate.pose.half_turn()))
+
+
+class EdgeFollower:
+    """Follows one camera on one field.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : PinholeCamera
+        As its file says.
+    settings : EdgeSettings
+        How.
+    """
+
+    def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings | None = None) -> None:
+        self.field, self.camera = field, camera
+        self.settings = settings or EdgeSettings()
+        self.edges = field_edges(field)
+        self.lens = lens_table(camera)
+        self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
+        draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
+        self._scene = Scene(self.edges, self.lens, draws)
+        features = 2 * sum(len(t) for t in self.edges[:-1]) + 2
+        self._room = empty_room(_MAX_SAMPLES, features, _MAX_POINTS)
+        self._fit = Fit(
+            np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(13)
+        )
+        sway = self.settings.sway_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
+        self.sway_std_rad = sway
+        focal_std = camera.focal_std_px / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
+        at_rest = [camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m, 0.0]
+        self._held = np.array([at_rest, [sway, sway, camera.height_std_m, focal_std]])
+        self._sway = np.zeros((2, 4))
+        self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
+        self._keep, self._dt_s = np.zeros(4), -1.0
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget how the camera was held in the last frame."""
+        self._sway[0], self._sway[1] = 0.0, self._held[1] ** 2
+
+    def resume(self, answer: FollowedCamera) -> None:
+        """Go on from an answer: the camera is held as it says."""
+        self._sway[0] = np.array(answer.held) - self._held[0]
+
+    def _pass_time(self, dt_s: float) -> None:
+        s = self.settings
+        self._dt_s = dt_s
+        self._keep = np.exp(-dt_s / np.array([s.attitude_memory_s, s.attitude_memory_s, s.height_memory_s, 1e9]))
+
+    def follow(
+        self, frame: UInt8Array, prior: PoseEstimate, dt_s: float = 1 / 30, *, modes: int = MODES
+    ) -> FollowedCamera | NotLocated:
+        """Locate the camera by a frame and a prior.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR, of the camera's size.
+        prior : PoseEstimate
+            Of the camera's foot and axis.
+        dt_s : float
+            Time since the last frame.
+        modes : int
+            How many places near the prior may be looked at before giving up.
+        """
+        if dt_s != self._dt_s:
+            self._pass_time(dt_s)
+        pose, fit = prior.pose, self._fit
+        at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
+        if not prepare(at, prior.covariance, self._held, self._keep, self._sway, self._prior):
+            raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
+        if not follow(frame, self._scene, self._prior, self.numbers, self._room, fit, modes):
+            return NotLocated("nothing that the field file knows of is in view")
+        evidence = Evidence(*fit.figures.tolist())
+        reason = reject(evidence, self.settings)
+        if reason is not None:
+            return NotLocated(reason)
+        p = fit.unknowns.tolist()
+        self._sway[0] = fit.unknowns[3:] - self._held[0]
+        self._sway[1] = fit.covariance.diagonal()[3:]
+        pose = Pose2(p[0], p[1], p[2])
+        estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)
+        likelihood = PoseLikelihood(pose, fit.information.copy(), fit.gradient.copy())
+        return FollowedCamera(estimate, likelihood, self.camera, (p[3], p[4], p[5], p[6]), evidence)

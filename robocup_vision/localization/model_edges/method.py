@@ -1,0 +1,100 @@
+"""Satisfies `Localizer`: a pinhole camera by everything in view, followed where there is a prior, found where not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.localizer import FrameEvidence, Localization
+from robocup_vision.localization.model_edges.finder import EdgeFinder
+from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
+from robocup_vision.localization.model_edges.settings import EdgeSettings
+
+# between frames where nobody says when they were taken
+_USUAL_STEP_S = 1 / 30
+# a head's pan is known to no less, and a prior's heading never better than that
+_PAN_STD_RAD = math.radians(0.1)
+
+
+class EdgeMethod:
+    """Method "edges": follows by a prior, or finds the robot by a bank of poses, and then by a goal."""
+
+    needs_floor = False
+
+    def __init__(
+        self,
+        field: Field,
+        camera: PinholeCamera,
+        mask: UInt8Array | None = None,
+        settings: EdgeSettings | None = None,
+    ) -> None:
+        self.follower = EdgeFollower(field, camera, settings)
+        self._finder: EdgeFinder | None = None
+        self._goal: GoalLocalizer | None = None
+        self._has_posts = any(goal.kind == "posts" for goal in field.goals)
+        self._last_s: float | None = None
+
+    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
+        """See `Localizer.locate`."""
+        camera = evidence.camera
+        assert isinstance(camera, PinholeCamera)
+        answer: FollowedCamera | NotLocated
+        if prior is None:
+            answer = self._find(evidence.frame, thoroughly=True)
+        else:
+            near = self._as_estimate(prior).seen_from(camera.camera_in_robot)
+            answer = self.follower.follow(evidence.frame, _with_pan_error(near), self._passed(evidence.t_s))
+            if isinstance(answer, NotLocated):
+                found = self._find(evidence.frame, thoroughly=False)
+                answer = answer if isinstance(found, NotLocated) else found
+        self._last_s = evidence.t_s
+        if isinstance(answer, NotLocated):
+            return Localization(answer, camera)
+        back = camera.camera_in_robot.inverse()
+        held = replace(
+            camera,
+            focal_px=answer.camera.focal_px,
+            height_m=answer.camera.height_m,
+            pan_rad=camera.pan_rad or 0.0,
+            tilt_rad=answer.camera.tilt_rad,
+            roll_rad=answer.camera.roll_rad,
+        )
+        measurement = answer.measurement.seen_from(back)
+        return Localization(answer.estimate.seen_from(back), held, measurement=measurement)
+
+    def _find(self, frame: UInt8Array, *, thoroughly: bool) -> FollowedCamera | NotLocated:
+        if self._finder is None:
+            self._finder = EdgeFinder(self.follower)
+        answer = self._finder.find(frame)
+        if isinstance(answer, NotLocated) and thoroughly and self._has_posts:
+            if self._goal is None:
+                self._goal = GoalLocalizer(self.follower.field, self.follower.camera)
+            placed = self._goal.look(frame, None)
+            if not isinstance(placed, NotLocated):
+                estimate = placed.estimate(None)
+                answer = self._finder.judge(frame, estimate.candidates)
+        return answer
+
+    def _as_estimate(self, prior: PoseEstimate | Pose2) -> PoseEstimate:
+        if isinstance(prior, PoseEstimate):
+            return prior
+        s = self.follower.settings
+        return PoseEstimate(prior, np.diag([s.prior_std_m, s.prior_std_m, s.prior_std_rad]) ** 2, 1.0, 0.0)
+
+    def _passed(self, t_s: float | None) -> float:
+        if t_s is None or self._last_s is None or not t_s > self._last_s:
+            return _USUAL_STEP_S
+        return t_s - self._last_s
+
+
+def _with_pan_error(prior: PoseEstimate) -> PoseEstimate:
+    covariance: FloatArray = prior.covariance + np.diag([0.0, 0.0, _PAN_STD_RAD**2])
+    return PoseEstimate(prior.pose, covariance, prior.inlier_share, prior.residual_px)

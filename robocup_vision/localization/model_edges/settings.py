@@ -1,0 +1,107 @@
+"""Settings of the follower, with why each is as it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.kernels.model_edges.tables import FollowSettings
+
+_DESIGN_WIDTH_PX = 208.0
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeSettings:
+    """How a frame is followed. Lengths in pixels are those of a picture 208 wide unless said otherwise."""
+
+    # between samples, 208 and 640 pixels wide: neighbours tell little new, and time goes with their number
+    spacing_px: float = 5.0
+    wide_spacing_px: float = 12.0
+    # the mode is chosen by fewer, so many times as far apart: they are searched for farther
+    coarser: float = 2.0
+    # of the prior, that an edge is looked for in
+    reach_sigmas: float = 3.0
+    extra_px: float = 2.0
+    max_reach_px: float = 45.0
+    # of the expected step: carpets and paints differ, shadows halve the light
+    min_share: float = 0.4
+    # noise of one sample, and of an edge as a whole: lens, paint and tape measure; pixels of any picture
+    sigma_px: float = 0.4
+    shared_px: float = 0.3
+    # of an inlier, pixels of any picture
+    gate_px: float = 2.5
+    # weight of the squared distance from the prior where modes are chosen, in samples
+    prior_share: float = 0.3
+    # a mode that fails so few of the samples is not doubted
+    enough: float = 0.2
+    # how far candidates are looked for anew around a fit, pixels of any picture
+    again_px: float = 5.0
+    # rows and columns between those that are read for line points
+    point_stride_px: float = 8.0
+    # hypotheses of which the mode is chosen
+    hypotheses: int = 100
+    # verdict: least number of inliers, their least share of what should show, least share of line points explained
+    min_inliers: int = 12
+    min_found_ratio: float = 0.5
+    min_explained_ratio: float = 0.7
+    min_points: int = 6
+    # greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther
+    max_prior_distance2: float = 27.9
+    # odds that a pose is right, by logistic regression on the development sequences (right priors and wrong ones)
+    odds_at_all: float = 0.25
+    odds_of_inliers: float = 1.3
+    odds_against_missing: float = 8.0
+    odds_against_hidden: float = 2.0
+    odds_against_unexplained: float = 20.0
+    odds_against_distance: float = 0.36
+    odds_against_std: float = 9.0
+    min_log_odds: float = 0.7
+    # shares of missing samples and unexplained line points up to which no other mode is looked at
+    clear_missing: float = 0.08
+    clear_unexplained: float = 0.06
+    # tilt and roll are forgotten with this time constant: a step takes about half a second
+    attitude_memory_s: float = 0.12
+    # of tilt and roll where the camera file gives no `roll_std_rad`
+    sway_std_rad: float = 0.02
+    # height rises and falls with the gait
+    height_memory_s: float = 0.12
+    # of the prior where only a pose is given
+    prior_std_m: float = 0.15
+    prior_std_rad: float = 0.1
+
+    def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
+        """Return the numbers for a picture of this width."""
+        scale = width_px / _DESIGN_WIDTH_PX
+        grown = max(1.0, 1.0 + 0.33 * (scale - 1.0) / (640 / 208 - 1.0))
+        spacing = self.spacing_px + (self.wide_spacing_px - self.spacing_px) * (scale - 1.0) / (640 / 208 - 1.0)
+        return FollowSettings(
+            spacing_px=max(spacing, 2.5),
+            coarse_spacing_px=self.coarser * max(spacing, 2.5),
+            reach_sigmas=self.reach_sigmas,
+            extra_px=self.extra_px,
+            max_reach_px=self.max_reach_px * max(1.0, 0.65 * scale),
+            min_share=self.min_share,
+            sigma_px=self.sigma_px,
+            shared_px=self.shared_px,
+            gate_px=self.gate_px,
+            prior_share=self.prior_share,
+            enough=self.enough,
+            again_px=self.again_px,
+            line_width_m=line_width_m,
+            point_stride=max(4, round(self.point_stride_px * scale)),
+            odds=np.array(
+                [
+                    self.odds_at_all,
+                    self.odds_of_inliers,
+                    self.odds_against_missing,
+                    self.odds_against_hidden,
+                    self.odds_against_unexplained,
+                    self.odds_against_distance,
+                ]
+            ),
+            clear_missing=self.clear_missing,
+            clear_unexplained=self.clear_unexplained,
+            coarse_gates_px=np.array([6.0, 4.0]) * grown,
+            fine_gates_px=np.array([4.0, 3.0, 2.5]) * grown,
+        )

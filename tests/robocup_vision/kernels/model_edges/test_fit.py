@@ -1,0 +1,100 @@
+"""Hypotheses and the robust fit on planted residuals, against plain NumPy."""
+
+import numpy as np
+import pytest
+
+from robocup_vision.kernels.model_edges.fit import choose_mode, msac, robust_fit
+from robocup_vision.kernels.model_edges.follow import Prior, brightness, prepare
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
+from robocup_vision.localization.model_edges.settings import EdgeSettings
+
+NUMBERS = EdgeSettings().for_width(208, 0.025)
+COUNT = 60
+
+
+def planted(seed, z, outliers=0.3, noise=0.2):
+    """Plant samples whose candidates lie where `z` puts them, some elsewhere, each with a second one anywhere."""
+    rng, room = np.random.default_rng(seed), empty_room(COUNT, 8, 4)
+    room.rows[:] = rng.normal(0.0, 4.0, room.rows.shape)
+    room.found.candidates[:] = 2
+    room.found.offset_px[:, 0] = room.rows @ z + rng.normal(0.0, noise, COUNT)
+    room.found.offset_px[:, 1] = rng.uniform(-40.0, 40.0, COUNT)
+    wrong = rng.random(COUNT) < outliers
+    room.found.offset_px[wrong, 0] = rng.uniform(-40.0, 40.0, np.count_nonzero(wrong))
+    room.samples.feature[:] = rng.integers(0, 8, COUNT)
+    return room
+
+
+def plain_msac(room, z, gate, share):
+    off = np.abs(room.found.offset_px[:, :2] - (room.rows @ z)[:, None]).min(axis=1) / gate
+    return np.minimum(off**2, 1.0).sum() + share * z @ z
+
+
+def test_the_cost_of_a_hypothesis_is_the_plain_one():
+    z = np.linspace(-1.0, 1.0, UNKNOWNS)
+    room = planted(1, z)
+    for other in (z, 0.5 * z, np.zeros(UNKNOWNS)):
+        cost = msac(room.rows, COUNT, room.found, other, 2.5, 0.3)
+        assert cost == pytest.approx(plain_msac(room, other, 2.5, 0.3))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_planted_mode_is_chosen_and_fitted(seed):
+    z = np.random.default_rng(seed).normal(0.0, 0.6, UNKNOWNS)
+    room = planted(seed, z, outliers=0.2)
+    # a hypothesis has three candidates; seven unknowns are only near the truth where the others are small
+    z[3:] *= 0.1
+    room.found.offset_px[:, 0] = room.rows @ z
+    draws, modes = np.random.default_rng(0).random((400, 6)), np.zeros((3, UNKNOWNS))
+    kept = choose_mode(room, COUNT, draws, NUMBERS, modes)
+    assert 1 <= kept <= 3
+    costs = [plain_msac(room, mode, NUMBERS.gate_px, NUMBERS.prior_share) for mode in modes[:kept]]
+    assert costs == sorted(costs)
+    assert costs[0] <= plain_msac(room, np.zeros(UNKNOWNS), NUMBERS.gate_px, NUMBERS.prior_share)
+
+
+def test_the_fit_solves_the_weighted_normal_equations_with_the_prior():
+    z = np.array([0.5, -0.4, 0.3, 0.1, -0.2, 0.05, 0.0])
+    room = planted(7, z, outliers=0.0, noise=0.05)
+    room.found.candidates[:] = 1
+    fit, origin = z.copy(), np.zeros(UNKNOWNS)
+    gates = np.array([1e6, 1e6])
+    inliers, rms, ok = robust_fit(room, COUNT, NUMBERS, gates, origin, fit)
+    per_feature = np.bincount(room.samples.feature[:COUNT], minlength=8)[room.samples.feature[:COUNT]]
+    weight = 1.0 / (NUMBERS.sigma_px**2 + NUMBERS.shared_px**2 * per_feature)
+    information = (room.rows * weight[:, None]).T @ room.rows
+    right = room.rows.T @ (weight * room.found.offset_px[:, 0])
+    assert ok
+    assert inliers == COUNT
+    np.testing.assert_allclose(fit, np.linalg.solve(information + np.eye(UNKNOWNS), right), atol=1e-6)
+    np.testing.assert_allclose(room.information, information, rtol=1e-6)
+    # at the fit the measurements pull as hard as the prior
+    np.testing.assert_allclose(room.gradient, fit, atol=1e-5)
+    assert rms == pytest.approx(np.sqrt(np.mean((room.found.offset_px[:, 0] - room.rows @ fit) ** 2)), rel=1e-6)
+
+
+def test_outliers_do_not_move_the_fit():
+    z = np.array([0.5, -0.4, 0.3, 0.0, 0.0, 0.0, 0.0])
+    room = planted(9, z, outliers=0.3)
+    fit = z + 0.02
+    robust_fit(room, COUNT, NUMBERS, NUMBERS.fine_gates_px, np.zeros(UNKNOWNS), fit)
+    np.testing.assert_allclose(fit, z, atol=0.08)
+
+
+def test_the_prior_joins_pose_and_sway_and_forgets():
+    covariance = np.array([[0.04, 0.01, 0.0], [0.01, 0.02, 0.005], [0.0, 0.005, 0.03]])
+    held = np.array([[-0.2, 0.0, 0.3, 0.0], [0.02, 0.02, 0.01, 0.0]])
+    keep, sway = np.full(4, 0.5), np.array([[0.02, -0.01, 0.0, 0.0], [1e-6, 1e-6, 1e-6, 0.0]])
+    prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
+    assert prepare(np.array([1.0, 2.0, 0.5]), covariance, held, keep, sway, prior)
+    np.testing.assert_allclose(prior.mean, [1.0, 2.0, 0.5, -0.19, -0.005, 0.3, 0.0])
+    full = prior.root @ prior.root.T
+    np.testing.assert_allclose(full[:3, :3], covariance)
+    np.testing.assert_allclose(np.diag(full)[3:], held[1] ** 2 * 0.75 + 0.25 * np.array([1e-6, 1e-6, 1e-6, 0.0]))
+    assert not prepare(np.zeros(3), -covariance, held, keep, sway, prior)
+
+
+def test_brightness_is_told_by_the_carpet_within_bounds():
+    assert brightness(np.array([50.0, 130.0, 45.0, 0.0, 0.0])) == pytest.approx(1.0)
+    assert brightness(np.zeros(5)) == pytest.approx(0.15)
+    assert brightness(np.full(5, 255.0)) == pytest.approx(1.6)

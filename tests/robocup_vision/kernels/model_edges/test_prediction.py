@@ -1,0 +1,109 @@
+"""Predicted samples against the camera's own projection, and their derivatives against differences."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from field_models import load_field
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.prediction import distorted, pose_frame, predict
+from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, UNKNOWNS, empty_samples
+from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
+
+LENSES = [(), (-0.12, 0.03, 0.001, -0.001), (0.1, -0.02, 0.0, 0.0, 0.01, 0.02, 0.0, 0.0)]
+
+
+def camera(distortion=()):
+    return PinholeCamera((208, 160), (192.0, 190.0), (103.5, 79.5), 0.185, distortion)
+
+
+def pixels(points_m, p, distortion):
+    """Project field points (N, 3) by the camera that the unknowns say."""
+    held = PinholeCamera(
+        (208, 160),
+        (192.0 * math.exp(p[6]), 190.0 * math.exp(p[6])),
+        (103.5, 79.5),
+        p[5],
+        distortion,
+        pan_rad=0.0,
+        tilt_rad=p[3],
+        roll_rad=p[4],
+    )
+    flat = Pose2(p[0], p[1], p[2]).inverse().transform(points_m[:, :2])
+    return held.point_to_pixel(np.column_stack([flat, points_m[:, 2]]))
+
+
+def unknowns(seed):
+    rng = np.random.default_rng(seed)
+    return np.array(
+        [
+            *rng.uniform((-2.0, -1.5, -math.pi), (2.0, 1.5, math.pi)),
+            rng.uniform(-0.35, 0.05),
+            rng.uniform(-0.1, 0.1),
+            rng.uniform(0.17, 0.3),
+            rng.uniform(-0.05, 0.05),
+        ]
+    )
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(LENSES))
+def test_samples_lie_where_the_camera_projects_them_and_move_as_their_derivatives_say(seed, distortion):
+    edges, lens, p = field_edges(load_field("four_legged_2007")), lens_table(camera(distortion)), unknowns(seed)
+    out = empty_samples(800)
+    count = predict(edges, lens, p, 4.0, out)
+    points, normal = out.point_m[:count], out.normal[:count]
+    shown = pixels(points, p, distortion)
+    np.testing.assert_allclose(shown, out.uv[:count], atol=1e-6)
+    # both edges of a wide line take the derivatives of its middle
+    exact = (out.kind[:count] == RIDGE) | (out.place[:count] == 1)
+    np.testing.assert_allclose(np.hypot(*normal.T), 1.0)
+    assert np.all((out.uv[:count] >= 2.0) & (out.uv[:count] <= np.array([205.0, 157.0])))
+    for i, step in enumerate((1e-6, 1e-6, 1e-7, 1e-7, 1e-7, 1e-6, 1e-6)):
+        moved = [pixels(points, p + sign * step * np.eye(UNKNOWNS)[i], distortion) for sign in (1, -1)]
+        slope = ((moved[0] - moved[1]) * normal).sum(axis=1) / (2 * step)
+        np.testing.assert_allclose(out.jacobian[:count, i][exact], slope[exact], rtol=1e-3, atol=1e-2)
+
+
+@pytest.mark.parametrize("distortion", LENSES)
+def test_the_lens_is_the_cameras(distortion):
+    held, lens = camera(distortion), lens_table(camera(distortion))
+    for a, b in ((0.1, -0.2), (-0.4, 0.3), (0.0, 0.0)):
+        x, y, xa, xb, ya, yb = distorted(lens, a, b)
+        expected = (held.camera_ray_to_pixel(np.array([1.0, -a, -b])) - held.center_px) / held.focal_px
+        np.testing.assert_allclose((x, y), expected, atol=1e-12)
+        for step, columns in (((1e-6, 0.0), (xa, ya)), ((0.0, 1e-6), (xb, yb))):
+            ahead, back = (np.array(distorted(lens, a + s * step[0], b + s * step[1])[:2]) for s in (1, -1))
+            np.testing.assert_allclose((ahead - back) / 2e-6, columns, atol=1e-6)
+
+
+def test_the_frame_holds_rotation_viewpoint_and_focal_lengths():
+    p, frame = unknowns(3), np.empty(16)
+    pose_frame(p, lens_table(camera()), frame)
+    axes = frame[:9].reshape(3, 3)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(frame[9:12], [p[0], p[1], p[5]])
+    np.testing.assert_allclose(frame[12:14], np.array([192.0, 190.0]) * math.exp(p[6]))
+    np.testing.assert_allclose(frame[14:], [math.sin(p[2]), math.cos(p[2])])
+
+
+def test_near_lines_have_two_edges_with_their_paint_inside_and_room_is_never_overrun():
+    field = load_field("spl_2020")
+    nao = PinholeCamera((640, 480), (616.0, 616.0), (319.5, 239.5), 0.46)
+    edges, lens = field_edges(field), lens_table(nao)
+    p = np.array([-1.5, 0.0, 0.0, -0.5, 0.0, 0.46, 0.0])
+    out = empty_samples(400)
+    count = predict(edges, lens, p, 9.0, out)
+    wide = (out.kind[:count] == EDGE) & (out.place[:count] == 0)
+    assert np.count_nonzero(wide) > 20
+    # a little way along the normal lies paint, as far against it carpet
+    inside = out.point_m[:count][wide]
+    assert np.all(out.width_px[:count][wide] >= 4.0)
+    assert len(np.unique(out.feature[:count][wide] % 2)) == 2
+    assert np.isfinite(inside).all()
+    small = empty_samples(10)
+    assert predict(edges, lens, p, 9.0, small) <= 10

@@ -1,0 +1,94 @@
+"""Search along normals on painted pictures: where edges are found, and what counts as carpet."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from robocup_vision.kernels.model_edges.search import carpet_look, is_carpet, reaches, search, whiten
+from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, empty_room
+from robocup_vision.localization.model_edges.settings import EdgeSettings
+
+CARPET, WHITE = np.array([45.0, 125.0, 42.0]), np.array([230.0, 230.0, 230.0])
+CHANNELS = np.array([[1.0, 0.0, 1.0, 365.0]])
+NUMBERS = EdgeSettings().for_width(208, 0.025)
+
+
+def stripe(angle_rad, offset_px, width_px, noise=2.0):
+    """Paint a stripe whose middle line passes the picture's middle at an offset along its normal."""
+    v, u = np.mgrid[: 160 * 4, : 208 * 4] / 4.0 - 0.375
+    normal = np.array([math.cos(angle_rad), math.sin(angle_rad)])
+    away = (u - 100.0) * normal[0] + (v - 80.0) * normal[1] - offset_px
+    picture = np.where(np.abs(away)[..., None] <= width_px / 2, WHITE, CARPET)
+    small = cv2.GaussianBlur(picture.reshape(160, 4, 208, 4, 3).mean(axis=(1, 3)), (0, 0), 0.6)
+    small += np.random.default_rng(1).normal(0.0, noise, small.shape)
+    return np.clip(small, 0, 255).astype(np.uint8), normal
+
+
+def look_at(frame, normal, kind, width_px, reach_px=8.0, at=(100.0, 80.0)):
+    room = empty_room(4, 4, 4)
+    room.samples.uv[0], room.samples.normal[0] = at, normal
+    room.samples.width_px[0], room.samples.expected[0] = width_px, 365.0
+    room.samples.kind[0], room.reach_px[0] = kind, reach_px
+    carpet = np.zeros(5)
+    carpet_look(frame, 0, carpet)
+    search(frame, CHANNELS, carpet, 1.0, NUMBERS, room, 1)
+    return room.found
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 20.0, 44.0, 90.0, 130.0, -60.0])
+@pytest.mark.parametrize("offset_px", [-4.3, 0.0, 2.7])
+def test_a_thin_line_is_found_where_it_is(angle_deg, offset_px):
+    frame, normal = stripe(math.radians(angle_deg), offset_px, 2.0)
+    found = look_at(frame, normal, RIDGE, 2.0)
+    assert found.candidates[0] >= 1
+    assert found.offset_px[0, 0] == pytest.approx(offset_px, abs=0.3)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 90.0, 160.0])
+def test_an_edge_is_found_with_its_paint_inside_only(angle_deg):
+    frame, normal = stripe(math.radians(angle_deg), 0.0, 10.0)
+    found = look_at(frame, normal, EDGE, 10.0)
+    assert found.candidates[0] == 1
+    assert found.offset_px[0, 0] == pytest.approx(-5.0, abs=0.3)
+    found = look_at(frame, -normal, EDGE, 10.0)
+    assert found.offset_px[0, 0] == pytest.approx(-5.0, abs=0.3)
+
+
+def test_plain_carpet_shows_nothing_and_faint_steps_are_not_looked_for():
+    frame, normal = stripe(0.3, 60.0, 2.0)
+    assert look_at(frame, normal, RIDGE, 2.0).candidates[0] == 0
+    assert look_at(frame, normal, RIDGE, 0.02).candidates[0] == -1
+
+
+@pytest.mark.parametrize("at", [(2.0, 2.0), (205.0, 2.0), (2.0, 157.0), (205.0, 157.0)])
+def test_the_picture_s_border_is_never_crossed(at):
+    frame, _ = stripe(0.3, 0.0, 2.0)
+    for angle in np.linspace(0.0, math.tau, 9):
+        look_at(frame, np.array([math.cos(angle), math.sin(angle)]), RIDGE, 3.0, reach_px=40.0, at=at)
+
+
+def test_the_carpet_is_the_commonest_tone_and_noise_is_told():
+    frame, _ = stripe(0.3, 0.0, 6.0, noise=4.0)
+    frame[:50] = (90, 90, 90)
+    carpet = np.zeros(5)
+    carpet_look(frame, 50, carpet)
+    np.testing.assert_allclose(carpet[:3], CARPET, atol=6.0)
+    assert carpet[3] == pytest.approx(4.0, rel=0.35)
+    assert is_carpet(45.0, 125.0, 42.0, carpet)
+    assert is_carpet(30.0, 85.0, 28.0, carpet)
+    assert not is_carpet(230.0, 230.0, 230.0, carpet)
+    assert not is_carpet(20.0, 20.0, 20.0, carpet)
+
+
+def test_whitened_derivatives_and_reaches_are_those_of_the_covariance():
+    rng, room = np.random.default_rng(4), empty_room(5, 4, 4)
+    room.samples.jacobian[:] = rng.normal(size=room.samples.jacobian.shape)
+    root = np.tril(rng.normal(size=(7, 7)))
+    whiten(room.samples, 5, root, room.rows)
+    np.testing.assert_allclose(room.rows, room.samples.jacobian @ root)
+    reaches(room.rows, 5, NUMBERS, room.reach_px)
+    sigma = np.sqrt(np.einsum("ni,ij,nj->n", room.samples.jacobian, root @ root.T, room.samples.jacobian))
+    expected = np.minimum(NUMBERS.reach_sigmas * sigma + NUMBERS.extra_px, NUMBERS.max_reach_px)
+    np.testing.assert_allclose(room.reach_px, expected)

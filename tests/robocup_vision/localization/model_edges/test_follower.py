@@ -1,0 +1,124 @@
+"""Followed frames: right priors refined, wrong ones refused, and the likelihood that leaves the prior out."""
+
+import math
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.localization.model_edges.evidence import Evidence, reject
+from robocup_vision.localization.model_edges.field_edges import field_edges
+from robocup_vision.localization.model_edges.follower import EdgeFollower
+from robocup_vision.localization.model_edges.settings import EdgeSettings
+
+STD = np.array([0.05, 0.05, math.radians(2.0)])
+
+
+def near(pose, off=(0.0, 0.0, 0.0), std=STD):
+    return PoseEstimate(Pose2(*(pose.array + off)), np.diag(std**2), 1.0, 0.0)
+
+
+@pytest.mark.parametrize("shot_name", ["fl_shot", "spl_shot"])
+@pytest.mark.parametrize("off", [(0.04, -0.03, 0.03), (-0.03, 0.04, -0.02)])
+def test_a_prior_is_refined_with_tilt(shot_name, off, request):
+    shot = request.getfixturevalue(shot_name)
+    follower = EdgeFollower(shot.field, shot.camera)
+    answer = follower.follow(shot.frame, near(shot.pose, off))
+    assert answer
+    away, turn = answer.estimate.pose.error_to(shot.pose)
+    assert away < 0.03
+    assert turn < math.radians(1.0)
+    nod = 0.017 if shot_name == "fl_shot" else -0.012
+    assert answer.camera.tilt_rad - shot.camera.tilt_rad == pytest.approx(nod, abs=0.004)
+    assert answer.camera.pan_rad == 0.0
+    error = answer.estimate.pose.array - shot.pose.array
+    assert error @ np.linalg.solve(answer.estimate.covariance, error) < 16.0
+    assert answer.evidence.found_ratio > 0.7
+    assert answer.evidence.explained > 0.7 * answer.evidence.points
+    # the next frame begins with the nod just seen
+    again = follower.follow(shot.frame, PoseEstimate(shot.pose, np.diag(STD**2), 1.0, 0.0), 0.001)
+    assert again.evidence.prior_distance2 < answer.evidence.prior_distance2
+
+
+def test_prior_times_likelihood_is_the_posterior(fl_shot):
+    prior = near(fl_shot.pose, (0.02, 0.02, -0.01))
+    answer = EdgeFollower(fl_shot.field, fl_shot.camera).follow(fl_shot.frame, prior)
+    assert answer
+    joined = np.linalg.inv(prior.covariance) + answer.likelihood.information
+    np.testing.assert_allclose(np.linalg.inv(joined), answer.estimate.covariance, rtol=1e-4, atol=1e-9)
+    # at the posterior's mean the likelihood pulls as the prior pulls back
+    off = answer.estimate.pose.array - prior.pose.array
+    off[2] = wrap_angle(off[2])
+    np.testing.assert_allclose(answer.likelihood.gradient, np.linalg.solve(prior.covariance, off), rtol=0.02, atol=0.5)
+    # what the frame says alone does not depend much on how sure the prior was
+    other = EdgeFollower(fl_shot.field, fl_shot.camera).follow(fl_shot.frame, near(fl_shot.pose, std=4 * STD))
+    assert other
+    away, turn = answer.measurement.pose.error_to(other.measurement.pose)
+    assert away < 0.02
+    assert turn < math.radians(0.5)
+    assert np.all(np.linalg.eigvalsh(answer.measurement.covariance) > 0)
+    assert answer.measurement.std[0] >= answer.estimate.std[0]
+
+
+def test_what_a_blank_frame_leaves_is_not_located(fl_shot):
+    follower = EdgeFollower(fl_shot.field, fl_shot.camera)
+    for level in (0, 90, 255):
+        answer = follower.follow(np.full_like(fl_shot.frame, level), near(fl_shot.pose))
+        assert isinstance(answer, NotLocated)
+        assert not answer
+    carpet = np.full_like(fl_shot.frame, 0) + np.array([50, 130, 45], dtype=np.uint8)
+    assert not follower.follow(carpet, near(fl_shot.pose))
+
+
+def test_wrong_priors_are_refused(fl_shot, spl_shot):
+    for shot in (fl_shot, spl_shot):
+        follower, accepted = EdgeFollower(shot.field, shot.camera), 0
+        for angle in np.linspace(0.0, math.tau, 12, endpoint=False):
+            off = (0.7 * math.cos(angle), 0.7 * math.sin(angle), 0.05)
+            follower.forget()
+            answer = follower.follow(shot.frame, near(shot.pose, off), 1.0)
+            accepted += bool(answer) and answer.estimate.pose.error_to(shot.pose)[0] > 0.1
+        assert accepted <= 1
+
+
+def test_a_prior_without_a_covariance_is_refused(fl_shot):
+    follower = EdgeFollower(fl_shot.field, fl_shot.camera)
+    with pytest.raises(ArgumentError, match="not positive definite"):
+        follower.follow(fl_shot.frame, PoseEstimate(fl_shot.pose, np.zeros((3, 3)), 1.0, 0.0))
+
+
+def test_every_reason_to_refuse():
+    settings = EdgeSettings()
+    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 4.0)
+    assert reject(good, settings) is None
+    assert "places on edges agree" in str(reject(good._replace(inliers=5), settings))
+    assert "missing" in str(reject(good._replace(missing=200), settings))
+    assert "explained" in str(reject(good._replace(explained=10), settings))
+    assert "from where the prior puts it" in str(reject(good._replace(prior_distance2=99.0), settings))
+    assert "odds" in str(reject(good._replace(odds_but_std=-3.0), settings))
+    # a frame that leaves the pose open is not located, however well it agrees
+    assert "odds" in str(reject(good._replace(position_std_m=5.0), settings))
+
+
+@pytest.mark.parametrize(
+    "name", ["four_legged_2007", "spl_2020", "ssl_2001", "ssl_division_b", "msl_6x4", "four_legged_2005"]
+)
+def test_every_field_has_its_edges(name):
+    field = load_field(name)
+    edges = field_edges(field)
+    on_floor = edges.segments[edges.segments[:, 13] > 0]
+    assert len(on_floor) == len(field.lines)
+    np.testing.assert_allclose(on_floor[:, [0, 1, 3, 4]], field.lines)
+    np.testing.assert_allclose(np.hypot(on_floor[:, 6], on_floor[:, 7]), 1.0)
+    assert (len(edges.segments) > len(on_floor)) == (
+        field.is_bounded or any(goal.kind == "panels" for goal in field.goals)
+    )
+    assert len(edges.bars) == sum(goal.kind == "posts" for goal in field.goals)
+    assert len(edges.cylinders) == 2 * len(edges.bars) + sum(len(b.colors) for b in field.beacons)
+    features = np.concatenate([edges.segments[:, 11], edges.cylinders[:, 6], edges.bars[:, 6], edges.rings[:, 6]])
+    assert len(np.unique(features)) == len(features)
+    assert edges.channels[0, 3] > 100
+    assert np.all(edges.channels[:, 3] > 0)

@@ -1,0 +1,108 @@
+"""Method "edges" as `Vision` uses it: chosen by itself, followed with priors, found without."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.find import floor_places
+from robocup_vision.localization.model_edges.field_edges import lens_table
+from robocup_vision.localization.model_edges.finder import EdgeFinder
+from robocup_vision.localization.model_edges.follower import EdgeFollower
+from robocup_vision.memory import Memory
+from robocup_vision.vision import Vision
+
+NEGATIVES = Path(__file__).resolve().parents[4].parent / "shared" / "real" / "negatives" / "images"
+
+
+def test_vision_chooses_it_where_the_tilt_is_known(fl_shot):
+    vision = Vision(fl_shot.field, fl_shot.camera)
+    assert vision.method == "edges"
+    assert Vision(fl_shot.field, replace(fl_shot.camera, tilt_rad=None)).method == "goal"
+    view = vision.look(fl_shot.frame, prior=fl_shot.pose)
+    assert view.pose
+    assert view.pose.pose.error_to(fl_shot.pose)[0] < 0.03
+    assert view.measurement is not None
+    assert view.measurement.pose.error_to(fl_shot.pose)[0] < 0.1
+    assert view.camera.tilt_rad == pytest.approx(fl_shot.camera.tilt_rad + 0.017, abs=0.004)
+
+
+def test_a_head_on_a_robot_is_followed_as_the_robot(fl_shot):
+    pan_rad = 0.5
+    camera = replace(fl_shot.camera, offset_m=(0.06, 0.01))
+    robot = fl_shot.pose.compose(Pose2(0.06, 0.01, pan_rad).inverse())
+    view = Vision(fl_shot.field, camera).look(fl_shot.frame, prior=robot, pan_rad=pan_rad)
+    assert view.pose
+    away, turn = view.pose.pose.error_to(robot)
+    assert away < 0.03
+    assert turn < math.radians(1.0)
+    assert view.camera_pose.pose.error_to(fl_shot.pose)[0] < 0.03
+
+
+def test_memory_takes_the_frame_s_own_word(fl_shot):
+    memory = Memory(fl_shot.field)
+    vision = Vision(fl_shot.field, fl_shot.camera, memory=memory)
+    vision.look(fl_shot.frame, 0.0, prior=fl_shot.pose)
+    prior = memory.prior_estimate(0.0)
+    assert isinstance(prior, PoseEstimate)
+    for k in range(1, 6):
+        view = vision.look(fl_shot.frame, 0.05 * k, odometry=Pose2(0.0, 0.0, 0.0))
+    assert view.belief is not None
+    assert view.belief.pose
+    assert view.belief.pose.pose.error_to(fl_shot.pose)[0] < 0.05
+
+
+def test_a_camera_is_found_without_a_prior(fl_shot, spl_shot):
+    answer = EdgeFinder(EdgeFollower(fl_shot.field, fl_shot.camera)).find(fl_shot.frame)
+    assert answer
+    assert answer.estimate.pose.error_to(fl_shot.pose)[0] < 0.1
+    assert len(answer.estimate.candidates) == 1
+    finder = EdgeFinder(EdgeFollower(spl_shot.field, spl_shot.camera))
+    answer = finder.find(spl_shot.frame)
+    if answer:
+        # its halves look alike: both are candidates
+        assert answer.estimate.pose.error_to(spl_shot.pose, symmetric=True)[0] < 0.1
+        assert len(answer.estimate.candidates) == len(answer.measurement.candidates) == 2
+    near = finder.judge(spl_shot.frame, [spl_shot.pose])
+    assert near
+    assert near.estimate.pose.error_to(spl_shot.pose)[0] < 0.1
+
+
+def test_nothing_is_found_where_nothing_is(fl_shot):
+    finder = EdgeFinder(EdgeFollower(fl_shot.field, fl_shot.camera))
+    for level in (0, 128, 255):
+        assert not finder.find(np.full_like(fl_shot.frame, level))
+    noise = np.random.default_rng(0).integers(0, 256, fl_shot.frame.shape, dtype=np.uint8)
+    assert not finder.find(noise)
+
+
+def test_line_points_are_put_on_the_floor(fl_shot):
+    camera = fl_shot.camera
+    pixels = np.random.default_rng(1).uniform((0.0, 80.0), (207.0, 159.0), (40, 2))
+    out = np.zeros((40, 3))
+    points = np.column_stack([pixels, np.zeros(40)])
+    count = floor_places(points, 40, lens_table(camera), camera.tilt_rad, 0.0, camera.height_m, 5.0, out)
+    expected = camera.pixel_to_floor(pixels)
+    expected = expected[np.hypot(*expected.T) <= 5.0]
+    order = np.lexsort(expected.T)
+    kept = out[:count, :2]
+    np.testing.assert_allclose(kept[np.lexsort(kept.T)], expected[order], atol=1e-9)
+
+
+@pytest.mark.skipif(not NEGATIVES.is_dir(), reason="photographs are not part of the project")
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["four_legged_2007", "spl_2020"])
+def test_photographs_without_a_field_tell_no_pose(name, fl_shot):
+    finder = EdgeFinder(EdgeFollower(load_field(name), fl_shot.camera))
+    found = []
+    for path in sorted(NEGATIVES.iterdir()):
+        frame = cv2.resize(cv2.imread(str(path)), (208, 160), interpolation=cv2.INTER_AREA)
+        if finder.find(frame):
+            found.append(path.name)
+    assert found == []
