@@ -184,7 +184,8 @@ class _Step:
 def _motion(what: Walk, field: Field, seed: int, count: int) -> Iterator[_Step]:
     rng = np.random.default_rng([seed, 0xF0])
     half = np.array([field.length_m / 2, field.width_m / 2])
-    pose = Pose2(*(rng.uniform(-0.7, 0.7, 2) * half).tolist(), float(rng.uniform(-math.pi, math.pi)))
+    x, y = (rng.uniform(-0.7, 0.7, 2) * half).tolist()
+    pose = Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
     goal = rng.uniform(-0.8, 0.8, 2) * half
     number = int(rng.integers(what.robots[0], what.robots[1] + 1))
     others = rng.uniform(-1.0, 1.0, (number, 2)) * half

@@ -186,9 +186,11 @@ class PinholePipeline(FramePipeline):
         self, frame: UInt8Array, camera: PinholeCamera, samples: _FloorSamples | None, t_s: float | None
     ) -> FrameEvidence:
         if samples is None or self._floor is None:
-            return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, dtype=np.int64), t_s)
+            return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, dtype=np.int64), t_s=t_s)
         view = self._floor.view
-        return FrameEvidence(frame, camera, samples.table, view, _edge_px(view, samples.columns), samples.columns, t_s)
+        return FrameEvidence(
+            frame, camera, samples.table, view, _edge_px(view, samples.columns), samples.columns, t_s=t_s
+        )
 
     def _sample(self, frame: UInt8Array, view: FloorView, timings: dict[str, float] | None = None) -> _FloorSamples:
         begin = perf_counter()

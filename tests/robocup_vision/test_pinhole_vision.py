@@ -280,12 +280,12 @@ def test_a_camera_that_looks_up_tells_no_floor(field, camera):
 
 
 def test_what_does_not_fit_is_refused(field, camera):
-    with pytest.raises(ArgumentError, match="'goal', 'field' or 'floor' for a pinhole camera, got 'hull'"):
+    with pytest.raises(ArgumentError, match="'edges', 'goal', 'field' or 'floor' for a pinhole camera, got 'hull'"):
         Vision(field, camera, method="hull")
     with pytest.raises(ArgumentError, match="tilt_rad"):
         Vision(field, camera.with_orientation(None, None, None), method="field")
     with pytest.raises(ArgumentError, match="no goals of posts"):
-        Vision(field, camera)
+        Vision(field, camera, method="goal")
     with pytest.raises(ArgumentError, match="mask must be"):
         Vision(field, camera, method="field", mask=np.zeros((3, 3), np.uint8))
     with pytest.raises(FrameError, match="as the camera file says"):

@@ -13,6 +13,9 @@ from numba import njit
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Room
 
+# residuals of a good fit reach this many `sigma_px`
+RMS_OF_SIGMA = 1.25
+
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _nearest(found: Findings, n: int, expected: float) -> float:
@@ -141,7 +144,7 @@ def robust_fit(
     """Tukey-weighted Gauss-Newton steps under narrowing gates.
 
     Neighbours on one edge share what the lens, the paint and the tape got wrong: a sample's variance is `sigma_px`
-    squared and, for each inlier of its edge, `shared_px` squared.
+    squared and, for each inlier of its edge, `shared_px` squared; all of it grows where residuals are greater.
 
     Parameters
     ----------
@@ -190,6 +193,8 @@ def robust_fit(
                 inliers += 1
                 total += r * r
         rms = math.sqrt(total / inliers) if inliers else 0.0
+        # what agrees worse than its noise says knows less than that says
+        excess = max(1.0, (rms / (RMS_OF_SIGMA * sigma_px)) ** 2)
         for i in range(UNKNOWNS):
             gradient[i] = 0.0
             for j in range(UNKNOWNS):
@@ -197,7 +202,7 @@ def robust_fit(
         for n in range(count):
             if weight[n] == 0.0:
                 continue
-            w = weight[n] / (sigma_px * sigma_px + shared_px * shared_px * of_feature[samples.feature[n]])
+            w = weight[n] / (sigma_px * sigma_px + shared_px * shared_px * of_feature[samples.feature[n]]) / excess
             for i in range(UNKNOWNS):
                 a = w * rows[n, i]
                 gradient[i] += a * residual[n]

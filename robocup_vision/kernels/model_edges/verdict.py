@@ -25,6 +25,10 @@ from robocup_vision.kernels.model_edges.tables import (
 )
 
 
+# a line so wide is not overlooked
+SURE_PX = 1.0
+
+
 class LineLook(NamedTuple):
     """What counts as a line: its step in blue and red together (grey levels), its width, and rows between read ones."""
 
@@ -55,7 +59,7 @@ def judge(
     """Say of each sample what became of it.
 
     A sample without a candidate speaks against a pose only where plain carpet shows in place of the paint; anything
-    else there may stand before it.
+    else there may stand before it. A line thinner than a pixel is easily overlooked: it speaks against nothing.
 
     Returns
     -------
@@ -81,6 +85,9 @@ def judge(
             seen += 1
             if samples.place[n] != ON_FLOOR:
                 upright += 1
+            continue
+        if samples.kind[n] == RIDGE and samples.width_px[n] < SURE_PX:
+            found.status[n] = HIDDEN
             continue
         # into what should be painted
         into = expected
@@ -223,11 +230,11 @@ def explained(room: Room, number: int, count: int, z: FloatArray, settings: Foll
             for j in range(UNKNOWNS):
                 across -= rows[n, j] * z[j]
             along = dv * nu - du * nv
-            room = gate_px
+            slack = gate_px
             if samples.kind[n] != RIDGE:
-                room += 0.5 * samples.width_px[n]
+                slack += 0.5 * samples.width_px[n]
                 across -= 0.5 * samples.width_px[n]
-            if abs(along) < 1.2 * spacing_px and abs(across) < room:
+            if abs(along) < 1.2 * spacing_px and abs(across) < slack:
                 right += 1
                 break
     return right

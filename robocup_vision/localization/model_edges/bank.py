@@ -36,7 +36,7 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
     rows = np.arange(-half_y + spacing_m / 2, half_y, spacing_m)
     places = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     count = math.ceil(math.tau / heading_step_rad)
-    headings = np.arange(count) * (math.tau / count)
+    headings = np.linspace(0.0, math.tau, count, endpoint=False)
     origin = np.array([-field.length_m / 2 - _MARGIN_M, -field.width_m / 2 - _MARGIN_M])
     shape = (round(-2 * origin[1] / _CELL_M) + 1, round(-2 * origin[0] / _CELL_M) + 1)
     away = np.full(shape, 255, dtype=np.uint8)
