@@ -44,9 +44,9 @@ class FinderSettings:
     # tilts tried about the file's, in standard deviations of the nod
     nods: tuple[float, ...] = (0.0,)
     # the best answer's odds over those of any other place, as a logarithm
-    min_lead: float = 1.5
+    min_lead: float = 2.0
     # and its own odds: no prior speaks for it
-    min_log_odds: float = 1.5
+    min_log_odds: float = 3.5
 
 
 class EdgeFinder:

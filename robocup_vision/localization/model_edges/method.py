@@ -77,7 +77,7 @@ class EdgeMethod:
         if isinstance(answer, NotLocated) and thoroughly and self._has_posts:
             if self._goal is None:
                 self._goal = GoalLocalizer(self.follower.field, self.follower.camera)
-            placed = self._goal.look(frame, None)
+            placed = self._goal.locate_camera(frame, None)
             if not isinstance(placed, NotLocated):
                 estimate = placed.estimate(None)
                 answer = self._finder.judge(frame, estimate.candidates)
