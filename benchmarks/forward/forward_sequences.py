@@ -254,11 +254,11 @@ def main() -> None:
         ):
             all_ok &= ok
             table.row(f"{name} {label}", percent(value / number), number, goal_text, verdict(ok))
-    columns = (
+    found_columns = (
         "cold                  ", "frames", col.rate("right %"), col.count("wrong"), col.time_ratio("x cvtColor"),
         "target", "verdict",
     )  # fmt: skip
-    table = Table(columns, "Found without a prior", name="cold")
+    table = Table(found_columns, "Found without a prior", name="cold")
     for name in ("FL", "SPL"):
         all_ok &= cold(WALKS[name], load_field(WALKS[name].field_name), walks[name][::step], table, name)
     finish(arguments.check, all_ok)

@@ -76,7 +76,7 @@ class Fit(NamedTuple):
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def brightness(carpet: FloatArray) -> float:
     """Light of a picture, relative to that which channels are given for, by its carpet."""
-    return min(max((carpet[0] + carpet[1] + carpet[2]) / CARPET_LIGHT, 0.15), 1.6)
+    return float(min(max((carpet[0] + carpet[1] + carpet[2]) / CARPET_LIGHT, 0.15), 1.6))
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")

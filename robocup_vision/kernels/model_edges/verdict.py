@@ -24,7 +24,6 @@ from robocup_vision.kernels.model_edges.tables import (
     UInt8Array,
 )
 
-
 # a line so wide is not overlooked
 SURE_PX = 1.0
 
