@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.kernels.algebra import cholesky
-from robocup_vision.kernels.goal.profile import CHANNELS, LANES, MEMBERS, OWN, PER_MEMBER, SHARED, TOUCHED, pixel_model
+from robocup_vision.kernels.goal.profile import (
+    CHANNELS,
+    LANES,
+    MEMBERS,
+    OWN,
+    PER_MEMBER,
+    SHARED,
+    TOUCHED,
+    ProfilePixels,
+    ProfileUnknowns,
+    pixel_model,
+)
 
 _MIN_BLUR_PX, _MAX_BLUR_PX = 0.35, 2.0
 _CUT = 2.5  # of Cauchy's weights, in standard deviations
@@ -15,21 +28,279 @@ _CUT_BIAS = 0.79  # weighted mean square over variance of normal noise under the
 _MAX_MOVE_PX = 0.7  # in one step
 _STILL_PX = 0.02
 _ALL = 4 + TOUCHED
+_OF_MEMBER = CHANNELS + PER_MEMBER  # shared unknowns that one segment depends on
+
+
+class ProfilePriors(NamedTuple):
+    """Prior on the unknowns.
+
+    Parameters
+    ----------
+    expected, weight : (SHARED,) float64
+        Of the shared ones: values and inverse variances.
+    move_std_px : float
+        Of the edges' moves.
+    """
+
+    expected: FloatArray
+    weight: FloatArray
+    move_std_px: float
+
+
+class _System(NamedTuple):
+    """Normal equations, the segments' own unknowns apart: own (S, OWN, OWN), mixed, shared, and both right sides.
+
+    `solved` (S, SHARED, OWN) holds the inverse of each segment's own block times its mixed block.
+    """
+
+    own: FloatArray
+    mixed: FloatArray
+    shared: FloatArray
+    right_own: FloatArray
+    right_shared: FloatArray
+    solved: FloatArray
+
+
+class _Noise(NamedTuple):
+    """What the residuals (N, 2) say of the noise.
+
+    Parameters
+    ----------
+    residual : (N, 2) float64
+        Of each pixel and channel.
+    variance, inflation : (2,) float64
+        Of each channel: of single pixels, and how much pixels one behind the other share, as a factor.
+    weights, squares : (2,) float64
+        Sums of weights and of weighted squares.
+    excess, seen : (S, 2) float64
+        Of each side of a segment: squares in units of the variance, and of how many pixels.
+    lanes : (S, LANES) float64
+        Working memory: sums of residuals one behind the other.
+    """
+
+    residual: FloatArray
+    variance: FloatArray
+    inflation: FloatArray
+    weights: FloatArray
+    squares: FloatArray
+    excess: FloatArray
+    seen: FloatArray
+    lanes: FloatArray
+
+
+class _Sums(NamedTuple):
+    """Sums over the pixels of one segment and channel.
+
+    One pixel's derivatives and residual, weighted sums of their products, and the places of the shared and of the own
+    unknowns that they are derivatives by.
+    """
+
+    slopes: FloatArray
+    products: FloatArray
+    shared_at: Int64Array
+    own_at: Int64Array
+
+
+@njit(cache=True, nogil=True)
+def _member_of(segment: int, pieces: int) -> int:
+    """Which member a segment lies on; a foot on its post."""
+    feet_from = MEMBERS * pieces
+    return segment - feet_from if segment >= feet_from else segment // pieces
+
+
+@njit(cache=True, nogil=True)
+def _shared_index(k: int, base: int) -> int:
+    """Place of the k-th shared unknown that a segment depends on: the blurs, then its member's own."""
+    return k if k < CHANNELS else base + k - CHANNELS
+
+
+@njit(cache=True, nogil=True)
+def _start_with_priors(priors: ProfilePriors, unknowns: ProfileUnknowns, system: _System, noise: _Noise) -> None:
+    """Set the normal equations to the priors alone, and the sums of the noise to nothing."""
+    system.shared[:, :] = 0.0
+    for i in range(SHARED):
+        system.shared[i, i] = priors.weight[i]
+        system.right_shared[i] = priors.weight[i] * (priors.expected[i] - unknowns.shared[i])
+    for s in range(unknowns.own.shape[0]):
+        system.own[s] = 0.0
+        system.mixed[s] = 0.0
+        noise.excess[s] = 0.0
+        noise.seen[s] = 1e-9
+        for i in range(OWN):
+            system.own[s, i, i] = priors.move_std_px**-2 if i < 2 else 1e-6
+            system.right_own[s, i] = -system.own[s, i, i] * unknowns.own[s, i]
+    noise.weights[:] = 0.0
+    noise.squares[:] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def _sum_pixels(
+    pixels: ProfilePixels,
+    span: tuple[int, int],
+    unknowns: ProfileUnknowns,
+    segment: tuple[int, int, bool],
+    c: int,
+    is_robust: bool,
+    noise: _Noise,
+    sums: _Sums,
+) -> None:
+    """Sum the products of derivatives over the pixels of one segment (its index, member, whether a foot), channel c."""
+    s, member, is_foot = segment
+    slopes, products = sums.slopes, sums.products
+    products[:, :] = 0.0
+    for n in range(span[0], span[1]):
+        r = pixels.values[n, c] - pixel_model(pixels.places[n], is_foot, c, member, unknowns, s, slopes)
+        noise.residual[n, c] = r
+        scaled = r * r / noise.variance[c]
+        w = 1.0 / (1.0 + scaled / _CUT**2) if is_robust else 1.0
+        noise.weights[c] += w
+        noise.squares[c] += w * r * r
+        side = 0 if is_foot or pixels.places[n, 0] < pixels.places[n, 1] else 1
+        noise.excess[s, side] += min(scaled, 30.0)
+        noise.seen[s, side] += 1.0
+        w /= noise.variance[c] * noise.inflation[c]
+        slopes[_ALL] = r
+        for i in range(_ALL):
+            wi = w * slopes[i]
+            if wi == 0.0:
+                continue  # most pixels are far from one of the two edges
+            for j in range(i, _ALL + 1):
+                products[i, j] += wi * slopes[j]
+
+
+@njit(cache=True, nogil=True)
+def _add_sums(sums: _Sums, s: int, base: int, c: int, system: _System) -> None:
+    """Add the sums of one segment and channel to the normal equations."""
+    products, index, mine = sums.products, sums.shared_at, sums.own_at
+    index[0], index[1], index[2] = c, base, base + 1
+    index[3], index[4] = base + 2 + 2 * c, base + 3 + 2 * c
+    mine[0], mine[1], mine[2], mine[3] = 0, 1, 2 + 2 * c, 3 + 2 * c
+    for i in range(4):
+        system.right_own[s, mine[i]] += products[i, _ALL]
+        for j in range(i + 1):
+            system.own[s, mine[i], mine[j]] += products[j, i]
+        for j in range(TOUCHED):
+            system.mixed[s, mine[i], index[j]] += products[i, 4 + j]
+    for i in range(TOUCHED):
+        system.right_shared[index[i]] += products[4 + i, _ALL]
+        for j in range(i + 1):
+            system.shared[index[i], index[j]] += products[4 + j, 4 + i]
+
+
+@njit(cache=True, nogil=True)
+def _update_noise(pixels: ProfilePixels, is_robust: bool, noise: _Noise) -> None:
+    """Noise of single pixels, and how much of it those one behind the other share, channel by channel."""
+    lanes, residual = noise.lanes, noise.residual
+    for c in range(CHANNELS):
+        square = noise.squares[c] / max(noise.weights[c], 1e-9) / (_CUT_BIAS if is_robust else 1.0)
+        noise.variance[c] = max(0.25, square)
+        lanes[:, :] = 0.0
+        below, above = 1e-9, 0.0
+        for n in range(residual.shape[0]):
+            if residual[n, c] ** 2 < _CUT**2 * noise.variance[c]:
+                lanes[pixels.owner[n], pixels.lane[n]] += residual[n, c]
+                below += residual[n, c] ** 2
+        for s in range(lanes.shape[0]):
+            for k in range(LANES):
+                above += lanes[s, k] ** 2
+        noise.inflation[c] = max(1.0, above / below)
+
+
+@njit(cache=True, nogil=True)
+def _eliminate(first: Int64Array, pieces: int, system: _System) -> bool:
+    """Eliminate the segments' own unknowns, and solve for the shared ones; False where a block is not definite."""
+    solved, right_shared = system.solved, system.right_shared
+    for s in range(first.shape[0] - 1):
+        if first[s] == first[s + 1]:
+            continue
+        if not cholesky.factor(system.own[s], OWN):
+            return False
+        base = CHANNELS + PER_MEMBER * _member_of(s, pieces)
+        for jj in range(_OF_MEMBER):
+            j = _shared_index(jj, base)
+            for i in range(OWN):
+                solved[s, j, i] = system.mixed[s, i, j]
+            cholesky.substitute(system.own[s], OWN, solved[s, j])
+            for i in range(OWN):
+                right_shared[j] -= solved[s, j, i] * system.right_own[s, i]
+            for kk in range(jj + 1):
+                k = _shared_index(kk, base)
+                for i in range(OWN):
+                    system.shared[j, k] -= solved[s, j, i] * system.mixed[s, i, k]
+    if not cholesky.factor(system.shared, SHARED):
+        return False
+    cholesky.substitute(system.shared, SHARED, right_shared)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _step(first: Int64Array, pieces: int, system: _System, unknowns: ProfileUnknowns) -> float:
+    """Move all unknowns by the solution; returns the greatest move that an edge was due, pixels."""
+    farthest = 0.0
+    right_own = system.right_own
+    for s in range(first.shape[0] - 1):
+        if first[s] == first[s + 1]:
+            continue
+        base = CHANNELS + PER_MEMBER * _member_of(s, pieces)
+        cholesky.substitute(system.own[s], OWN, right_own[s])
+        for i in range(OWN):
+            for jj in range(_OF_MEMBER):
+                j = _shared_index(jj, base)
+                right_own[s, i] -= system.solved[s, j, i] * system.right_shared[j]
+            step = right_own[s, i]
+            unknowns.own[s, i] += min(_MAX_MOVE_PX, max(-_MAX_MOVE_PX, step)) if i < 2 else step
+            if i < 2:
+                farthest = max(farthest, abs(step))
+    for i in range(SHARED):
+        unknowns.shared[i] += system.right_shared[i]
+    for c in range(CHANNELS):
+        unknowns.shared[c] = min(_MAX_BLUR_PX, max(_MIN_BLUR_PX, unknowns.shared[c]))
+    return farthest
+
+
+@njit(cache=True, nogil=True)
+def _move_variances(first: Int64Array, pieces: int, system: _System, noise: _Noise, variance: FloatArray) -> None:
+    """Set the variance of each segment's two moves, from the factors of the last step."""
+    unit, back, alone = np.empty(SHARED), np.empty(SHARED), np.empty(OWN)
+    for s in range(first.shape[0] - 1):
+        variance[s, 0] = variance[s, 1] = np.inf
+        if first[s] == first[s + 1]:
+            continue
+        base = CHANNELS + PER_MEMBER * _member_of(s, pieces)
+        for i in range(2):
+            alone[:] = 0.0
+            alone[i] = 1.0
+            cholesky.substitute(system.own[s], OWN, alone)
+            unit[:] = 0.0
+            for jj in range(_OF_MEMBER):
+                j = _shared_index(jj, base)
+                unit[j] = system.solved[s, j, i]
+            back[:] = unit
+            cholesky.substitute(system.shared, SHARED, back)
+            variance[s, i] = alone[i]
+            for j in range(SHARED):
+                variance[s, i] += unit[j] * back[j]
+            variance[s, i] *= max(1.0, noise.excess[s, i] / noise.seen[s, i])
+
+
+@njit(cache=True, nogil=True)
+def _segment_starts(owner: Int64Array, segments: int) -> Int64Array:
+    """First pixel of each segment, and their number (segments + 1,)."""
+    first = np.zeros(segments + 1, np.int64)
+    for n in range(owner.shape[0]):
+        first[owner[n] + 1] += 1
+    for s in range(segments):
+        first[s + 1] += first[s]
+    return first
 
 
 @njit(cache=True, nogil=True)
 def fit_profiles(
-    values: FloatArray,
-    places: FloatArray,
-    owner: Int64Array,
-    lane: Int64Array,
+    pixels: ProfilePixels,
     pieces: int,
-    expected: FloatArray,
-    weight: FloatArray,
-    move_std_px: float,
+    priors: ProfilePriors,
     rounds: int,
-    shared: FloatArray,
-    own: FloatArray,
+    unknowns: ProfileUnknowns,
     variance: FloatArray,
 ) -> bool:
     """Gauss-Newton on all unknowns, the segments' own eliminated first; Cauchy's weights at the noise's own scale.
@@ -39,16 +310,14 @@ def fit_profiles(
 
     Parameters
     ----------
-    values, places, owner, lane, pieces
+    pixels, pieces
         See `gather_profiles`; sorted by owner.
-    expected, weight : (SHARED,) float64
-        Prior on the shared unknowns: values and inverse variances.
-    move_std_px : float
-        Prior on the edges' moves.
+    priors : ProfilePriors
+        On the unknowns.
     rounds : int
         Of Gauss-Newton, at most; the first finds brightness and backgrounds only.
-    shared, own : (SHARED,), (3 * pieces + 2, OWN) float64
-        The unknowns: start (all of `own` and the brightnesses 0) and result.
+    unknowns : ProfileUnknowns
+        Start (all of `own` and the brightnesses 0) and result.
     variance : (3 * pieces + 2, 2) float64
         Result: of the moves, pixels^2; infinite where there is no pixel.
 
@@ -57,148 +326,40 @@ def fit_profiles(
     bool
         False where the fit broke down.
     """
-    count, segments = values.shape[0], own.shape[0]
-    feet_from = MEMBERS * pieces
-    # of one segment and channel: its own four unknowns, the shared ones, the residual; weighted sums of their products
-    slopes, sums = np.empty(_ALL + 1), np.empty((_ALL, _ALL + 1))
-    index, mine = np.empty(TOUCHED, np.int64), np.empty(4, np.int64)
-    a, b = np.empty((segments, OWN, OWN)), np.empty((segments, OWN, SHARED))
-    g, right_g = np.empty((SHARED, SHARED)), np.empty(SHARED)
-    right_a, solved = np.empty((segments, OWN)), np.empty((segments, SHARED, OWN))
-    residual = np.empty((count, CHANNELS))
-    first = np.zeros(segments + 1, np.int64)
-    strange, asked = np.zeros((segments, 2)), np.zeros((segments, 2))
-    lanes = np.empty((segments, LANES))
-    noise2, inflation = np.ones(CHANNELS), np.ones(CHANNELS)
-    for n in range(count):
-        first[owner[n] + 1] += 1
-    for s in range(segments):
-        first[s + 1] += first[s]
+    count, segments = pixels.values.shape[0], unknowns.own.shape[0]
+    sums = _Sums(np.empty(_ALL + 1), np.empty((_ALL, _ALL + 1)), np.empty(TOUCHED, np.int64), np.empty(4, np.int64))
+    system = _System(
+        np.empty((segments, OWN, OWN)),
+        np.empty((segments, OWN, SHARED)),
+        np.empty((SHARED, SHARED)),
+        np.empty((segments, OWN)),
+        np.empty(SHARED),
+        np.empty((segments, SHARED, OWN)),
+    )
+    noise = _Noise(
+        np.empty((count, CHANNELS)),
+        np.ones(CHANNELS),
+        np.ones(CHANNELS),
+        np.zeros(CHANNELS),
+        np.zeros(CHANNELS),
+        np.zeros((segments, 2)),
+        np.zeros((segments, 2)),
+        np.empty((segments, LANES)),
+    )
+    first = _segment_starts(pixels.owner, segments)
     for turn in range(rounds):
-        g[:, :] = 0.0
-        for i in range(SHARED):
-            g[i, i] = weight[i]
-            right_g[i] = weight[i] * (expected[i] - shared[i])
+        _start_with_priors(priors, unknowns, system, noise)
         for s in range(segments):
-            a[s] = 0.0
-            b[s] = 0.0
-            strange[s] = 0.0
-            asked[s] = 1e-9
-            for i in range(OWN):
-                a[s, i, i] = move_std_px**-2 if i < 2 else 1e-6
-                right_a[s, i] = -a[s, i, i] * own[s, i]
-        sum_w, sum_r = np.zeros(CHANNELS), np.zeros(CHANNELS)
-        for s in range(segments):
-            is_foot = s >= feet_from
-            member = s - feet_from if is_foot else s // pieces
-            base = CHANNELS + PER_MEMBER * member
+            segment = (s, _member_of(s, pieces), s >= MEMBERS * pieces)
             for c in range(CHANNELS):
-                sums[:, :] = 0.0
-                for n in range(first[s], first[s + 1]):
-                    r = values[n, c] - pixel_model(places, n, is_foot, c, member, shared, own, s, slopes)
-                    residual[n, c] = r
-                    scaled = r * r / noise2[c]
-                    w = 1.0 / (1.0 + scaled / _CUT**2) if turn > 0 else 1.0
-                    sum_w[c] += w
-                    sum_r[c] += w * r * r
-                    side = 0 if is_foot or places[n, 0] < places[n, 1] else 1
-                    strange[s, side] += min(scaled, 30.0)
-                    asked[s, side] += 1.0
-                    w /= noise2[c] * inflation[c]
-                    slopes[_ALL] = r
-                    for i in range(_ALL):
-                        wi = w * slopes[i]
-                        if wi == 0.0:
-                            continue  # most pixels are far from one of the two edges
-                        for j in range(i, _ALL + 1):
-                            sums[i, j] += wi * slopes[j]
-                index[0], index[1], index[2] = c, base, base + 1
-                index[3], index[4] = base + 2 + 2 * c, base + 3 + 2 * c
-                mine[0], mine[1], mine[2], mine[3] = 0, 1, 2 + 2 * c, 3 + 2 * c
-                for i in range(4):
-                    right_a[s, mine[i]] += sums[i, _ALL]
-                    for j in range(i + 1):
-                        a[s, mine[i], mine[j]] += sums[j, i]
-                    for j in range(TOUCHED):
-                        b[s, mine[i], index[j]] += sums[i, 4 + j]
-                for i in range(TOUCHED):
-                    right_g[index[i]] += sums[4 + i, _ALL]
-                    for j in range(i + 1):
-                        g[index[i], index[j]] += sums[4 + j, 4 + i]
-        for c in range(CHANNELS):
-            noise2[c] = max(0.25, sum_r[c] / max(sum_w[c], 1e-9) / (_CUT_BIAS if turn > 0 else 1.0))
-            lanes[:, :] = 0.0
-            below, above = 1e-9, 0.0
-            for n in range(count):
-                if residual[n, c] ** 2 < _CUT**2 * noise2[c]:
-                    lanes[owner[n], lane[n]] += residual[n, c]
-                    below += residual[n, c] ** 2
-            for s in range(segments):
-                for k in range(LANES):
-                    above += lanes[s, k] ** 2
-            inflation[c] = max(1.0, above / below)
-        for s in range(segments):
-            if first[s] == first[s + 1]:
-                continue
-            if not cholesky.factor(a[s], OWN):
-                return False
-            member = s - feet_from if s >= feet_from else s // pieces
-            base = CHANNELS + PER_MEMBER * member
-            for jj in range(CHANNELS + PER_MEMBER):
-                j = jj if jj < CHANNELS else base + jj - CHANNELS
-                for i in range(OWN):
-                    solved[s, j, i] = b[s, i, j]
-                cholesky.substitute(a[s], OWN, solved[s, j])
-                for i in range(OWN):
-                    right_g[j] -= solved[s, j, i] * right_a[s, i]
-                for kk in range(jj + 1):
-                    k = kk if kk < CHANNELS else base + kk - CHANNELS
-                    for i in range(OWN):
-                        g[j, k] -= solved[s, j, i] * b[s, i, k]
-        if not cholesky.factor(g, SHARED):
+                _sum_pixels(pixels, (first[s], first[s + 1]), unknowns, segment, c, turn > 0, noise, sums)
+                _add_sums(sums, s, CHANNELS + PER_MEMBER * segment[1], c, system)
+        _update_noise(pixels, turn > 0, noise)
+        if not _eliminate(first, pieces, system):
             return False
-        cholesky.substitute(g, SHARED, right_g)
-        farthest = 0.0
-        for s in range(segments):
-            if first[s] == first[s + 1]:
-                continue
-            member = s - feet_from if s >= feet_from else s // pieces
-            base = CHANNELS + PER_MEMBER * member
-            cholesky.substitute(a[s], OWN, right_a[s])
-            for i in range(OWN):
-                for jj in range(CHANNELS + PER_MEMBER):
-                    j = jj if jj < CHANNELS else base + jj - CHANNELS
-                    right_a[s, i] -= solved[s, j, i] * right_g[j]
-                step = right_a[s, i]
-                own[s, i] += min(_MAX_MOVE_PX, max(-_MAX_MOVE_PX, step)) if i < 2 else step
-                if i < 2:
-                    farthest = max(farthest, abs(step))
-        for i in range(SHARED):
-            shared[i] += right_g[i]
-        for c in range(CHANNELS):
-            shared[c] = min(_MAX_BLUR_PX, max(_MIN_BLUR_PX, shared[c]))
+        farthest = _step(first, pieces, system, unknowns)
         # the weights settle with the noise, two rounds after brightness and backgrounds are known
         if turn >= 2 and farthest < _STILL_PX:
             break
-    unit, back, alone = np.empty(SHARED), np.empty(SHARED), np.empty(OWN)
-    for s in range(segments):
-        variance[s, 0] = variance[s, 1] = np.inf
-        if first[s] == first[s + 1]:
-            continue
-        member = s - feet_from if s >= feet_from else s // pieces
-        base = CHANNELS + PER_MEMBER * member
-        for i in range(2):
-            alone[:] = 0.0
-            alone[i] = 1.0
-            cholesky.substitute(a[s], OWN, alone)
-            unit[:] = 0.0
-            for jj in range(CHANNELS + PER_MEMBER):
-                j = jj if jj < CHANNELS else base + jj - CHANNELS
-                unit[j] = solved[s, j, i]
-            back[:] = unit
-            cholesky.substitute(g, SHARED, back)
-            variance[s, i] = alone[i]
-            for j in range(SHARED):
-                variance[s, i] += unit[j] * back[j]
-            variance[s, i] *= max(1.0, strange[s, i] / asked[s, i])
+    _move_variances(first, pieces, system, noise, variance)
     return True

@@ -15,8 +15,20 @@ import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.edges import goal_points
-from robocup_vision.kernels.goal.profile import CHANNELS, MEMBERS, OWN, PER_MEMBER, SHARED, gather_profiles
-from robocup_vision.kernels.goal.profile_fit import fit_profiles
+from robocup_vision.kernels.goal.profile import (
+    CHANNELS,
+    MEMBERS,
+    OWN,
+    PER_MEMBER,
+    SHARED,
+    DueGoal,
+    ProfilePicture,
+    ProfilePixels,
+    ProfileSpread,
+    ProfileUnknowns,
+    gather_profiles,
+)
+from robocup_vision.kernels.goal.profile_fit import ProfilePriors, fit_profiles
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalFit, GoalModel, fit, residuals
 from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES
@@ -94,40 +106,26 @@ def measure_profiles(
     edges, spans, arcs = _predicted(points)
     segments = MEMBERS * _PIECES + 2
     room = _PIECES * _MAX_LINES * (2 * (part.shape[0] + part.shape[1]) // 3) + 400
-    values, places = np.empty((room, CHANNELS)), np.empty((room, 4))
-    owner, lane, middle = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(segments)
-    count = gather_profiles(
-        part,
-        np.array([appearance.towards, _BRIGHTNESS]),
-        shine,
-        edges,
-        spans,
-        arcs,
-        _PIECES,
-        _REACH_PX,
-        _MAX_LINES,
-        values,
-        places,
-        owner,
-        lane,
-        middle,
+    pixels = ProfilePixels(
+        np.empty((room, CHANNELS)),
+        np.empty((room, 4)),
+        np.empty(room, np.int64),
+        np.empty(room, np.int64),
+        np.empty(segments),
+    )
+    picture = ProfilePicture(part, np.array([appearance.towards, _BRIGHTNESS]), shine)
+    count = gather_profiles(picture, DueGoal(edges, spans, arcs), ProfileSpread(_PIECES, _REACH_PX, _MAX_LINES), pixels)
+    if count < SHARED:
+        return None
+    middle = pixels.middle
+    pixels = ProfilePixels(
+        pixels.values[:count], pixels.places[:count], pixels.owner[:count], pixels.lane[:count], middle
     )
     expected, weight = expected_profile()
-    shared, own, variance = expected.copy(), np.zeros((segments, OWN)), np.empty((segments, 2))
-    if count < SHARED or not fit_profiles(
-        values[:count],
-        places[:count],
-        owner[:count],
-        lane[:count],
-        _PIECES,
-        expected,
-        weight,
-        _MOVE_STD_PX,
-        _ROUNDS,
-        shared,
-        own,
-        variance,
-    ):
+    own, variance = np.zeros((segments, OWN)), np.empty((segments, 2))
+    profiles = ProfileUnknowns(expected.copy(), own)
+    priors = ProfilePriors(expected, weight, _MOVE_STD_PX)
+    if not fit_profiles(pixels, _PIECES, priors, _ROUNDS, profiles, variance):
         return None
     variance[np.isnan(variance) | (np.abs(own[:, :2]) > 2 * _MOVE_STD_PX)] = np.inf
     at = middle[: MEMBERS * _PIECES, None]

@@ -7,8 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal.profile import CHANNELS, OWN, SHARED, gather_profiles, normal_share, pixel_model
-from robocup_vision.kernels.goal.profile_fit import fit_profiles
+from robocup_vision.kernels.goal.profile import (
+    CHANNELS,
+    OWN,
+    SHARED,
+    DueGoal,
+    ProfilePicture,
+    ProfilePixels,
+    ProfileSpread,
+    ProfileUnknowns,
+    gather_profiles,
+    normal_share,
+    pixel_model,
+)
+from robocup_vision.kernels.goal.profile_fit import ProfilePriors, fit_profiles
 from robocup_vision.localization.goal.profile import expected_profile
 
 PIECES = 6
@@ -55,7 +67,7 @@ def test_the_model_is_the_blurred_paint(seed):
     width, channel, member = rng.uniform(2.0, 20.0), int(rng.integers(2)), int(rng.integers(3))
     inside = rng.uniform(-3, width + 3)
     place = np.array([inside, width - inside, 0.0, rng.uniform(-1, 1)])
-    got = pixel_model(place[None], 0, False, channel, member, shared, own[None], 0, np.empty(9))
+    got = pixel_model(place, False, channel, member, ProfileUnknowns(shared, own[None]), 0, np.empty(9))
     assert got == pytest.approx(integrated(place[0], place[1], place[3], channel, member, shared, own), abs=0.05)
 
 
@@ -70,9 +82,9 @@ def test_slopes_of_own_unknowns_and_brightness_are_differences(seed, is_foot):
     slopes = np.empty(9)
 
     def model(s, o):
-        return pixel_model(place[None], 0, is_foot, 1, 0, s, o[None], 0, np.empty(9))
+        return pixel_model(place, is_foot, 1, 0, ProfileUnknowns(s, o[None]), 0, np.empty(9))
 
-    pixel_model(place[None], 0, is_foot, 1, 0, shared, own[None], 0, slopes)
+    pixel_model(place, is_foot, 1, 0, ProfileUnknowns(shared, own[None]), 0, slopes)
     for k, i in enumerate((0, 1, 4, 5)):
         step = np.zeros(OWN)
         step[i] = 1e-5
@@ -115,12 +127,14 @@ def fitted(image, lit, left=20.0, width=7.2, slope=0.02):
     arcs = np.array([[60.0, 0, 0], [61.0, 0, 0]])
     values, places = np.empty((9000, 2)), np.empty((9000, 4))
     owner, lane, middle = np.empty(9000, np.int64), np.empty(9000, np.int64), np.empty(SEGMENTS)
-    n = gather_profiles(image, np.eye(2), lit, edges, spans, arcs, PIECES, 3.0, 5, values, places, owner, lane, middle)
+    picture, due = ProfilePicture(image, np.eye(2), lit), DueGoal(edges, spans, arcs)
+    room = ProfilePixels(values, places, owner, lane, middle)
+    n = gather_profiles(picture, due, ProfileSpread(PIECES, 3.0, 5), room)
     expected, weight = expected_profile()
     shared, own, variance = expected.copy(), np.zeros((SEGMENTS, OWN)), np.empty((SEGMENTS, 2))
-    assert fit_profiles(
-        values[:n], places[:n], owner[:n], lane[:n], PIECES, expected, weight, 1.0, 6, shared, own, variance
-    )
+    pixels = ProfilePixels(values[:n], places[:n], owner[:n], lane[:n], middle)
+    priors = ProfilePriors(expected, weight, 1.0)
+    assert fit_profiles(pixels, PIECES, priors, 6, ProfileUnknowns(shared, own), variance)
     return shared, own, variance, middle
 
 
