@@ -1,4 +1,4 @@
-"""How a robot moves, told from what its camera shows alone: without wheels, and with wheels that slip.
+"""How a robot moves, estimated from what its camera shows alone: without wheels, and with wheels that slip.
 
 Each frame's floor edge is compared with those of earlier frames. The simulator plays the robot: a mirror camera's
 frames and the wheels' odometry are all that the code gets; the true pose is read for the comparison only.
@@ -7,7 +7,7 @@ frames and the wheels' odometry are all that the code gets; the true pose is rea
 import numpy as np
 
 from field_models import load_field
-from robocup_vision import Pose2, Vision
+from robocup_vision import Memory, Pose2, Vision
 from robocup_vision.mapping import ViewMotion
 from sim2d.match.arena import Arena
 from sim2d.robot_link import Command
@@ -16,7 +16,8 @@ SPINNING = 1.1  # the wheels report a tenth more than the robot drives
 
 field = load_field("ssl_2001")
 arena = Arena(field, players=2, seed=5)
-vision = Vision(field, arena.camera)
+memory = Memory(field, ego_motion=ViewMotion())  # goes from frame to frame by the views
+vision = Vision(field, arena.camera, memory=memory)
 without_wheels, with_wheels = ViewMotion(), ViewMotion()
 reported = Pose2(0.0, 0.0, 0.0)
 start = None
@@ -34,6 +35,8 @@ for period in range(90):
     if period % 30 == 29:
         moved = start.inverse().compose(truth)
         print(f"{senses.t_s:.1f} s: really at {moved.x_m:+.3f} m, {moved.y_m:+.3f} m from the start")
+        off_m, _ = view.belief.pose.pose.error_to(truth)
+        print(f"    its pose in the field, estimated without odometry: off by {1000 * off_m:.1f} mm")
         for name, pose in (("views alone", seen.pose), ("wheels alone", reported), ("both", fused.pose)):
             off_m, off_rad = pose.error_to(moved)
             print(f"    {name:12} off by {1000 * off_m:5.1f} mm, {np.degrees(off_rad):4.1f} deg")

@@ -6,6 +6,7 @@ masked from the map, and both are told from the pose that is believed, not from 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,11 +20,13 @@ from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors
+from robocup_vision.mapping.view_motion import ViewMotion
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
 from robocup_vision.view import View
 
 _FLOOR = "floor"
-# a return's range as a mirror camera of the small-size league tells it (metres, share), and how far one is told apart
+_NO_TIME = "memory needs to know when a frame was taken: hand t_s to look"
+# a return's range as a mirror camera of the small-size league measures it (metres, ratio), and to which range
 _RANGE_STD, _LONGEST_M = (0.01, 0.05), 1.3
 # tracks are masked with this much around them: a robot's place is known no better
 _MASK_MARGIN_M = 0.05
@@ -46,6 +49,9 @@ class Memory:
         Remembers the free floor, by the sensor ``floor`` of its models. None: no map is kept.
     object_radius_m : float, optional
         Of the robots that move on the field; default: as its league's are.
+    ego_motion : ViewMotion, optional
+        Estimates the motion between the views of a mirror camera: the odometry where none is handed over, and fused
+        with it where it is, as wheels may slip. Frames must then come in the order they were taken in.
 
     Raises
     ------
@@ -67,11 +73,16 @@ class Memory:
         objects: MovingObjects | None = None,
         free_map: FreeSpaceMap | None = None,
         object_radius_m: float | None = None,
+        ego_motion: ViewMotion | None = None,
     ) -> None:
         if free_map is not None and _FLOOR not in free_map.sensors:
             raise ArgumentError(f"the map needs a sensor {_FLOOR!r}, it has {', '.join(free_map.sensors)}")
         self.poses = poses or PoseFilter()
         self.objects, self.free_map = objects, free_map
+        self.ego_motion = ego_motion
+        # odometry handed over since the last view; None: none was
+        self._since_view: Pose2 | None = None
+        self._predicted_s = -math.inf
         self._radius_m = field.robot_radius_m if object_radius_m is None else object_radius_m
         self._detector = None
         if objects is not None:
@@ -89,6 +100,43 @@ class Memory:
     def predict(self, odometry: Pose2, t_s: float) -> None:
         """Move the belief: `PoseFilter.predict`."""
         self.poses.predict(odometry, t_s)
+        if self.ego_motion is not None:
+            self._predicted_s = t_s
+            self._since_view = odometry if self._since_view is None else self._since_view.compose(odometry)
+
+    def predict_by_view(self, view: View, odometry: Pose2 | None = None) -> None:
+        """Move the belief to a view by the motion that `ego_motion` finds in it.
+
+        Parameters
+        ----------
+        view : View
+            Of a mirror camera, with the time it was taken; later than the view before and the last `predict`.
+        odometry : Pose2, optional
+            The robot's motion since the last `predict` or view, in its frame then.
+
+        Raises
+        ------
+        ArgumentError
+            There is no `ego_motion`, or the view has no time, runs backwards or is no mirror camera's.
+        """
+        t_s = view.t_s
+        if t_s is None:
+            raise ArgumentError(_NO_TIME)
+        if self.ego_motion is None:
+            raise ArgumentError(
+                "predict_by_view needs a memory with ego_motion: Memory(field, ego_motion=ViewMotion())"
+            )
+        if t_s < self._predicted_s:
+            raise ArgumentError(
+                "with ego_motion no frame may be older than the last predict:"
+                f" got {t_s!r} s after {self._predicted_s!r} s"
+            )
+        before = self._since_view
+        reported = odometry if before is None else before if odometry is None else before.compose(odometry)
+        motion = self.ego_motion.update(view, reported).motion
+        # a part of it the belief has moved already, by `predict`
+        self.poses.predict(motion if before is None else before.inverse().compose(motion), t_s)
+        self._since_view = None
 
     def prior(self, t_s: float) -> Pose2 | None:
         """Where the robot was at a time, to look at a frame of then: `PoseFilter.prior`."""
@@ -113,7 +161,7 @@ class Memory:
         """
         t_s = view.t_s
         if t_s is None:
-            raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
+            raise ArgumentError(_NO_TIME)
         self.poses.update(view.pose if view.measurement is None else view.measurement, t_s)
         if self.objects is not None or self.free_map is not None:
             self._update_surroundings(view, t_s)
@@ -130,6 +178,9 @@ class Memory:
     def forget(self) -> None:
         """Forget everything: the next frame founds a new belief."""
         self.poses.forget()
+        if self.ego_motion is not None:
+            self.ego_motion.forget()
+        self._since_view, self._predicted_s = None, -math.inf
         self._forget_surroundings()
 
     def _update_surroundings(self, view: View, t_s: float) -> None:

@@ -68,13 +68,13 @@ class Vision:
         is then the one now in use, and `online.state` tells how far it has moved.
     memory : Memory, optional
         Joins what the frames show: `view.belief` is then what is believed over time, and its pose the prior of the next
-        frame. Frames need `t_s`, and the robot's `odometry` between them.
+        frame. Frames need `t_s`, and the robot's `odometry` between them, or a memory with `ego_motion`.
 
     Raises
     ------
     ArgumentError
-        If the mask's size is not the camera's, the method does not fit the field or the camera, or `online` was made
-        for another camera.
+        If the mask's size is not the camera's, the method does not fit the field or the camera, `online` was made for
+        another camera, or the memory's `ego_motion` is to serve a pinhole camera.
     """
 
     def __init__(
@@ -92,6 +92,8 @@ class Vision:
     ) -> None:
         if online is not None and online.camera is not camera:
             raise ArgumentError("online must be made for this very camera, which must be a mirror camera")
+        if memory is not None and memory.ego_motion is not None and isinstance(camera, PinholeCamera):
+            raise ArgumentError("the memory's ego_motion needs a mirror camera, which sees all around")
         self._online = online
         self._memory = memory
         chosen = choose_method(camera, method)
@@ -178,11 +180,18 @@ class Vision:
     ) -> View:
         if t_s is None:
             raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
-        if odometry is not None:
+        by_view = memory.ego_motion is not None
+        if odometry is not None and not by_view:
             memory.predict(odometry, t_s)
-        if prior is None:
-            prior = memory.prior_estimate(t_s) if self._takes_covariance else memory.prior(t_s)
+        if prior is None and self._takes_covariance:
+            prior = memory.prior_estimate(t_s)
+        elif prior is None:
+            before = memory.prior(t_s)
+            # the motion by views is known after the look only: until then odometry is what is expected
+            prior = before.compose(odometry) if by_view and before is not None and odometry is not None else before
         view = self._look(frame, t_s, odometry, prior, pan_rad)
+        if by_view:
+            memory.predict_by_view(view, odometry)
         return replace(view, belief=memory.update(view))
 
     def predict(self, odometry: Pose2, t_s: float) -> None:

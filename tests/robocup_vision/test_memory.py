@@ -2,13 +2,17 @@
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from field_models.errors import ArgumentError
+from robocup_vision.camera.files import load_camera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.pose_filter import PoseFilter
+from robocup_vision.mapping import ViewMotion
 from robocup_vision.mapping.occupancy import FREE, NO_GO, FreeSpaceMap
 from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.memory import Memory
@@ -18,6 +22,7 @@ from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.world import World
 
 _NOWHERE = Pose2(0.0, 0.0, 0.0)
+ROOT = Path(__file__).parents[2]
 
 
 def drive(vision, eye, world, periods, commands=None, after=None):
@@ -146,3 +151,77 @@ def test_an_estimate_seen_from_a_mount_and_back_is_itself():
     np.testing.assert_allclose(back.covariance, cov, atol=1e-12)
     for one, other in zip(back.candidates, estimate.candidates, strict=True):
         assert one.error_to(other) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+class BlindAfter(PoseFilter):
+    """Takes the first poses only: from then on the belief goes by the motion alone."""
+
+    taken = 0
+
+    def update(self, estimate, t_s):
+        """Take a pose, or leave it."""
+        self.taken += 1
+        if self.taken <= 6:
+            super().update(estimate, t_s)
+
+
+def blind_drive(field, camera, eye, world, ego_motion, slip=None, steps=1):
+    """Return how far off the belief is after a drive; `slip`: of the wheels, None without wheels."""
+    memory = Memory(field, poses=BlindAfter(), ego_motion=ego_motion)
+    vision = Vision(field, camera, memory=memory)
+    world.place(0, Pose2(-0.5, -0.2, 0.2))
+    for _ in range(30):
+        state, moved = world.state, None
+        if slip is not None:
+            o = world.odometry(0)
+            moved = Pose2(slip * o.x_m, slip * o.y_m, slip * o.theta_rad)
+            if steps == 2:
+                vision.predict(moved, state.t_s)
+                moved = None
+        view = vision.look(np.array(eye.render(state, 0)), state.t_s, moved)
+        truth = world.state.robots[0].pose
+        world.step({0: Command(0.4, 0.1, 0.6)})
+    assert truth.error_to(Pose2(-0.5, -0.2, 0.2))[0] > 0.2
+    return view.belief.pose.pose.error_to(truth)[0]
+
+
+def test_a_drive_without_odometry_keeps_its_pose_by_ego_motion(ssl_field, paper_camera, eye, world):
+    assert blind_drive(ssl_field, paper_camera, eye, world, ViewMotion()) < 0.04
+
+
+def test_a_drive_without_odometry_and_ego_motion_loses_its_pose(ssl_field, paper_camera, eye, world):
+    assert blind_drive(ssl_field, paper_camera, eye, world, None) > 0.1
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_ego_motion_corrects_wheels_that_slip(ssl_field, paper_camera, eye, world, steps):
+    """Whether odometry comes with the frame, or at a control step before it."""
+    alone, fused = (
+        blind_drive(ssl_field, paper_camera, eye, world, ego_motion, 1.1, steps) for ego_motion in (None, ViewMotion())
+    )
+    assert fused < 0.5 * alone
+
+
+def test_forgetting_begins_the_ego_motion_anew(ssl_field, paper_camera, eye, world):
+    memory = Memory(ssl_field, ego_motion=ViewMotion())
+    vision = Vision(ssl_field, paper_camera, memory=memory)
+    frame = np.array(eye.render(world.state, 0))
+    vision.look(frame, 1.0)
+    with pytest.raises(ArgumentError, match="later than that of the view before"):
+        vision.look(frame, 0.5)
+    vision.predict(_NOWHERE, 2.0)
+    with pytest.raises(ArgumentError, match=r"no frame may be older than the last predict: got 1\.5 s after 2\.0 s"):
+        vision.look(frame, 1.5)
+    vision.forget()
+    assert vision.look(frame, 0.5).belief.pose
+
+
+def test_ego_motion_needs_a_mirror_camera_and_predictions_by_view_need_ego_motion(ssl_field, paper_camera, eye, world):
+    camera = load_camera(ROOT / "images" / "goal_four_legged" / "camera.toml")
+    with pytest.raises(ArgumentError, match="ego_motion needs a mirror camera"):
+        Vision(ssl_field, camera, memory=Memory(ssl_field, ego_motion=ViewMotion()))
+    view = drive(Vision(ssl_field, paper_camera), eye, world, 1)
+    with pytest.raises(ArgumentError, match="needs a memory with ego_motion"):
+        Memory(ssl_field).predict_by_view(view)
+    with pytest.raises(ArgumentError, match="hand t_s to look"):
+        Memory(ssl_field, ego_motion=ViewMotion()).predict_by_view(dataclasses.replace(view, t_s=None))
