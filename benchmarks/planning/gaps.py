@@ -1,6 +1,6 @@
 """Gaps that may be too narrow: when to go round, to go through, and whence to look first.
 
-The gate problem (Miura 2004, section 5): robot, gap, goal and detour are drawn, with what is believed of the width; the
+The gate problem (Miura 2004, section 5): robot, gap, target and detour are drawn, and the belief of the width; the
 true width is drawn from that belief. The plan by branch and bound against all plans (plain NumPy, the whole tree), and
 against three simple ones: the detour at once; one look from the start; one look from before the gap; after the look the
 gap if it is confirmed, else the detour. Expected times are the model's; driven times come from drawn widths and
@@ -57,7 +57,7 @@ class Case:
     needed_m: float
     robot_m: Point
     gap: Gap
-    goal_m: Point
+    target_m: Point
     detour_m: tuple[Point, ...]
 
     @property
@@ -75,7 +75,7 @@ class Case:
 
     def tables(self, gap: Gap, robot_m: Point) -> GateTables:
         """Return the problem in numbers."""
-        return self.planner.tables(robot_m, gap, self.goal_m, self.detour_m)
+        return self.planner.tables(robot_m, gap, self.target_m, self.detour_m)
 
 
 def draw_case(rng: np.random.Generator) -> Case:
@@ -150,7 +150,7 @@ def driven_s(case: Case, rng: np.random.Generator) -> tuple[float, float, float,
         simple.append(float(start.move_s[0, place]) + LOOK_S + end_s(start, place, confirmed))
     gap, place_m, ours = case.gap, case.robot_m, 0.0
     while True:
-        plan = case.planner.plan(place_m, gap, case.goal_m, case.detour_m)
+        plan = case.planner.plan(place_m, gap, case.target_m, case.detour_m)
         if plan.viewpoint_m is None:
             return ours + end_s(case.tables(gap, place_m), 0, plan.action == "pass"), simple[0], simple[1], simple[2]
         ours += case.limits.travel_s(math.dist(place_m, plan.viewpoint_m)) + LOOK_S
@@ -162,7 +162,7 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
     """Print the tables of the gate problem; whether all of its rows are ok."""
     rng = np.random.default_rng([seed, 4])
     cases = [draw_case(rng) for _ in range(count)]
-    cases[0].planner.plan((0.0, 0.0), cases[0].gap, cases[0].goal_m, cases[0].detour_m)
+    cases[0].planner.plan((0.0, 0.0), cases[0].gap, cases[0].target_m, cases[0].detour_m)
     plans, seconds = [], []
     for case in cases:
         planner = case.planner
@@ -170,7 +170,7 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
         # the better of two: what else the machine does is not the plan's time
         for _ in range(2):
             started = time.perf_counter()
-            plan = planner.plan(case.robot_m, case.gap, case.goal_m, case.detour_m)
+            plan = planner.plan(case.robot_m, case.gap, case.target_m, case.detour_m)
             taken = min(taken, time.perf_counter() - started)
         plans.append(plan)
         seconds.append(taken)

@@ -1,4 +1,4 @@
-"""From free floor, velocity and goal direction to a safe motion command."""
+"""From free floor, velocity and target direction to a safe motion command."""
 
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand

@@ -142,7 +142,7 @@ class Wayfinder:
         self._views = 0
         # next turn, cells, and the way's direction after it; None: straight to the target
         self._turn: tuple[float, float, float] | None = None
-        self._goal = (math.inf, math.inf)
+        self._target = (math.inf, math.inf)
         self._is_due = True
 
     def update(self, free_space: FreeRanges, motion: Pose2) -> None:
@@ -206,11 +206,14 @@ class Wayfinder:
                 f"got {target_bearing_rad!r}, {target_distance_m!r}"
             )
         is_new = self._is_due
-        goal = self._in_grid(target_bearing_rad, target_distance_m)
+        target = self._in_grid(target_bearing_rad, target_distance_m)
         # a robot's radius is how far a target moves before it is another one
-        if is_new or math.hypot(goal[0] - self._goal[0], goal[1] - self._goal[1]) > 1.0 / self._settings.cell_ratio:
-            self._goal = goal
-            self._find(goal)
+        if (
+            is_new
+            or math.hypot(target[0] - self._target[0], target[1] - self._target[1]) > 1.0 / self._settings.cell_ratio
+        ):
+            self._target = target
+            self._find(target)
             self._is_due = False
         if self._turn is None:
             bearing, distance_m = target_bearing_rad, target_distance_m
@@ -242,9 +245,9 @@ class Wayfinder:
                 far = min(far, ((self._size - 2 if unit > 0.0 else 1) - place) / unit)
         return self._x + far * unit_x, self._y + far * unit_y
 
-    def _find(self, goal_cell: tuple[float, float]) -> None:
+    def _find(self, target_cell: tuple[float, float]) -> None:
         size, radius = self._size, 1.0 / self._settings.cell_ratio
-        goal_x, goal_y = goal_cell
+        target_x, target_y = target_cell
         way_grid.split_blocked(
             self._state, self._seen_from, self._settings.sure_ratio * self._reach, self._open_any, self._open_sure
         )
@@ -256,14 +259,14 @@ class Wayfinder:
         way_grid.price_cells(away_any, away_sure, self._tried, radius, spare, soft, self._price)
         self._turn = None
         start = int(self._y + 0.5) * size + int(self._x + 0.5)
-        goal = int(goal_y + 0.5) * size + int(goal_x + 0.5)
-        if start == goal or way_grid.dearest_between(self._price, self._x, self._y, goal_x, goal_y) <= 1.0:
+        target = int(target_y + 0.5) * size + int(target_x + 0.5)
+        if start == target or way_grid.dearest_between(self._price, self._x, self._y, target_x, target_y) <= 1.0:
             return
-        way_grid.find_way(self._price, start, goal, self._come_from, self._cost)
+        way_grid.find_way(self._price, start, target, self._come_from, self._cost)
         turn, after = way_grid.straight_part(
-            self._price, self._come_from, start, goal, self._x, self._y, round(2.0 * radius)
+            self._price, self._come_from, start, target, self._x, self._y, round(2.0 * radius)
         )
-        if turn != goal:
+        if turn != target:
             x, y = turn % size, turn // size
             self._turn = (x, y, math.atan2(after // size - y, after % size - x))
 
@@ -284,4 +287,4 @@ class Wayfinder:
         if self._turn is not None:
             x, y, after = self._turn
             self._turn = (x - by_x, y - by_y, after)
-        self._goal = (self._goal[0] - by_x, self._goal[1] - by_y)
+        self._target = (self._target[0] - by_x, self._target[1] - by_y)

@@ -200,14 +200,14 @@ def _drop_least(keys: FloatArray, cells: Int32Array, count: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def find_way(price: Float32Array, start: int, goal: int, come_from: Int32Array, cost: Float32Array) -> None:
-    """Find the cheapest way between two cells by A*; from the goal, `come_from` leads back along it.
+def find_way(price: Float32Array, start: int, target: int, come_from: Int32Array, cost: Float32Array) -> None:
+    """Find the cheapest way between two cells by A*; from the target, `come_from` leads back along it.
 
     Parameters
     ----------
     price : (N, N) float32
         Of crossing each cell, at least 1; steps go to the eight neighbours.
-    start, goal : int
+    start, target : int
         Flat indices.
     come_from : (N * N,) int32, written
         The cell before each one on its way from the start.
@@ -220,17 +220,17 @@ def find_way(price: Float32Array, start: int, goal: int, come_from: Int32Array, 
     # a cell is entered from its eight neighbours at most
     keys = np.empty(8 * size * size)
     cells = np.empty(8 * size * size, np.int32)
-    goal_y, goal_x = goal // size, goal % size
+    target_y, target_x = target // size, target % size
     cost[start] = 0.0
     come_from[start] = start
     count = _push(keys, cells, 0, 0.0, start)
     while count > 0:
         key, cell = keys[0], cells[0]
         count = _drop_least(keys, cells, count)
-        if cell == goal:
+        if cell == target:
             return
         y, x = cell // size, cell % size
-        dx, dy = abs(x - goal_x), abs(y - goal_y)
+        dx, dy = abs(x - target_x), abs(y - target_y)
         if cell != start and key > cost[cell] + max(dx, dy) + (_DIAGONAL - 1.0) * min(dx, dy) + 1e-3:
             continue
         for step_y in range(-1, 2):
@@ -244,7 +244,7 @@ def find_way(price: Float32Array, start: int, goal: int, come_from: Int32Array, 
                 if paid < cost[other] - 1e-4:
                     cost[other] = paid
                     come_from[other] = cell
-                    dx, dy = abs(other_x - goal_x), abs(other_y - goal_y)
+                    dx, dy = abs(other_x - target_x), abs(other_y - target_y)
                     left = max(dx, dy) + (_DIAGONAL - 1.0) * min(dx, dy)
                     count = _push(keys, cells, count, paid + left, other)
 
@@ -265,7 +265,7 @@ def dearest_between(price: Float32Array, x0: float, y0: float, x1: float, y1: fl
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def straight_part(
-    price: Float32Array, come_from: Int32Array, start: int, goal: int, robot_x: float, robot_y: float, beyond: int
+    price: Float32Array, come_from: Int32Array, start: int, target: int, robot_x: float, robot_y: float, beyond: int
 ) -> tuple[int, int]:
     """Return the last cell of a way that can be reached straight, and the one so many cells beyond it.
 
@@ -273,12 +273,12 @@ def straight_part(
     """
     size = price.shape[0]
     length = 1
-    cell = goal
+    cell = target
     while cell != start:
         cell = come_from[cell]
         length += 1
     way = np.empty(length, np.int32)
-    cell = goal
+    cell = target
     for k in range(length - 1, -1, -1):
         way[k] = cell
         cell = come_from[cell]

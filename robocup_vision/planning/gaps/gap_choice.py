@@ -81,7 +81,7 @@ class PassageTimes:
         gap : Gap
             As believed.
         way_m : float
-            Length of the way through it to the goal.
+            Length of the way through it to the target.
         blocked_s : float
             What it takes in all if the gap turns out to have no safe speed: there, back, and another way.
         """
@@ -143,7 +143,7 @@ class GapChoice:
     index : int
         Of the gap, in the order given.
     expected_s : tuple of float
-        Expected time to the goal by each.
+        Expected time to the target by each.
     reason : str
         In words.
     """

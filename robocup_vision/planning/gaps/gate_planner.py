@@ -38,7 +38,7 @@ class GatePlan:
     viewpoint_m : (float, float) or None
         Whence to look; None unless that is the action.
     expected_s : float
-        Expected time to the goal.
+        Expected time to the target.
     detour_s, look_now_s, go_and_look_s : float
         The same for simpler plans: the detour at once; one look from here, and one from before the gap, each followed
         by the better of gap, if confirmed, and detour.
@@ -202,10 +202,10 @@ class GatePlanner:
         """Return the problem in numbers; parameters as those of `plan`."""
         from scipy.special import ndtr
 
-        robot, goal, center = (np.array(p, dtype=np.float64) for p in (robot_m, target_m, gap.center_m))
+        robot, target, center = (np.array(p, dtype=np.float64) for p in (robot_m, target_m, gap.center_m))
         way = np.array(detour_m, dtype=np.float64).reshape(-1, 2)
-        if not (np.isfinite([robot, goal, center]).all() and np.isfinite(way).all()):
-            raise ArgumentError("robot, goal, gap and detour must be finite")
+        if not (np.isfinite([robot, target, center]).all() and np.isfinite(way).all()):
+            raise ArgumentError("robot, target, gap and detour must be finite")
         if not len(way):
             raise ArgumentError("detour_m must have at least one point")
         # right before the gap, on the robot's side
@@ -219,8 +219,8 @@ class GatePlanner:
         to_gap = np.hypot(*(places - center).T)
         to_way = np.hypot(*(places - way[0]).T)
         # from the detour's first point on, from the gap on, and from the gap back into the detour
-        after_way = _length(np.vstack([way, goal]))
-        after_gap = float(np.hypot(*(goal - center)))
+        after_way = _length(np.vstack([way, target]))
+        after_gap = float(np.hypot(*(target - center)))
         back = float(np.hypot(*(way[0] - center))) + after_way
         travel = self._limits.travel_s
         pass_s, detour_s = (

@@ -112,14 +112,14 @@ class SelectiveLook:
         free, no_go : (N, M) bool
             Cells known to be free, and known to be blocked; all others are undecided. First index along x.
         corner_m : (float, float)
-            Lowest corner of cell (0, 0), in the frame of robot and goal.
+            Lowest corner of cell (0, 0), in the frame of robot and target.
         robot_m, target_m : (float, float)
             Where the robot's middle is, and where it shall be; both on the map.
 
         Raises
         ------
         ArgumentError
-            The grids differ in size, overlap, or robot or goal is not on them.
+            The grids differ in size, overlap, or robot or target is not on them.
         """
         if free.ndim != 2 or free.shape != no_go.shape:
             raise ArgumentError(f"free and no_go must be grids of one size, got {free.shape} and {no_go.shape}")
@@ -160,7 +160,7 @@ class SelectiveLook:
     ) -> tuple[int, int]:
         i, j = (math.floor((p - c) / self._cell_m) for p, c in zip(place_m, corner_m, strict=True))
         if not (0 <= i < shape[0] and 0 <= j < shape[1]):
-            raise ArgumentError(f"robot and goal must be on the map, got {place_m}")
+            raise ArgumentError(f"robot and target must be on the map, got {place_m}")
         return i, j
 
     def _given_up(self, robot_m: tuple[float, float], corner: FloatArray, shape: tuple[int, ...]) -> BoolArray:

@@ -170,8 +170,8 @@ def test_line_of_sight() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"robot_m": (-0.1, 1.0)}, "robot and goal must be on the map"),
-        ({"target_m": (4.0, 1.0)}, "robot and goal must be on the map"),
+        ({"robot_m": (-0.1, 1.0)}, "robot and target must be on the map"),
+        ({"target_m": (4.0, 1.0)}, "robot and target must be on the map"),
         ({"free": np.ones((3, 3), bool)}, r"grids of one size, got \(3, 3\) and \(40, 20\)"),
         ({"no_go": np.ones(SHAPE, bool)}, "cannot be both free and blocked"),
     ],
