@@ -17,12 +17,27 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.goal.colors import MirrorProjection, vote_goal_colors
 from robocup_vision.perception.color_table import Colors
 
-# votes of one side that decide, and how far they must outnumber the other's
-_MIN_VOTES = 4
-_MAJORITY = 2
-# difference in (B - R)/(B + G + R) from which two goals count as differently coloured
-_MIN_HUE_DIFFERENCE = 0.2
-_TABLE_SIZE = 1024
+
+@dataclass(frozen=True, slots=True)
+class GoalSideSettings:
+    """When the goals' colours decide which half it is.
+
+    Parameters
+    ----------
+    min_votes : int
+        Votes of one side that decide: fewer may be clutter.
+    majority : float
+        How far they must outnumber the other side's: then clutter alone hardly turns the field.
+    min_hue_difference : float
+        Difference in (B - R)/(B + G + R) from which two goals count as differently coloured.
+    table_size : int
+        Image radii tabulated over inverse range: so many that their steps stay below a pixel.
+    """
+
+    min_votes: int = 4
+    majority: float = 2
+    min_hue_difference: float = 0.2
+    table_size: int = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +52,14 @@ class GoalSide:
         Its height must be known, since goals are upright.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
+    settings : GoalSideSettings, optional
+        When the colours decide.
     """
 
     field: Field
     camera: OmniCamera
     mask: npt.NDArray[np.uint8] | None = None
+    settings: GoalSideSettings = GoalSideSettings()
 
     @cached_property
     def is_able(self) -> bool:
@@ -63,7 +81,7 @@ class GoalSide:
     @cached_property
     def _radius_of_q(self) -> tuple[float, FloatArray]:
         inner = self.camera.usable_radius_px[0]
-        q = np.linspace(0.0, float(self.camera.floor_range.inverse_range_per_m(inner)), _TABLE_SIZE)
+        q = np.linspace(0.0, float(self.camera.floor_range.inverse_range_per_m(inner)), self.settings.table_size)
         # zero lies inside the usable radius: what a curve does not reach is not looked at
         return float(q[1]), np.nan_to_num(self.camera.floor_range.radius_px(q))
 
@@ -109,7 +127,8 @@ class GoalSide:
             With a single candidate if the goals decide, else with both.
         """
         right, wrong = self._vote(frame, estimate.pose, colors) if self.is_able else (0, 0)
-        if max(right, wrong) >= _MIN_VOTES and max(right, wrong) >= _MAJORITY * min(right, wrong):
+        most = max(right, wrong)
+        if most >= self.settings.min_votes and most >= self.settings.majority * min(right, wrong):
             better = estimate if right > wrong else estimate.half_turn()
             return PoseEstimate(better.pose, better.covariance, better.inlier_share, better.residual_px)
         if prior is not None:
@@ -120,7 +139,7 @@ class GoalSide:
 
     def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> tuple[int, int]:
         hues = colors.goal_hues
-        if abs(hues[0] - hues[1]) < _MIN_HUE_DIFFERENCE:
+        if abs(hues[0] - hues[1]) < self.settings.min_hue_difference:
             return 0, 0
         right, wrong = vote_goal_colors(frame, pose.array, *self._points, self._projection, hues, self._hidden)
         return int(right), int(wrong)

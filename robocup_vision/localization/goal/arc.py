@@ -17,12 +17,33 @@ from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
 
-# of the cost, in chi-square, up to which the arc is followed
-_RISE = 12.0
-_FARTHEST_RAD = 1.2
-# from one camera to the next: of what the best fit leaves open, then ever wider, up to a place's own lines' distance
-_STEP_STDS, _GROWTH, _WIDEST_M = 0.5, 1.2, 0.25
+# scale of the robust loss in each iteration, pixels: samples on an arc are good already
 _SCALES, _CONSTRAINED_SCALES = np.full(4, 0.3), np.full(3, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class ArcSettings:
+    """How far and how finely an arc is followed.
+
+    Parameters
+    ----------
+    max_rise : float
+        Of the cost, chi-square, up to which it is followed: beyond, a camera has no weight left.
+    max_turn_rad : float
+        About the goal's middle: farther round the goal is seen too obliquely.
+    first_step_stds : float
+        From the best camera to the next, in standard deviations of the place: fine where the cost is lowest.
+    growth : float
+        Of each step over the one before: an arc that goes on is wide and smooth.
+    max_step_m : float
+        Widest step: a place's own lines must not be stepped over.
+    """
+
+    max_rise: float = 12.0
+    max_turn_rad: float = 1.2
+    first_step_stds: float = 0.5
+    growth: float = 1.2
+    max_step_m: float = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +97,9 @@ def turned(model: GoalModel, unknowns: FloatArray, turn_rad: float) -> FloatArra
     return p
 
 
-def follow_arc(model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float) -> GoalArc:
+def follow_arc(
+    model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float, settings: ArcSettings = ArcSettings()
+) -> GoalArc:
     """Fit a goal's samples at headings to both sides of the best fit's, as far as they allow it.
 
     Parameters
@@ -89,6 +112,8 @@ def follow_arc(model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m:
         The best fit's unknowns.
     std_m : float
         How far along the arc its place is open, one standard deviation by the covariance at that place.
+    settings : ArcSettings, optional
+        How far and how finely.
     """
     constrained = at_one_heading(model)
     line = model.shape.line_x_m
@@ -99,17 +124,18 @@ def follow_arc(model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m:
     middle = (p, covariance_of(constrained, information), cost)
     for sign in (-1.0, 1.0):
         side = []
-        p, step, rotated = middle[0], _STEP_STDS * std_m, 0.0
+        p, step, rotated = middle[0], settings.first_step_stds * std_m, 0.0
         while True:
-            step = min(_WIDEST_M, step)
+            step = min(settings.max_step_m, step)
             turn = sign * step / distance
             rotated += abs(turn)
             p, cost, information = fit(constrained, samples, turned(model, p, turn), _SCALES)
-            if not math.isfinite(cost) or cost > least + _RISE or p[X] > line or rotated > _FARTHEST_RAD:
+            is_past = rotated > settings.max_turn_rad or p[X] > line
+            if is_past or not math.isfinite(cost) or cost > least + settings.max_rise:
                 break
             least = min(least, cost)
             side.append((p, covariance_of(constrained, information), cost))
-            step *= _GROWTH
+            step *= settings.growth
         sides.append(side)
     points = [*sides[0][::-1], middle, *sides[1]]
     costs = np.array([cost for *_, cost in points])

@@ -20,18 +20,44 @@ from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.perception.goal_region import carpet_mask
 
-_BLUR_PX = 0.75
-_APART_M = 0.07  # points of one line lie nearer together
-_AROUND_PX = 9  # what is compared is the light over that around it
-_MAX_LEVELS = 40.0  # of grey: brighter paint counts no more
-_BORDER_PX = 5  # of the carpet, where something else begins
-# neighbouring pixels err together: so many count for one
-_PIXELS_FOR_ONE = 25.0
-# steps to either side of a heading, and how often they are halved
-_STEPS, _HALVINGS = 5, 4
-_LOOSE_STEP = 0.5  # standard deviations
-# what drawn lines are off as a whole for each direction searched: by lens, blur and paint the drawing does not know of
-_DRAWN_TO_PX = 0.15
+
+@dataclass(frozen=True, slots=True)
+class DrawingSettings:
+    """How lines are drawn and compared with the picture.
+
+    Parameters
+    ----------
+    blur_px : float
+        Of the drawn lines: a small camera's optics and chip, one standard deviation.
+    max_gap_m : float
+        Points of one line lie nearer together; two farther apart are of two lines.
+    around_px : int
+        Side of the square whose mean light is taken off: shadows and lamps are wider, lines narrower.
+    max_levels : float
+        Grey levels over the mean that count: brighter paint, or a ball, weighs no more.
+    border_px : int
+        Of the carpet that is left out, where something else begins.
+    pixels_for_one : float
+        Neighbouring pixels err together: so many count for one measurement.
+    steps, halvings : int
+        Steps to either side of a heading, and how often they are halved.
+    loose_step : float
+        First step in the directions that the samples determine least, standard deviations.
+    drawn_to_px : float
+        What drawn lines are off as a whole for each direction searched: by lens, blur and paint that the drawing leaves
+        out.
+    """
+
+    blur_px: float = 0.75
+    max_gap_m: float = 0.07
+    around_px: int = 9
+    max_levels: float = 40.0
+    border_px: int = 5
+    pixels_for_one: float = 25.0
+    steps: int = 5
+    halvings: int = 4
+    loose_step: float = 0.5
+    drawn_to_px: float = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,11 +88,21 @@ class LineDrawing:
         Along the field's lines, field frame, metres.
     line_width_m : float
         Of the paint.
+    settings : DrawingSettings, optional
+        How lines are drawn and compared.
     """
 
-    def __init__(self, frame: npt.NDArray[np.uint8], points: FloatArray, line_width_m: float) -> None:
-        carpet = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones((_AROUND_PX, _AROUND_PX), np.uint8))
-        carpet = cv2.erode(carpet, np.ones((_BORDER_PX, _BORDER_PX), np.uint8))
+    def __init__(
+        self,
+        frame: npt.NDArray[np.uint8],
+        points: FloatArray,
+        line_width_m: float,
+        settings: DrawingSettings = DrawingSettings(),
+    ) -> None:
+        self._settings = settings
+        self._around = (settings.around_px, settings.around_px)
+        carpet = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones(self._around, np.uint8))
+        carpet = cv2.erode(carpet, np.ones((settings.border_px, settings.border_px), np.uint8))
         rows = np.flatnonzero(carpet.any(axis=1))
         self._points, self._width_m = points, line_width_m
         self._first_row = int(rows[0]) if len(rows) else frame.shape[0]
@@ -74,13 +110,12 @@ class LineDrawing:
         self._on_carpet = (carpet[self._first_row :] > 0).astype(np.float32)
         self._drawing = np.empty(self._on_carpet.shape, np.float32)
         if len(rows):
-            size = (_AROUND_PX, _AROUND_PX)
-            self._nearby = np.maximum(cv2.blur(self._on_carpet, size), np.float32(1e-3))
+            self._nearby = np.maximum(cv2.blur(self._on_carpet, self._around), np.float32(1e-3))
             paint = self._over_nearby(np.asarray(cv2.min(below[..., 0], below[..., 2]), np.float32))
-            self._light = np.clip(paint, -_MAX_LEVELS, _MAX_LEVELS)
+            self._light = np.clip(paint, -settings.max_levels, settings.max_levels)
 
     def _over_nearby(self, light: Float32Array) -> Float32Array:
-        mean = np.asarray(cv2.blur(light * self._on_carpet, (_AROUND_PX, _AROUND_PX)), np.float32) / self._nearby
+        mean = np.asarray(cv2.blur(light * self._on_carpet, self._around), np.float32) / self._nearby
         return np.asarray((light - mean) * self._on_carpet, np.float32)
 
     def likelihood(self, model: GoalModel, unknowns: FloatArray) -> float:
@@ -92,17 +127,17 @@ class LineDrawing:
         own, light = float(np.vdot(drawn, drawn)), float(np.vdot(self._light, self._light))
         if both <= 0.0 or own <= 0.0:
             return 0.0
-        pixels = np.count_nonzero(self._on_carpet) / _PIXELS_FOR_ONE
+        pixels = np.count_nonzero(self._on_carpet) / self._settings.pixels_for_one
         return -0.5 * pixels * math.log(max(1.0 - both * both / (own * light), 1e-9))
 
     def _drawn(self, model: GoalModel, unknowns: FloatArray) -> Float32Array:
         draw_lines(
             self._points,
-            _APART_M,
+            self._settings.max_gap_m,
             model.scene.camera,
             unknowns,
             self._width_m,
-            _BLUR_PX,
+            self._settings.blur_px,
             self._first_row,
             self._drawing,
         )
@@ -142,11 +177,12 @@ class LineDrawing:
                 seen[key] = -math.inf if found is None else self.likelihood(model, found[0]) - found[1] / 2
             return seen[key]
 
-        axes = np.diag([reach_rad / _STEPS] + loose * [_LOOSE_STEP])
-        ways = range(-_STEPS, _STEPS + 1)
+        steps = self._settings.steps
+        axes = np.diag([reach_rad / steps] + loose * [self._settings.loose_step])
+        ways = range(-steps, steps + 1)
         others = ways[1::2] if loose else (0,)
         at = max((k * axes[0] + m * axes[-1] for k in ways for m in others), key=value)
-        for _ in range(_HALVINGS):
+        for _ in range(self._settings.halvings):
             axes = axes / 2
             for axis in (*axes, *axes[:1]) if loose else axes:
                 at = max((at - axis, at, at + axis), key=value)
@@ -166,7 +202,7 @@ class LineDrawing:
         along = (cameras[1::2] - cameras[::2]).T / length
         motion = self._motion(model, cameras) / np.outer(length, length)
         # a faint drawing is placed as badly as noise lets it, a plain one as well as it knows the picture
-        off_px2 = (len(axes) * _DRAWN_TO_PX) ** 2 + _BLUR_PX**2 / likelihood
+        off_px2 = (len(axes) * self._settings.drawn_to_px) ** 2 + self._settings.blur_px**2 / likelihood
         spread = np.linalg.inv(motion / off_px2 + np.diag([1e-9] + (len(axes) - 1) * [1.0]))
         return np.asarray(arc.rest(at) + along @ spread @ along.T, np.float64)
 

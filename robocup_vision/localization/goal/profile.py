@@ -7,7 +7,7 @@ goal; both together, each with a blur of its own, give what either lacks (see `k
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -33,35 +33,79 @@ from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance,
 from robocup_vision.localization.goal.fit import GoalFit, GoalModel, fit, residuals
 from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES
 
-_PIECES = 6
-_MAX_LINES = 3
-_ROUNDS = 4
-_REACH_PX = 3.0
-_CLEAR_OF_CORNERS_PX = 1.8
-_MARGIN_PX = 14
-_SATURATED = 246
-_BRIGHTNESS = (0.114, 0.587, 0.299)
-# priors: optics, lamps and the evenness of paint
-_BLUR_PX, _BLUR_STD_PX = (0.7, 0.6), 0.3
-_ACROSS_STD, _CURVE_STD, _ALONG_STD = 0.2, 0.2, 0.1
-_MOVE_STD_PX = 1.0
-_MAX_STD_PX = 0.6
-# what edges and feet are off as a whole, beside what their noise says
-_EDGE_ERROR_PX, _FOOT_ERROR_PX = 0.03, 0.06
-_SCALES = np.array([1.0, 0.5, 0.3, 0.3])
-_MIN_SAMPLES = 10
-# the profiles' fit is the edges' refined: it may not be somewhere else
-_MAX_SHIFT = 5.0
-_FREEDOM, _TRUSTED = 5, 2.0
+_BRIGHTNESS = (0.114, 0.587, 0.299)  # of B, G and R: the luma of BT.601
+_SCALES = np.array([1.0, 0.5, 0.3, 0.3])  # of the robust loss in each iteration, pixels: the start is right to a pixel
 
 
-def expected_profile() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+@dataclass(frozen=True, slots=True)
+class ProfileSettings:
+    """Which pixels are taken, what is known of paint and optics before, and when the profiles' fit counts.
+
+    Parameters
+    ----------
+    pieces : int
+        Segments of a member: enough to see one that is hidden, long enough to average noise.
+    max_lines : int
+        Rows (bar: columns) of a segment: more add little, for their errors are alike.
+    rounds : int
+        Of the profiles' fit: it moves by less than a pixel.
+    reach_px : float
+        Of background beside an edge: wider than the blur.
+    clear_of_corners_px : float
+        Left out at corners and feet, where two members blur into each other.
+    margin_px : int
+        Around the goal in the picture: room for background and for an edge a pixel off.
+    saturated : int
+        Level from which a pixel shines: a chip's response bends there.
+    blur_px, blur_std_px : (float, float), float
+        Prior on the blur of colour and of brightness: JPEG keeps colour at half the resolution.
+    across_std, curve_std, along_std : float
+        Prior on the paint's light across a member, its curve, and along it: lamps and the evenness of paint.
+    move_std_px : float
+        Prior on an edge's move: the edges' fit is right to a pixel.
+    max_std_px : float
+        Noise from which a segment's edge is left out: it says less than the edges' fit.
+    edge_error_px, foot_error_px : float
+        What edges and feet are off as a whole, beside what their noise says.
+    min_samples : int
+        Edges that must be measured: more than the unknowns.
+    max_shift : float
+        Standard deviations that the result may be off the edges' fit, which it refines.
+    freedom, trusted : float
+        Unknowns that the goal's edges determine, and how many samples the noise of their own is trusted as.
+    """
+
+    pieces: int = 6
+    max_lines: int = 3
+    rounds: int = 4
+    reach_px: float = 3.0
+    clear_of_corners_px: float = 1.8
+    margin_px: int = 14
+    saturated: int = 246
+    blur_px: tuple[float, float] = (0.7, 0.6)
+    blur_std_px: float = 0.3
+    across_std: float = 0.2
+    curve_std: float = 0.2
+    along_std: float = 0.1
+    move_std_px: float = 1.0
+    max_std_px: float = 0.6
+    edge_error_px: float = 0.03
+    foot_error_px: float = 0.06
+    min_samples: int = 10
+    max_shift: float = 5.0
+    freedom: int = 5
+    trusted: float = 2.0
+
+
+def expected_profile(
+    settings: ProfileSettings = ProfileSettings(),
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return the prior (SHARED,) on what all profiles share: values, and inverse variances."""
     expected, weight = np.zeros(SHARED), np.full(SHARED, 1e-6)
-    expected[:CHANNELS], weight[:CHANNELS] = _BLUR_PX, _BLUR_STD_PX**-2
+    expected[:CHANNELS], weight[:CHANNELS] = settings.blur_px, settings.blur_std_px**-2
     for base in range(CHANNELS, SHARED, PER_MEMBER):
-        weight[base], weight[base + 1] = _ACROSS_STD**-2, _CURVE_STD**-2
-        weight[base + 3 : base + PER_MEMBER : 2] = _ALONG_STD**-2
+        weight[base], weight[base + 1] = settings.across_std**-2, settings.curve_std**-2
+        weight[base + 3 : base + PER_MEMBER : 2] = settings.along_std**-2
     return expected, weight
 
 
@@ -71,6 +115,7 @@ def measure_profiles(
     model: GoalModel,
     unknowns: npt.NDArray[np.float64],
     appearance: EdgeAppearance,
+    settings: ProfileSettings = ProfileSettings(),
 ) -> EdgeSamples | None:
     """Measure both edges of each segment of posts and bar, and the feet, near where `unknowns` put them.
 
@@ -84,6 +129,8 @@ def measure_profiles(
         Right to a pixel, in the order of goal/geometry.py.
     appearance : EdgeAppearance
         Of the paint.
+    settings : ProfileSettings, optional
+        Which pixels are taken, what is known before, and when the fit counts.
 
     Returns
     -------
@@ -96,16 +143,16 @@ def measure_profiles(
         return None
     points = from_ideal(camera, points)
     width, height = camera.size_px
-    u0, v0 = (int(max(0.0, low)) for low in points.min(axis=0) - _MARGIN_PX)
-    u1, v1 = (int(x) for x in np.minimum(points.max(axis=0) + _MARGIN_PX, (width, height)))
+    u0, v0 = (int(max(0.0, low)) for low in points.min(axis=0) - settings.margin_px)
+    u1, v1 = (int(x) for x in np.minimum(points.max(axis=0) + settings.margin_px, (width, height)))
     if u1 - u0 < 8 or v1 - v0 < 8:
         return None
     part = image[v0:v1, u0:u1]
-    shine = np.asarray(cv2.inRange(part, (0, 0, 0), (_SATURATED - 1,) * 3) == 0, np.uint8)
+    shine = np.asarray(cv2.inRange(part, (0, 0, 0), (settings.saturated - 1,) * 3) == 0, np.uint8)
     points -= (u0, v0)
-    edges, spans, arcs = _predicted(points)
-    segments = MEMBERS * _PIECES + 2
-    room = _PIECES * _MAX_LINES * (2 * (part.shape[0] + part.shape[1]) // 3) + 400
+    edges, spans, arcs = _predicted(points, settings.clear_of_corners_px)
+    segments = MEMBERS * settings.pieces + 2
+    room = settings.pieces * settings.max_lines * (2 * (part.shape[0] + part.shape[1]) // 3) + 400
     pixels = ProfilePixels(
         np.empty((room, CHANNELS)),
         np.empty((room, 4)),
@@ -114,35 +161,40 @@ def measure_profiles(
         np.empty(segments),
     )
     picture = ProfilePicture(part, np.array([appearance.towards, _BRIGHTNESS]), shine)
-    count = gather_profiles(picture, DueGoal(edges, spans, arcs), ProfileSpread(_PIECES, _REACH_PX, _MAX_LINES), pixels)
+    count = gather_profiles(
+        picture,
+        DueGoal(edges, spans, arcs),
+        ProfileSpread(settings.pieces, settings.reach_px, settings.max_lines),
+        pixels,
+    )
     if count < SHARED:
         return None
     middle = pixels.middle
     pixels = ProfilePixels(
         pixels.values[:count], pixels.places[:count], pixels.owner[:count], pixels.lane[:count], middle
     )
-    expected, weight = expected_profile()
+    expected, weight = expected_profile(settings)
     own, variance = np.zeros((segments, OWN)), np.empty((segments, 2))
     profiles = ProfileUnknowns(expected.copy(), own)
-    priors = ProfilePriors(expected, weight, _MOVE_STD_PX)
-    if not fit_profiles(pixels, _PIECES, priors, _ROUNDS, profiles, variance):
+    priors = ProfilePriors(expected, weight, settings.move_std_px)
+    if not fit_profiles(pixels, settings.pieces, priors, settings.rounds, profiles, variance):
         return None
-    variance[np.isnan(variance) | (np.abs(own[:, :2]) > 2 * _MOVE_STD_PX)] = np.inf
-    at = middle[: MEMBERS * _PIECES, None]
-    member = np.repeat(np.arange(MEMBERS), _PIECES)[:, None]
+    variance[np.isnan(variance) | (np.abs(own[:, :2]) > 2 * settings.move_std_px)] = np.inf
+    at = middle[: MEMBERS * settings.pieces, None]
+    member = np.repeat(np.arange(MEMBERS), settings.pieces)[:, None]
     edge = 2 * member + [0, 1]
     slope = edges[edge, 1]
     across = edges[edge, 0] + slope * at + np.array([-1.0, 1.0]) * own[: len(at), :2] * np.sqrt(1 + slope**2)
     along = np.broadcast_to(at, across.shape)
     uv = np.where((edge < BAR_TOP)[..., None], np.stack([across, along], -1), np.stack([along, across], -1))
-    good = variance[: len(at)] < _MAX_STD_PX**2
+    good = variance[: len(at)] < settings.max_std_px**2
     steep = arcs[:, 1] / (
         0.5 * (edges[[1, 3], 0] - edges[[0, 2], 0] + (edges[[1, 3], 1] - edges[[0, 2], 1]) * arcs[:, 0])
     )
     direction = np.stack([-steep, np.ones(2)], axis=-1) / np.sqrt(1 + steep**2)[:, None]
     middle_foot = 2 * EDGES + np.array([feet // 2, feet + feet // 2])
     foot_uv = points[middle_foot] + own[len(at) :, :1] * direction
-    stands = variance[len(at) :, 0] < _MAX_STD_PX**2
+    stands = variance[len(at) :, 0] < settings.max_std_px**2
     return EdgeSamples(
         np.ascontiguousarray(edge[good]),
         np.ascontiguousarray(to_ideal(camera, uv[good] + (u0, v0))),
@@ -155,7 +207,7 @@ def measure_profiles(
     )
 
 
-def _predicted(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], ...]:
+def _predicted(points: npt.NDArray[np.float64], clear_px: float) -> tuple[npt.NDArray[np.float64], ...]:
     """Lines of the edges, free spans of the members and arcs of the feet, as `gather_profiles` takes them."""
     ends = points[: 2 * EDGES].reshape(EDGES, 2, 2)
     ends = np.where((np.arange(EDGES) < BAR_TOP)[:, None, None], ends, ends[..., ::-1])  # across, along
@@ -167,13 +219,18 @@ def _predicted(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64]
     arcs = np.column_stack([middle, (high - low) / (2 * s), (high + low - 2 * middle) / (2 * s * s)])
     under_bar = points[2 * EDGES - 2 : 2 * EDGES]
     spans = np.empty((MEMBERS, 2))
-    spans[:2, 0], spans[:2, 1] = under_bar[:, 1] + _CLEAR_OF_CORNERS_PX, feet.min(axis=1) - _CLEAR_OF_CORNERS_PX
-    spans[2] = under_bar[0, 0] + _CLEAR_OF_CORNERS_PX, under_bar[1, 0] - _CLEAR_OF_CORNERS_PX
+    spans[:2, 0], spans[:2, 1] = under_bar[:, 1] + clear_px, feet.min(axis=1) - clear_px
+    spans[2] = under_bar[0, 0] + clear_px, under_bar[1, 0] - clear_px
     return edges, spans, arcs
 
 
 def polish(
-    image: npt.NDArray[np.uint8], camera: PinholeCamera, model: GoalModel, found: GoalFit, appearance: EdgeAppearance
+    image: npt.NDArray[np.uint8],
+    camera: PinholeCamera,
+    model: GoalModel,
+    found: GoalFit,
+    appearance: EdgeAppearance,
+    settings: ProfileSettings = ProfileSettings(),
 ) -> GoalFit:
     """Fit the profiles from where the edges' fit ended; what was found, unchanged, where they do not confirm it.
 
@@ -187,30 +244,32 @@ def polish(
         What `refine` found.
     appearance : EdgeAppearance
         Of the paint.
+    settings : ProfileSettings, optional
+        Which pixels are taken, what is known before, and when the fit counts.
     """
-    alone = measure_profiles(image, camera, model, found.unknowns, appearance)
-    if alone is None or len(alone.edge) < _MIN_SAMPLES or len(np.unique(alone.edge)) < EDGES:
+    alone = measure_profiles(image, camera, model, found.unknowns, appearance, settings)
+    if alone is None or len(alone.edge) < settings.min_samples or len(np.unique(alone.edge)) < EDGES:
         return found
-    samples, single = _with_feet(*_weighed(alone), found.samples)
+    samples, single = _with_feet(*_weighed(alone, settings), found.samples)
     p, cost, information = fit(model, samples, found.unknowns, _SCALES)
     shift = p - found.unknowns
-    if not math.isfinite(cost) or shift @ found.information @ shift > _MAX_SHIFT**2:
+    if not math.isfinite(cost) or shift @ found.information @ shift > settings.max_shift**2:
         return found
     residual = residuals(model, samples, p)
     # the fit's own misfit says what every edge is off as a whole
     square = np.minimum((residual / samples.sigma) ** 2, 9 * single / samples.sigma**2).sum()
-    due = max(float((single / samples.sigma**2).sum()) - _FREEDOM, 1.0)
-    excess = (float(square) + _TRUSTED) / (due + _TRUSTED)
+    due = max(float((single / samples.sigma**2).sum()) - settings.freedom, 1.0)
+    excess = (float(square) + settings.trusted) / (due + settings.trusted)
     samples = replace(samples, sigma=samples.sigma * math.sqrt(excess))
     return replace(found, unknowns=p, information=information / excess, samples=samples, residual_px=residual)
 
 
-def _weighed(alone: EdgeSamples) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:
+def _weighed(alone: EdgeSamples, settings: ProfileSettings) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:
     """Let the noise include what an edge as a whole may be off; returns the variance of each single sample as well."""
     n = len(alone.edge)
     typical = float(np.mean(alone.sigma[:n] ** 2))
-    whole = np.full(len(alone.sigma), _EDGE_ERROR_PX**2 + typical)
-    whole[n:] = _FOOT_ERROR_PX**2 + 2 * typical
+    whole = np.full(len(alone.sigma), settings.edge_error_px**2 + typical)
+    whole[n:] = settings.foot_error_px**2 + 2 * typical
     per_edge = np.bincount(alone.edge, minlength=EDGES)[alone.edge]
     shared = whole * np.concatenate([per_edge, np.ones(len(alone.foot_post))])
     return replace(alone, sigma=np.sqrt(alone.sigma**2 + shared)), alone.sigma**2 + whole
