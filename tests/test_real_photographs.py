@@ -72,6 +72,7 @@ def test_the_onboard_field_file_has_the_numbers_it_was_given():
         assert np.hypot(*(corners - corner).T).min() < 1e-9
 
 
+@pytest.mark.slow
 @needs_photographs
 def test_floor_lines_and_pose_of_a_forward_camera():
     folder = REAL / "onboard_ssl"

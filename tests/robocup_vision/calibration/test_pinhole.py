@@ -133,6 +133,7 @@ def test_each_mistake_is_one_line(arguments, said, tmp_path, capsys):
     assert said in told[0]
 
 
+@pytest.mark.slow
 def test_a_pose_helps_where_the_prior_is_right(field, samples):
     poses = {str(s.index): Pose2(s.pose.x_m, s.pose.y_m, s.pose.theta_rad) for s in samples}
     names = [str(s.index) for s in samples]

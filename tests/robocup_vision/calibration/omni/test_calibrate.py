@@ -72,6 +72,7 @@ def test_it_says_how_good_it_is(from_rough):
         assert len(frame.line_px) == len(frame.line_residual_px)
 
 
+@pytest.mark.slow
 def test_a_carpet_is_calibrated_by_its_lines(mirror_camera, paint_field, floor_error_m):
     field = load_field("msl_6x4")
     truth = dataclasses.replace(mirror_camera, center_px=(163.0, 116.0))

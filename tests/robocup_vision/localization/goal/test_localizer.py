@@ -151,6 +151,7 @@ def test_an_empty_frame_is_refused(localizer):
     assert "no goal" in localizer.locate(np.zeros((320, 416, 3), np.uint8)).reason
 
 
+@pytest.mark.slow
 def test_half_a_goal_needs_a_prior(localizer):
     located = 0
     for sample in sample_goal(FIELD, CLEAN, 11, 8, views=("half_goal",), supersample=2):
