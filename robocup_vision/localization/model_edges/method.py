@@ -12,7 +12,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.forward import GoalMethod
 from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
@@ -38,7 +38,7 @@ class EdgeMethod:
     ) -> None:
         self.follower = EdgeFollower(field, camera, settings)
         self._finder: EdgeFinder | None = None
-        self._goal: GoalLocalizer | None = None
+        self._goal: GoalMethod | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._last_s: float | None = None
 
@@ -48,14 +48,20 @@ class EdgeMethod:
         assert isinstance(camera, PinholeCamera)
         answer: FollowedCamera | NotLocated
         if prior is None:
-            answer = self._find(evidence.frame, thoroughly=True)
+            answer = self._find(evidence.frame)
         else:
             near = self._as_estimate(prior).seen_from(camera.camera_in_robot)
             answer = self.follower.follow(evidence.frame, _with_pan_error(near), self._passed(evidence.t_s))
             if isinstance(answer, NotLocated):
-                found = self._find(evidence.frame, thoroughly=False)
+                found = self._find(evidence.frame)
                 answer = answer if isinstance(found, NotLocated) else found
         self._last_s = evidence.t_s
+        if isinstance(answer, NotLocated) and prior is None and self._has_posts:
+            # a search of its own, slow: where a prior exists, the next frame will do
+            by_goal = self._by_goal(evidence)
+            if isinstance(by_goal, Localization):
+                return by_goal
+            answer = answer if by_goal is None else by_goal
         if isinstance(answer, NotLocated):
             return Localization(answer, camera)
         back = camera.camera_in_robot.inverse()
@@ -70,18 +76,28 @@ class EdgeMethod:
         measurement = answer.measurement.seen_from(back)
         return Localization(answer.estimate.seen_from(back), held, measurement=measurement)
 
-    def _find(self, frame: UInt8Array, *, thoroughly: bool) -> FollowedCamera | NotLocated:
+    def _find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
+        return self._made_finder().find(frame)
+
+    def _made_finder(self) -> EdgeFinder:
         if self._finder is None:
             self._finder = EdgeFinder(self.follower)
-        answer = self._finder.find(frame)
-        if isinstance(answer, NotLocated) and thoroughly and self._has_posts:
-            if self._goal is None:
-                self._goal = GoalLocalizer(self.follower.field, self.follower.camera)
-            placed = self._goal.locate_camera(frame, None)
-            if not isinstance(placed, NotLocated):
-                estimate = placed.estimate(None)
-                answer = self._finder.judge(frame, estimate.candidates)
-        return answer
+        return self._finder
+
+    def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
+        """Search for a goal: its pose fitted by all edges where they bear it out, else as the goal alone tells it.
+
+        Glare whitens posts, and a goal before an unknown wall shows little else: the edges then do not know, while
+        the goal's own verdict is made for that.
+        """
+        if self._goal is None:
+            self._goal = GoalMethod(self.follower.field, self.follower.camera)
+        alone = self._goal.locate(evidence)
+        if isinstance(alone.pose, NotLocated):
+            return None
+        camera = alone.pose.seen_from(alone.camera.camera_in_robot)
+        answer = self._made_finder().judge(evidence.frame, camera.candidates)
+        return alone if isinstance(answer, NotLocated) else answer
 
     def _as_estimate(self, prior: PoseEstimate | Pose2) -> PoseEstimate:
         if isinstance(prior, PoseEstimate):

@@ -17,6 +17,7 @@ from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
 
 NEGATIVES = Path(__file__).resolve().parents[4].parent / "shared" / "real" / "negatives" / "images"
 
@@ -78,6 +79,18 @@ def test_a_camera_is_found_without_a_prior(fl_shot, spl_shot):
     assert near.estimate.pose.error_to(spl_shot.pose)[0] < 0.1
 
 
+@pytest.mark.parametrize("condition", ["clean_208x160", "heavy_glare_208x160"])
+def test_a_goal_is_found_from_cold_where_edges_alone_do_not_know(condition):
+    field, given = load_field("four_legged_2007"), GOAL_CONDITIONS[condition]
+    for sample in sample_goal(field, given, 611, 3, supersample=4):
+        camera = replace(given.camera, pan_rad=0.0, tilt_rad=sample.camera.tilt_rad, roll_rad=0.0)
+        view = Vision(field, camera).look(sample.frame)
+        assert view.pose
+        away, turn = view.pose.pose.error_to(sample.pose)
+        assert away < 0.2
+        assert turn < math.radians(5.0)
+
+
 def test_nothing_is_found_where_nothing_is(fl_shot):
     finder = EdgeFinder(EdgeFollower(fl_shot.field, fl_shot.camera))
     for level in (0, 128, 255):
@@ -103,10 +116,11 @@ def test_line_points_are_put_on_the_floor(fl_shot):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["four_legged_2007", "spl_2020"])
 def test_photographs_without_a_field_tell_no_pose(name, fl_shot):
-    finder = EdgeFinder(EdgeFollower(load_field(name), fl_shot.camera))
+    vision = Vision(load_field(name), fl_shot.camera)
     found = []
     for path in sorted(NEGATIVES.iterdir()):
         frame = cv2.resize(cv2.imread(str(path)), (208, 160), interpolation=cv2.INTER_AREA)
-        if finder.find(frame):
+        vision.forget()
+        if vision.look(frame).pose:
             found.append(path.name)
     assert found == []
