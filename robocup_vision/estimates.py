@@ -22,7 +22,7 @@ class PoseEstimate:
         The first candidate: the robot in the field frame (method "goal": the camera).
     covariance : (3, 3) float64
         Of (x_m, y_m, theta_rad), in m, m and rad.
-    inlier_share : float
+    inlier_ratio : float
         Share of the measurements that agree with the pose, 0 to 1.
     residual_px : float
         Root mean square of the inliers' residuals, pixels.
@@ -32,7 +32,7 @@ class PoseEstimate:
 
     pose: Pose2
     covariance: FloatArray
-    inlier_share: float
+    inlier_ratio: float
     residual_px: float
     candidates: tuple[Pose2, ...] = field(default=())
 
@@ -56,7 +56,7 @@ class PoseEstimate:
         return PoseEstimate(
             self.pose.compose(mount),
             compose_covariance(self.pose, self.covariance, mount, np.zeros((3, 3))),
-            self.inlier_share,
+            self.inlier_ratio,
             self.residual_px,
             tuple(candidate.compose(mount) for candidate in self.candidates),
         )
@@ -66,7 +66,7 @@ class PoseEstimate:
         return PoseEstimate(
             self.pose.half_turn(),
             half_turn_covariance(self.covariance),
-            self.inlier_share,
+            self.inlier_ratio,
             self.residual_px,
             tuple(candidate.half_turn() for candidate in self.candidates),
         )

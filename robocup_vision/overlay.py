@@ -161,7 +161,7 @@ def _summary(view: View) -> list[str]:
     return [
         f"x {pose.x_m:+.3f} m  y {pose.y_m:+.3f} m  {math.degrees(pose.theta_rad):+.1f} deg{both}",
         f"+- {std[0] * 1e3:.1f} mm  {std[1] * 1e3:.1f} mm  {math.degrees(std[2]):.2f} deg  "
-        f"{view.pose.inlier_share:.0%} agree",
+        f"{view.pose.inlier_ratio:.0%} agree",
     ]
 
 

@@ -48,7 +48,7 @@ def test_the_second_robot_is_located_near_the_centre():
     _, view = look("omni_msl_6x4_b", "b_center.png")
     assert view.pose
     assert math.hypot(view.pose.pose.x_m, view.pose.pose.y_m) < 0.4
-    assert view.pose.inlier_share > 0.6
+    assert view.pose.inlier_ratio > 0.6
 
 
 @needs_photographs

@@ -181,7 +181,7 @@ def main() -> None:
         rows: list[tuple[str, str, str | None, bool]] = [
             ("pose", f"{pose.x_m:.3f} m, {pose.y_m:.3f} m, {math.degrees(pose.theta_rad):.2f} deg", "located", True),
             ("  std", f"{std[0]:.3f} m, {std[1]:.3f} m, {math.degrees(std[2]):.2f} deg", None, True),
-            ("  points that agree", f"{100 * estimate.inlier_share:.0f} %", None, True),
+            ("  points that agree", f"{100 * estimate.inlier_ratio:.0f} %", None, True),
         ]
         picked = REAL / folder / HAND_PICKED
         if picked.is_file():

@@ -151,7 +151,7 @@ def arrivals(steps: list[Step], condition: str, rng: np.random.Generator) -> lis
                 place = Pose2(rng.uniform(-1.0, 1.0), rng.uniform(-0.6, 0.6), rng.uniform(-3.0, 3.0))
                 spell = (index + length - 1, place)
             if index <= spell[0] and spell[1] is not None:
-                estimate = PoseEstimate(spell[1], estimate.covariance, estimate.inlier_share, estimate.residual_px)
+                estimate = PoseEstimate(spell[1], estimate.covariance, estimate.inlier_ratio, estimate.residual_px)
         found.append(Arrival(index + late, step.t_s, estimate))
     # those of one step in the order in which they are looked at: a younger one may come first
     return sorted(found, key=lambda arrival: (arrival.index, -arrival.t_s))

@@ -316,4 +316,4 @@ class _Check:
 
 def _agreement(views: list[View]) -> float:
     """Mean share of what images show that agrees with their poses; nothing where there is none."""
-    return float(np.mean([view.pose.inlier_share if isinstance(view.pose, PoseEstimate) else 0.0 for view in views]))
+    return float(np.mean([view.pose.inlier_ratio if isinstance(view.pose, PoseEstimate) else 0.0 for view in views]))

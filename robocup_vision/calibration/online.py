@@ -184,7 +184,7 @@ class OnlineCalibration:
     def _note(self, frame: UInt8Array, view: View) -> bool:
         """Keep a frame's points, if they are worth it."""
         estimate, settings = view.pose, self._settings
-        if not isinstance(estimate, PoseEstimate) or estimate.inlier_share < settings.min_inlier_ratio:
+        if not isinstance(estimate, PoseEstimate) or estimate.inlier_ratio < settings.min_inlier_ratio:
             return False
         boundary = view.boundary_px if self._field.is_bounded else np.empty((0, 2))
         boundary = boundary[np.isfinite(boundary).all(axis=1)]

@@ -190,7 +190,7 @@ def _line(row: Row) -> _Line:
         x_m, y_m, theta_rad = row.estimate.pose.array
         pose = (f"{x_m:.3f}", f"{y_m:.3f}", f"{math.degrees(theta_rad):.1f}°")
         std = millimetres(float(np.hypot(*row.estimate.std[:2])))
-        inliers = f"{100 * row.estimate.inlier_share:.0f} %"
+        inliers = f"{100 * row.estimate.inlier_ratio:.0f} %"
     ms = "–" if row.time_s is None else f"{1e3 * row.time_s:.1f}"
     status = "failed" if row.failed else "located" if row.estimate is not None else "not located"
     return _Line(row.image, status, (*pose, std, inliers, *_error_text(row), ms), row.reason)

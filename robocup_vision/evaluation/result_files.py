@@ -86,7 +86,7 @@ def _cells(row: Row) -> list[str]:
             *map(_number, estimate.pose.array),
             *map(_number, estimate.std),
             str(len(estimate.candidates)),
-            _number(estimate.inlier_share),
+            _number(estimate.inlier_ratio),
             _number(estimate.residual_px),
         ]
     error_m = row.error.position_m if row.error is not None else None

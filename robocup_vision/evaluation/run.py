@@ -258,7 +258,7 @@ class _FrameScorer:
     def _score(self, row: Row, pose: PoseEstimate | NotLocated) -> Row:
         if not isinstance(pose, PoseEstimate):
             return replace(row, reason=_one_line(pose.reason) or "no reason given")
-        values = [*pose.pose.array, *pose.covariance.ravel(), pose.inlier_share, pose.residual_px]
+        values = [*pose.pose.array, *pose.covariance.ravel(), pose.inlier_ratio, pose.residual_px]
         if not (np.isfinite(values).all() and (np.diag(pose.covariance) >= 0).all()):
             raise ValueError("the estimate is not finite or has a negative variance")
         error = None

@@ -130,7 +130,7 @@ class GoalSide:
         most = max(right, wrong)
         if most >= self.settings.min_votes and most >= self.settings.majority * min(right, wrong):
             better = estimate if right > wrong else estimate.half_turn()
-            return PoseEstimate(better.pose, better.covariance, better.inlier_share, better.residual_px)
+            return PoseEstimate(better.pose, better.covariance, better.inlier_ratio, better.residual_px)
         if prior is not None:
             turned = estimate.half_turn()
             here, there = (sum(e.pose.error_to(prior)) for e in (estimate, turned))

@@ -128,8 +128,8 @@ class LineMethod:
         estimate = lines.locate(points)
         if not isinstance(estimate, PoseEstimate):
             return estimate
-        if estimate.inlier_share < settings.min_inlier_ratio:
-            ratio = f"{estimate.inlier_share:.0%}"
+        if estimate.inlier_ratio < settings.min_inlier_ratio:
+            ratio = f"{estimate.inlier_ratio:.0%}"
             return NotLocated(f"only {ratio} of the line points lie on lines: too few for so narrow a view")
         nearest = lines.line_map.nearest(estimate.pose.transform(points.floor_m))
         near = nearest.distance_m < settings.on_line_widths * self._field.line_width_m

@@ -90,17 +90,17 @@ class LineSupport:
             What the view's samples show, as `FloorMarking.mark` tells.
         """
         settings = self._settings
-        if estimate.inlier_share >= settings.sure_inlier_ratio:
+        if estimate.inlier_ratio >= settings.sure_inlier_ratio:
             return True
         row, column = np.nonzero(marks == LINE)
-        missing_ratio = settings.min_ratio_sum - estimate.inlier_share
+        missing_ratio = settings.min_ratio_sum - estimate.inlier_ratio
         if len(row) >= settings.min_samples:
             off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
             if np.count_nonzero(off_m < self._near_sample_m[column]) >= missing_ratio * len(row):
                 return True
         points = self._finder.find(frame)
         if len(points) < settings.min_points:
-            return estimate.inlier_share >= settings.min_hidden_inlier_ratio and not self._lacks_lines(estimate, marks)
+            return estimate.inlier_ratio >= settings.min_hidden_inlier_ratio and not self._lacks_lines(estimate, marks)
         off_m = self._off_lines_m(estimate.pose, points.floor_m)
         return bool(np.count_nonzero(off_m < self._near_m) >= missing_ratio * len(points))
 

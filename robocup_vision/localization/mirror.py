@@ -76,7 +76,7 @@ class MirrorLocalizer:
             if isinstance(estimate, PoseEstimate):
                 if self._is_borne_out(estimate, evidence):
                     return Localization(self._half.choose(frame, estimate, colors, start), camera, walls)
-                agree = f"{estimate.inlier_share:.0%}"
+                agree = f"{estimate.inlier_ratio:.0%}"
                 estimate = NotLocated(f"{agree} of the floor's edge agrees with the walls, but the lines do not")
             reason = estimate.reason
         if self._lines is not None:

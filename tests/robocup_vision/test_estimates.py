@@ -45,7 +45,7 @@ def test_estimate_cannot_be_changed():
     with pytest.raises(ValueError, match="read-only"):
         estimate.covariance[0, 0] = 1.0
     with pytest.raises(dataclasses.FrozenInstanceError):
-        estimate.inlier_share = 1.0  # type: ignore[misc]
+        estimate.inlier_ratio = 1.0  # type: ignore[misc]
 
 
 def test_estimates_can_be_compared_and_kept_in_sets():
@@ -65,4 +65,4 @@ def test_half_turn_turns_everything(pose: Pose2, covariance: np.ndarray):
     assert turned.candidates[1].error_to(pose) == pytest.approx((0.0, 0.0), abs=1e-9)
     np.testing.assert_allclose(turned.covariance, half_turn_covariance(covariance))
     np.testing.assert_allclose(turned.std, estimate.std)
-    assert (turned.inlier_share, turned.residual_px) == (0.9, 0.4)
+    assert (turned.inlier_ratio, turned.residual_px) == (0.9, 0.4)

@@ -75,7 +75,7 @@ def test_poses_are_found_and_honest(vision, nominal_samples):
         np.testing.assert_allclose(covariance, covariance.T, rtol=1e-9)
         assert (np.linalg.eigvalsh(covariance) > 0).all()
         assert 0 < estimate.std[:2].max() < 0.05
-        assert 0.3 < estimate.inlier_share <= 1
+        assert 0.3 < estimate.inlier_ratio <= 1
         best = min((estimate.pose, estimate.pose.half_turn()), key=lambda p: sum(p.error_to(one.pose)))
         off = Pose2(best.x_m - one.pose.x_m, best.y_m - one.pose.y_m, best.theta_rad - one.pose.theta_rad).array
         nees.append(off @ np.linalg.inv(covariance) @ off)

@@ -301,7 +301,7 @@ class JointFit:
         bounds: tuple[FloatArray, FloatArray],
         free: npt.NDArray[np.bool_],
     ) -> float:
-        """One Gauss-Newton step, in place; returns how far it moved, in units of no importance."""
+        """Do one Gauss-Newton step in place; return its length for a stop test, whatever the units of its parts."""
         residual, by_vector, by_own, known = self._linearise(model, vector, poses, free)
         weight = np.where(known, self.points.weight / (1 + (residual / scale) ** 2) ** 2, 0.0)
         fact = _POINTS_PER_FACT * max(scale / 2, _MIN_NOISE_PX) ** 2

@@ -200,7 +200,7 @@ class PoseMode:
         The last frame that told a half told this one (1) or the other (-1); 0: none has.
     half_reported_s : float
         When.
-    inlier_share, residual_px : float
+    inlier_ratio, residual_px : float
         Of the last frame that agreed.
     """
 
@@ -213,7 +213,7 @@ class PoseMode:
     agreed_s: float
     reported_half: int
     half_reported_s: float
-    inlier_share: float
+    inlier_ratio: float
     residual_px: float
 
     @classmethod
@@ -249,7 +249,7 @@ class PoseMode:
             agreed_s=t_s,
             reported_half=0,
             half_reported_s=-math.inf,
-            inlier_share=estimate.inlier_share,
+            inlier_ratio=estimate.inlier_ratio,
             residual_px=estimate.residual_px,
         )
 

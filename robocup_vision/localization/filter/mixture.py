@@ -204,7 +204,7 @@ def _follow(mode: PoseMode, match: _Match, estimate: PoseEstimate, t_s: float, e
     return replace(
         _update_half(mode.update(measurement), match.half, t_s, errors),
         agreed_s=t_s,
-        inlier_share=estimate.inlier_share,
+        inlier_ratio=estimate.inlier_ratio,
         residual_px=estimate.residual_px,
     )
 

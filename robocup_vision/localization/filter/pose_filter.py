@@ -158,7 +158,7 @@ class PoseFilter:
             return NotLocated("no frame has confirmed the pose for too long")
         best, *others = hypotheses
         candidates = (best.pose, *(other.pose for other in others if other.probability >= _MIN_CANDIDATE))
-        return PoseEstimate(best.pose, best.covariance, modes[0].inlier_share, modes[0].residual_px, candidates)
+        return PoseEstimate(best.pose, best.covariance, modes[0].inlier_ratio, modes[0].residual_px, candidates)
 
     def prior(self, t_s: float) -> Pose2 | None:
         """Where the robot was at a time, to look at a frame of then; None where it is not known, or in doubt."""

@@ -111,7 +111,7 @@ class LineLocalizer:
             near = refine_by_lines(prior.pose, points, self.line_map, prior.covariance, settings=self.settings.fit)
             if (
                 near
-                and near.inlier_share >= self.settings.min_inlier_ratio_at_prior
+                and near.inlier_ratio >= self.settings.min_inlier_ratio_at_prior
                 and _deviation(near.pose, prior) < self.settings.max_deviation
             ):
                 return self._with_candidates(near, prior)
@@ -127,8 +127,8 @@ class LineLocalizer:
         refined = refine_by_lines(start, points, self.line_map, settings=self.settings.fit)
         if not refined:
             return refined
-        if refined.inlier_share < self.settings.min_inlier_ratio:
-            return NotLocated(f"only {refined.inlier_share:.0%} of the line points lie on lines of the best pose")
+        if refined.inlier_ratio < self.settings.min_inlier_ratio:
+            return NotLocated(f"only {refined.inlier_ratio:.0%} of the line points lie on lines of the best pose")
         support = self._support(refined.pose, points)
         if support < self.settings.min_support:
             return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
@@ -217,7 +217,7 @@ class LineLocalizer:
         return PoseEstimate(
             estimate.pose,
             estimate.covariance,
-            estimate.inlier_share,
+            estimate.inlier_ratio,
             estimate.residual_px,
             (estimate.pose, turned.pose),
         )

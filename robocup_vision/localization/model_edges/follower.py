@@ -87,7 +87,7 @@ class FollowedCamera:
         covariance = (vector / value) @ vector.T / np.outer(scale, scale)
         about = self.likelihood.about
         pose = Pose2(about.x_m + step[0], about.y_m + step[1], about.theta_rad + step[2])
-        share, rms = self.estimate.inlier_share, self.estimate.residual_px
+        share, rms = self.estimate.inlier_ratio, self.estimate.residual_px
         measured = PoseEstimate(pose, (covariance + covariance.T) / 2, share, rms)
         return measured if len(self.estimate.candidates) == 1 else _with_twin(measured)
 

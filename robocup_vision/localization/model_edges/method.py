@@ -113,4 +113,4 @@ class EdgeMethod:
 
 def _with_pan_error(prior: PoseEstimate) -> PoseEstimate:
     covariance: FloatArray = prior.covariance + np.diag([0.0, 0.0, _PAN_STD_RAD**2])
-    return PoseEstimate(prior.pose, covariance, prior.inlier_share, prior.residual_px)
+    return PoseEstimate(prior.pose, covariance, prior.inlier_ratio, prior.residual_px)

@@ -38,7 +38,7 @@ def test_the_goals_decide_whatever_was_first(ssl_field, paper_camera, frame, gue
         chosen = side.choose(frame, both(guess), colors(ssl_field), prior)
         assert sum(chosen.pose.error_to(TRUTH)) < 1e-9
         assert chosen.candidates == (chosen.pose,)
-        assert (chosen.inlier_share, chosen.residual_px) == (0.9, 0.3)
+        assert (chosen.inlier_ratio, chosen.residual_px) == (0.9, 0.3)
 
 
 @pytest.mark.parametrize("cast", [(0.8, 0.95, 1.25), (1.25, 0.95, 0.8), (0.5, 0.5, 0.5)])

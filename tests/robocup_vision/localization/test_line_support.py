@@ -37,7 +37,7 @@ def test_lines_bear_out_the_right_pose_and_no_other(ssl_field, paper_camera, see
         check = support(ssl_field, paper_camera, vision.polar, sure_inlier_ratio=2.0, **by)
         for one, view in frames:
             assert check.bears_out(view.pose, one.frame, view.marks)
-            wrong = replace(view.pose, inlier_share=0.5).seen_from(Pose2(0.15, 0.2, 0.5))
+            wrong = replace(view.pose, inlier_ratio=0.5).seen_from(Pose2(0.15, 0.2, 0.5))
             assert not check.bears_out(wrong, one.frame, view.marks)
 
 
@@ -45,9 +45,9 @@ def test_an_outline_that_agrees_all_around_needs_no_lines(ssl_field, paper_camer
     vision, frames = seen
     one, view = frames[0]
     check = support(ssl_field, paper_camera, vision.polar)
-    sure = replace(view.pose, inlier_share=0.9)
+    sure = replace(view.pose, inlier_ratio=0.9)
     assert check.bears_out(sure, np.zeros_like(one.frame), np.zeros_like(view.marks))
-    doubtful = replace(view.pose, inlier_share=0.5)
+    doubtful = replace(view.pose, inlier_ratio=0.5)
     assert not check.bears_out(doubtful, np.zeros_like(one.frame), np.zeros_like(view.marks))
     # lines that lie elsewhere speak against it
     marks = np.where(np.arange(view.marks.shape[0])[:, None] % 20 == 0, LINE, 0).astype(np.uint8)

@@ -65,7 +65,7 @@ def test_a_clean_floor_gives_the_pose_up_to_a_half_turn(pose: Pose2) -> None:
     assert position_m < 0.02
     assert heading_rad < math.radians(0.5)
     assert estimate.candidates == (estimate.pose, estimate.pose.half_turn())
-    assert estimate.inlier_share > 0.8
+    assert estimate.inlier_ratio > 0.8
     assert estimate.residual_px < 0.6
     assert np.all(np.linalg.eigvalsh(estimate.covariance) > 0)
 

@@ -170,7 +170,7 @@ def test_painted_pictures_are_located(mirror_camera, paint_field, truth):
     distance, angle = estimate.pose.error_to(truth, symmetric=True)
     assert distance < 0.01
     assert angle < math.radians(0.5)
-    assert estimate.inlier_share > 0.9
+    assert estimate.inlier_ratio > 0.9
 
 
 def test_a_pose_is_refused_where_most_of_its_lines_are_bare_floor(localizer, paint_field):
