@@ -27,9 +27,11 @@ class LineSupportSettings:
     ----------
     sure_inlier_ratio : float
         An outline that agrees so well needs no lines: on pictures of other things at most 0.7 agree.
-    min_ratio_sum : float
-        Share of the outline that agrees plus share of the line points that lie on lines: 0.74 at most on pictures of
-        other things, 1.2 at least where the pose is right.
+    min_evidence : float
+        Fraction of the outline that agrees, plus `point_weight` times the fraction of the line points that lie on
+        lines: at most 0.76 on photographs of other things, at least 0.89 on rendered crowds and highlights.
+    point_weight : float
+        A line point says more than a bearing: only a field has lines where the pose puts them.
     min_samples : int
         With fewer samples marked as line these say nothing. They are coarse, but cost nothing; where they do not bear
         the pose out, line points are found to a fraction of a pixel.
@@ -43,10 +45,11 @@ class LineSupportSettings:
     """
 
     sure_inlier_ratio: float = 0.8
-    min_ratio_sum: float = 1.0
+    min_evidence: float = 0.83
+    point_weight: float = 1.5
     min_samples: int = 10
-    min_points: int = 8
-    min_hidden_inlier_ratio: float = 0.6
+    min_points: int = 20
+    min_hidden_inlier_ratio: float = 0.4
     near_widths: float = 1.2
 
 
@@ -93,7 +96,7 @@ class LineSupport:
         if estimate.inlier_ratio >= settings.sure_inlier_ratio:
             return True
         row, column = np.nonzero(marks == LINE)
-        missing_ratio = settings.min_ratio_sum - estimate.inlier_ratio
+        missing_ratio = (settings.min_evidence - estimate.inlier_ratio) / settings.point_weight
         if len(row) >= settings.min_samples:
             off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
             if np.count_nonzero(off_m < self._near_sample_m[column]) >= missing_ratio * len(row):
@@ -107,10 +110,12 @@ class LineSupport:
     def _lacks_lines(self, estimate: PoseEstimate, marks: UInt8Array) -> bool:
         """Whether plain floor shows where the pose puts lines."""
         row, column = np.nonzero(marks == FLOOR)
-        # samples whose whole width lies on a line
-        inner_m = 0.5 * self._map.field.line_width_m - 0.5 * np.gradient(self._view.range_m)[column]
+        # near enough for a line to fill its sample
+        width_m = self._map.field.line_width_m
+        near = np.gradient(self._view.range_m)[column] < 2 * width_m
+        row, column = row[near], column[near]
         off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
-        return int(np.count_nonzero(off_m < inner_m)) >= self._settings.min_samples
+        return int(np.count_nonzero(off_m < 0.25 * width_m)) >= self._settings.min_samples
 
     def _off_lines_m(self, pose: Pose2, floor_m: FloatArray) -> FloatArray:
         return self._map.nearest(pose.transform(floor_m)).distance_m

@@ -10,7 +10,7 @@ import pytest
 from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor.free_floor import LINE
+from robocup_vision.kernels.floor.free_floor import FLOOR
 from robocup_vision.localization.line_support import LineSupport, LineSupportSettings
 from robocup_vision.localization.lines.localizer import LineLocalizer
 from sim2d.rendering.cameras import sekimori_camera
@@ -47,11 +47,14 @@ def test_an_outline_that_agrees_all_around_needs_no_lines(ssl_field, paper_camer
     check = support(ssl_field, paper_camera, vision.polar)
     sure = replace(view.pose, inlier_ratio=0.9)
     assert check.bears_out(sure, np.zeros_like(one.frame), np.zeros_like(view.marks))
-    doubtful = replace(view.pose, inlier_ratio=0.5)
-    assert not check.bears_out(doubtful, np.zeros_like(one.frame), np.zeros_like(view.marks))
-    # lines that lie elsewhere speak against it
-    marks = np.where(np.arange(view.marks.shape[0])[:, None] % 20 == 0, LINE, 0).astype(np.uint8)
-    assert not check.bears_out(doubtful, np.zeros_like(one.frame), np.broadcast_to(marks, view.marks.shape))
+    # where robots hide all lines nothing speaks against it, unless hardly any of the outline agrees either
+    doubtful, dark = replace(view.pose, inlier_ratio=0.5), np.zeros_like(one.frame)
+    assert check.bears_out(doubtful, dark, np.zeros_like(view.marks))
+    assert not check.bears_out(replace(view.pose, inlier_ratio=0.3), dark, np.zeros_like(view.marks))
+    # plain floor where the pose puts lines speaks against it: the centre line passes near the robot
+    at_center = replace(doubtful, pose=Pose2(0.0, 0.2, 0.0), candidates=())
+    assert check.bears_out(at_center, dark, np.zeros_like(view.marks))
+    assert not check.bears_out(at_center, dark, np.full_like(view.marks, FLOOR))
 
 
 @pytest.mark.skipif(not NEGATIVES.is_dir(), reason="the photographs are not installed")
