@@ -27,6 +27,9 @@ class LineSupportSettings:
     ----------
     sure_inlier_ratio : float
         An outline that agrees so well needs no lines: on pictures of other things at most 0.7 agree.
+    tight_inlier_ratio, max_tight_rms : float
+        Nor does one of which so much agrees so well: root mean square of the residuals, in units of 1/86 of the usable
+        radius. What agrees by chance is spread over the whole gate: 0.3 to 0.9 on pictures of other things.
     min_evidence : float
         Fraction of the outline that agrees, plus `point_weight` times the fraction of the line points that lie on
         lines: at most 0.76 on photographs of other things, at least 0.89 on rendered crowds and highlights.
@@ -45,6 +48,8 @@ class LineSupportSettings:
     """
 
     sure_inlier_ratio: float = 0.8
+    tight_inlier_ratio: float = 0.65
+    max_tight_rms: float = 0.35
     min_evidence: float = 0.83
     point_weight: float = 1.5
     min_samples: int = 10
@@ -77,6 +82,8 @@ class LineSupport:
     ) -> None:
         self._map, self._finder, self._view, self._settings = line_map, finder, view, settings
         self._near_m = settings.near_widths * line_map.field.line_width_m
+        inner, outer = view.camera.usable_radius_px
+        self._unit_px = max(1.0, (outer - inner) / 86.0)
         # a sample stands for half a column inwards and outwards
         self._near_sample_m = np.maximum(self._near_m, 0.5 * np.gradient(view.range_m) + 0.5 * self._near_m)
 
@@ -94,6 +101,11 @@ class LineSupport:
         """
         settings = self._settings
         if estimate.inlier_ratio >= settings.sure_inlier_ratio:
+            return True
+        if (
+            estimate.inlier_ratio >= settings.tight_inlier_ratio
+            and estimate.residual_px <= settings.max_tight_rms * self._unit_px
+        ):
             return True
         row, column = np.nonzero(marks == LINE)
         missing_ratio = (settings.min_evidence - estimate.inlier_ratio) / settings.point_weight
