@@ -31,7 +31,7 @@ RUN = """
 import numpy as np
 from field_models import load_field
 from sim2d.robot_link import Command, RobotLimits
-from sim2d.world import World
+from sim2d.world.world import World
 rng = np.random.default_rng(5)
 world = World(load_field("ssl_2001"), 3, RobotLimits(), np.random.default_rng(11))
 for _ in range(300):
