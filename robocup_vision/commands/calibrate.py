@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robocup_vision.commands.calibrate_colors import add_colors_parser
+from robocup_vision.commands.calibrate_options import add_calibration_options
 from robocup_vision.commands.calibrate_pinhole import add_pinhole_parser
 
 if TYPE_CHECKING:
@@ -42,13 +43,8 @@ def _add_omni_parser(kinds: Any) -> None:
         description="Calibrate a mirror camera: its centre, tilt and curve, from frames of the field with the robot "
         "anywhere on it. Some ten frames from different places and headings are enough, one may be.",
     )
-    add = omni.add_argument
-    add("images", nargs="+", metavar="IMAGES", help="image files, or folders of images")
-    add("--field", required=True, metavar="F", help="built-in field's name, or a field file (.toml)")
-    add("--out", required=True, metavar="CAMERA", help="camera file to write (.toml); overlays go beside it")
-    add("--start", metavar="CAMERA", help="camera file to start from (default: from nothing)")
-    add("--mask", metavar="PNG", help="image whose non-zero pixels are never looked at")
-    add("--frames", type=int, default=24, metavar="N", help="use at most N images, evenly spread (default: 24)")
+    add_calibration_options(omni, "camera file to write (.toml); overlays go beside it")
+    omni.add_argument("--mask", metavar="PNG", help="image whose non-zero pixels are never looked at")
     omni.set_defaults(run=run_calibrate_omni)
 
 

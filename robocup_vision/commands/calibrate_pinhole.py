@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import Any
 
+from robocup_vision.commands.calibrate_options import add_calibration_options
+
 
 def add_pinhole_parser(kinds: Any) -> None:
     """Add `pinhole` to the kinds of calibration."""
@@ -16,13 +18,10 @@ def add_pinhole_parser(kinds: Any) -> None:
         "focal length, height, and tilt where it is the same in all. Some ten pictures from different places, nearer "
         "and from the side, are enough.",
     )
-    add = pinhole.add_argument
-    add("images", nargs="+", metavar="IMAGES", help="image files, or folders of images")
-    add("--field", required=True, metavar="F", help="built-in field's name, or a field file (.toml)")
-    add("--out", required=True, metavar="CAMERA", help="camera file to write (.toml)")
-    add("--start", metavar="CAMERA", help="camera file to start from (default: from nothing)")
-    add("--poses", metavar="CSV", help="roughly where the camera was: image,x_m,y_m,theta_rad; lines alone then do")
-    add("--frames", type=int, default=24, metavar="N", help="use at most N images, evenly spread (default: 24)")
+    add_calibration_options(pinhole, "camera file to write (.toml)")
+    pinhole.add_argument(
+        "--poses", metavar="CSV", help="roughly where the camera was: image,x_m,y_m,theta_rad; lines alone then do"
+    )
     pinhole.set_defaults(run=run_calibrate_pinhole)
 
 

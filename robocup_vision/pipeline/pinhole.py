@@ -61,12 +61,13 @@ class _Floor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _FloorSamples:
-    """A frame's floor samples: colours, classifier, floor likelihoods, each bearing's outermost floor sample."""
+    """A frame's floor samples: colours, classifier, likelihoods; each bearing's outermost floor sample and edge."""
 
     colors: UInt8Array
     table: ColorTable | None
     llr: Int8Array
     columns: Int64Array
+    edge_px: FloatArray
 
 
 class PinholePipeline(FramePipeline):
@@ -177,9 +178,20 @@ class PinholePipeline(FramePipeline):
         if robot is not None and self.field.is_bounded:
             walls = wall_px(self.field.walls, robot, floor.view)
         timings["total"] = perf_counter() - begin
-        edge = _edge_px(floor.view, samples.columns)
         return View(
-            pose, free_space, ball, timings, edge, marks, walls, floor.view, answer.camera, floor.grid, t_s, None, told
+            pose,
+            free_space,
+            ball,
+            timings,
+            samples.edge_px,
+            marks,
+            walls,
+            floor.view,
+            answer.camera,
+            floor.grid,
+            t_s,
+            None,
+            told,
         )
 
     def _evidence(
@@ -188,9 +200,7 @@ class PinholePipeline(FramePipeline):
         if samples is None or self._floor is None:
             return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, dtype=np.int64), t_s=t_s)
         view = self._floor.view
-        return FrameEvidence(
-            frame, camera, samples.table, view, _edge_px(view, samples.columns), samples.columns, t_s=t_s
-        )
+        return FrameEvidence(frame, camera, samples.table, view, samples.edge_px, samples.columns, t_s=t_s)
 
     def _sample(self, frame: UInt8Array, view: FloorView, timings: dict[str, float] | None = None) -> _FloorSamples:
         begin = perf_counter()
@@ -199,7 +209,7 @@ class PinholePipeline(FramePipeline):
         columns = np.full(view.bearings, -1) if table is None else self._last_floor(llr, view)
         if timings is not None:
             timings["colors"] = perf_counter() - begin
-        return _FloorSamples(colors, table, llr, columns)
+        return _FloorSamples(colors, table, llr, columns, _edge_px(view, columns))
 
     def _see_floor(
         self, frame: UInt8Array, floor: _Floor, samples: _FloorSamples, robot: Pose2 | None, timings: dict[str, float]
