@@ -13,7 +13,7 @@ from field_models import load_field
 from robocup_vision import Memory, Vision
 from robocup_vision.belief import Hypothesis
 from robocup_vision.geometry import half_turn_covariance
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.mapping.occupancy import FREE, NO_GO
 from robocup_vision.planning import GoalQuestion, SelectiveLook
 from robocup_vision.planning.gaze.goal_question import identified_goal
@@ -25,7 +25,7 @@ field = load_field("four_legged_2007")
 arena = Arena(field, players=1, seed=3)
 for _ in range(30):  # it faces away from both goals
     arena.step({0: Command(turn_rps=2.0)})
-localizer, question = GoalLocalizer(field, arena.camera), GoalQuestion(field, arena.camera)
+estimator, question = GoalPoseEstimator(field, arena.camera), GoalQuestion(field, arena.camera)
 pose, covariance = arena.state.robots[0].pose, np.diag([0.05, 0.05, 0.05]) ** 2
 halves = [(pose.half_turn(), half_turn_covariance(covariance)), (pose, covariance)]
 probability, pan_rad = np.array([0.5, 0.5]), 0.0
@@ -39,7 +39,7 @@ for _ in range(6):
         arena.step({0: Command(pan_rad=fixation.pan_rad)})
     senses = arena.senses()[0]
     pan_rad = senses.frame_pan_rad
-    goal = identified_goal(field, localizer.locate(senses.frame))
+    goal = identified_goal(field, estimator.locate(senses.frame))
     print(f"    at {math.degrees(pan_rad):+.0f} deg:", {1: "goal at +x", -1: "goal at -x", 0: "no goal"}[goal])
     probability = question.observe(hypotheses, pan_rad, goal)
 print("the true half has probability", probability[1].round(3))

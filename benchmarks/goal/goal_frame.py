@@ -20,7 +20,7 @@ from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.localization.goal.fit import refine
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.perception.goal_color import hue_masks
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
@@ -62,7 +62,7 @@ def main() -> None:
         places = None if name.startswith("white") else paper_places(FIELD)
         indices = list(range(2, 66, 8 if arguments.quick else 4)) if places else list(range(4))
         samples = list(sample_goal(field, condition, arguments.seed, 66, places=places, indices=indices, supersample=3))
-        localizer, search = GoalLocalizer(field, condition.camera), GoalSearch(field, condition.camera)
+        estimator, search = GoalPoseEstimator(field, condition.camera), GoalSearch(field, condition.camera)
         columns = ("stage                ", "ms", col.time_ratio("x cvtColor"), "verdict")
         table = Table(columns, name, name=name)
         frames = [s.frame for s in samples]
@@ -72,7 +72,7 @@ def main() -> None:
             stages.append(("masks of both hues", partial(masks, search)))
         stages.append(("masks, posts, pairs", partial(pairs, search)))
         stages.append(("goal search", search.candidates))
-        stages.append(("whole locate()", localizer.locate))
+        stages.append(("whole locate()", estimator.locate))
         for stage, call in stages:
             typical = float(np.median([median_s(partial(call, f), repeats) for f in frames]))
             judged = stage == "whole locate()" and name == "clean_416x320"

@@ -21,7 +21,7 @@ from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.localization.baselines.goal_angles import AnglesLocalizer
+from robocup_vision.localization.baselines.goal_angles import GoalAnglesEstimator
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS
 from robocup_vision.localization.goal.geometry import (
     BAR_BOTTOM,
@@ -31,7 +31,7 @@ from robocup_vision.localization.goal.geometry import (
     RIGHT_INNER,
     RIGHT_OUTER,
 )
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.goal.search import Candidate, GoalSearch
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
@@ -155,16 +155,18 @@ def measure(job: tuple[str, int, tuple[int, ...]]) -> list[list[Score]]:
     cv2.setNumThreads(1)
     name, seed, indices = job
     condition = GOAL_CONDITIONS[name]
-    direct = GoalLocalizer(FIELD, condition.camera)
-    paper, closed = (AnglesLocalizer(FIELD, condition.camera, closed_form=closed_form) for closed_form in (False, True))
+    direct = GoalPoseEstimator(FIELD, condition.camera)
+    paper, closed = (
+        GoalAnglesEstimator(FIELD, condition.camera, closed_form=closed_form) for closed_form in (False, True)
+    )
     search = GoalSearch(FIELD, condition.camera)
     rows = []
     for s in sample_goal(FIELD, condition, seed, 66, places=paper_places(FIELD), indices=indices, supersample=4):
         candidates, _ = search.candidates(s.frame)
         pixels = corners(candidates[0], condition.camera.height_m) if candidates else None
         row = []
-        for localizer in (direct, paper, closed):
-            estimate = localizer.locate(s.frame)
+        for estimator in (direct, paper, closed):
+            estimate = estimator.locate(s.frame)
             row.append(score(estimate.pose, s.pose, estimate.covariance) if estimate else MISSED)
         for flag in (cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_IPPE):
             pose = None if pixels is None else solver(pixels, candidates[0], condition.camera.height_m, flag)
@@ -178,11 +180,11 @@ def false_poses(job: tuple[str, int, int]) -> list[str]:
     cv2.setNumThreads(1)
     name, seed, count = job
     field = load_field("spl_2020") if name.startswith("white") else FIELD
-    localizer = GoalLocalizer(field, GOAL_CONDITIONS[name].camera)
+    estimator = GoalPoseEstimator(field, GOAL_CONDITIONS[name].camera)
     return [
         f"{name} {s.view} {s.index}"
         for s in sample_goal(field, GOAL_CONDITIONS[name], seed, count, views=NEGATIVE_VIEWS, supersample=2)
-        if localizer.locate(s.frame)
+        if estimator.locate(s.frame)
     ]
 
 

@@ -32,7 +32,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.landmarks.features import Features, SiftExtractor
 from robocup_vision.landmarks.landmark_map import LandmarkMap, expect
-from robocup_vision.landmarks.locate import LandmarkLocalizer, LandmarkMatch
+from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator
 from robocup_vision.landmarks.selection import Selection
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame
 
@@ -104,12 +104,12 @@ class Verdicts:
 
 
 def score(
-    localizer: LandmarkLocalizer, runs: Sequence[Features], truth: Sequence[Pose2], rng: np.random.Generator
+    estimator: LandmarkPoseEstimator, runs: Sequence[Features], truth: Sequence[Pose2], rng: np.random.Generator
 ) -> Score:
     """Locate every frame from the truth of the frame before."""
     errors, nees, matching, looked, matched = [], [], [], [], []
     for index, (features, pose) in enumerate(zip(runs, truth, strict=True)):
-        sight: LandmarkMatch = localizer.look_at(features, truth[max(index - 1, 0)], rng=rng)
+        sight: LandmarkMatch = estimator.look_at(features, truth[max(index - 1, 0)], rng=rng)
         times = sight.timings_s
         matching.append(times.get("match", 0.0))
         looked.append(len(sight.expected))
@@ -126,16 +126,16 @@ def score(
 
 
 def perspective(
-    localizer: LandmarkLocalizer, runs: Sequence[Features], truth: Sequence[Pose2]
+    estimator: LandmarkPoseEstimator, runs: Sequence[Features], truth: Sequence[Pose2]
 ) -> npt.NDArray[np.float64]:
-    """Errors (N, 3) of cv2.solvePnPRansac on the localizer's matches; it does not use the floor."""
-    camera, landmarks = localizer.camera, localizer.landmarks
+    """Errors (N, 3) of cv2.solvePnPRansac on the estimator's matches; it does not use the floor."""
+    camera, landmarks = estimator.camera, estimator.landmarks
     matrix = np.array(
         [[camera.focal_px[0], 0, camera.center_px[0]], [0, camera.focal_px[1], camera.center_px[1]], [0, 0, 1.0]]
     )
     errors = []
     for index, (features, pose) in enumerate(zip(runs, truth, strict=True)):
-        sight = localizer.look_at(features, truth[max(index - 1, 0)])
+        sight = estimator.look_at(features, truth[max(index - 1, 0)])
         points = landmarks.positions_m[sight.expected.landmark[sight.matched]]
         if len(points) < 6:
             continue
@@ -182,12 +182,12 @@ def cost(
     rng = np.random.default_rng([seed, 5])
     sums = []
     for size in sizes:
-        localizer = LandmarkLocalizer(building(landmarks, size, rng), HALL_CAMERA)
-        in_view = len(expect(localizer.landmarks, HALL_CAMERA, truth[0].array))
+        estimator = LandmarkPoseEstimator(building(landmarks, size, rng), HALL_CAMERA)
+        in_view = len(expect(estimator.landmarks, HALL_CAMERA, truth[0].array))
         times = []
         for repeat in range(3):
             for index, features in enumerate(runs):
-                t = localizer.look_near(features, truth[max(index - 1, 0)]).timings_s
+                t = estimator.look_near(features, truth[max(index - 1, 0)]).timings_s
                 if repeat:
                     times.append([t["select"], t["match"], t["fit"]])
         parts = 1e3 * np.median(times, axis=0)
@@ -250,19 +250,19 @@ def main() -> None:
     seen_second, seen_third = ([extract(f.images[0]) for f in run] for run in (second, third))
     verdicts = Verdicts()
 
-    def localizer(
+    def estimator(
         selection: Selection, matching: str = "loop", camera: PinholeCamera = HALL_RIG.left
-    ) -> LandmarkLocalizer:
-        return LandmarkLocalizer(landmarks, camera, selection=selection, matching=matching)  # type: ignore[arg-type]
+    ) -> LandmarkPoseEstimator:
+        return LandmarkPoseEstimator(landmarks, camera, selection=selection, matching=matching)  # type: ignore[arg-type]
 
     own_truth = poses[:located]
     cells, ours = Selection("cells"), Selection()
     table = Table(
         COLUMNS, "Table 1: the paper's protocol; beside it what the paper prints", name="table 1", samples=located
     )
-    everything = score(localizer(Selection("all")), left, own_truth, rng)
+    everything = score(estimator(Selection("all")), left, own_truth, rng)
     row(table, "all", everything, PAPER_ALL)
-    chosen = score(localizer(ours), left, own_truth, rng)
+    chosen = score(estimator(ours), left, own_truth, rng)
     row(table, "informative of cells, 60", chosen)
     grid = list(PAPER_CELLS) if not arguments.quick else [(0.2, 0.5), (0.3, 0.5)]
     for alpha, gamma in grid:
@@ -270,16 +270,16 @@ def main() -> None:
         row(
             table,
             f"cells {alpha:g}, {alpha:g}, {gamma:g}",
-            score(localizer(how), left, own_truth, rng),
+            score(estimator(how), left, own_truth, rng),
             PAPER_CELLS[alpha, gamma],
         )
 
     table = Table(COLUMNS, "Table 2 and other choices, the paper's protocol", name="table 2", samples=located)
     row(table, "all", everything, PAPER_ALL)
     row(table, "informative of cells, 60", chosen)
-    in_cells = score(localizer(cells), left, own_truth, rng)
+    in_cells = score(estimator(cells), left, own_truth, rng)
     row(table, "cells 0.2, 0.2, 0.5", in_cells, PAPER_CELLS[0.2, 0.5])
-    plain = score(localizer(replace(cells, by_contrast=False)), left, own_truth, rng)
+    plain = score(estimator(replace(cells, by_contrast=False)), left, own_truth, rng)
     row(table, "  without contrast", plain, (32.69, 38.28, 0.46, 8.13, 48.82, 24.59))
     for choice, printed in (
         ("frequency", (171.4, 268.63, 3.44, 7.92, 50.0, 15.45)),
@@ -287,9 +287,9 @@ def main() -> None:
         ("random", None),
     ):
         how = Selection(choice, at_most=60)  # type: ignore[arg-type]
-        row(table, f"{choice}, 60, no cells", score(localizer(how), left, own_truth, rng), printed)
+        row(table, f"{choice}, 60, no cells", score(estimator(how), left, own_truth, rng), printed)
     for name, how in (("all", Selection("all")), ("response, 60", Selection("response")), ("informative, 60", ours)):
-        errors = perspective(localizer(how), left, own_truth)
+        errors = perspective(estimator(how), left, own_truth)
         table.row(
             f"solvePnPRansac, {name}", f"{len(errors)}/{located}", *(float(v) for v in errors.mean(axis=0)),
             ", ".join(f"{v:.2g}" for v in np.median(errors, axis=0)), *(None,) * 4, "",
@@ -304,7 +304,7 @@ def main() -> None:
     ok = bool((worse <= 1.5).all())
     verdicts.add("errors of selected / all", _text(worse), "<= 1.5", ok)
     for matching in ("loop", "product"):
-        slow, fast = (score(localizer(how, matching), left, own_truth, rng) for how in (Selection("all"), ours))
+        slow, fast = (score(estimator(how, matching), left, own_truth, rng) for how in (Selection("all"), ours))
         ratio = slow.match_ms / fast.match_ms
         ok = ratio >= 57 and len(fast.errors) >= len(slow.errors) and fast.looked_for <= 60
         verdicts.add(
@@ -320,9 +320,9 @@ def main() -> None:
     results: dict[str, Score] = {}
     for label, seen in (("dimmed", seen_second), ("dimmed, posters changed", seen_third)):
         for name, how in (("all", Selection("all")), ("selected", ours)):
-            results[label + name] = score(localizer(how, camera=HALL_CAMERA), seen, truth, rng)
+            results[label + name] = score(estimator(how, camera=HALL_CAMERA), seen, truth, rng)
             row(table, f"{label}, {name}", results[label + name])
-    without = LandmarkLocalizer(runs.drifted, HALL_CAMERA, selection=ours)
+    without = LandmarkPoseEstimator(runs.drifted, HALL_CAMERA, selection=ours)
     row(table, "dimmed, map that drifts", score(without, seen_second, truth, rng))
     limit = np.array([5.0, 5.0, 0.05])
     s, moved = results["dimmedselected"], results["dimmed, posters changedselected"]
@@ -334,7 +334,7 @@ def main() -> None:
     measured = f"{len(moved.errors)}/{moved.frames}; {ratios[0]:.2f}, {ratios[1]:.2f}"
     verdicts.add("posters changed: located; median errors / unchanged", measured, "all; <= 2", ok)
 
-    everywhere = localizer(ours, camera=HALL_CAMERA)
+    everywhere = estimator(ours, camera=HALL_CAMERA)
     everywhere.prepare()
     slowest, right, tried = 0.0, 0, 0
     for features, pose in list(zip(seen_second, truth, strict=True))[::2]:
@@ -384,23 +384,23 @@ def cheaper(
     )
     truth = [f.pose for f in second]
     kinds = [
-        ("SIFT", LandmarkLocalizer(landmarks, HALL_CAMERA)),
+        ("SIFT", LandmarkPoseEstimator(landmarks, HALL_CAMERA)),
         (
             "SIFT at half size",
-            LandmarkLocalizer(landmarks, HALL_CAMERA, extractor=SiftExtractor(HALL_CAMERA, shrink=2)),
+            LandmarkPoseEstimator(landmarks, HALL_CAMERA, extractor=SiftExtractor(HALL_CAMERA, shrink=2)),
         ),
-        ("SIFT in regions", LandmarkLocalizer(landmarks, HALL_CAMERA, regions=True)),
-        ("ORB", LandmarkLocalizer(orb[0], HALL_CAMERA, extractor=OrbExtractor(HALL_CAMERA))),
+        ("SIFT in regions", LandmarkPoseEstimator(landmarks, HALL_CAMERA, regions=True)),
+        ("ORB", LandmarkPoseEstimator(orb[0], HALL_CAMERA, extractor=OrbExtractor(HALL_CAMERA))),
     ]
     reference_ms, any_ok = math.nan, False
-    for name, localizer in kinds:
+    for name, estimator in kinds:
         errors, times = [], []
         for index, frame in enumerate(second):
             # odometry that is 5 % off
             before = truth[max(index - 1, 0)]
             step = before.inverse().compose(frame.pose)
             moved = Pose2(1.05 * step.x_m, 1.05 * step.y_m, 1.05 * step.theta_rad)
-            sight = localizer.look(frame.images[0], before.compose(moved))
+            sight = estimator.look(frame.images[0], before.compose(moved))
             times.append(sight.timings_s["features"])
             if sight.pose:
                 off = sight.pose.pose.array - frame.pose.array

@@ -10,8 +10,8 @@ Further figures: the 99th percentile over the median, and in how many looks the 
 99th percentile per stage; the 40 to 45 ms a frame that Sekimori et al. print for the computer of their robot, and their
 way of locating as implemented here (method "hull", the rest of the frame the same); a first frame, whose colours must
 be learnt (`Vision.forget` before it); the cold search by lines alone on rendered images of msl_6x4, whose carpet goes
-on beyond the lines (`LineLocalizer.locate`, no prior, floor tone unknown); and the time to make a `Vision` in a fresh
-process once compiled code is on the disk, without the imports.
+on beyond the lines (`LinePoseEstimator.locate`, no prior, floor tone unknown); and the time to make a `Vision` in a
+fresh process once compiled code is on the disk, without the imports.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from benchmarks.harness import columns as col  # noqa: E402
 from field_models import load_field  # noqa: E402
 from robocup_vision import MotionLimits, Steering, Vision  # noqa: E402
 from robocup_vision.geometry import Pose2  # noqa: E402
-from robocup_vision.localization.lines.localizer import LineLocalizer  # noqa: E402
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator  # noqa: E402
 from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
 from sim2d.rendering.random_scenes import CONDITIONS, sample  # noqa: E402
 
@@ -150,14 +150,14 @@ def measure_frames(size: tuple[int, int], frames: list[np.ndarray], count: int, 
 def measure_line_search(size: tuple[int, int], count: int, seed: int) -> tuple[list[float], int]:
     """Seconds of the search by the lines alone, each frame as if it were the first, and how many were located."""
     camera = sekimori_camera(*size)
-    localizer = LineLocalizer(CARPET_FIELD, camera)
+    estimator = LinePoseEstimator(CARPET_FIELD, camera)
     seconds: list[float] = []
     located = 0
     for drawn in sample(CARPET_FIELD, camera, CONDITIONS["nominal"], seed, count):
         if not seconds:  # compiled code is loaded before the clock runs
-            localizer.locate(drawn.frame)
+            estimator.locate(drawn.frame)
         begin = perf_counter()
-        located += bool(localizer.locate(drawn.frame))
+        located += bool(estimator.locate(drawn.frame))
         seconds.append(perf_counter() - begin)
     return seconds, located
 

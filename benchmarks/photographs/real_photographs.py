@@ -8,8 +8,8 @@ installed". Poses count modulo a half turn. Nothing but the photograph and its c
 line_points_a_center.csv, which the fit never sees (though the camera file was fitted to them). "held back": the line
 points found in the photograph are cut into sectors of 30 degrees; the pose is searched by every other sector's points
 alone, and the distance is that of the points in the sectors left out; both halves together. These include whatever was
-taken for a line and is none. "search": `LineLocalizer.locate`; "look": the whole `Vision.look`, colours learnt within;
-medians of 9 (--quick: 3, --full: 50). Overlays are written to out/real_photographs.
+taken for a line and is none. "search": `LinePoseEstimator.locate`; "look": the whole `Vision.look`, colours learnt
+within; medians of 9 (--quick: 3, --full: 50). Overlays are written to out/real_photographs.
 
 The forward camera: six photographs from a small-size robot, with poses from overhead cameras, most of them while it
 moves, so that the given pose is that of another moment (drawn from it, the lines lie up to 5 degrees beside those in
@@ -36,8 +36,8 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.localizer import LineLocalizer
 from robocup_vision.localization.lines.nearby import locate_nearby
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 OUT = Path("out") / "real_photographs"
@@ -53,13 +53,13 @@ ONBOARD, ONBOARD_FIELD = (
 PRIOR_STD = np.array([0.1, 0.1, math.radians(5.0)])
 
 
-def held_back_m(localizer: LineLocalizer, frame: np.ndarray, line_map: LineMap) -> FloatArray | None:
+def held_back_m(estimator: LinePoseEstimator, frame: np.ndarray, line_map: LineMap) -> FloatArray | None:
     """Distances from the lines of points that the pose was not searched by; None if half the points do not do."""
-    points = localizer.finder.find(frame)
+    points = estimator.finder.find(frame)
     sector = np.floor(np.arctan2(*points.floor_m.T[::-1]) / (2 * np.pi) * SECTORS).astype(int)
     distances = []
     for half in (0, 1):
-        estimate = localizer.locate(points.take(sector % 2 == half))
+        estimate = estimator.locate(points.take(sector % 2 == half))
         if not estimate:
             return None
         distances.append(line_map.nearest(estimate.pose.transform(points.floor_m[sector % 2 != half])).distance_m)
@@ -97,7 +97,7 @@ def forward_camera(draws: int, seed: int) -> bool:
     camera, field = load_camera(REAL / ONBOARD / "camera.toml"), load_field(ONBOARD_FIELD)
     assert isinstance(camera, PinholeCamera)
     stiff = replace(camera, roll_std_rad=0.0)
-    localizer = LineLocalizer(field, camera)
+    estimator = LinePoseEstimator(field, camera)
     rng = np.random.default_rng(seed)
     errors: list[FloatArray] = []
     located = 0
@@ -108,14 +108,14 @@ def forward_camera(draws: int, seed: int) -> bool:
         frame = np.asarray(
             cv2.imread(str(REAL / ONBOARD / "images" / given["image"]), cv2.IMREAD_COLOR), dtype=np.uint8
         )
-        points = localizer.finder.find(frame)
+        points = estimator.finder.find(frame)
         own: list[FloatArray] = []
         sway = []
         for _ in range(draws):
             x, y, theta = (truth.array + rng.normal(0.0, PRIOR_STD)).tolist()
             prior = PoseEstimate(Pose2(x, y, theta), np.diag(PRIOR_STD**2), 1.0, 0.0)
-            refined, fitted = locate_nearby(points, localizer.line_map, prior, camera)
-            rigid, _ = locate_nearby(points, localizer.line_map, prior, stiff)
+            refined, fitted = locate_nearby(points, estimator.line_map, prior, camera)
+            rigid, _ = locate_nearby(points, estimator.line_map, prior, stiff)
             if not refined:
                 continue
             left = [e.pose.error_to(truth) if e else (math.nan, math.nan) for e in (prior, refined, rigid)]
@@ -160,14 +160,14 @@ def main() -> None:
             continue
         frame = np.asarray(cv2.imread(str(REAL / folder / "images" / name), cv2.IMREAD_COLOR), dtype=np.uint8)
         vision = Vision(field, load_camera(REAL / folder / "camera.toml"))
-        localizer = LineLocalizer(field, vision.camera)
+        estimator = LinePoseEstimator(field, vision.camera)
         look_s, search_s = [], []
         for _ in range(repeats):
             vision.forget()
             begin = perf_counter()
             view = vision.look(frame)
             seen = perf_counter()
-            localizer.locate(frame)
+            estimator.locate(frame)
             look_s.append(seen - begin)
             search_s.append(perf_counter() - seen)
         OUT.mkdir(parents=True, exist_ok=True)
@@ -195,7 +195,7 @@ def main() -> None:
             rows.append(("residual, hand-picked", spread(distances_m), target, bool(is_close)))
         search_ms = 1e3 * float(np.median(search_s))
         rows += [
-            ("residual, held back", spread(held_back_m(localizer, frame, line_map)), None, True),
+            ("residual, held back", spread(held_back_m(estimator, frame, line_map)), None, True),
             ("cold search", f"{search_ms:.1f} ms", f"<= {MAX_SEARCH_MS:g} ms", search_ms <= MAX_SEARCH_MS),
             ("cold look", f"{1e3 * float(np.median(look_s)):.1f} ms", None, True),
             ("overlay", str(OUT / name), None, True),

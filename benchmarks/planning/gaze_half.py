@@ -22,7 +22,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
 from sim2d.match.arena import camera_for
@@ -84,7 +84,7 @@ class Case:
             if rng.random() < TRACKED_RATIO:
                 x, y = to_belief.transform(rng.normal((robot.x_m, robot.y_m), TRACK_STD_M)).tolist()
                 self.blockers.append(Disc(x, y, robot.radius_m, np.eye(2) * TRACK_STD_M**2, height_m=robot.height_m))
-        self._localizer = GoalLocalizer(FIELD, CAMERA)
+        self._localizer = GoalPoseEstimator(FIELD, CAMERA)
         self._shown: dict[tuple[float, int], int] = {}
 
     def hypotheses(self, probability: FloatArray) -> list[Believed]:

@@ -43,7 +43,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.planning.gaze.pose_gaze import DETECTORS, GOAL_DETECTORS, PoseGaze
 from robocup_vision.vision import Vision
 from sim2d.rendering.pinhole import render_pinhole
@@ -108,7 +108,7 @@ def rendered_run(job: tuple[list[int], str]) -> RunScore:
     seed, rule = job
     walk = draw_walk(seed, RENDERED_S, RENDERED_FRAME_S)
     rng = np.random.default_rng([*seed, 2])
-    locate = GoalLocalizer(FIELD, CAMERA)
+    locate = GoalPoseEstimator(FIELD, CAMERA)
     believed = PoseFilter(odometry=ODOMETRY)
     believed.predict(Pose2(0, 0, 0), 0.0)
     start = np.array([0.15, 0.15, 0.1])
@@ -182,7 +182,7 @@ def sighting(seed: list[int]) -> Sighting:
     feet = seen & (PLACES[:, 2] == 0) & np.array([m.kind == "post" for m in MARKS])
     crossings = seen & (away < MARK_FARTHEST_M) & np.array([m.kind == "crossing" for m in MARKS])
     by_posts = by_lines = None
-    sight = GoalLocalizer(FIELD, CAMERA).locate_camera(frame, prior.pose)
+    sight = GoalPoseEstimator(FIELD, CAMERA).locate_camera(frame, prior.pose)
     if not isinstance(sight, NotLocated):
         found = sight.estimate(prior.pose).pose
         if found.error_to(pose)[0] < LOST_M:

@@ -1,7 +1,7 @@
 """A pinhole camera's focal length, height and tilt, from pictures of a goal and the lines around it.
 
 Each picture is fitted with a focal length and a height of its own under wide priors, together with its pose
-(`GoalLocalizer`). What the pictures determine of these two shared numbers is joined as one Gauss-Newton step of the
+(`GoalPoseEstimator`). What the pictures determine of these two shared numbers is joined as one Gauss-Newton step of the
 joint fit would join it: by their information, with the priors and each picture's own unknowns taken out of it. The
 pictures are fitted again about the result, and those that contradict the rest are left out.
 """
@@ -34,7 +34,7 @@ from robocup_vision.localization.goal.geometry import (
     IdealView,
     goal_shape,
 )
-from robocup_vision.localization.goal.localizer import CameraEstimate, GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import CameraEstimate, GoalPoseEstimator
 from robocup_vision.localization.goal.white_lines import loosened
 from robocup_vision.progress import progress
 
@@ -272,8 +272,8 @@ def _best_starts(field: Field, frames: Mapping[int, np.ndarray], given: PinholeC
 def _camera_estimates(
     field: Field, camera: PinholeCamera, frames: Mapping[int, np.ndarray], prior: Mapping[int, Pose2 | None]
 ) -> dict[int, CameraEstimate]:
-    localizer = GoalLocalizer(field, camera)
-    estimates = {index: localizer.locate_camera(frame, prior[index]) for index, frame in frames.items()}
+    estimator = GoalPoseEstimator(field, camera)
+    estimates = {index: estimator.locate_camera(frame, prior[index]) for index, frame in frames.items()}
     return {index: estimate for index, estimate in estimates.items() if not isinstance(estimate, NotLocated)}
 
 

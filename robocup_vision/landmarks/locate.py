@@ -41,7 +41,7 @@ Matching = Literal["loop", "product"]
 
 @dataclass(frozen=True, slots=True)
 class LandmarkSettings:
-    """What `LandmarkLocalizer` can be tuned by. Pixels are those of an image 320 wide; they grow with the width.
+    """What `LandmarkPoseEstimator` can be tuned by. Pixels are those of an image 320 wide; they grow with the width.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class LandmarkMatch:
     timings_s: dict[str, float]
 
 
-class LandmarkLocalizer:
+class LandmarkPoseEstimator:
     """Locates a robot's camera on a landmark map; one object a camera and thread.
 
     Parameters

@@ -18,7 +18,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.features import check_frame
 from robocup_vision.landmarks.landmark_map import LandmarkMap
-from robocup_vision.landmarks.locate import LandmarkLocalizer, LandmarkMatch, LandmarkSettings
+from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator, LandmarkSettings
 from robocup_vision.landmarks.selection import Selection
 
 _MIN_WIDTH = 640
@@ -91,7 +91,7 @@ class LandmarkVision:
     ) -> None:
         if mask is not None and mask.shape != (camera.size_px[1], camera.size_px[0]):
             raise ArgumentError(f"mask must be as large as the camera's images, got {mask.shape}")
-        self.localizer = LandmarkLocalizer(
+        self.estimator = LandmarkPoseEstimator(
             landmarks,
             camera,
             selection=selection,
@@ -100,7 +100,7 @@ class LandmarkVision:
             settings=settings or LandmarkSettings(),
         )
         # the first frame is without a prior: what it needs is made ready here
-        self.localizer.prepare()
+        self.estimator.prepare()
         self.camera = camera
         self._hidden = None if mask is None else mask != 0
         self._last: Pose2 | None = None
@@ -138,7 +138,7 @@ class LandmarkVision:
             frame[self._hidden] = 0
         if prior is None and self._last is not None:
             prior = self._last if odometry is None else self._last.compose(odometry)
-        match = self.localizer.look(frame, prior)
+        match = self.estimator.look(frame, prior)
         if match.pose:
             self._last = match.pose.pose
         elif self._last is not None:

@@ -20,6 +20,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.floor import walls as kernels
+from robocup_vision.kernels.floor.hull import hull_moments
 from robocup_vision.perception.polar_view import PolarView
 
 Arbiter = Callable[[list[Pose2]], int | None]
@@ -29,8 +30,8 @@ _UNITS = 86.0
 
 
 @dataclass(frozen=True, slots=True)
-class FloorSettings:
-    """Settings of the floor outline's localiser; "units" are 1/86 of the usable image radius.
+class OutlineSettings:
+    """Settings of `OutlineFitter`; "units" are 1/86 of the usable image radius.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ class FloorSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class FloorLocalizer:
+class OutlineFitter:
     """Fits a measured floor outline to a field's walls.
 
     Parameters
@@ -105,7 +106,7 @@ class FloorLocalizer:
         The camera.
     view : PolarView
         Defines the bearings of the outline.
-    settings : FloorSettings, optional
+    settings : OutlineSettings, optional
         Of the fit and the search.
 
     Raises
@@ -117,7 +118,7 @@ class FloorLocalizer:
     field: Field
     camera: OmniCamera
     view: PolarView
-    settings: FloorSettings = FloorSettings()
+    settings: OutlineSettings = OutlineSettings()
 
     def __post_init__(self) -> None:
         if not self.field.is_bounded:
@@ -174,7 +175,7 @@ class FloorLocalizer:
         Pose2 or None
             One of the two headings, or None with fewer than three points.
         """
-        known, x, y, axis = kernels.hull_moments(self._cos, self._sin, radius_px, *self._q_of_radius)
+        known, x, y, axis = hull_moments(self._cos, self._sin, radius_px, *self._q_of_radius)
         if known < 3:
             return None
         return Pose2(x, y, axis).inverse()

@@ -14,10 +14,10 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
 from robocup_vision.localization.goal.half_goal import PriorSettings
-from robocup_vision.localization.goal.localizer import GoalLocalizer
-from robocup_vision.localization.lines.localizer import LineLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.lines.nearby import locate_nearby
-from robocup_vision.localization.lines.walls import localizer_by_walls, wall_points
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
+from robocup_vision.localization.lines.walls import wall_points, wall_pose_estimator
 from robocup_vision.localization.localizer import (
     FrameEvidence,
     Localization,
@@ -53,13 +53,13 @@ class NarrowViewSettings:
     min_edge_contrast: float = 5.0
 
 
-class GoalMethod:
+class GoalLocalizer:
     """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown."""
 
     needs_floor = False
 
     def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
-        self._goal = GoalLocalizer(field, camera)
+        self._goal = GoalPoseEstimator(field, camera)
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""
@@ -84,7 +84,7 @@ class GoalMethod:
         return Localization(placed.estimate(near).seen_from(held.camera_in_robot.inverse()), held)
 
 
-class LineMethod:
+class LineLocalizer:
     """Satisfies `Localizer`; method "field" of a pinhole camera whose tilt is known: by the field's lines."""
 
     needs_floor = False
@@ -98,7 +98,7 @@ class LineMethod:
     ) -> None:
         self._field = field
         self._camera = camera
-        self._lines = LineLocalizer(field, camera, mask)
+        self._lines = LinePoseEstimator(field, camera, mask)
         self._settings = settings
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
@@ -140,7 +140,7 @@ class LineMethod:
         return estimate
 
 
-class WallMethod:
+class WallLocalizer:
     """Satisfies `Localizer`; method "floor" of a pinhole camera whose tilt is known: by the feet of walls or boards."""
 
     needs_floor = True
@@ -152,7 +152,7 @@ class WallMethod:
         mask: UInt8Array | None = None,
         settings: NarrowViewSettings = NarrowViewSettings(),
     ) -> None:
-        self._walls = localizer_by_walls(field, camera)
+        self._walls = wall_pose_estimator(field, camera)
         self._settings = settings
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
@@ -176,7 +176,7 @@ class WallMethod:
 
 
 def _refined(
-    points: LinePoints, lines: LineLocalizer, prior: PoseEstimate | Pose2, camera: PinholeCamera
+    points: LinePoints, lines: LinePoseEstimator, prior: PoseEstimate | Pose2, camera: PinholeCamera
 ) -> Localization:
     """Refine a prior by line points, together with the camera's tilt and roll."""
     if isinstance(prior, Pose2):

@@ -14,14 +14,14 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.localization.forward import GoalMethod, LineMethod, WallMethod
+from robocup_vision.localization.forward import GoalLocalizer, LineLocalizer, WallLocalizer
 from robocup_vision.localization.localizer import Camera, Localizer
 from robocup_vision.localization.mirror import MirrorLocalizer
-from robocup_vision.localization.model_edges.method import EdgeMethod
+from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 from robocup_vision.perception.polar_view import PolarView
 
 MIRROR, PINHOLE = "mirror", "pinhole"
-_HULL = "robocup_vision.localization.baselines.hull_method"
+_HULL = "robocup_vision.localization.baselines.hull_localizer"
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def make_mirror_localizer(
         If the method does not fit the field.
     """
     if method.is_baseline:
-        make = cast("Callable[..., Localizer]", importlib.import_module(_HULL).HullMethod)
+        make = cast("Callable[..., Localizer]", importlib.import_module(_HULL).HullLocalizer)
         return make(field, camera, view, mask)
     assert not isinstance(camera, PinholeCamera)
     return MirrorLocalizer(field, camera, view, mask, use_lines=method.name == "field")
@@ -113,9 +113,9 @@ def make_mirror_localizer(
 def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera, mask: UInt8Array | None) -> Localizer:
     """Make the localiser of a pinhole camera; raises as `make_mirror_localizer` does."""
     makers: dict[str, Callable[..., Localizer]] = {
-        "edges": EdgeMethod,
-        "goal": GoalMethod,
-        "field": LineMethod,
-        "floor": WallMethod,
+        "edges": EdgeLocalizer,
+        "goal": GoalLocalizer,
+        "field": LineLocalizer,
+        "floor": WallLocalizer,
     }
     return makers[method.name](field, camera, mask)

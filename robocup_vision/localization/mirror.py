@@ -10,9 +10,9 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.field_half import GoalSide
-from robocup_vision.localization.floor import FloorLocalizer
+from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.localization.line_support import LineSupport
-from robocup_vision.localization.lines.localizer import LineLocalizer
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 from robocup_vision.localization.localizer import FrameEvidence, Localization, pose_of
 from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.perception.polar_view import PolarView
@@ -55,8 +55,8 @@ class MirrorLocalizer:
         *,
         use_lines: bool = True,
     ) -> None:
-        self._outline = FloorLocalizer(field, camera, view) if field.is_bounded or not use_lines else None
-        lines = LineLocalizer(field, camera, mask) if len(field.lines) + len(field.arcs) else None
+        self._outline = OutlineFitter(field, camera, view) if field.is_bounded or not use_lines else None
+        lines = LinePoseEstimator(field, camera, mask) if len(field.lines) + len(field.arcs) else None
         self._lines = lines if use_lines else None
         self._support = None if lines is None else LineSupport(lines.line_map, lines.finder, view)
         self._walls = field.walls if field.is_bounded else None

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.kernels.goal.edges import link_runs
+from robocup_vision.kernels.goal.runs import link_runs
 from robocup_vision.kernels.goal.strips import Runs, StripLimits, fit_strip, straight_line, summarize_chains
 
 _LEAN = 0.27  # the most a post may lean in the image: 15 degrees of roll and perspective

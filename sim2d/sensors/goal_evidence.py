@@ -18,7 +18,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.planning.gaze.goal_evidence import CORNERS
 from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.rendering.scene import Light, Robot, Room, Scene
@@ -76,14 +76,14 @@ def count_evidence(field: Field, camera: PinholeCamera, seed: int, indices: Iter
         raise ArgumentError(
             f"the goals of field '{field.name}' do not differ in colour: looks would not tell the sides apart"
         )
-    localizer = GoalLocalizer(field, camera)
+    estimator = GoalPoseEstimator(field, camera)
     total = Counts(np.zeros((CORNERS + 1, len(WIDTHS_PX) + 1, 3), dtype=np.int64), 0, 0)
     for index in indices:
-        total = total + _look(field, camera, localizer, np.random.default_rng([seed, index]))
+        total = total + _look(field, camera, estimator, np.random.default_rng([seed, index]))
     return total
 
 
-def _look(field: Field, camera: PinholeCamera, localizer: GoalLocalizer, rng: np.random.Generator) -> Counts:
+def _look(field: Field, camera: PinholeCamera, estimator: GoalPoseEstimator, rng: np.random.Generator) -> Counts:
     half = np.array([field.length_m, field.width_m]) / 2 - 0.15
     x, y = rng.uniform(-half, half).tolist()
     goal = field.goals[int(rng.integers(len(field.goals)))]
@@ -93,14 +93,14 @@ def _look(field: Field, camera: PinholeCamera, localizer: GoalLocalizer, rng: np
     first = np.zeros((CORNERS + 1, len(WIDTHS_PX) + 1, 3), dtype=np.int64)
     pose = Pose2(x, y, heading)
     corners, width_px = corners_in_view(scene, tilted, pose, goal.side)
-    outcome = _outcome(localizer, scene, tilted, pose, goal.side, rng)
+    outcome = _outcome(estimator, scene, tilted, pose, goal.side, rng)
     first[corners, int(np.searchsorted(WIDTHS_PX, width_px, side="right")), outcome] = 1
     if outcome != NOTHING or corners < CORNERS:
         return Counts(first, 0, 0)
     pose = Pose2(x, y, heading + float(rng.uniform(-AGAIN_RAD, AGAIN_RAD)))
     if corners_in_view(scene, tilted, pose, goal.side)[0] < CORNERS:
         return Counts(first, 0, 0)
-    found = _outcome(localizer, scene, tilted, pose, goal.side, rng) == RIGHT
+    found = _outcome(estimator, scene, tilted, pose, goal.side, rng) == RIGHT
     return Counts(first, int(found), int(not found))
 
 
@@ -149,10 +149,10 @@ def _hides(robot: Robot, eye: npt.NDArray[np.float64], point: npt.NDArray[np.flo
 
 
 def _outcome(
-    localizer: GoalLocalizer, scene: Scene, camera: PinholeCamera, pose: Pose2, side: int, rng: np.random.Generator
+    estimator: GoalPoseEstimator, scene: Scene, camera: PinholeCamera, pose: Pose2, side: int, rng: np.random.Generator
 ) -> int:
     frame = MATCH_SENSOR.expose(render_pinhole(camera, scene, pose, supersample=COARSE), rng)
-    sight = localizer.locate_camera(frame)
+    sight = estimator.locate_camera(frame)
     if isinstance(sight, NotLocated) or len(sight.sides) > 1:
         return NOTHING
     return RIGHT if sight.sides[0] == side else WRONG

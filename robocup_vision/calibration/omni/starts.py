@@ -18,8 +18,8 @@ from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit
 from robocup_vision.calibration.omni.model import HORIZON, SCALE, TILT, CameraModel
 from robocup_vision.calibration.omni.sightings import Sighting, points_of
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.kernels.floor import walls
-from robocup_vision.localization.floor import FloorLocalizer
+from robocup_vision.kernels.floor.hull import hull_radius
+from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import search_by_lines
 from robocup_vision.perception.line_points import LinePoints
@@ -152,7 +152,7 @@ class Search:
         ratios = []
         for sighting in sightings:
             hull = np.empty(len(cos_b))
-            if walls.hull_radius(cos_b, sin_b, sighting.radius_px, hull) < 3:
+            if hull_radius(cos_b, sin_b, sighting.radius_px, hull) < 3:
                 continue
             q = np.maximum(np.nan_to_num(camera.floor_range.inverse_range_per_m(hull)), 1 / farthest_m)
             ratios.append(0.5 * math.sin(math.tau / len(q)) * float(np.sum(1 / (q * np.roll(q, 1)))) / area)
@@ -160,16 +160,16 @@ class Search:
         return float(vector[SCALE]) + 0.5 * math.log(float(np.percentile(ratios, 60))) if ratios else None
 
     def _poses(self, camera: OmniCamera, sightings: Sequence[Sighting], polar: PolarView) -> FloatArray | None:
-        localizer = None
+        fitter = None
         if self.field.is_bounded:
             seen_from = dataclasses.replace(camera, center_px=polar.camera.center_px, tilt_rad=(0.0, 0.0))
-            localizer = FloorLocalizer(self.field, seen_from, polar)
+            fitter = OutlineFitter(self.field, seen_from, polar)
         poses = []
         for sighting in sightings:
             pose = None
-            if localizer is not None:
-                estimate, _ = localizer.locate(sighting.radius_px)
-                pose = estimate.pose if estimate else localizer.first_guess(sighting.radius_px)
+            if fitter is not None:
+                estimate, _ = fitter.locate(sighting.radius_px)
+                pose = estimate.pose if estimate else fitter.first_guess(sighting.radius_px)
             if pose is None:
                 points = LinePoints.from_pixels(camera, sighting.line_px, sighting.line_weight)
                 found = search_by_lines(points, self.line_map, 1)

@@ -1,1 +1,1 @@
-"""Compiled loops of the goal localiser."""
+"""Compiled loops of the pose estimator by goals."""

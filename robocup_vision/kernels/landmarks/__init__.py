@@ -1,1 +1,1 @@
-"""Compiled loops of the landmark localiser."""
+"""Compiled loops of the pose estimator by landmarks."""

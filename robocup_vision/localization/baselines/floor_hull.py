@@ -42,7 +42,7 @@ _FARTHEST = 1.2
 
 
 @dataclass(frozen=True, eq=False)
-class HullLocalizer:
+class HullFitter:
     """Fits the convex hull of a frame's floor to a field's walls.
 
     Parameters

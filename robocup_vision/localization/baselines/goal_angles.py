@@ -169,7 +169,7 @@ def axes_by_regression(region: UInt8Array) -> GoalAxes | None:
     return GoalAxes(regress(left), regress(right), regress(bar))
 
 
-class AnglesLocalizer:
+class GoalAnglesEstimator:
     """Locates a camera by a goal of a hue, as the paper does; the goal with the larger region is the one in view.
 
     Parameters
@@ -193,19 +193,19 @@ class AnglesLocalizer:
         if not self._families:
             raise ArgumentError(f"Yako's method finds goals by their hue, but those of '{field.name}' are white")
         self._field, self._closed_form = field, closed_form
-        self._mask_localizer = MaskLocalizer(shape, camera, np.abs(field.floor_polygon).max(axis=0))
+        self._mask_estimator = GoalMaskEstimator(shape, camera, np.abs(field.floor_polygon).max(axis=0))
 
     def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
         """Locate the camera by one frame (H, W, 3) uint8 BGR; the method takes no prior, which is ignored."""
         smooth = np.asarray(cv2.bilateralFilter(frame, 5, 30, 3), np.uint8)
         masks = hue_masks(smooth, self._families)
         color = max(masks, key=lambda name: int(cv2.countNonZero(masks[name])))
-        estimate = self._mask_localizer.locate(masks[color], closed_form=self._closed_form)
+        estimate = self._mask_estimator.locate(masks[color], closed_form=self._closed_form)
         at_positive = any(goal.side > 0 for goal in self._field.goals if goal.color == color)
         return estimate if isinstance(estimate, NotLocated) or at_positive else estimate.half_turn()
 
 
-class MaskLocalizer:
+class GoalMaskEstimator:
     """Locates a camera from a mask of goal paint by the paper's angles.
 
     Parameters

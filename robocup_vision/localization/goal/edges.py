@@ -10,14 +10,8 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.edges import (
-    EdgeOffsets,
-    EdgePlaces,
-    EdgeStarts,
-    goal_points,
-    measure_edges,
-    spread_samples,
-)
+from robocup_vision.kernels.goal.edge_places import EdgePlaces, goal_points, spread_samples
+from robocup_vision.kernels.goal.edges import EdgeOffsets, EdgeStarts, measure_edges
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.geometry import (

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.edges import goal_points
+from robocup_vision.kernels.goal.edge_places import goal_points
 from robocup_vision.kernels.goal.profile import (
     CHANNELS,
     MEMBERS,

@@ -16,13 +16,13 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor import polar
-from robocup_vision.localization.lines.localizer import LineLocalizer
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.line_points import LinePoints
 
 
-def localizer_by_walls(field: Field, camera: PinholeCamera) -> LineLocalizer:
-    """Make a localizer whose lines are the feet of the walls.
+def wall_pose_estimator(field: Field, camera: PinholeCamera) -> LinePoseEstimator:
+    """Make a pose estimator whose lines are the feet of the walls.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def localizer_by_walls(field: Field, camera: PinholeCamera) -> LineLocalizer:
         raise ArgumentError(
             f"method 'floor' needs walls or boards, but the floor of '{field.name}' is not bounded (carpet)"
         )
-    return LineLocalizer(replace(field, lines=field.walls, arcs=np.empty((0, 5))), camera)
+    return LinePoseEstimator(replace(field, lines=field.walls, arcs=np.empty((0, 5))), camera)
 
 
 def wall_points(

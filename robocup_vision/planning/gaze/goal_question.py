@@ -103,8 +103,8 @@ def identified_goal(field: Field, seen: PoseEstimate | NotLocated) -> int:
     field : Field
         The pitch.
     seen : PoseEstimate or NotLocated
-        As `GoalLocalizer.locate(frame)` says without a prior: the camera's foot and optical axis. With a prior it may
-        repeat what it was told.
+        Result of `GoalPoseEstimator.locate(frame)` without a prior: the camera's foot and optical axis. With a prior
+        the result may repeat the prior.
     """
     if not isinstance(seen, PoseEstimate) or len(seen.candidates) > 1 or not field.goals:
         return 0

@@ -21,7 +21,7 @@ from robocup_vision.landmarks.features import (
 )
 from robocup_vision.landmarks.index import MapIndex
 from robocup_vision.landmarks.landmark_map import expect
-from robocup_vision.landmarks.locate import LandmarkLocalizer
+from robocup_vision.landmarks.locate import LandmarkPoseEstimator
 from robocup_vision.landmarks.selection import Selection, TimeBudget, delegates, select
 from robocup_vision.landmarks.vision import LandmarkVision, draw_landmarks
 from sim2d.rendering.hall.runs import HALL_CAMERA
@@ -34,9 +34,9 @@ def off(pose: Pose2) -> Pose2:
 @pytest.mark.parametrize("choice", ["informative", "cells", "frequency", "all"])
 @pytest.mark.parametrize("matching", ["loop", "product"])
 def test_a_second_run_is_located_to_a_centimetre(short_run, choice, matching):
-    localizer = LandmarkLocalizer(short_run.landmarks, HALL_CAMERA, selection=Selection(choice), matching=matching)
+    estimator = LandmarkPoseEstimator(short_run.landmarks, HALL_CAMERA, selection=Selection(choice), matching=matching)
     frame = short_run.second[1]
-    found = localizer.look(frame.images[0], off(frame.pose))
+    found = estimator.look(frame.images[0], off(frame.pose))
     error_m, error_rad = found.pose.pose.error_to(frame.pose)
     assert error_m < 0.02
     assert error_rad < 0.006
@@ -45,25 +45,25 @@ def test_a_second_run_is_located_to_a_centimetre(short_run, choice, matching):
 
 
 def test_without_a_prior_the_whole_map_is_searched(short_run):
-    localizer = LandmarkLocalizer(short_run.landmarks, HALL_CAMERA)
+    estimator = LandmarkPoseEstimator(short_run.landmarks, HALL_CAMERA)
     for frame in short_run.second:
-        found = localizer.look(frame.images[0])
+        found = estimator.look(frame.images[0])
         assert found.pose.pose.error_to(frame.pose)[0] < 0.02
         assert "relocate" in found.timings_s
         # a wrong prior is seen through
-        assert localizer.locate(frame.images[0], Pose2(-1.0, 1.0, -2.0)).pose.error_to(frame.pose)[0] < 0.02
+        assert estimator.locate(frame.images[0], Pose2(-1.0, 1.0, -2.0)).pose.error_to(frame.pose)[0] < 0.02
 
 
 def test_a_picture_of_nothing_is_not_located(short_run):
-    localizer = LandmarkLocalizer(short_run.landmarks, HALL_CAMERA)
+    estimator = LandmarkPoseEstimator(short_run.landmarks, HALL_CAMERA)
     noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3), dtype=np.uint8)
     for frame in (np.full((240, 320, 3), 80, dtype=np.uint8), noise):
         for prior in (None, short_run.frames[0].pose):
-            pose = localizer.locate(frame, prior)
+            pose = estimator.locate(frame, prior)
             assert isinstance(pose, NotLocated)
             assert pose.reason
     with pytest.raises(FrameError, match="frame must be uint8"):
-        localizer.locate(np.zeros((240, 320), dtype=np.uint8))
+        estimator.locate(np.zeros((240, 320), dtype=np.uint8))
 
 
 def test_a_camera_mounted_aside_locates_its_robot(short_run):
@@ -71,9 +71,9 @@ def test_a_camera_mounted_aside_locates_its_robot(short_run):
     camera = dataclasses.replace(HALL_CAMERA, offset_m=(0.1, 0.02), pan_rad=0.3)
     frame = short_run.second[0]
     robot = frame.pose.compose(Pose2(0.1, 0.02, 0.3).inverse())
-    localizer = LandmarkLocalizer(short_run.landmarks, camera)
+    estimator = LandmarkPoseEstimator(short_run.landmarks, camera)
     for prior in (off(robot), None):
-        assert localizer.locate(frame.images[0], prior).pose.error_to(robot)[0] < 0.02
+        assert estimator.locate(frame.images[0], prior).pose.error_to(robot)[0] < 0.02
 
 
 def test_regions_and_half_size_find_the_same_place(short_run):
@@ -81,8 +81,8 @@ def test_regions_and_half_size_find_the_same_place(short_run):
     whole = SiftExtractor(HALL_CAMERA).extract(frame.images[0])
     half = SiftExtractor(HALL_CAMERA, shrink=2).extract(frame.images[0])
     assert 20 < len(half) < len(whole)
-    localizer = LandmarkLocalizer(short_run.landmarks, HALL_CAMERA, regions=True)
-    found = localizer.look(frame.images[0], Pose2(frame.pose.x_m + 0.01, frame.pose.y_m, frame.pose.theta_rad))
+    estimator = LandmarkPoseEstimator(short_run.landmarks, HALL_CAMERA, regions=True)
+    found = estimator.look(frame.images[0], Pose2(frame.pose.x_m + 0.01, frame.pose.y_m, frame.pose.theta_rad))
     assert found.pose.pose.error_to(frame.pose)[0] < 0.03
     # features of the tiles are those of the whole frame
     expected = expect(short_run.landmarks, HALL_CAMERA, frame.pose.array)
@@ -91,7 +91,7 @@ def test_regions_and_half_size_find_the_same_place(short_run):
     assert 0 < len(tiles) < len(whole)
     assert np.median(apart) < 0.3
     # far off, the tiles show nothing of use and the whole frame is looked at
-    assert localizer.look(frame.images[0], Pose2(-1.0, 1.0, -2.0)).pose.pose.error_to(frame.pose)[0] < 0.03
+    assert estimator.look(frame.images[0], Pose2(-1.0, 1.0, -2.0)).pose.pose.error_to(frame.pose)[0] < 0.03
 
 
 def test_distortion_is_taken_out(short_run):
@@ -224,4 +224,4 @@ def test_vision_tracks_forgets_and_draws(short_run):
 def test_cameras_that_cannot_be_placed_are_refused(short_run):
     loose = PinholeCamera((320, 240), (277.0, 277.0), (159.5, 119.5), 0.6)
     with pytest.raises(ArgumentError, match="known tilt_rad"):
-        LandmarkLocalizer(short_run.landmarks, loose)
+        LandmarkPoseEstimator(short_run.landmarks, loose)

@@ -12,14 +12,14 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.floor import FloorLocalizer
+from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.perception.polar_view import PolarView
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Scene
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 VIEW = PolarView(CAMERA)
-LOCALIZER = FloorLocalizer(FIELD, CAMERA, VIEW)
+FITTER = OutlineFitter(FIELD, CAMERA, VIEW)
 BARE = Scene(FIELD)
 places = st.builds(Pose2, numbers(-1.25, 1.25), numbers(-0.65, 0.65), numbers(-3.1, 3.1))
 
@@ -41,7 +41,7 @@ def outline(pose, rng=None, noise_px=0.0, hidden=0.0):
 @example(Pose2(-1.0, -0.6259765625, 0.0), 113)
 def test_an_outline_gives_its_pose_without_any_prior(pose, seed):
     rng = np.random.default_rng(seed)
-    estimate, walls = LOCALIZER.locate(outline(pose, rng, 0.15, 0.2))
+    estimate, walls = FITTER.locate(outline(pose, rng, 0.15, 0.2))
     assert isinstance(estimate, PoseEstimate)
     distance, angle = estimate.pose.error_to(pose, symmetric=True)
     assert distance < 0.02
@@ -57,10 +57,10 @@ def test_an_outline_gives_its_pose_without_any_prior(pose, seed):
 def test_a_prior_leads_to_the_same_pose(pose, seed):
     radius = outline(pose, np.random.default_rng(seed), 0.15)
     near = Pose2(pose.x_m + 0.01, pose.y_m - 0.01, pose.theta_rad + 0.02)
-    cold, warm = (LOCALIZER.locate(radius, prior)[0] for prior in (None, near))
+    cold, warm = (FITTER.locate(radius, prior)[0] for prior in (None, near))
     assert sum(warm.pose.error_to(cold.pose, symmetric=True)) < 0.01
     # a prior in the other half keeps its half
-    other = LOCALIZER.locate(radius, near.half_turn())[0]
+    other = FITTER.locate(radius, near.half_turn())[0]
     assert sum(other.pose.error_to(warm.pose.half_turn())) < 0.01
 
 
@@ -73,7 +73,7 @@ def test_boxes_nearer_than_the_walls_do_not_move_the_pose(pose, seed):
         first, length = rng.integers(0, len(radius)), rng.integers(4, 12)
         where = (first + np.arange(length)) % len(radius)
         radius[where] = np.minimum(radius[where], rng.uniform(40.0, 80.0))
-    estimate, _ = LOCALIZER.locate(radius)
+    estimate, _ = FITTER.locate(radius)
     assume(bool(estimate))
     distance, angle = estimate.pose.error_to(pose, symmetric=True)
     assert distance < 0.03
@@ -84,7 +84,7 @@ def test_boxes_nearer_than_the_walls_do_not_move_the_pose(pose, seed):
 @given(places)
 def test_the_first_guess_is_a_start(pose):
     assume(abs(pose.x_m) < 1.0)
-    guess = LOCALIZER.first_guess(outline(pose))
+    guess = FITTER.first_guess(outline(pose))
     distance, angle = guess.error_to(pose, symmetric=True)
     assert distance < 0.35
     assert angle < 0.5
@@ -99,11 +99,11 @@ def test_what_cannot_be_located_is_told():
         (nothing, f"the floor's edge is seen in only 0 of {count} directions"),
         (few, f"the floor's edge is seen in only 10 of {count} directions"),
     ):
-        estimate, walls = LOCALIZER.locate(radius)
+        estimate, walls = FITTER.locate(radius)
         assert isinstance(estimate, NotLocated)
         assert estimate.reason == reason
         assert np.isnan(walls).all()
-    assert LOCALIZER.first_guess(few[:] * np.nan) is None
+    assert FITTER.first_guess(few[:] * np.nan) is None
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_what_cannot_be_located_is_told():
 )
 def test_outlines_of_nothing_are_not_located(radius):
     for prior in (None, Pose2(0.1, 0.2, 0.3), Pose2(math.nan, 0.0, 0.0), Pose2(1e9, 0.0, 0.0)):
-        estimate, walls = LOCALIZER.locate(radius, prior)
+        estimate, walls = FITTER.locate(radius, prior)
         assert isinstance(estimate, NotLocated)
         assert len(estimate.reason) > 10
         assert np.isnan(walls).all()
@@ -130,14 +130,14 @@ def test_one_wall_alone_does_not_fix_the_pose():
     radius = outline(pose)
     bearing = (VIEW.bearing_rad + math.pi) % math.tau - math.pi
     radius[np.abs(bearing - math.pi / 2) > 0.8] = np.nan
-    estimate, _ = LOCALIZER.locate(radius, pose)
+    estimate, _ = FITTER.locate(radius, pose)
     assert isinstance(estimate, NotLocated)
     assert "does not fix the pose" in estimate.reason or "equally well" in estimate.reason
 
 
 def test_a_carpet_that_goes_on_is_refused():
     with pytest.raises(ArgumentError, match=r"needs walls or boards, but the floor of 'msl_6x4' is not bounded"):
-        FloorLocalizer(load_field("msl_6x4"), CAMERA, VIEW)
+        OutlineFitter(load_field("msl_6x4"), CAMERA, VIEW)
 
 
 @pytest.mark.parametrize("name", ["ssl_division_a", "ssl_division_b"])
@@ -148,5 +148,5 @@ def test_other_fields(name):
     pose = Pose2(field.length_m / 2 - 1.1, 1.0 - field.width_m / 2, 0.6)
     range_m = Scene(field).free_range_m(pose, view.bearing_rad)
     radius = camera.floor_range.radius_px(1.0 / range_m)
-    estimate, _ = FloorLocalizer(field, camera, view).locate(radius)
+    estimate, _ = OutlineFitter(field, camera, view).locate(radius)
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05

@@ -12,7 +12,7 @@ from robocup_vision import Vision
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.free_floor import FLOOR
 from robocup_vision.localization.line_support import LineSupport, LineSupportSettings
-from robocup_vision.localization.lines.localizer import LineLocalizer
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 from sim2d.rendering.cameras import sekimori_camera
 
 NEGATIVES = Path(__file__).resolve().parents[4] / "shared" / "real" / "negatives" / "images"
@@ -26,7 +26,7 @@ def seen(ssl_field, paper_camera, nominal_samples):
 
 
 def support(field, camera, view, **settings):
-    lines = LineLocalizer(field, camera)
+    lines = LinePoseEstimator(field, camera)
     return LineSupport(lines.line_map, lines.finder, view, LineSupportSettings(**settings))
 
 

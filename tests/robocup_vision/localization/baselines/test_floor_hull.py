@@ -14,7 +14,7 @@ from field_models.errors import ArgumentError
 from robocup_vision import Vision
 from robocup_vision.camera import Hyperboloid, OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.baselines.floor_hull import HullLocalizer, _polygon_moments
+from robocup_vision.localization.baselines.floor_hull import HullFitter, _polygon_moments
 from robocup_vision.perception.color_table import build_color_table, learn_colors
 from robocup_vision.perception.polar_view import PolarView
 
@@ -59,7 +59,7 @@ def poses_inside() -> st.SearchStrategy[Pose2]:
 @settings(deadline=None, max_examples=40)
 @given(pose=poses_inside())
 def test_a_clean_floor_gives_the_pose_up_to_a_half_turn(pose: Pose2) -> None:
-    estimate = HullLocalizer(FIELD, CAMERA).locate_floor(project(CAMERA, pose))
+    estimate = HullFitter(FIELD, CAMERA).locate_floor(project(CAMERA, pose))
     assert estimate
     position_m, heading_rad = estimate.pose.error_to(pose, symmetric=True)
     assert position_m < 0.02
@@ -74,7 +74,7 @@ def test_a_clean_floor_gives_the_pose_up_to_a_half_turn(pose: Pose2) -> None:
 @given(camera=cameras(), pose=poses_inside())
 def test_any_mirror_camera(camera: OmniCamera, pose: Pose2) -> None:
     assume(sees_all_walls(camera, pose))
-    estimate = HullLocalizer(FIELD, camera).locate_floor(project(camera, pose))
+    estimate = HullFitter(FIELD, camera).locate_floor(project(camera, pose))
     assert estimate
     position_m, heading_rad = estimate.pose.error_to(pose, symmetric=True)
     assert position_m < 0.5 * FAR_PIXEL_M
@@ -93,20 +93,20 @@ def test_any_mirror_camera(camera: OmniCamera, pose: Pose2) -> None:
 )
 def test_each_way_a_camera_may_differ(change: dict) -> None:
     camera, pose = dataclasses.replace(CAMERA, **change), Pose2(0.4, -0.2, 0.7)
-    estimate = HullLocalizer(FIELD, camera).locate_floor(project(camera, pose))
+    estimate = HullFitter(FIELD, camera).locate_floor(project(camera, pose))
     assert estimate
     position_m, heading_rad = estimate.pose.error_to(pose, symmetric=True)
     assert position_m < 0.03
     assert heading_rad < math.radians(1)
     # the same picture read with the wrong camera is somewhere else, or nowhere
-    wrong = HullLocalizer(FIELD, CAMERA).locate_floor(project(camera, pose))
+    wrong = HullFitter(FIELD, CAMERA).locate_floor(project(camera, pose))
     assert not wrong or sum(wrong.pose.error_to(pose, symmetric=True)) > 2 * (position_m + heading_rad)
 
 
 def test_a_field_that_is_longer_across_is_fitted_as_well() -> None:
     turned = dataclasses.replace(FIELD, floor_polygon=FIELD.floor_polygon[:, ::-1][::-1] * 0.9, goals=())
     pose = Pose2(0.2, 0.5, -2.0)
-    estimate = HullLocalizer(turned, CAMERA).locate_floor(project(CAMERA, pose, turned))
+    estimate = HullFitter(turned, CAMERA).locate_floor(project(CAMERA, pose, turned))
     assert estimate
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.03
 
@@ -118,16 +118,16 @@ def test_obstacles_at_the_walls_cost_little() -> None:
     bearing, radius = np.arctan2(-delta[..., 1], delta[..., 0]), np.hypot(delta[..., 0], delta[..., 1])
     floor[(np.abs(bearing - 1.0) < 0.25) & (radius > 60)] = 0
     floor[(np.abs(bearing + 2.0) < 0.15) & (radius > 50)] = 0
-    estimate = HullLocalizer(FIELD, CAMERA).locate_floor(floor)
+    estimate = HullFitter(FIELD, CAMERA).locate_floor(floor)
     assert estimate
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.08
 
 
 def test_side_walls_of_goals_are_no_walls_to_fit() -> None:
-    walls, is_side = HullLocalizer(FIELD, CAMERA)._walls
+    walls, is_side = HullFitter(FIELD, CAMERA)._walls
     assert np.count_nonzero(is_side) == 4
     np.testing.assert_allclose(np.abs(walls[is_side][:, [1, 3]]), 0.3)
-    _, _, counts = HullLocalizer(FIELD, CAMERA)._assign(np.array([[1.45, 0.3], [1.55, 0.1], [1.37, 0.6], [0, -0.7]]))
+    _, _, counts = HullFitter(FIELD, CAMERA)._assign(np.array([[1.45, 0.3], [1.55, 0.1], [1.37, 0.6], [0, -0.7]]))
     assert counts.tolist() == [False, True, True, True]
 
 
@@ -168,23 +168,23 @@ def test_a_frame_is_located_across_the_centre_line(frame_and_pose) -> None:
     colors = learn_colors(view.sample(frame), view.valid, FIELD)
     assert colors is not None
     table = build_color_table(colors)
-    localizer = HullLocalizer(FIELD, CAMERA, colors=table)
-    floor, seen = localizer.floor_mask(frame, table), project(CAMERA, pose)
+    estimator = HullFitter(FIELD, CAMERA, colors=table)
+    floor, seen = estimator.floor_mask(frame, table), project(CAMERA, pose)
     assert floor[seen > 0].mean() > 0.95
     assert not floor[104:112, 232:237].any()
-    estimate = localizer.locate(frame)
+    estimate = estimator.locate(frame)
     assert estimate
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05
     for prior in (pose, pose.half_turn()):
-        assert localizer.locate(frame, prior).pose.error_to(prior)[0] < 0.05
+        assert estimator.locate(frame, prior).pose.error_to(prior)[0] < 0.05
 
 
 def test_colours_are_learnt_from_the_frame_where_none_are_given(frame_and_pose) -> None:
     frame, pose = frame_and_pose
-    estimate = HullLocalizer(FIELD, CAMERA).locate(frame)
+    estimate = HullFitter(FIELD, CAMERA).locate(frame)
     assert estimate
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05
-    dark = HullLocalizer(FIELD, CAMERA).locate(np.full_like(frame, 90))
+    dark = HullFitter(FIELD, CAMERA).locate(np.full_like(frame, 90))
     assert not dark
 
 
@@ -206,8 +206,8 @@ def test_masked_pixels_are_no_floor_and_no_edge(frame_and_pose) -> None:
     floor[mask > 0] = 0
     # what lies behind the strut is hidden too, so that the floor seems to end at the strut
     floor[:, :80] = 0
-    with_mask = HullLocalizer(FIELD, CAMERA, mask).locate_floor(floor)
-    without = HullLocalizer(FIELD, CAMERA).locate_floor(floor)
+    with_mask = HullFitter(FIELD, CAMERA, mask).locate_floor(floor)
+    without = HullFitter(FIELD, CAMERA).locate_floor(floor)
     assert with_mask
     better = sum(with_mask.pose.error_to(pose, symmetric=True))
     assert not without or better < sum(without.pose.error_to(pose, symmetric=True))
@@ -238,7 +238,7 @@ def one_wall() -> np.ndarray:
     ],
 )
 def test_what_is_no_field_is_not_located(make, reason: str) -> None:
-    result = HullLocalizer(FIELD, CAMERA).locate_floor(make())
+    result = HullFitter(FIELD, CAMERA).locate_floor(make())
     assert not result
     assert reason in result.reason
 
@@ -246,18 +246,18 @@ def test_what_is_no_field_is_not_located(make, reason: str) -> None:
 def test_a_single_row_or_pixel_encloses_nothing() -> None:
     floor = blank()
     floor[100, 50:200] = 1
-    assert not HullLocalizer(FIELD, CAMERA).locate_floor(floor)
+    assert not HullFitter(FIELD, CAMERA).locate_floor(floor)
     floor[101, 60] = 1
-    assert not HullLocalizer(FIELD, CAMERA).locate_floor(floor)
+    assert not HullFitter(FIELD, CAMERA).locate_floor(floor)
 
 
 def test_bad_arguments() -> None:
     with pytest.raises(ArgumentError, match="method 'hull' needs walls or boards, but the floor of 'spl_2020' is not"):
-        HullLocalizer(load_field("spl_2020"), CAMERA)
+        HullFitter(load_field("spl_2020"), CAMERA)
     with pytest.raises(ArgumentError, match=r"mask must be \(220, 256\), got \(220, 255\)"):
-        HullLocalizer(FIELD, CAMERA, np.zeros((220, 255), dtype=np.uint8))
+        HullFitter(FIELD, CAMERA, np.zeros((220, 255), dtype=np.uint8))
     square = dataclasses.replace(FIELD, floor_polygon=np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float))
     with pytest.raises(ArgumentError, match="needs a floor that is longer than wide, 'ssl_2001' is square"):
-        HullLocalizer(square, CAMERA)
+        HullFitter(square, CAMERA)
     with pytest.raises(ArgumentError, match="method must be 'field', 'floor' or 'hull'"):
         Vision(FIELD, CAMERA, method="magic")

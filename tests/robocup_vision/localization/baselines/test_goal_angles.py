@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from field_models import ArgumentError, load_field
 from robocup_vision.localization.baselines.goal_angles import (
-    AnglesLocalizer,
     GoalAngles,
+    GoalAnglesEstimator,
     angles_between,
     position_from_angles,
     theoretical_angles,
@@ -68,7 +68,7 @@ def clean():
 
 @pytest.mark.parametrize("closed_form", [False, True])
 def test_poses_come_near(clean, closed_form):
-    reference = AnglesLocalizer(FIELD, CLEAN.camera, closed_form=closed_form)
+    reference = GoalAnglesEstimator(FIELD, CLEAN.camera, closed_form=closed_form)
     errors = []
     for sample in clean:
         estimate = reference.locate(sample.frame)
@@ -78,13 +78,13 @@ def test_poses_come_near(clean, closed_form):
 
 
 def test_an_empty_frame_is_refused():
-    estimate = AnglesLocalizer(FIELD, CLEAN.camera).locate(np.zeros((320, 416, 3), np.uint8))
+    estimate = GoalAnglesEstimator(FIELD, CLEAN.camera).locate(np.zeros((320, 416, 3), np.uint8))
     assert not estimate
     assert "region" in estimate.reason
 
 
 def test_white_goals_are_refused():
     with pytest.raises(ArgumentError, match="those of 'spl_2020' are white"):
-        AnglesLocalizer(load_field("spl_2020"), CLEAN.camera)
+        GoalAnglesEstimator(load_field("spl_2020"), CLEAN.camera)
     with pytest.raises(ArgumentError, match="no goals of posts"):
-        AnglesLocalizer(load_field("ssl_2001"), CLEAN.camera)
+        GoalAnglesEstimator(load_field("ssl_2001"), CLEAN.camera)

@@ -10,7 +10,7 @@ import pytest
 from field_models import load_field
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.goal.half_goal import PriorSettings
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Robot, Scene
@@ -36,17 +36,17 @@ ONE_POST = (Pose2(0.25, -0.92, 0.08), ((0.85, -0.76), (0.77, -0.91), (2.24, 0.45
 
 
 @pytest.fixture(scope="module")
-def localizer():
-    return GoalLocalizer(FIELD, CAMERA)
+def estimator():
+    return GoalPoseEstimator(FIELD, CAMERA)
 
 
-def located(localizer, pose, others, off=(0.1, -0.1, 0.05)):
+def located(estimator, pose, others, off=(0.1, -0.1, 0.05)):
     """Estimates from noisy frames of one scene, under priors a little off."""
     robots = tuple(Robot(x, y, 0.15, 0.28) for x, y in others)
     image = render_pinhole(CAMERA, Scene(FIELD, (), robots, None, MATCH_LIGHT, MATCH_ROOM, 0.5), pose, supersample=2)
     off = np.array(off)
     return [
-        localizer.locate(
+        estimator.locate(
             MATCH_SENSOR.expose(image, np.random.default_rng(seed)), Pose2(*(pose.array + (-1) ** seed * off))
         )
         for seed in range(FRAMES)
@@ -54,8 +54,8 @@ def located(localizer, pose, others, off=(0.1, -0.1, 0.05)):
 
 
 @pytest.mark.parametrize(("pose", "others"), HALF_HIDDEN)
-def test_who_stands_before_a_post_is_not_taken_for_it(localizer, pose, others):
-    estimates = located(localizer, pose, others)
+def test_who_stands_before_a_post_is_not_taken_for_it(estimator, pose, others):
+    estimates = located(estimator, pose, others)
     assert all(estimates)
     for estimate in estimates:
         off = estimate.pose.array - pose.array
@@ -65,19 +65,19 @@ def test_who_stands_before_a_post_is_not_taken_for_it(localizer, pose, others):
         assert off @ np.linalg.solve(estimate.covariance, off) < 11.3
 
 
-def test_half_a_goal_from_far_tells_less_than_the_prior_and_says_so(localizer):
-    estimates = [estimate for estimate in located(localizer, *FAR) if estimate]
+def test_half_a_goal_from_far_tells_less_than_the_prior_and_says_so(estimator):
+    estimates = [estimate for estimate in located(estimator, *FAR) if estimate]
     assert estimates
     for estimate in estimates:
         assert math.sqrt(np.linalg.eigvalsh(estimate.covariance[:2, :2])[-1]) > PriorSettings().std_m
 
 
 @pytest.mark.parametrize(("pose", "off"), ASIDE)
-def test_a_post_is_not_a_goal_seen_edge_on(localizer, pose, off):
-    for estimate in located(localizer, pose, (), off):
+def test_a_post_is_not_a_goal_seen_edge_on(estimator, pose, off):
+    for estimate in located(estimator, pose, (), off):
         assert not estimate or estimate.pose.error_to(pose)[0] < 0.3
 
 
-def test_a_post_alone_is_no_half_goal(localizer):
-    for estimate in located(localizer, *ONE_POST):
+def test_a_post_alone_is_no_half_goal(estimator):
+    for estimate in located(estimator, *ONE_POST):
         assert not estimate

@@ -30,7 +30,7 @@ _POSE = np.ix_((X, Y, HEADING), (X, Y, HEADING))
 
 @dataclass(frozen=True, slots=True)
 class GoalSettings:
-    """Settings of the goal localiser.
+    """Settings of `GoalPoseEstimator`.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class CameraEstimate:
         return estimate
 
 
-class GoalLocalizer:
+class GoalPoseEstimator:
     """Camera position on the floor and heading of its optical axis, from posts and bar.
 
     Parameters

@@ -7,13 +7,13 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.baselines.floor_hull import HullLocalizer
+from robocup_vision.localization.baselines.floor_hull import HullFitter
 from robocup_vision.localization.field_half import GoalSide
 from robocup_vision.localization.localizer import FrameEvidence, Localization, pose_of
 from robocup_vision.perception.polar_view import PolarView
 
 
-class HullMethod:
+class HullLocalizer:
     """Satisfies `Localizer`; method "hull" of a mirror camera.
 
     Parameters
@@ -31,7 +31,7 @@ class HullMethod:
     needs_floor = True
 
     def __init__(self, field: Field, camera: OmniCamera, view: PolarView, mask: UInt8Array | None = None) -> None:
-        self._hull = HullLocalizer(field, camera, mask)
+        self._hull = HullFitter(field, camera, mask)
         self._half = GoalSide(field, camera, mask)
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:

@@ -12,7 +12,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.forward import GoalMethod
+from robocup_vision.localization.forward import GoalLocalizer
 from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
@@ -24,7 +24,7 @@ _USUAL_STEP_S = 1 / 30
 _PAN_STD_RAD = math.radians(0.1)
 
 
-class EdgeMethod:
+class EdgeLocalizer:
     """Method "edges": follows by a prior, or finds the robot by a bank of poses, and then by a goal."""
 
     needs_floor = False
@@ -38,7 +38,7 @@ class EdgeMethod:
     ) -> None:
         self.follower = EdgeFollower(field, camera, settings)
         self._finder: EdgeFinder | None = None
-        self._goal: GoalMethod | None = None
+        self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._last_s: float | None = None
 
@@ -91,7 +91,7 @@ class EdgeMethod:
         the goal's own verdict is made for that.
         """
         if self._goal is None:
-            self._goal = GoalMethod(self.follower.field, self.follower.camera)
+            self._goal = GoalLocalizer(self.follower.field, self.follower.camera)
         alone = self._goal.locate(evidence)
         if isinstance(alone.pose, NotLocated):
             return None

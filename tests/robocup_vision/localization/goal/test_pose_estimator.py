@@ -11,7 +11,7 @@ from robocup_vision.camera import load_camera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
-from robocup_vision.localization.goal.localizer import GoalLocalizer
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.perception.goal_region import Strip
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
@@ -29,13 +29,13 @@ def clean():
 
 
 @pytest.fixture(scope="module")
-def localizer():
-    return GoalLocalizer(FIELD, CLEAN.camera)
+def estimator():
+    return GoalPoseEstimator(FIELD, CLEAN.camera)
 
 
-def test_clean_frames_are_located(clean, localizer):
+def test_clean_frames_are_located(clean, estimator):
     for sample in clean:
-        estimate = localizer.locate(sample.frame)
+        estimate = estimator.locate(sample.frame)
         assert estimate
         distance, angle = estimate.pose.error_to(sample.pose)
         assert distance < 0.05
@@ -46,7 +46,7 @@ def test_clean_frames_are_located(clean, localizer):
 
 
 def test_shading_alone_moves_no_edge(clean):
-    goal_alone = GoalLocalizer(FIELD, CLEAN.camera, use_lines=False)
+    goal_alone = GoalPoseEstimator(FIELD, CLEAN.camera, use_lines=False)
     for sample in clean:
         found = goal_alone.locate_camera(sample.frame)
         assert found.lines is None
@@ -56,11 +56,11 @@ def test_shading_alone_moves_no_edge(clean):
 
 def test_lines_make_a_far_goal_exact():
     places = paper_places(FIELD)
-    localizer = GoalLocalizer(FIELD, GOAL_CONDITIONS["mild_glare_416x320"].camera)
+    estimator = GoalPoseEstimator(FIELD, GOAL_CONDITIONS["mild_glare_416x320"].camera)
     for sample in sample_goal(
         FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 7, 66, places=places, indices=[53, 55], supersample=3
     ):
-        found = localizer.locate_camera(sample.frame)
+        found = estimator.locate_camera(sample.frame)
         assert found.lines is not None
         assert found.estimate().pose.error_to(sample.pose)[0] < 0.05
 
@@ -82,9 +82,9 @@ def test_posts_may_look_as_unlike_as_one_can_stand_behind_the_other(nearer_m):
     assert search._pairs([left, behind], 3) == []
 
 
-def test_a_panel_of_nearly_the_same_hue_may_touch_a_post(localizer):
+def test_a_panel_of_nearly_the_same_hue_may_touch_a_post(estimator):
     sample = next(sample_goal(FIELD, CLEAN, 8, 66, places=paper_places(FIELD), indices=[31], supersample=3))
-    estimate = localizer.locate(sample.frame)
+    estimate = estimator.locate(sample.frame)
     assert estimate
     assert estimate.pose.error_to(sample.pose)[0] < 0.05
 
@@ -104,59 +104,59 @@ def test_posts_washed_white_or_before_their_own_hue_are_found(condition, seed, i
     sample = next(
         sample_goal(FIELD, GOAL_CONDITIONS[condition], seed, 66, places=places, indices=[index], supersample=3)
     )
-    estimate = GoalLocalizer(FIELD, GOAL_CONDITIONS[condition].camera).locate(sample.frame)
+    estimate = GoalPoseEstimator(FIELD, GOAL_CONDITIONS[condition].camera).locate(sample.frame)
     assert estimate
     assert estimate.pose.error_to(sample.pose)[0] < 0.2
 
 
 def test_a_far_goal_alone_says_how_little_it_knows():
     condition = GOAL_CONDITIONS["mild_glare_208x160"]
-    localizer = GoalLocalizer(FIELD, condition.camera, use_lines=False)
+    estimator = GoalPoseEstimator(FIELD, condition.camera, use_lines=False)
     squares = []
     for sample in sample_goal(
         FIELD, condition, 7, 66, places=paper_places(FIELD), indices=[54, 55, 60, 64, 65], supersample=2
     ):
-        estimate = localizer.locate(sample.frame)
+        estimate = estimator.locate(sample.frame)
         offset = estimate.pose.array - sample.pose.array
         squares.append(offset @ np.linalg.solve(estimate.covariance, offset))
     assert np.median(squares) < 16.3  # 99.9 % of 3 degrees of freedom
 
 
-def test_tilt_roll_and_height_are_estimated_too(clean, localizer):
-    found = localizer.locate_camera(clean[0].frame)
+def test_tilt_roll_and_height_are_estimated_too(clean, estimator):
+    found = estimator.locate_camera(clean[0].frame)
     assert found
     camera = clean[0].camera
     assert found.unknowns[[TILT, ROLL]] == pytest.approx([camera.tilt_rad, camera.roll_rad], abs=0.02)
     assert found.unknowns[HEIGHT] == pytest.approx(camera.height_m, abs=0.01)
 
 
-def test_the_goal_s_colour_tells_the_side(localizer):
+def test_the_goal_s_colour_tells_the_side(estimator):
     samples = list(sample_goal(FIELD, CLEAN, 8, 6, supersample=3))
     assert {sample.goal.side for sample in samples} == {1, -1}
     for sample in samples:
-        estimate = localizer.locate(sample.frame)
+        estimate = estimator.locate(sample.frame)
         if estimate:
             assert np.sign(np.cos(estimate.pose.theta_rad)) == sample.goal.side
 
 
-def test_frames_without_a_whole_goal_are_refused_with_a_reason(localizer):
+def test_frames_without_a_whole_goal_are_refused_with_a_reason(estimator):
     views = ("no_goal", "half_goal", "goal_behind_robot", "orange_wall")
     for sample in sample_goal(FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 4, 8, views=views, supersample=2):
-        estimate = localizer.locate(sample.frame)
+        estimate = estimator.locate(sample.frame)
         assert not estimate
         assert "goal" in estimate.reason
 
 
-def test_an_empty_frame_is_refused(localizer):
-    assert "no goal" in localizer.locate(np.zeros((320, 416, 3), np.uint8)).reason
+def test_an_empty_frame_is_refused(estimator):
+    assert "no goal" in estimator.locate(np.zeros((320, 416, 3), np.uint8)).reason
 
 
 @pytest.mark.slow
-def test_half_a_goal_needs_a_prior(localizer):
+def test_half_a_goal_needs_a_prior(estimator):
     located = 0
     for sample in sample_goal(FIELD, CLEAN, 11, 8, views=("half_goal",), supersample=2):
         prior = Pose2(sample.pose.x_m + 0.1, sample.pose.y_m - 0.1, sample.pose.theta_rad + 0.03)
-        estimate = localizer.locate(sample.frame, prior)
+        estimate = estimator.locate(sample.frame, prior)
         if estimate:
             located += 1
             assert estimate.pose.error_to(sample.pose)[0] < 0.6
@@ -165,29 +165,29 @@ def test_half_a_goal_needs_a_prior(localizer):
 
 def test_white_goals_have_two_candidates_and_a_prior_chooses():
     condition = GOAL_CONDITIONS["white_640x480"]
-    localizer = GoalLocalizer(WHITE_FIELD, condition.camera)
+    estimator = GoalPoseEstimator(WHITE_FIELD, condition.camera)
     located = 0
     for sample in sample_goal(WHITE_FIELD, condition, 0, 4, supersample=2):
-        estimate = localizer.locate(sample.frame)
+        estimate = estimator.locate(sample.frame)
         if not estimate:
             continue
         located += 1
         assert len(estimate.candidates) == 2
         assert estimate.pose.error_to(sample.pose, symmetric=True)[0] < 0.2
-        chosen = localizer.locate(sample.frame, prior=sample.pose)
+        chosen = estimator.locate(sample.frame, prior=sample.pose)
         assert chosen.pose.error_to(sample.pose)[0] < 0.2
     assert located >= 2
 
 
-def test_bad_arguments_are_named(localizer):
+def test_bad_arguments_are_named(estimator):
     with pytest.raises(
         FrameError, match=r"frame must be uint8 \(320, 416, 3\) as camera.toml says, got uint8 \(10, 10, 3\)"
     ):
-        localizer.locate(np.zeros((10, 10, 3), np.uint8))
+        estimator.locate(np.zeros((10, 10, 3), np.uint8))
     with pytest.raises(FrameError, match="got NoneType"):
-        localizer.locate(None)
+        estimator.locate(None)
     with pytest.raises(ArgumentError, match="no goals of posts"):
-        GoalLocalizer(load_field("ssl_2001"), CLEAN.camera)
+        GoalPoseEstimator(load_field("ssl_2001"), CLEAN.camera)
 
 
 @pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
@@ -196,11 +196,11 @@ def test_photographs_of_a_white_goal(focal_share):
     camera = load_camera(PHOTOS / "camera.toml")
     fu, fv = camera.focal_px
     camera = PinholeCamera(camera.size_px, (fu * focal_share, fv * focal_share), camera.center_px, camera.height_m)
-    localizer = GoalLocalizer(WHITE_FIELD, camera)
+    estimator = GoalPoseEstimator(WHITE_FIELD, camera)
     errors = []
     for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
         name, x, y, _, sees = line.split(",")
-        estimate = localizer.locate(cv2.imread(str(PHOTOS / "images" / name)))
+        estimate = estimator.locate(cv2.imread(str(PHOTOS / "images" / name)))
         if not estimate:
             assert sees == "one post"
             continue
@@ -214,10 +214,10 @@ def test_photographs_of_a_white_goal(focal_share):
 
 @pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
 def test_a_white_goal_alone_is_right_or_refused():
-    localizer = GoalLocalizer(WHITE_FIELD, load_camera(PHOTOS / "camera.toml"), use_lines=False)
+    estimator = GoalPoseEstimator(WHITE_FIELD, load_camera(PHOTOS / "camera.toml"), use_lines=False)
     for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
         name, x, y, *_ = line.split(",")
-        estimate = localizer.locate(cv2.imread(str(PHOTOS / "images" / name)))
+        estimate = estimator.locate(cv2.imread(str(PHOTOS / "images" / name)))
         if not estimate:
             assert "goal" in estimate.reason
             continue

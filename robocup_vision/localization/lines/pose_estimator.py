@@ -26,7 +26,7 @@ from robocup_vision.perception.line_points import FloorCamera, LineFinder, LineP
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """Settings of the line localiser.
+    """Settings of `LinePoseEstimator`.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class LineSettings:
     max_deviation: float = 16.3
 
 
-class LineLocalizer:
+class LinePoseEstimator:
     """Finds a robot's pose from the white lines one camera sees.
 
     Parameters

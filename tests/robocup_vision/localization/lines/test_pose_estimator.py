@@ -15,7 +15,7 @@ from robocup_vision.camera import OmniCamera, Tangent, load_camera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.localizer import LineLocalizer, refine_by_lines, search_by_lines
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator, refine_by_lines, search_by_lines
 from robocup_vision.perception.line_points import LinePoints
 
 REAL = Path(__file__).resolve().parents[5] / "shared" / "real"
@@ -40,15 +40,15 @@ def seen_points(pose, rng, *, noise_px=0.5, drop=0.3, clutter=0.1, spacing_m=0.0
 
 
 @pytest.fixture(scope="module")
-def localizer():
-    return LineLocalizer(FIELD, CAMERA)
+def estimator():
+    return LinePoseEstimator(FIELD, CAMERA)
 
 
 @settings(deadline=None, max_examples=25)
 @given(st.floats(-3.2, 3.2), st.floats(-2.2, 2.2), st.floats(-math.pi, math.pi), st.integers(0, 2**32 - 1))
 def test_any_pose_is_found_from_scratch(x, y, theta, seed):
     truth = Pose2(x, y, theta)
-    estimate = LOCALIZER.locate(seen_points(truth, np.random.default_rng(seed)))
+    estimate = ESTIMATOR.locate(seen_points(truth, np.random.default_rng(seed)))
     if estimate:  # never wrong in silence
         distance, angle = estimate.pose.error_to(truth, symmetric=True)
         assert distance < 0.05
@@ -58,13 +58,13 @@ def test_any_pose_is_found_from_scratch(x, y, theta, seed):
         assert estimate.candidates[1].error_to(estimate.pose.half_turn()) == pytest.approx((0, 0))
 
 
-LOCALIZER = LineLocalizer(FIELD, CAMERA)
+ESTIMATOR = LinePoseEstimator(FIELD, CAMERA)
 
 
 def test_hardly_any_pose_is_left_open():
     rng = np.random.default_rng(5)
     poses = [Pose2(*rng.uniform([-3.2, -2.2, -3], [3.2, 2.2, 3])) for _ in range(40)]
-    located = [bool(LOCALIZER.locate(seen_points(pose, rng))) for pose in poses]
+    located = [bool(ESTIMATOR.locate(seen_points(pose, rng))) for pose in poses]
     assert np.mean(located) >= 0.9
 
 
@@ -111,14 +111,14 @@ def test_a_prior_counts_as_a_measurement():
     assert np.all(held.std < free.std)
 
 
-def test_a_prior_says_which_half_comes_first(localizer):
+def test_a_prior_says_which_half_comes_first(estimator):
     truth = Pose2(1.2, -0.5, 2.0)
     points = seen_points(truth, np.random.default_rng(4))
     for pose in (truth, truth.half_turn()):
         near = Pose2(pose.x_m + 0.05, pose.y_m, pose.theta_rad + 0.03)
         for spread in (0.1, 1e-4):  # the second prior is too sure of itself: searched anew, same half
             prior = PoseEstimate(near, np.diag([spread**2, spread**2, spread**2]), 1.0, 0.0)
-            estimate = localizer.locate(points, prior)
+            estimate = estimator.locate(points, prior)
             assert estimate.pose.error_to(pose)[0] < 0.05
             assert abs(wrap_angle(estimate.candidates[1].theta_rad - pose.theta_rad)) > 3
 
@@ -127,57 +127,57 @@ def test_a_lopsided_field_has_one_candidate():
     lopsided = dataclasses.replace(FIELD, lines=np.vstack([FIELD.lines, [0.9, -2.0, 0.9, 2.0]]))
     truth = Pose2(-0.4, 0.3, 2.5)
     points = seen_points(truth, np.random.default_rng(4), drop=0.1, clutter=0.0, field=lopsided)
-    estimate = LineLocalizer(lopsided, CAMERA).locate(points)
+    estimate = LinePoseEstimator(lopsided, CAMERA).locate(points)
     assert estimate.pose.error_to(truth)[0] < 0.05
     assert len(estimate.candidates) == 1
 
 
-def test_too_few_points_say_so(localizer):
-    nothing = localizer.locate(LinePoints.from_pixels(CAMERA, np.empty((0, 2))))
+def test_too_few_points_say_so(estimator):
+    nothing = estimator.locate(LinePoints.from_pixels(CAMERA, np.empty((0, 2))))
     assert not nothing
     assert "too little of the field's lines" in nothing.reason
     few = refine_by_lines(Pose2(0, 0, 0), LinePoints.from_pixels(CAMERA, np.full((3, 2), 200.0)), MAP)
     assert few == NotLocated("only 3 line points")
 
 
-def test_one_straight_line_fits_many_poses(localizer):
+def test_one_straight_line_fits_many_poses(estimator):
     floor = np.stack([np.linspace(-1.5, 1.5, 200), np.full(200, 0.8)], axis=1)
-    answer = localizer.locate(LinePoints.from_pixels(CAMERA, CAMERA.floor_to_pixel(floor)))
+    answer = estimator.locate(LinePoints.from_pixels(CAMERA, CAMERA.floor_to_pixel(floor)))
     assert not answer
     assert any(words in answer.reason for words in ("two poses", "many poses", "do not fix"))
 
 
-def test_points_from_nowhere_are_not_located(localizer):
+def test_points_from_nowhere_are_not_located(estimator):
     rng = np.random.default_rng(9)
     answers = [
-        localizer.locate(LinePoints.from_pixels(CAMERA, rng.uniform([150, 70], [490, 400], (400, 2)))) for _ in range(5)
+        estimator.locate(LinePoints.from_pixels(CAMERA, rng.uniform([150, 70], [490, 400], (400, 2)))) for _ in range(5)
     ]
     assert not any(answers)
 
 
 @pytest.mark.parametrize("kind", ["black", "white", "noise"])
-def test_frames_without_a_field_are_not_located(localizer, kind):
+def test_frames_without_a_field_are_not_located(estimator, kind):
     frame = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
     if kind != "noise":
         frame[:] = 0 if kind == "black" else 255
-    assert isinstance(localizer.locate(frame), NotLocated)
+    assert isinstance(estimator.locate(frame), NotLocated)
 
 
 @pytest.mark.parametrize("truth", [Pose2(-0.7, 0.4, 0.5), Pose2(2.8, -1.9, -2.0), Pose2(-2.2, 2.1, 3.0)])
 def test_painted_pictures_are_located(mirror_camera, paint_field, truth):
     frame = paint_field(mirror_camera, FIELD, truth, noise=5.0, rng=np.random.default_rng(1))
-    estimate = LineLocalizer(FIELD, mirror_camera).locate(frame)
+    estimate = LinePoseEstimator(FIELD, mirror_camera).locate(frame)
     distance, angle = estimate.pose.error_to(truth, symmetric=True)
     assert distance < 0.01
     assert angle < math.radians(0.5)
     assert estimate.inlier_ratio > 0.9
 
 
-def test_a_pose_is_refused_where_most_of_its_lines_are_bare_floor(localizer, paint_field):
+def test_a_pose_is_refused_where_most_of_its_lines_are_bare_floor(estimator, paint_field):
     truth = Pose2(-0.7, 0.4, 0.5)
     # a circle and one line alone would fix the pose, but this is not the field that the localiser knows
     bare = dataclasses.replace(FIELD, lines=FIELD.lines[4:5], arcs=FIELD.arcs[:1])
-    answer = localizer.locate(paint_field(CAMERA, bare, truth))
+    answer = estimator.locate(paint_field(CAMERA, bare, truth))
     assert not answer
     assert "in plain sight" in answer.reason
 
@@ -187,14 +187,14 @@ def test_a_pose_is_refused_where_most_of_its_lines_are_bare_floor(localizer, pai
 def test_photographs_are_located(folder):
     camera = load_camera(REAL / folder / "camera.toml")
     frame = cv2.imread(str(next((REAL / folder / "images").glob("*.png"))))
-    localizer = LineLocalizer(FIELD, camera)
-    estimate = localizer.locate(frame)
+    estimator = LinePoseEstimator(FIELD, camera)
+    estimate = estimator.locate(frame)
     assert estimate
-    points = localizer.finder.find(frame)
+    points = estimator.finder.find(frame)
     even = np.arange(len(points)) % 2 == 0
     held_back = points.take(~even)
-    refined = refine_by_lines(estimate.pose, points.take(even), localizer.line_map)
-    residual = localizer.line_map.nearest(refined.pose.transform(held_back.floor_m)).distance_m
+    refined = refine_by_lines(estimate.pose, points.take(even), estimator.line_map)
+    residual = estimator.line_map.nearest(refined.pose.transform(held_back.floor_m)).distance_m
     # the second camera's file is known to be off in its centre
     assert np.median(residual) < (0.02 if folder == "omni_msl_6x4" else 0.05)
 
@@ -203,7 +203,7 @@ def test_photographs_are_located(folder):
 def test_hand_selected_line_pixels_agree_with_the_pose_of_the_first_photograph():
     folder = REAL / "omni_msl_6x4"
     camera = load_camera(folder / "camera.toml")
-    estimate = LineLocalizer(FIELD, camera).locate(cv2.imread(str(folder / "images" / "a_center.png")))
+    estimate = LinePoseEstimator(FIELD, camera).locate(cv2.imread(str(folder / "images" / "a_center.png")))
     distance, angle = estimate.pose.error_to(Pose2(0.102, 0.048, math.radians(-1.5)), symmetric=True)
     assert distance < 0.03
     assert angle < math.radians(1.0)
