@@ -113,7 +113,7 @@ def judge_matches(seed: int, matches: int, seconds: float) -> bool:
         robots = result["robots"]
         near = min(robot["within_5cm_3deg"] for robot in robots)
         lost_s = max(robot["longest_lost_s"] for robot in robots)
-        half = min(1.0 if robot["right_half_share"] is None else robot["right_half_share"] for robot in robots)
+        half = min(1.0 if robot["right_half_ratio"] is None else robot["right_half_ratio"] for robot in robots)
         stuck_s = max(robot["longest_stuck_s"] for robot in robots)
         stopped = any(robot["stopped_s"] is not None for robot in robots)
         ok = near >= MIN_NEAR and lost_s <= MAX_LOST_S and half == 1.0 and stuck_s <= MAX_STUCK_S and not stopped

@@ -48,7 +48,7 @@ def run_match_command(args: argparse.Namespace) -> int:
             f"{100 * robot.within_5cm_3deg:.1f} %",
             _millimetres(robot.median_error_m),
             _millimetres(robot.p95_error_m),
-            f"{100 * robot.lost_share:.1f} %",
+            f"{100 * robot.lost_ratio:.1f} %",
             str(robot.collisions),
             f"{robot.distance_m:.1f} m",
             f"{100 * robot.possession:.1f} %",

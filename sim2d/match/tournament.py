@@ -159,7 +159,7 @@ def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[
     """Return a tournament as JSON values: its totals, and what stands in the match.json of each match, in order."""
     robots = [robot for result in results for robot in result["robots"]]
     scores = np.array([result["score"] for result in results])
-    halves = [robot["right_half_share"] for robot in robots if robot["right_half_share"] is not None]
+    halves = [robot["right_half_ratio"] for robot in robots if robot["right_half_ratio"] is not None]
     lead = np.sign(scores[:, 0] - scores[:, 1])
     return {
         "format": 1,
@@ -177,7 +177,7 @@ def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[
             "lost": int((lead < 0).sum()),
             "within_5cm_3deg": round(float(np.mean([robot["within_5cm_3deg"] for robot in robots])), 6),
             "longest_lost_s": max(robot["longest_lost_s"] for robot in robots),
-            "min_right_half_share": min(halves, default=None),
+            "min_right_half_ratio": min(halves, default=None),
             "longest_stuck_s": max(robot["longest_stuck_s"] for robot in robots),
             "stopped_players": sum(robot["stopped_s"] is not None for robot in robots),
         },

@@ -44,11 +44,11 @@ class RobotFigures:
         Fraction of frames after which the estimated pose was that near the truth, in the right half of the field.
     median_error_m, p95_error_m, median_error_rad, p95_error_rad : float or None
         Of the estimated pose; None if there was no estimate.
-    lost_share : float
+    lost_ratio : float
         Fraction of frames with no estimate, or one more than 10 cm or 5 degrees off.
     longest_lost_s : float
         Longest time without a break for which it was lost.
-    right_half_share : float or None
+    right_half_ratio : float or None
         Of the poses estimated after the first 2 s, those nearer to the truth than to its half turn.
     collisions, wall_contacts : int
         Times it came to touch another robot, and something fixed.
@@ -76,9 +76,9 @@ class RobotFigures:
     p95_error_m: float | None
     median_error_rad: float | None
     p95_error_rad: float | None
-    lost_share: float
+    lost_ratio: float
     longest_lost_s: float
-    right_half_share: float | None
+    right_half_ratio: float | None
     collisions: int
     wall_contacts: int
     kicks: int
@@ -217,9 +217,9 @@ class RobotLog:
             p95_error_m=_quantile(self._error_m, 0.95),
             median_error_rad=_quantile(self._error_rad, 0.5),
             p95_error_rad=_quantile(self._error_rad, 0.95),
-            lost_share=self._lost_frames / frames,
+            lost_ratio=self._lost_frames / frames,
             longest_lost_s=self._lost.longest_s,
-            right_half_share=self._right_half / self._half_frames if self._half_frames else None,
+            right_half_ratio=self._right_half / self._half_frames if self._half_frames else None,
             collisions=self.collisions,
             wall_contacts=self.wall_contacts,
             kicks=self.kicks,

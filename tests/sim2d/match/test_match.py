@@ -78,11 +78,11 @@ def test_status_is_compared_with_the_truth():
     assert ours.frames == theirs.frames == 60
     assert ours.within_5cm_3deg == 1.0
     assert 0 < ours.median_error_m < 0.02
-    assert ours.lost_share == 0.0
+    assert ours.lost_ratio == 0.0
     assert ours.distance_m == pytest.approx(0.5, abs=0.1)
-    assert (theirs.within_5cm_3deg, theirs.lost_share, theirs.median_error_m) == (0.0, 1.0, None)
+    assert (theirs.within_5cm_3deg, theirs.lost_ratio, theirs.median_error_m) == (0.0, 1.0, None)
     assert theirs.longest_lost_s == pytest.approx(2.0)
-    assert theirs.right_half_share is None
+    assert theirs.right_half_ratio is None
 
 
 @pytest.mark.parametrize(

@@ -33,12 +33,12 @@ def log_of(periods, faults=()):
     return log
 
 
-def test_errors_are_of_believed_poses_and_shares_of_all_frames():
+def test_errors_are_of_estimated_poses_and_ratios_of_all_frames():
     beliefs = [off_by(0.01)] * 40 + [off_by(0.07)] * 20 + [off_by(0.2)] * 20 + [NOWHERE] * 20
     figures = log_of([(PLACE, belief, Command()) for belief in beliefs]).figures
     assert figures.frames == 100
     assert figures.within_5cm_3deg == pytest.approx(0.4)
-    assert figures.lost_share == pytest.approx(0.4)
+    assert figures.lost_ratio == pytest.approx(0.4)
     assert figures.longest_lost_s == pytest.approx(40 * PERIOD_S)
     assert figures.median_error_m == pytest.approx(0.04, abs=0.031)
     assert figures.p95_error_m == pytest.approx(0.2)
@@ -48,17 +48,17 @@ def test_errors_are_of_believed_poses_and_shares_of_all_frames():
 @pytest.mark.parametrize(("degrees", "near", "lost"), [(2.0, 1.0, 0.0), (4.0, 0.0, 0.0), (6.0, 0.0, 1.0)])
 def test_headings_count_like_places(degrees, near, lost):
     figures = log_of([(PLACE, off_by(0.0, math.radians(degrees)), Command())] * 3).figures
-    assert (figures.within_5cm_3deg, figures.lost_share) == (near, lost)
+    assert (figures.within_5cm_3deg, figures.lost_ratio) == (near, lost)
     assert figures.median_error_rad == pytest.approx(math.radians(degrees), rel=1e-5)
 
 
 def test_the_half_of_the_field_counts_after_two_seconds():
     wrong, right = believe(PLACE.half_turn()), believe(PLACE)
     figures = log_of([(PLACE, wrong, Command())] * 60 + [(PLACE, right, Command())] * 30).figures
-    assert figures.right_half_share == 1.0
+    assert figures.right_half_ratio == 1.0
     figures = log_of([(PLACE, right, Command())] * 60 + [(PLACE, wrong, Command())] * 30).figures
-    assert figures.right_half_share == 0.0
-    assert log_of([(PLACE, right, Command())] * 60).figures.right_half_share is None
+    assert figures.right_half_ratio == 0.0
+    assert log_of([(PLACE, right, Command())] * 60).figures.right_half_ratio is None
 
 
 def test_the_way_is_what_was_driven_not_where_it_was_carried():
@@ -112,5 +112,5 @@ def test_a_fault_is_over_once_the_belief_stays_right(fault):
 
 def test_nothing_seen_is_nothing_claimed():
     figures = RobotLog(2, -1, 0, PERIOD_S, 1.2).figures
-    assert (figures.frames, figures.median_error_m, figures.right_half_share) == (0, None, None)
-    assert figures.within_5cm_3deg == figures.lost_share == figures.possession == 0.0
+    assert (figures.frames, figures.median_error_m, figures.right_half_ratio) == (0, None, None)
+    assert figures.within_5cm_3deg == figures.lost_ratio == figures.possession == 0.0

@@ -148,4 +148,4 @@ def test_the_built_in_player_recovers_within_a_second(fault):
     assert figures.faults[0].recovery_s <= 1.0
     assert figures.robots[0].stopped_reason == ""
     if fault.kind in ("dropped", "delayed", "odometry"):
-        assert figures.robots[0].lost_share == 0.0
+        assert figures.robots[0].lost_ratio == 0.0
