@@ -7,7 +7,6 @@ masked from the map, and both are told from the pose that is believed, not from 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -220,7 +219,6 @@ class Memory:
     def _forget_surroundings(self) -> None:
         self._tracks, self._last = (), None
         if self.objects is not None:
-            # the same settings, nobody followed
-            self.objects = replace(self.objects)
+            self.objects.forget()
         if self.free_map is not None:
             self.free_map.forget()

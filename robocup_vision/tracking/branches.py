@@ -8,19 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.tracking.settings import MovingObjectsSettings
 from robocup_vision.tracking.shadows import Shadows
 
-# squared Mahalanobis distance of a detection that may still belong to a branch: chi-square, 2 degrees, 99.9 %
-_GATE = 13.8
-# branches this much less likely than their tree's best are given up
-_MIN_LOG_SHARE = 7.0
-# frames after which a choice between branches is final, and over which equal branches are one
-_MEMORY = 5
 MISS = -1
 # points of a normal distribution and their weights: Gauss-Hermite, three on each axis
-_AXIS, _SHARE = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
+_AXIS, _AXIS_WEIGHTS = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
 _POINTS = np.stack(np.meshgrid(_AXIS, _AXIS, indexing="ij"), axis=-1).reshape(-1, 2)
-_WEIGHTS = np.outer(_SHARE, _SHARE).ravel()
+_WEIGHTS = np.outer(_AXIS_WEIGHTS, _AXIS_WEIGHTS).ravel()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +38,7 @@ class Branches:
         Seconds since the last detection.
     missed : (L,) int64
         Frames since then.
-    history : (L, 5) int64
+    history : (L, H) int64
         The last detections, newest first, by their running number; -1 where missed.
     """
 
@@ -65,20 +60,19 @@ class Branches:
         trees: Int64Array,
         places_m: FloatArray,
         spreads: FloatArray,
-        speed_mps: float,
-        evidence: float,
         detections: Int64Array,
+        settings: MovingObjectsSettings,
     ) -> Branches:
-        """One branch for each tree that begins at a detection."""
+        """Return one branch for each tree that begins at a detection."""
         count = len(trees)
         mean = np.zeros((count, 4))
         mean[:, :2] = places_m
         covariance = np.zeros((count, 4, 4))
         covariance[:, :2, :2] = spreads
-        covariance[:, 2, 2] = covariance[:, 3, 3] = speed_mps**2
-        history = np.full((count, _MEMORY), MISS, dtype=np.int64)
+        covariance[:, 2, 2] = covariance[:, 3, 3] = settings.speed_mps**2
+        history = np.full((count, settings.history_frames), MISS, dtype=np.int64)
         history[:, 0] = detections
-        first, zeros, never = np.full(count, evidence), np.zeros(count), np.zeros(count, dtype=np.int64)
+        first, zeros, never = np.full(count, settings.first_log_odds), np.zeros(count), np.zeros(count, dtype=np.int64)
         return cls(trees, mean, covariance, first, first.copy(), zeros, never, history)
 
     def select(self, chosen: Int64Array) -> Branches:
@@ -107,27 +101,16 @@ class Branches:
             np.concatenate([self.history, other.history]),
         )
 
-    def predicted(self, seconds: float, acceleration_mps2: float, steady_s: float, lifetime_s: float) -> Branches:
-        """All of them `seconds` later.
-
-        Parameters
-        ----------
-        seconds : float
-            Since the last frame.
-        acceleration_mps2 : float
-            Standard deviation of a white acceleration.
-        steady_s : float
-            Time in which a velocity falls to 1/e when nothing is seen of it.
-        lifetime_s : float
-            An object goes once in so long on average.
-        """
+    def predicted(self, seconds: float, settings: MovingObjectsSettings) -> Branches:
+        """Return all of them `seconds` after the last frame."""
+        steady_s = settings.steady_s
         kept = math.exp(-seconds / steady_s)
         move = np.eye(4)
         move[0, 2] = move[1, 3] = steady_s * (1 - kept)
         move[2, 2] = move[3, 3] = kept
         push = np.array([[seconds**2 / 2, 0.0], [0.0, seconds**2 / 2], [seconds, 0.0], [0.0, seconds]])
-        noise = push @ push.T * acceleration_mps2**2
-        survival = math.exp(-seconds / lifetime_s)
+        noise = push @ push.T * settings.acceleration_mps2**2
+        survival = math.exp(-seconds / settings.lifetime_s)
         return Branches(
             self.tree,
             self.mean @ move.T,
@@ -145,11 +128,10 @@ class Branches:
         places_m: FloatArray,
         spreads: FloatArray,
         numbers: Int64Array,
-        detection_probability: float,
-        clutter_per_m2: float,
         view: Shadows,
+        settings: MovingObjectsSettings,
     ) -> Branches:
-        """One branch for each detection within the gate of each of these, and one for each that is missed.
+        """Return one branch for each detection within the gate of each of these, and one for each that is missed.
 
         Parameters
         ----------
@@ -157,20 +139,18 @@ class Branches:
             Detections in the field frame and their covariances.
         numbers : (M,) int64
             Their running numbers.
-        detection_probability : float
-            That an object in full view is detected.
-        clutter_per_m2 : float
-            False detections a frame and square metre.
         view : Shadows
             What hides what in this frame.
+        settings : MovingObjectsSettings
+            With the gate, the probability of detection and the clutter.
         """
-        missed = self._missed(detection_probability, view)
+        missed = self._missed(view, settings)
         away = places_m[None, :, :] - self.mean[:, None, :2]
         spread = self.covariance[:, None, :2, :2] + spreads[None]
         a, b, d = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
         determinant = a * d - b * b
         distance = (d * away[..., 0] ** 2 - 2 * b * away[..., 0] * away[..., 1] + a * away[..., 1] ** 2) / determinant
-        branch, detection = np.nonzero(distance < _GATE)
+        branch, detection = np.nonzero(distance < settings.gate)
         if not len(branch):
             return missed
         a, b, d, area = (v[branch, detection] for v in (a, b, d, determinant))
@@ -178,7 +158,7 @@ class Branches:
         covariance = self.covariance[branch]
         gain = covariance[:, :, :2] @ inverse
         likelihood = -0.5 * distance[branch, detection] - 0.5 * np.log(area) - math.log(math.tau)
-        gained = likelihood + math.log(detection_probability / clutter_per_m2)
+        gained = likelihood + math.log(settings.detection_probability / settings.clutter_per_m2)
         history = missed.history[branch]
         history[:, 0] = numbers[detection]
         hit = Branches(
@@ -194,8 +174,8 @@ class Branches:
         both = missed.concatenate(hit)
         return both.select(np.argsort(both.tree, kind="stable"))
 
-    def _missed(self, detection_probability: float, view: Shadows) -> Branches:
-        """Each of these without a detection: it rather is where nothing would be seen of it.
+    def _missed(self, view: Shadows, settings: MovingObjectsSettings) -> Branches:
+        """Return each of these without a detection: the object is rather where it would not be detected.
 
         The place's density is weighted at points around its mean and made normal again; velocities follow by their
         covariance with it.
@@ -207,15 +187,15 @@ class Branches:
         root[:, 1, 0] = place[:, 1, 0] / root[:, 0, 0]
         root[:, 1, 1] = np.sqrt(np.maximum(place[:, 1, 1] - root[:, 1, 0] ** 2, 1e-12))
         offsets = np.einsum("lij,pj->lpi", root, _POINTS)
-        missing = 1 - detection_probability * view.visible_ratio(self.mean[:, None, :2] + offsets)
+        missing = 1 - settings.detection_probability * view.visible_ratio(self.mean[:, None, :2] + offsets)
         weights = _WEIGHTS * missing
         likelihood = weights.sum(axis=1)
         weights /= likelihood[:, None]
         shift = np.einsum("lp,lpi->li", weights, offsets)
         centred = offsets - shift[:, None]
         spread = np.einsum("lp,lpi,lpj->lij", weights, centred, centred)
-        # what the points cannot show is not taken for knowledge
-        spread += 0.05 * place
+        # nine points show no smaller spread
+        spread += settings.unknown_ratio * place
         a, b, d = place[:, 0, 0], place[:, 0, 1], place[:, 1, 1]
         inverse = np.stack([np.stack([d, -b], -1), np.stack([-b, a], -1)], -2) / (a * d - b * b)[:, None, None]
         gain = self.covariance[:, :, :2] @ inverse
@@ -230,8 +210,12 @@ class Branches:
             np.concatenate([np.full((count, 1), MISS, dtype=np.int64), self.history[:, :-1]], axis=1),
         )
 
-    def pruned(self, chosen: Int64Array, most: int) -> Branches:
-        """Keep the best of the chosen ones' trees: likely, agreed on what is long past, no two alike, not too many."""
+    def pruned(self, chosen: Int64Array, settings: MovingObjectsSettings) -> Branches:
+        """Keep the best branches of the chosen ones' trees.
+
+        A branch is kept if it is likely, agrees with the chosen one on the oldest detection, and is not equal to one
+        that is kept already, up to `max_branches` of each tree.
+        """
         root = {int(self.tree[i]): int(self.history[i, -1]) for i in chosen}
         best = {int(self.tree[i]): float(self.evidence[i]) for i in chosen}
         order = np.lexsort((-self.evidence, self.tree)).tolist()
@@ -245,8 +229,9 @@ class Branches:
                 continue
             if index not in picked:
                 recent = (tree, self.history[index].tobytes())
-                unlikely = self.evidence[index] < best[tree] - _MIN_LOG_SHARE
-                if unlikely or recent in seen or self.history[index, -1] != root[tree] or count.get(tree, 1) >= most:
+                unlikely = self.evidence[index] < best[tree] - settings.max_log_ratio
+                is_full = count.get(tree, 1) >= settings.max_branches
+                if unlikely or recent in seen or self.history[index, -1] != root[tree] or is_full:
                     continue
                 seen.add(recent)
                 count[tree] = count.get(tree, 1) + 1

@@ -1,7 +1,7 @@
 """Candidates for moving objects: returns inside known free space (Miura 2004, section 2.4).
 
-A difference in time would need the robot's motion to be known exactly. What stands where the floor has been free
-before, or where no wall of the field is, needs no more than the pose and its covariance.
+A difference of two frames would need the robot's exact motion. A return where the floor has been free before, or where
+the field has no wall, needs no more than the pose and its covariance.
 """
 
 from __future__ import annotations
@@ -21,15 +21,13 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.obstacles import Obstacle, find_obstacles
 
-# a return counts as inside when it is farther from the border than this many standard deviations of its place
-_INSIDE_STDS = 3.0
-# a disc's near side, averaged over the bearings that see it, lies this share of its radius before its middle
+# a disc's near side, averaged over the bearings that meet it, lies this fraction of its radius before its centre
 _NEAR_SIDE = math.pi / 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
-    """Something seen where the floor is known to be free.
+    """Something detected where the floor is known to be free.
 
     Parameters
     ----------
@@ -109,18 +107,20 @@ class KnownFreeSpace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReturnDetector:
-    """Tells returns inside known free space, each as an object's middle.
+    """Finds returns inside known free space, each as the centre of an object.
 
     Parameters
     ----------
     known_free : KnownFreeSpace
-        Only what lies inside is a candidate.
+        Only a return inside is a candidate.
     radius_m : float
         Of the objects, taken for upright cylinders: 0.09 m for a robot of the small-size league.
     range_std : (float, float)
-        Standard deviation of a measured range: metres, and share of the range.
+        Standard deviation of a measured range: metres, and fraction of the range.
     longest_m : float
         Returns farther away are left out.
+    inside_sigmas : float
+        A return counts as inside when it is farther from the border than this many standard deviations of its position.
 
     Raises
     ------
@@ -132,6 +132,7 @@ class ReturnDetector:
     radius_m: float = 0.09
     range_std: tuple[float, float] = (0.01, 0.02)
     longest_m: float = math.inf
+    inside_sigmas: float = 3.0
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0:
@@ -168,13 +169,13 @@ class ReturnDetector:
         self, obstacles: Sequence[Obstacle], robot: Pose2, robot_covariance: FloatArray | None = None
     ) -> tuple[Detection, ...]:
         """Return the detections among `View.obstacles`; other parameters as in `in_profile`."""
-        # outlines in an image are blurred: past a body a sliver of floor shows, and then something; so is a line's end
-        # at a wall. What is less than half as wide as an object is no sighting of one
-        near = [o for o in obstacles if o.range_m < self.longest_m and o.width_m >= self.radius_m]
-        if not near:
+        # Blurred outlines leave thin blocked slivers beside a body and at a line's end: less than half an object's
+        # width is no object.
+        wide = [o for o in obstacles if o.range_m < self.longest_m and o.width_m >= self.radius_m]
+        if not wide:
             return ()
-        inside = self._inside(np.array([[o.x_m, o.y_m] for o in near]), robot, robot_covariance)
-        return self._detections([o for o, is_inside in zip(near, inside.tolist(), strict=True) if is_inside])
+        inside = self._inside(np.array([[o.x_m, o.y_m] for o in wide]), robot, robot_covariance)
+        return self._detections([o for o, is_inside in zip(wide, inside.tolist(), strict=True) if is_inside])
 
     def _std_m(self, range_m: FloatArray) -> FloatArray:
         return self.range_std[0] + self.range_std[1] * range_m
@@ -187,18 +188,18 @@ class ReturnDetector:
             place = float(np.linalg.eigvalsh(robot_covariance[:2, :2])[-1])
             variance = variance + place + reach**2 * float(robot_covariance[2, 2])
         depth = self.known_free.depth_m(robot.transform(points_m))
-        return np.asarray(depth > _INSIDE_STDS * np.sqrt(variance))
+        return np.asarray(depth > self.inside_sigmas * np.sqrt(variance))
 
     def _detections(self, returns: Sequence[Obstacle]) -> tuple[Detection, ...]:
         found = []
         for near in returns:
-            # two that stand side by side are seen as one wide thing
+            # two objects side by side make one wide return
             count = max(1, round(near.width_m / (2 * self.radius_m)))
             width = near.width_m / count
             ahead, aside = math.cos(near.bearing_rad), math.sin(near.bearing_rad)
             out = near.range_m + _NEAR_SIDE * self.radius_m
             along = float(self._std_m(np.array(near.range_m))) ** 2
-            # of a thing seen in part, the rest may be on either side
+            # the hidden part of an object may be on either side
             hidden = max(2 * self.radius_m - width, 0.0)
             across = along + hidden**2 / 12
             axes = np.array([[ahead, -aside], [aside, ahead]])

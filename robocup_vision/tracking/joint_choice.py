@@ -9,20 +9,19 @@ import numpy as np
 from robocup_vision.arrays import Int64Array
 from robocup_vision.tracking.branches import MISS, Branches
 
-# steps of the search after which the best choice so far is taken
-_MAX_STEPS = 1000
 
+def choose_together(branches: Branches, max_steps: int) -> Int64Array:
+    """Return the indices (B,) of the most likely branches, at most one of each tree, no two with the same detection.
 
-def choose_together(branches: Branches) -> Int64Array:
-    """Return the indices (B,) of the most likely branches such that no two share a detection, at most one of each tree.
-
-    A tree whose branches all see what more likely ones see has none. Trees that share no detection are chosen apart;
-    among those that do, a depth-first search with bounds looks through all choices, the greedy one first.
+    A tree has none if more likely ones take all its detections. Trees without a common detection are chosen apart. Of
+    the others a depth-first search with bounds tries all choices, the greedy one first.
 
     Parameters
     ----------
     branches : Branches
         Tree by tree.
+    max_steps : int
+        Steps of the search, after which the best choice so far is taken.
     """
     starts = np.flatnonzero(np.diff(branches.tree, prepend=-1))
     ends = np.append(starts, len(branches))[1:]
@@ -41,7 +40,7 @@ def choose_together(branches: Branches) -> Int64Array:
         touched = 0
         for i in options:
             touched |= masks[i]
-        # trees that share detections are chosen together
+        # trees with a common detection are chosen together
         apart = []
         joined = [options]
         for mask, trees in groups:
@@ -53,17 +52,17 @@ def choose_together(branches: Branches) -> Int64Array:
         groups = [*apart, (touched, joined)]
     chosen: list[int] = []
     for _, trees in groups:
-        chosen += _best_compatible(sorted(trees, key=lambda t: -evidence[t[0]]), masks, evidence)
+        chosen += _best_compatible(sorted(trees, key=lambda t: -evidence[t[0]]), masks, evidence, max_steps)
     return np.array(sorted(chosen), dtype=np.int64)
 
 
-def _best_compatible(trees: list[list[int]], masks: list[int], evidence: list[float]) -> list[int]:
-    """Of each tree's branches, likeliest first, one or none, so that no two share a bit and the sum is greatest."""
+def _best_compatible(trees: list[list[int]], masks: list[int], evidence: list[float], max_steps: int) -> list[int]:
+    """Of each tree's branches, likeliest first, one or none: no two with a common bit, and the greatest sum."""
     bound = [0.0]
     for options in reversed(trees):
         bound.append(bound[-1] + max(evidence[options[0]], 0.0))
     bound.reverse()
-    best, most, left = [], -math.inf, _MAX_STEPS
+    best, most, left = [], -math.inf, max_steps
 
     def choose(depth: int, used: int, gained: float, picked: list[int]) -> None:
         nonlocal best, most, left

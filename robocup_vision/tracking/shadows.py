@@ -1,4 +1,4 @@
-"""What detections hide from the robot: where an object that is not seen may be."""
+"""Computes what detections hide from the robot: an object without a detection may be there."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robocup_vision.arrays import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shadows:
-    """What hides what, as seen from the robot.
+    """What hides what from the robot.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Shadows:
     radius_m: float
 
     def visible_ratio(self, points_m: FloatArray) -> FloatArray:
-        """(...) float64: share of the width of a disc at each of the points (..., 2) that nothing nearer hides."""
+        """Return the visible fraction (...) float64 of the width of a disc at each of the points (..., 2)."""
         near, at, half_near = self._polar(self.places_m)
         distance, bearing, half = (v[..., None] for v in self._polar(points_m))
         apart = np.abs(np.remainder(bearing - at + math.pi, math.tau) - math.pi)

@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 
 from robocup_vision.tracking.branches import MISS, Branches
 from robocup_vision.tracking.joint_choice import choose_together
+from robocup_vision.tracking.settings import MovingObjectsSettings
+
+MAX_STEPS = MovingObjectsSettings().max_steps
 
 
 def branches(trees, evidence, newest):
@@ -41,7 +44,7 @@ def test_no_choice_is_better(seed):
     rng = np.random.default_rng(seed)
     trees = np.sort(rng.integers(0, 4, 9))
     those = branches(trees, rng.normal(2, 3, 9), rng.integers(-1, 4, 9))
-    chosen = choose_together(those)
+    chosen = choose_together(those, MAX_STEPS)
     seen = those.history[chosen, 0]
     seen = seen[seen != MISS].tolist()
     assert len(seen) == len(set(seen))
@@ -50,19 +53,19 @@ def test_no_choice_is_better(seed):
 
 
 def test_of_nothing_nothing_is_chosen():
-    assert choose_together(branches([], [], [])).tolist() == []
+    assert choose_together(branches([], [], []), MAX_STEPS).tolist() == []
 
 
 def test_trees_apart_do_not_multiply():
     # thirty trees of two branches each would be 3^30 choices
     trees = np.repeat(np.arange(30), 2)
-    chosen = choose_together(branches(trees, np.tile([1.0, 2.0], 30), np.arange(60)))
+    chosen = choose_together(branches(trees, np.tile([1.0, 2.0], 30), np.arange(60)), MAX_STEPS)
     assert chosen.tolist() == list(range(1, 60, 2))
 
 
 def test_each_tree_keeps_its_likely_branches_that_agree_with_the_chosen_one():
     those = branches([0] * 5 + [1], [5.0, 4.0, 4.0, -9.0, 3.0, 1.0], [1, 2, 2, 3, 4, 5])
     those.history[4, -1] = 7  # another past
-    kept = those.pruned(np.array([0]), most=8)
+    kept = those.pruned(np.array([0]), MovingObjectsSettings(max_branches=8))
     assert kept.history[:, 0].tolist() == [1, 2]
-    assert those.pruned(np.array([0]), most=1).history[:, 0].tolist() == [1]
+    assert those.pruned(np.array([0]), MovingObjectsSettings(max_branches=1)).history[:, 0].tolist() == [1]

@@ -12,13 +12,15 @@ from hypothesis import strategies as st
 from field_models.errors import ArgumentError
 from robocup_vision.belief import Track
 from robocup_vision.geometry import Pose2
-from robocup_vision.tracking import Detection, MovingObjects
+from robocup_vision.tracking import Detection, MovingObjects, MovingObjectsSettings
 from robocup_vision.tracking.branches import Branches
 from robocup_vision.tracking.shadows import Shadows
 
 HOME = Pose2(0.0, 0.0, 0.0)
 PERIOD_S = 1 / 15
 NOISE_M = 0.02
+# evidence of a new branch 0, so that a test reads what a frame adds
+SETTINGS = MovingObjectsSettings(speed_mps=0.5, first_log_odds=0.0)
 
 
 def seen(places, rng=None, robot=HOME):
@@ -46,13 +48,16 @@ def straight(start, velocity, count):
     [
         ({"speed_mps": 0.0}, "speed_mps must be positive, got 0"),
         ({"width_m": -1.0}, "width_m must be positive"),
-        ({"max_branches": 0}, "max_branches must be positive"),
+        ({"max_branches": 0}, "max_branches must be at least 1, got 0"),
+        ({"gate": 0.0}, "gate must be positive"),
+        ({"unknown_ratio": 1.5}, "unknown_ratio must be from 0 to 1"),
+        ({"confirmed_log_odds": -3.0}, "log-odds must be deleted <= first < confirmed"),
         ({"detection_probability": 1.0}, "detection_probability must be within 0 to 1, got 1"),
     ],
 )
 def test_bad_settings_are_refused(changes, message):
     with pytest.raises(ArgumentError, match=message):
-        MovingObjects(**changes)
+        MovingObjectsSettings(**changes)
 
 
 def test_time_must_advance():
@@ -96,7 +101,7 @@ def test_an_object_coasts_through_misses_and_is_given_up_in_the_open():
     assert gone < 40
 
 
-def test_behind_another_an_object_is_kept_and_knows_its_number_when_it_comes_out():
+def test_an_object_hidden_by_another_keeps_its_number():
     # one stands; the other passes behind it, unseen for a second
     front = (0.5, 0.0)
     way = straight((1.0, -0.7), (0.0, 0.5), 45)
@@ -153,22 +158,22 @@ def test_the_same_frames_give_the_same_tracks(seed):
 
 def one_branch(covariance):
     none = np.empty(0, dtype=np.int64)
-    begun = Branches.initiated(np.array([1]), np.array([[1.0, 0.0]]), 0.01 * np.eye(2)[None], 0.5, 0.0, np.array([0]))
-    assert len(Branches.initiated(none, np.empty((0, 2)), np.empty((0, 2, 2)), 0.5, 0.0, none)) == 0
+    begun = Branches.initiated(np.array([1]), np.array([[1.0, 0.0]]), 0.01 * np.eye(2)[None], np.array([0]), SETTINGS)
+    assert len(Branches.initiated(none, np.empty((0, 2)), np.empty((0, 2, 2)), none, SETTINGS)) == 0
     begun.covariance[0] = covariance
     return begun
 
 
 @settings(deadline=None, max_examples=50)
 @given(st.integers(0, 2**32 - 1))
-def test_a_detection_moves_a_branch_as_kalman_says(seed):
+def test_a_detection_updates_a_branch_as_a_kalman_filter(seed):
     rng = np.random.default_rng(seed)
     root = rng.normal(0, 0.1, (4, 4))
     covariance = root @ root.T + 1e-3 * np.eye(4)
     spread = np.diag(rng.uniform(0.001, 0.01, 2))
     place = np.array([1.0, 0.0]) + rng.normal(0, 0.03, 2)
     view = Shadows(np.zeros(2), place[None], 0.09)
-    both = one_branch(covariance).split(place[None], spread[None], np.array([7]), 0.8, 0.2, view)
+    both = one_branch(covariance).split(place[None], spread[None], np.array([7]), view, SETTINGS)
     assert len(both) == 2
     seen_one = int(np.flatnonzero(both.missed == 0)[0])
     h = np.eye(2, 4)
@@ -182,18 +187,18 @@ def test_a_detection_moves_a_branch_as_kalman_says(seed):
     assert both.history[seen_one, :2].tolist() == [7, 0]
 
 
-def test_a_miss_in_the_open_says_nothing_of_the_place_and_beside_a_shadow_moves_it_there():
+def test_a_miss_in_the_open_leaves_the_position_and_beside_a_shadow_moves_it_there():
     covariance = np.diag([0.01, 0.01, 0.1, 0.1])
     covariance[1, 3] = covariance[3, 1] = 0.02
     nothing = np.empty((0, 2))
     opened = one_branch(covariance).split(
-        nothing, np.empty((0, 2, 2)), np.empty(0, dtype=np.int64), 0.8, 0.2, Shadows(np.zeros(2), nothing, 0.09)
+        nothing, np.empty((0, 2, 2)), np.empty(0, dtype=np.int64), Shadows(np.zeros(2), nothing, 0.09), SETTINGS
     )
     assert opened.evidence[0] == pytest.approx(math.log(0.2))
     np.testing.assert_allclose(opened.mean[0], [1, 0, 0, 0], atol=1e-12)
     far = np.array([[0.4, 0.1]])  # hides what is to the left
     hidden = one_branch(covariance).split(
-        far, 1e-4 * np.eye(2)[None], np.array([3]), 0.8, 0.2, Shadows(np.zeros(2), far, 0.09)
+        far, 1e-4 * np.eye(2)[None], np.array([3]), Shadows(np.zeros(2), far, 0.09), SETTINGS
     )
     assert len(hidden) == 1
     assert hidden.mean[0, 1] > 0.02
@@ -202,12 +207,12 @@ def test_a_miss_in_the_open_says_nothing_of_the_place_and_beside_a_shadow_moves_
     assert np.linalg.eigvalsh(hidden.covariance[0]).min() > 0
 
 
-def test_share_seen_runs_from_hidden_to_open():
+def test_visible_ratio_runs_from_hidden_to_open():
     view = Shadows(np.zeros(2), np.array([[0.5, 0.0]]), 0.09)
-    share = view.visible_ratio(np.array([[1.0, 0.0], [1.0, 0.18], [1.0, 0.27], [1.0, 0.5], [0.3, 0.0]]))
-    assert share[0] == 0.0
-    assert 0.0 < share[1] < share[2] <= 1.0
-    np.testing.assert_array_equal(share[3:], 1.0)
+    ratio = view.visible_ratio(np.array([[1.0, 0.0], [1.0, 0.18], [1.0, 0.27], [1.0, 0.5], [0.3, 0.0]]))
+    assert ratio[0] == 0.0
+    assert 0.0 < ratio[1] < ratio[2] <= 1.0
+    np.testing.assert_array_equal(ratio[3:], 1.0)
 
 
 def test_a_track_becomes_an_obstacle_of_the_robot_frame():
