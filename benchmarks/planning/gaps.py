@@ -39,7 +39,7 @@ from robocup_vision.planning import (
     WidthSensor,
 )
 from robocup_vision.planning.gaps.gap import Point
-from robocup_vision.planning.gaps.gate_planner import GateTables
+from robocup_vision.planning.gaps.gate_planner import GatePlannerSettings, GateTables
 
 CONFIRMED, LOOK_S, FAILURE_S, LOOKS = 0.95, 0.2, 2.0, 3
 ROBOT_M = 0.18
@@ -67,10 +67,7 @@ class Case:
             self.limits,
             self.sensor,
             self.needed_m,
-            confirmed=CONFIRMED,
-            look_s=LOOK_S,
-            failure_s=FAILURE_S,
-            looks=LOOKS,
+            GatePlannerSettings(confirmed=CONFIRMED, look_s=LOOK_S, failure_s=FAILURE_S, looks=LOOKS),
         )
 
     def tables(self, gap: Gap, robot_m: Point) -> GateTables:
@@ -251,7 +248,7 @@ def widen_prior() -> list[Step]:
 
     The camera is 1.2 m high, so that the gap can be seen from either side, and looking costs more than turning aside.
     """
-    planner = GatePlanner(MotionLimits(0.4, 4.0), WidthSensor(0.015, 1.2), 0.22, look_s=0.3)
+    planner = GatePlanner(MotionLimits(0.4, 4.0), WidthSensor(0.015, 1.2), 0.22, GatePlannerSettings(look_s=0.3))
     gap_side, detour_side = np.array(FORK_GAP_M), np.array(FORK_DETOUR_M[0])
     count = 12
     sides = [(i / count, j / count) for i in range(count) for j in range(count + 1 - i) if i + j]

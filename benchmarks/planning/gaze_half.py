@@ -19,11 +19,12 @@ from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
+from robocup_vision.belief import Hypothesis
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
-from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, identified_goal
+from robocup_vision.planning.gaze.goal_question import GoalQuestion, GoalQuestionSettings, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
 from sim2d.match.arena import camera_for
 from sim2d.rendering.pinhole import COARSE, render_pinhole
@@ -43,15 +44,6 @@ MAX_LOOKS = 9
 STOPS = np.linspace(-math.pi, math.pi, 10)[:-1]
 RULES = ("expected entropy", "sweep", "goal first", "nearest goal first")
 MAX_OF_SWEEP, MAX_OF_GOAL_FIRST, MIN_RIGHT = 0.5, 0.85, 0.98
-
-
-@dataclass(frozen=True)
-class Believed:
-    """A hypothesis as the pose filter gives it."""
-
-    pose: Pose2
-    covariance: FloatArray
-    probability: float
 
 
 @dataclass(frozen=True)
@@ -87,9 +79,9 @@ class Case:
         self._localizer = GoalPoseEstimator(FIELD, CAMERA)
         self._shown: dict[tuple[float, int], int] = {}
 
-    def hypotheses(self, probability: FloatArray) -> list[Believed]:
+    def hypotheses(self, probability: FloatArray) -> list[Hypothesis]:
         """Poses with their probabilities."""
-        return [Believed(p, c, float(s)) for (p, c), s in zip(self.poses, probability, strict=True)]
+        return [Hypothesis(p, c, float(s)) for (p, c), s in zip(self.poses, probability, strict=True)]
 
     def look(self, pan_rad: float, count: int) -> int:
         """Which goal the count-th look at a pan shows: the same to every rule."""
@@ -125,7 +117,7 @@ def ask(case: Case, rule: str) -> Asked:
     order = case.goal_pans()
     if rule == "nearest goal first" and case.goal_ranges()[1] < case.goal_ranges()[0]:
         order = order[::-1]
-    while looks < MAX_LOOKS and entropy_nat(probability) > ENOUGH_NAT:
+    while looks < MAX_LOOKS and entropy_nat(probability) > GoalQuestionSettings().enough_nat:
         hypotheses = case.hypotheses(probability)
         if rule == "expected entropy":
             chosen = question.choose(hypotheses, pan, case.blockers)
@@ -139,7 +131,7 @@ def ask(case: Case, rule: str) -> Asked:
         probability = question.observe(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
         looked.append(pan)
         looks += 1
-    answered = entropy_nat(probability) <= ENOUGH_NAT
+    answered = entropy_nat(probability) <= GoalQuestionSettings().enough_nat
     return Asked(looks, answered, bool(answered and int(np.argmax(probability)) == int(case.turned)))
 
 
@@ -195,7 +187,7 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
     white = load_field("spl_2020")
     pose = Pose2(1.0, 0.5, 0.3)
     same = GoalQuestion(white, CAMERA, NECK).choose(
-        [Believed(p, np.diag(STD**2), 0.5) for p in (pose, pose.half_turn())]
+        [Hypothesis(p, np.diag(STD**2), 0.5) for p in (pose, pose.half_turn())]
     )
     all_ok &= same.answer == "undecidable"
     table = Table(("white goals on both sides", "looks", "answer", col.compared_verdict()), name="white goals")

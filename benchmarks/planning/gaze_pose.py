@@ -44,7 +44,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
-from robocup_vision.planning.gaze.pose_gaze import DETECTORS, GOAL_DETECTORS, PoseGaze
+from robocup_vision.planning.gaze.pose_gaze import DETECTORS, GOAL_DETECTORS, PoseGaze, PoseGazeSettings
 from robocup_vision.vision import Vision
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Robot, Scene
@@ -75,7 +75,7 @@ def landmark_run(job: tuple[list[int], str]) -> RunScore:
     first = Pose2(*(walk.poses[0].array + start * rng.standard_normal(3)))
     track = LandmarkFilter(first, np.diag(start**2))
     criterion: Literal["volume", "position"] = "volume" if rule.endswith("|P|") else "position"
-    gaze = PoseGaze(FIELD, CAMERA, NECK, frame_s=FRAME_S, criterion=criterion)
+    gaze = PoseGaze(FIELD, CAMERA, NECK, settings=PoseGazeSettings(criterion=criterion, frame_s=FRAME_S))
     pan, errors, spreads, empty = 0.0, [], [], 0
     for k in range(1, len(walk.poses)):
         noise = drift_of(walk.odometry[k], FRAME_S)
@@ -115,7 +115,11 @@ def rendered_run(job: tuple[list[int], str]) -> RunScore:
     first = Pose2(*(walk.poses[0].array + start * rng.standard_normal(3)))
     believed.update(PoseEstimate(first, np.diag(start**2), 1.0, 0.0), 0.0)
     gaze = PoseGaze(
-        FIELD, CAMERA, NECK, frame_s=RENDERED_FRAME_S, horizon_s=5 * RENDERED_FRAME_S, detectors=GOAL_DETECTORS
+        FIELD,
+        CAMERA,
+        NECK,
+        detectors=GOAL_DETECTORS,
+        settings=PoseGazeSettings(frame_s=RENDERED_FRAME_S, horizon_s=5 * RENDERED_FRAME_S),
     )
     pan, errors, spreads, empty = 0.0, [], [], 0
     for k in range(1, len(walk.poses)):

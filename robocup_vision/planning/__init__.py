@@ -1,17 +1,17 @@
-"""Where to look, which gap to take, how fast to go: from what is believed of opponents, floor and pose."""
+"""Plans from estimates of opponents, floor and pose: where to look, which gap to take, how fast to go, how to shoot."""
 
 from robocup_vision.disc import Disc
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap import Gap, WidthSensor, gap_between
-from robocup_vision.planning.gaps.gap_choice import GapChoice, PassageTimes, choose_gap
-from robocup_vision.planning.gaps.gate_planner import GatePlan, GatePlanner
-from robocup_vision.planning.gaze.goal_question import Fixation, GoalQuestion
-from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
-from robocup_vision.planning.gaze.selective_look import SelectedLook, SelectiveLook
+from robocup_vision.planning.gaps.gap_choice import GapChoice, PassageSettings, PassageTimes, choose_gap
+from robocup_vision.planning.gaps.gate_planner import GatePlan, GatePlanner, GatePlannerSettings
+from robocup_vision.planning.gaze.goal_question import Fixation, GoalQuestion, GoalQuestionSettings
+from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze, PoseGazeSettings
+from robocup_vision.planning.gaze.selective_look import SelectedLook, SelectiveLook, SelectiveLookSettings
 from robocup_vision.planning.shots.goal_cover import Cover, cover_goal
-from robocup_vision.planning.shots.shot_planner import ShotPlan, ShotPlanner
+from robocup_vision.planning.shots.shot_planner import ShotPlan, ShotPlanner, ShotPlannerSettings
 from robocup_vision.planning.speed.path_follower import PathFollower
-from robocup_vision.planning.speed.speed_planner import PoseNoise, SpeedPlan, SpeedPlanner
+from robocup_vision.planning.speed.speed_planner import PoseNoise, SpeedPlan, SpeedPlanner, SpeedPlannerSettings
 from robocup_vision.planning.speed.undecided_floor import (
     UndecidedFloor,
     UndecidedSpeed,
@@ -28,20 +28,27 @@ __all__ = [
     "GapChoice",
     "GatePlan",
     "GatePlanner",
+    "GatePlannerSettings",
     "Gaze",
     "GoalQuestion",
+    "GoalQuestionSettings",
     "MotionLimits",
     "Neck",
+    "PassageSettings",
     "PassageTimes",
     "PathFollower",
     "PoseGaze",
+    "PoseGazeSettings",
     "PoseNoise",
     "SelectedLook",
     "SelectiveLook",
+    "SelectiveLookSettings",
     "ShotPlan",
     "ShotPlanner",
+    "ShotPlannerSettings",
     "SpeedPlan",
     "SpeedPlanner",
+    "SpeedPlannerSettings",
     "UndecidedFloor",
     "UndecidedSpeed",
     "WidthSensor",

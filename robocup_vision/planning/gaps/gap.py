@@ -1,4 +1,4 @@
-"""A gap between two opponents as the robot believes it to be, and how well its width can be seen from elsewhere."""
+"""A gap between two opponents as estimated, and how well its width can be measured from a viewpoint."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Gap:
     center_m : (float, float)
         Its middle.
     across_rad : float
-        Direction in which it is passed; the opening lies at right angles to it. The way back is as good.
+        Direction in which it is passed, or its opposite; the opening lies at right angles to it.
     width_m, sigma_m : float
-        What its width is believed to be: a normal distribution.
+        Mean and standard deviation of the estimated width: a normal distribution.
     """
 
     center_m: Point
@@ -39,13 +39,13 @@ class Gap:
             raise ArgumentError(f"sigma_m must be positive, got {self.sigma_m!r}")
 
     def updated(self, width_m: float, sigma_m: float) -> Gap:
-        """Return what is believed after another reading of the width."""
+        """Return the gap updated by another measurement of its width."""
         gain = self.sigma_m**2 / (self.sigma_m**2 + sigma_m**2)
         width = self.width_m + gain * (width_m - self.width_m)
         return Gap(self.center_m, self.across_rad, width, self.sigma_m * math.sqrt(1.0 - gain))
 
     def wide_enough(self, needed_m: float) -> float:
-        """Probability that it is at least this wide."""
+        """Return the probability that it is at least this wide."""
         from scipy.special import ndtr
 
         return float(ndtr((self.width_m - needed_m) / self.sigma_m))
@@ -78,13 +78,13 @@ def gap_between(first: Disc, second: Disc) -> Gap:
 
 @dataclass(frozen=True, slots=True)
 class WidthSensor:
-    """How well one look tells a gap's width: the nearer and the straighter it is seen, the better.
+    """How well one look measures a gap's width: better from nearer, and better from straight ahead.
 
-    The feet of two opponents are seen, each to `angle_rad` in bearing and in depression. At distance d and from height
-    h that is d * angle across the line of sight and (d^2 + h^2) / h * angle along it (the floor range is h / tan of the
-    depression). Of a gap whose normal is seen under phi its two edges' errors add up to
-    sigma^2 = 2 angle^2 ((d cos phi)^2 + ((d^2 + h^2) / h sin phi)^2) + edge^2; and until the robot gets there the
-    opponents may have moved: + (drift * t)^2.
+    The camera measures the feet of two opponents, each to `angle_rad` in bearing and in depression. At distance d and
+    from height h that is d * angle across the line of sight and (d^2 + h^2) / h * angle along it (the floor range is
+    h / tan of the depression). With an angle phi between the line of sight and the gap's normal, the errors of both
+    edges add up to sigma^2 = 2 angle^2 ((d cos phi)^2 + ((d^2 + h^2) / h sin phi)^2) + edge^2. Until the robot gets
+    there the opponents may have moved: + (drift * t)^2.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ class WidthSensor:
     height_m : float
         Of the camera over the floor.
     edge_m : float
-        What remains from nearby (shape of the opponents' feet).
+        Standard deviation that remains from nearby (shape of the opponents' feet).
     drift_mps : float
-        Standard deviation of the speed at which the gap widens or closes, beyond what is known of it.
+        Standard deviation of the unknown speed at which the gap widens or closes.
     """
 
     angle_rad: float = 0.01
@@ -112,7 +112,7 @@ class WidthSensor:
             raise ArgumentError(f"drift_mps must not be negative, got {self.drift_mps!r}")
 
     def sigma_m(self, gap: Gap, eye_m: Point, until_s: float = 0.0) -> float:
-        """Return the standard deviation of the width as read from `eye_m`, of the gap as it will be in `until_s`."""
+        """Return the standard deviation of the width measured from `eye_m`, of the gap as it will be in `until_s`."""
         dx, dy = gap.center_m[0] - eye_m[0], gap.center_m[1] - eye_m[1]
         distance = math.hypot(dx, dy)
         phi = math.atan2(dy, dx) - gap.across_rad

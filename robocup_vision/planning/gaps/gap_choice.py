@@ -1,7 +1,7 @@
-"""How long it takes, on the average, to pass a gap of uncertain width, and which of several gaps to take.
+"""Computes the expected time to pass a gap of uncertain width, and chooses between several gaps.
 
-Miura (2004), section 6.2: E[T] = sum over widths of p(w) T(w), with T(w) at the largest safe speeds. A mean width hides
-that a gap half of whose widths are slow or blocked is slower than its mean one.
+Miura (2004), section 6.2: E[T] = sum over widths of p(w) T(w), with T(w) at the largest safe speeds. The time at
+the mean width would be too short, since some of the possible widths are slow or blocked.
 """
 
 from __future__ import annotations
@@ -20,44 +20,95 @@ from robocup_vision.kernels.motion import path_following as kernel
 from robocup_vision.planning.gaps.gap import Gap, Point
 from robocup_vision.planning.speed.speed_planner import SpeedPlanner
 
-# the table's widths, robot widths; how far before and after a gap it still counts, metres
-_NARROWEST, _WIDEST, _WIDTHS, _WAY_M = 1.0, 6.0, 41, 1.5
-# given up after so long; commands between two plans; widths that stand for the distribution
-_LATEST_S, _EVERY, _CELLS, _SPREAD = 30.0, 3, 61, 3.5
-# gaps that are reckoned with once others have turned out blocked
-_DEEP = 3
-# the standard normal distribution in cells of equal width
-_EDGES = np.linspace(-_SPREAD, _SPREAD, _CELLS + 1)
-_MIDDLES = 0.5 * (_EDGES[1:] + _EDGES[:-1])
+
+@dataclass(frozen=True, slots=True)
+class PassageSettings:
+    """How `PassageTimes` makes its table, and `choose_gap` uses it.
+
+    Parameters
+    ----------
+    min_width, max_width, widths : float, float, int
+        Narrowest and widest gap in the table, in robot widths, and number of entries. In the widest, a robot drives at
+        full speed.
+    way_m : float
+        The way before and after a gap that counts as its passage: a robot is at full speed at its ends.
+    max_s : float
+        A drive that takes longer is given up, and counts as blocked.
+    plan_every : int
+        Commands between two plans of the speed.
+    cells, spread_sigmas : int, float
+        The width's distribution is divided into so many cells over so many standard deviations to either side.
+    max_alternatives : int
+        Gaps that are considered after one has turned out blocked. Each is reached only if all before are blocked, so
+        more do not change the choice.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    min_width: float = 1.0
+    max_width: float = 6.0
+    widths: int = 41
+    way_m: float = 1.5
+    max_s: float = 30.0
+    plan_every: int = 3
+    cells: int = 61
+    spread_sigmas: float = 3.5
+    max_alternatives: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ("way_m", "max_s", "spread_sigmas"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
+        if not 0.0 < self.min_width < self.max_width < math.inf:
+            raise ArgumentError(
+                f"widths must be 0 < min_width < max_width, got {self.min_width!r} and {self.max_width!r}"
+            )
+        for name, least in (("widths", 2), ("plan_every", 1), ("cells", 1), ("max_alternatives", 1)):
+            if getattr(self, name) < least:
+                raise ArgumentError(f"{name} must be at least {least}, got {getattr(self, name)!r}")
 
 
 class PassageTimes:
-    """What gaps cost by their width, driven through in the mind with the real planner and controller.
+    """Time that gaps cost by their width: a table of simulated drives with the real planner and controller.
 
     Parameters
     ----------
     planner : SpeedPlanner
-        Which plans the speeds.
+        Plans the speeds.
     opponent_radius_m : float
-        Of what makes the gaps.
+        Of the robots beside the gap.
     opponent_sigma_m : float
-        How well opponents are placed when the robot gets there.
+        Standard deviation of an opponent's position when the robot gets there.
+    settings : PassageSettings, optional
+        How the table is made.
     """
 
-    def __init__(self, planner: SpeedPlanner, opponent_radius_m: float, opponent_sigma_m: float) -> None:
+    def __init__(
+        self,
+        planner: SpeedPlanner,
+        opponent_radius_m: float,
+        opponent_sigma_m: float,
+        settings: PassageSettings = PassageSettings(),
+    ) -> None:
         from scipy.special import ndtr
 
         for name, value in (("opponent_radius_m", opponent_radius_m), ("opponent_sigma_m", opponent_sigma_m)):
             if not (math.isfinite(value) and value > 0.0):
                 raise ArgumentError(f"{name} must be positive, got {value!r}")
-        self.planner = planner
-        mass = np.diff(ndtr(_EDGES))
+        self.planner, self.settings = planner, settings
+        # the standard normal distribution in cells of equal width
+        edges = np.linspace(-settings.spread_sigmas, settings.spread_sigmas, settings.cells + 1)
+        self._at_sigmas = 0.5 * (edges[1:] + edges[:-1])
+        mass = np.diff(ndtr(edges))
         self._probability = mass / mass.sum()
         self._opponent = float(opponent_radius_m), float(opponent_sigma_m)
-        widths = np.linspace(_NARROWEST, _WIDEST, _WIDTHS) * 2 * planner.robot_radius_m
+        widths = np.linspace(settings.min_width, settings.max_width, settings.widths) * 2 * planner.robot_radius_m
         open_s = self._drive_s(None)
         extra = np.array([self._drive_s(width) - open_s for width in widths.tolist()])
-        # a wider gap is never worse: where the rollout says so, it is by the phase of the looks
+        # a wider gap is never slower: where the drive is, the phase of its looks is the reason
         self._widths_m, self._extra_s = read_only(widths), read_only(np.minimum.accumulate(extra))
 
     @property
@@ -74,18 +125,18 @@ class PassageTimes:
         return float(np.interp(width_m, self._widths_m[passable], self._extra_s[passable]))
 
     def expected_s(self, gap: Gap, way_m: float, blocked_s: float) -> float:
-        """Return E[T] over the widths that the gap may have.
+        """Return the expected time E[T] over the widths that the gap may have.
 
         Parameters
         ----------
         gap : Gap
-            As believed.
+            As estimated.
         way_m : float
             Length of the way through it to the target.
         blocked_s : float
-            What it takes in all if the gap turns out to have no safe speed: there, back, and another way.
+            Total time if the gap turns out to have no safe speed: there, back, and another way.
         """
-        widths = gap.width_m + gap.sigma_m * _MIDDLES
+        widths = gap.width_m + gap.sigma_m * self._at_sigmas
         open_s = self.planner.follower.limits.travel_s(way_m)
         passable = np.isfinite(self._extra_s)
         times = np.interp(widths, self._widths_m[passable], open_s + self._extra_s[passable])
@@ -93,22 +144,23 @@ class PassageTimes:
         return float(self._probability @ times)
 
     def _drive_s(self, width_m: float | None) -> float:
-        """Seconds of a drive in which nothing goes wrong, but everything might; inf if it is not finished."""
+        """Return the seconds of a drive without errors, at speeds that allow for them; inf if it is not finished."""
         planner, (radius, sigma) = self.planner, self._opponent
-        path = np.array([[-_WAY_M, 0.0], [_WAY_M, 0.0]])
-        doubt = sigma**2 * np.eye(2)
-        discs = [] if width_m is None else [Disc(0.0, s * (0.5 * width_m + radius), radius, doubt) for s in (-1, 1)]
+        way_m, plan_every = self.settings.way_m, self.settings.plan_every
+        path = np.array([[-way_m, 0.0], [way_m, 0.0]])
+        spread = sigma**2 * np.eye(2)
+        discs = [] if width_m is None else [Disc(0.0, s * (0.5 * width_m + radius), radius, spread) for s in (-1, 1)]
         limits = planner.follower.limits
         every = max(1, round(planner.look_period_s / planner.period_s))
         look = np.asarray(planner.noise.look_covariance)
         covariance = look
-        place, velocity, asked = (-_WAY_M, 0.0), (0.0, 0.0), (0.0, 0.0)
+        place, velocity, asked = (-way_m, 0.0), (0.0, 0.0), (0.0, 0.0)
         seen, speed = place, 0.0
-        for step in range(int(_LATEST_S / planner.period_s)):
+        for step in range(int(self.settings.max_s / planner.period_s)):
             if step % every == 0:
                 covariance = look
                 seen = place
-            if step % _EVERY == 0 or step % every == 0:
+            if step % plan_every == 0 or step % every == 0:
                 left_s = (every - step % every) * planner.period_s
                 speed = planner.plan(
                     path, Pose2(*place, 0.0), covariance, velocity, discs, asked, until_look_s=left_s
@@ -118,7 +170,7 @@ class PassageTimes:
                 place, velocity, asked, target, limits.acceleration_mps2, limits.dead_time_s, planner.period_s
             )
             asked = target
-            if place[0] > _WAY_M - 0.02:
+            if place[0] > way_m - 0.02:
                 return (step + 1) * planner.period_s
             covariance = grown(look, planner, (place[0] - seen[0], place[1] - seen[1]))
         return math.inf
@@ -136,7 +188,7 @@ def grown(covariance: FloatArray, planner: SpeedPlanner, moved_m: Point) -> Floa
 
 @dataclass(frozen=True, slots=True)
 class GapChoice:
-    """Which gap to take.
+    """The gap to take.
 
     Parameters
     ----------
@@ -154,16 +206,16 @@ class GapChoice:
 
 
 def choose_gap(times: PassageTimes, robot_m: Point, target_m: Point, gaps: Sequence[Gap]) -> GapChoice:
-    """Return the gap with the least expected time; one that turns out blocked is left for the best of the others.
+    """Choose the gap with the shortest expected time. If it turns out blocked, the robot takes the best of the others.
 
     Parameters
     ----------
     times : PassageTimes
-        What gaps cost by their width.
+        Time that gaps cost by their width.
     robot_m, target_m : (float, float)
         Where the robot is, and where it wants to be.
     gaps : sequence of Gap
-        At least one. The last resort, if all others are blocked, is a wait of a table's longest drive.
+        At least one. If all are blocked, the robot waits for as long as the table's longest drive.
     """
     if not gaps:
         raise ArgumentError("there must be at least one gap")
@@ -184,10 +236,11 @@ def _by_gap_s(times: PassageTimes, start_m: Point, target_m: Point, gaps: tuple[
     """Return the expected time by gap k first; if that is blocked, by the best order of the others."""
     gap = gaps[k]
     others = tuple(sorted(gaps[:k] + gaps[k + 1 :], key=lambda other: _by(gap.center_m, other, target_m)))
-    after = _LATEST_S
-    # beyond a few gaps the rest no longer matters: each is only reached if all before are blocked
+    settings = times.settings
+    after = settings.max_s
     if others:
-        after = min(_by_gap_s(times, gap.center_m, target_m, others[:_DEEP], j) for j in range(len(others[:_DEEP])))
+        next_ones = others[: settings.max_alternatives]
+        after = min(_by_gap_s(times, gap.center_m, target_m, next_ones, j) for j in range(len(next_ones)))
     there = times.planner.follower.limits.travel_s(math.dist(start_m, gap.center_m))
     return times.expected_s(gap, _by(start_m, gap, target_m), there + after)
 

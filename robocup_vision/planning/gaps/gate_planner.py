@@ -1,4 +1,4 @@
-"""The gate problem: a gap that may be too narrow, and a sure way round. Which to take, and whence to look before that.
+"""Solves the gate problem: a gap that may be too narrow, a way round that is free, and where to look before choosing.
 
 Miura (2004), section 5, with the cost
 C*(x, I) = min(detour, pass if confirmed, min over x' of C_move + C_look + sum_k P(I_k) C*(x', I_k)).
@@ -19,33 +19,80 @@ from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap import Gap, Point, WidthSensor
 
-# cells of the width's distribution, over so many standard deviations to either side
-_WIDTHS, _SPREAD = 32, 4.0
-# A reading is told apart by how many standard deviations it is above what is needed: finer, plans do not change.
-_READINGS_AT = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
-# viewpoints on a grid over the triangle of robot, gap and detour, this many steps a side
-_STEPS = 5
+
+@dataclass(frozen=True, slots=True)
+class GatePlannerSettings:
+    """How `GatePlanner` prices looks and gaps, and how finely it computes.
+
+    Parameters
+    ----------
+    confirmed : float
+        Probability of being wide enough from which a gap may be entered.
+    look_s : float
+        Time that a look takes, standing: a few frames.
+    failure_s : float
+        Cost of entering a gap that is too narrow, besides the way to it and back: touching, stopping, turning.
+    looks : int
+        Horizon: number of looks in a plan. It is planned again after each.
+    widths, spread_sigmas : int, float
+        Cells of the width's distribution, over so many standard deviations to either side: finer, plans do not change.
+    measured_at_sigmas : tuple of float
+        Bounds between the classes of a measured width, in its standard deviations from the width needed: finer, plans
+        do not change.
+    grid_steps : int
+        Viewpoints form a grid over the triangle of robot, gap and detour, with this many steps a side.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    confirmed: float = 0.95
+    look_s: float = 0.2
+    failure_s: float = 2.0
+    looks: int = 3
+    widths: int = 32
+    spread_sigmas: float = 4.0
+    measured_at_sigmas: tuple[float, ...] = (-2.0, -1.0, 0.0, 1.0, 2.0)
+    grid_steps: int = 5
+
+    def __post_init__(self) -> None:
+        for name in ("look_s", "spread_sigmas"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        if not 0.5 <= self.confirmed < 1.0:
+            raise ArgumentError(f"confirmed must be from 0.5 to below 1, got {self.confirmed!r}")
+        if not (math.isfinite(self.failure_s) and self.failure_s >= 0.0):
+            raise ArgumentError(f"failure_s must not be negative, got {self.failure_s!r}")
+        for name in ("looks", "widths", "grid_steps"):
+            if getattr(self, name) < 1:
+                raise ArgumentError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+        bounds = self.measured_at_sigmas
+        if not bounds or list(bounds) != sorted(set(bounds)):
+            raise ArgumentError(f"measured_at_sigmas must ascend, got {bounds!r}")
 
 
 @dataclass(frozen=True, slots=True)
 class GatePlan:
-    """What to do about a gap.
+    """A decision about a gap.
 
     Parameters
     ----------
     action : str
         "detour", "pass", or "look".
     viewpoint_m : (float, float) or None
-        Whence to look; None unless that is the action.
+        Where to look from; None unless that is the action.
     expected_s : float
         Expected time to the target.
     detour_s, look_now_s, go_and_look_s : float
-        The same for simpler plans: the detour at once; one look from here, and one from before the gap, each followed
-        by the better of gap, if confirmed, and detour.
+        The same for simpler plans: the detour at once; one look from here, or one from before the gap, then the better
+        of the gap, if confirmed, and the detour.
     probability : float
-        That the gap is wide enough, as far as is known by now.
+        That the gap is wide enough, by the estimate so far.
     beliefs : int
-        How many beliefs the search reckoned with.
+        Number of beliefs that the search has evaluated.
     reason : str
         In words.
     """
@@ -74,7 +121,7 @@ class GateTables:
     first_wide : int
         The first of them that is wide enough.
     likelihood : (N, K, W) float64
-        Probability of each reading.
+        Probability of each class of measured width.
     move_s : (N, N) float64
         Seconds between viewpoints.
     pass_s, fail_s, detour_s : (N,) float64
@@ -92,24 +139,18 @@ class GateTables:
 
 
 class GatePlanner:
-    """Plans for gaps; knows the robot, not the situation, so one serves all gaps.
+    """Plans for gaps; it depends on the robot alone, so one object serves all gaps.
 
     Parameters
     ----------
     limits : MotionLimits
         How the robot moves.
     sensor : WidthSensor
-        How well it sees widths.
+        How well it measures widths.
     needed_m : float
-        What a gap must measure: the robot's width and the clearance it wants.
-    confirmed : float
-        Probability from which it enters a gap.
-    look_s : float
-        What a look takes, standing.
-    failure_s : float
-        What a gap that turns out too narrow costs besides the way to it and back: touching, stopping, turning.
-    looks : int
-        Horizon: how many looks a plan reckons with. Planned again after each.
+        Width that a gap must have: the robot's and its clearance.
+    settings : GatePlannerSettings, optional
+        How looks and gaps are priced.
 
     Raises
     ------
@@ -122,24 +163,12 @@ class GatePlanner:
         limits: MotionLimits,
         sensor: WidthSensor,
         needed_m: float,
-        *,
-        confirmed: float = 0.95,
-        look_s: float = 0.2,
-        failure_s: float = 2.0,
-        looks: int = 3,
+        settings: GatePlannerSettings = GatePlannerSettings(),
     ) -> None:
-        for name, value in (("needed_m", needed_m), ("look_s", look_s)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
-        if not 0.5 <= confirmed < 1.0:
-            raise ArgumentError(f"confirmed must be from 0.5 to below 1, got {confirmed!r}")
-        if not (math.isfinite(failure_s) and failure_s >= 0.0):
-            raise ArgumentError(f"failure_s must not be negative, got {failure_s!r}")
-        if looks < 1:
-            raise ArgumentError(f"looks must be at least 1, got {looks!r}")
-        self._limits, self._sensor = limits, sensor
-        self._needed_m, self._confirmed = float(needed_m), float(confirmed)
-        self._look_s, self._failure_s, self._looks = float(look_s), float(failure_s), int(looks)
+        if not (math.isfinite(needed_m) and needed_m > 0.0):
+            raise ArgumentError(f"needed_m must be positive, got {needed_m!r}")
+        self._limits, self._sensor, self._settings = limits, sensor, settings
+        self._needed_m = float(needed_m)
 
     def plan(
         self,
@@ -149,27 +178,27 @@ class GatePlanner:
         detour_m: Sequence[Point],
         viewpoints_m: FloatArray | None = None,
     ) -> GatePlan:
-        """Return what to do now; to be asked again after each look, and as the opponents move.
+        """Decide what to do now. Call it again after each look, and as the opponents move.
 
         Parameters
         ----------
         robot_m, target_m : (float, float)
             Where the robot is, and where it wants to be; it starts and arrives at rest.
         gap : Gap
-            The gap, as believed.
+            The gap as estimated.
         detour_m : sequence of (float, float)
             The way round, by these points, without robot and target.
         viewpoints_m : (N, 2) float64, optional
-            Where it may look from besides where it is and right before the gap. A grid between robot, gap and detour
-            unless given.
+            Viewpoints besides the robot's position and the place right before the gap; default: a grid between robot,
+            gap and detour.
         """
         tables = self.tables(robot_m, gap, target_m, detour_m, viewpoints_m)
-        belief = np.empty((self._looks + 1, len(tables.prior)))
+        belief = np.empty((self._settings.looks + 1, len(tables.prior)))
         belief[0] = tables.prior
         counted = np.ones(1, dtype=np.int64)
         problem = gate_problem.GateProblem(
-            tables.first_wide, tables.likelihood, tables.move_s, self._look_s,
-            tables.pass_s, tables.fail_s, tables.detour_s, self._confirmed,
+            tables.first_wide, tables.likelihood, tables.move_s, self._settings.look_s,
+            tables.pass_s, tables.fail_s, tables.detour_s, self._settings.confirmed,
         )  # fmt: skip
         expected, action = gate_problem.search(belief, 0, 0, math.inf, problem, counted)
         probability = float(tables.prior[tables.first_wide :].sum())
@@ -212,7 +241,11 @@ class GatePlanner:
         normal = np.array([math.cos(gap.across_rad), math.sin(gap.across_rad)])
         side = -1.0 if (center - robot) @ normal >= 0.0 else 1.0
         before = center + side * self._needed_m * normal
-        more = _between(robot, before, way[0]) if viewpoints_m is None else np.asarray(viewpoints_m, dtype=np.float64)
+        more = (
+            _between(robot, before, way[0], self._settings.grid_steps)
+            if viewpoints_m is None
+            else np.asarray(viewpoints_m, dtype=np.float64)
+        )
         if more.ndim != 2 or more.shape[1] != 2 or not np.isfinite(more).all():
             raise ArgumentError(f"viewpoints_m must be (N, 2) and finite, got {more.shape}")
         places = np.vstack([robot, before, more])
@@ -227,15 +260,15 @@ class GatePlanner:
             np.array([travel(d + rest) for d in away])
             for away, rest in ((to_gap.tolist(), after_gap), (to_way.tolist(), after_way))
         )
-        fail_s = np.array([travel(d) for d in to_gap.tolist()]) + self._failure_s + travel(back)
+        fail_s = np.array([travel(d) for d in to_gap.tolist()]) + self._settings.failure_s + travel(back)
         apart = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
         move_s = np.array([[travel(d) for d in row] for row in apart.tolist()])
         sigma = [
             self._sensor.sigma_m(gap, (float(x), float(y)), travel(d))
             for (x, y), d in zip(places.tolist(), to_gap.tolist(), strict=True)
         ]
-        widths, prior, first_wide = _width_cells(gap, self._needed_m)
-        edges = self._needed_m + np.multiply.outer(sigma, _READINGS_AT)
+        widths, prior, first_wide = _width_cells(gap, self._needed_m, self._settings)
+        edges = self._needed_m + np.multiply.outer(sigma, self._settings.measured_at_sigmas)
         below = ndtr((edges[:, :, None] - widths) / np.array(sigma)[:, None, None])
         ends = np.zeros((len(places), 1, len(widths)))
         likelihood = np.diff(np.concatenate([ends, below, ends + 1.0], axis=1), axis=1)
@@ -247,13 +280,14 @@ class GatePlanner:
         mass = narrow + wide
         cost = mass * tables.detour_s[place]
         through = wide * tables.pass_s[place] + narrow * tables.fail_s[place]
-        cost = np.where(wide >= self._confirmed * mass, np.minimum(cost, through), cost)
-        return float(tables.move_s[0, place] + self._look_s + cost.sum())
+        cost = np.where(wide >= self._settings.confirmed * mass, np.minimum(cost, through), cost)
+        return float(tables.move_s[0, place] + self._settings.look_s + cost.sum())
 
 
-def _between(robot: FloatArray, gap: FloatArray, detour: FloatArray) -> FloatArray:
-    shares = [(i, j) for i in range(_STEPS + 1) for j in range(_STEPS + 1 - i) if (i, j) not in ((0, 0), (_STEPS, 0))]
-    to_gap, to_detour = np.array(shares, dtype=np.float64).T / _STEPS
+def _between(robot: FloatArray, gap: FloatArray, detour: FloatArray, steps: int) -> FloatArray:
+    corners = ((0, 0), (steps, 0))
+    places = [(i, j) for i in range(steps + 1) for j in range(steps + 1 - i) if (i, j) not in corners]
+    to_gap, to_detour = np.array(places, dtype=np.float64).T / steps
     return np.asarray(robot + np.multiply.outer(to_gap, gap - robot) + np.multiply.outer(to_detour, detour - robot))
 
 
@@ -261,11 +295,12 @@ def _length(points: FloatArray) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-def _width_cells(gap: Gap, needed_m: float) -> tuple[FloatArray, FloatArray, int]:
-    """Middles and probabilities of the width's cells, split at the width needed, and the first beyond that."""
+def _width_cells(gap: Gap, needed_m: float, settings: GatePlannerSettings) -> tuple[FloatArray, FloatArray, int]:
+    """Return centres and probabilities of the width's cells, split at the width needed, and the first beyond it."""
     from scipy.special import ndtr
 
-    edges = np.linspace(gap.width_m - _SPREAD * gap.sigma_m, gap.width_m + _SPREAD * gap.sigma_m, _WIDTHS + 1)
+    spread_m = settings.spread_sigmas * gap.sigma_m
+    edges = np.linspace(gap.width_m - spread_m, gap.width_m + spread_m, settings.widths + 1)
     edges = np.sort(np.append(edges, np.clip(needed_m, edges[0], edges[-1])))
     middles = 0.5 * (edges[1:] + edges[:-1])
     mass = np.diff(ndtr((edges - gap.width_m) / gap.sigma_m))

@@ -1,1 +1,1 @@
-"""Where to turn the head or look again: to know the pose, to tell two poses apart, to decide the floor ahead."""
+"""Chooses where to look: to locate the robot, to decide between two poses, to decide the floor ahead."""

@@ -1,4 +1,4 @@
-"""What a camera can tell its pose by, as points of the field: posts, goal corners, beacons and crossings of lines."""
+"""Lists the landmarks of a field as points: posts, goal corners, beacons and crossings of lines."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MIN_SINE = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Landmark:
-    """A point of the field that a picture shows.
+    """A point of the field that a camera can measure.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Landmark:
 
 
 def field_landmarks(field: Field) -> tuple[Landmark, ...]:
-    """Return what stands upright, foot and top, and then the crossings, corners and ends of lines.
+    """Return foot and top of everything upright, and then the crossings, corners and ends of lines.
 
     Parameters
     ----------

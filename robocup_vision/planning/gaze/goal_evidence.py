@@ -1,4 +1,4 @@
-"""How often a goal that is in view is found and told from the other: P(e | I, w) of Miura and Shirai 2004, section 4.2.
+"""How often a goal in view is found, and as which of the two: P(e | I, w) of Miura and Shirai 2004, section 4.2.
 
 Learnt by running the goal localiser on rendered pictures (`robocup-vision learn-goal-evidence`), kept in a small file.
 """
@@ -18,12 +18,12 @@ from field_models.errors import FileError
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import FloatArray, read_only
 
-# what a look can tell: which goal it shows, or nothing
+# outcomes of a look: which goal it shows, or none
 POSITIVE, NEGATIVE, NOTHING = range(3)
 CORNERS = 4
 
-# one more look of each outcome than was counted, shared out: nothing is impossible because it has not happened yet
-_UNSEEN = np.array([0.5, 0.5, 1.0])
+# added to the counts of the outcomes: what has not happened yet is not impossible
+_PSEUDO_COUNTS = np.array([0.5, 0.5, 1.0])
 
 
 class _Seen(StrictStruct):
@@ -42,17 +42,17 @@ class _EvidenceFile(StrictStruct):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalEvidence:
-    """What looks at goals tell.
+    """Probabilities of the outcomes of looks at goals.
 
     Parameters
     ----------
     width_px : tuple of float
         Ascending bounds between the classes of a goal's apparent width, pixels between its posts.
     found : (CORNERS + 1, K, 3) float64
-        By the number of its corners in view (feet and tops of the posts) and by width: chance that it is taken for
-        what it is, for the other goal, or not found. Each row adds up to 1.
+        By the number of its corners in view (feet and tops of the posts) and by width: probability that it is
+        identified as itself, as the other goal, or not found. Each row adds up to 1.
     again : float
-        A goal that was missed is found the next time so many times as often as one that is looked at first.
+        Probability that a goal is found after a miss, divided by that of the first look.
     """
 
     width_px: tuple[float, ...]
@@ -68,8 +68,8 @@ class GoalEvidence:
     def from_counts(
         cls, width_px: tuple[float, ...], counts: FloatArray, again_found: int, again_missed: int
     ) -> GoalEvidence:
-        """Turn counts (CORNERS + 1, K, 3) of first looks, and second looks after a miss, into chances."""
-        smooth = np.asarray(counts, dtype=np.float64) + _UNSEEN
+        """Turn counts (CORNERS + 1, K, 3) of first looks, and second looks after a miss, into probabilities."""
+        smooth = np.asarray(counts, dtype=np.float64) + _PSEUDO_COUNTS
         found = smooth / smooth.sum(axis=-1, keepdims=True)
         whole = np.asarray(counts, dtype=np.float64)[CORNERS].sum(axis=0)
         first = (whole[0] + 1) / (whole.sum() + 2)
@@ -78,7 +78,7 @@ class GoalEvidence:
 
 
 def load_goal_evidence(path: str | Path | None = None) -> GoalEvidence:
-    """Read what was learnt.
+    """Read the learnt probabilities.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Where to turn the head so that the next frames tell the pose best (Miura and Shirai 2004, section 6.1).
+"""Chooses the pan of the head at which the next frames measure the pose best (Miura and Shirai 2004, section 6.1).
 
-Each landmark in view adds information about the pose; the pan that leaves the least uncertainty behind is taken.
+Each landmark in view adds information about the pose. The planner takes the pan with the least expected uncertainty.
 """
 
 from __future__ import annotations
@@ -25,32 +25,24 @@ from robocup_vision.planning.gaze.sigma_points import sigma_points
 
 Criterion = Literal["position", "volume"]
 
-# a landmark so near the picture's border is not counted on, as a share of the width
-_BORDER_SHARE = 0.03
-# frames in a row that told nothing although they should have, before the head sweeps
-_MAX_MISSES = 2
-# a pose is never known better: m^2 and rad^2
+# keeps a covariance invertible, m^2 and rad^2
 _MIN_VARIANCE = 1e-12
-# a head so near to where it shall look is there
-_ARRIVED_RAD = 0.15
-# pans whose outcome differs by less than this share are equally good: then the head moves least
-_AS_GOOD = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Detector:
-    """How well landmarks of one kind are seen.
+    """How well landmarks of one kind are detected.
 
     Parameters
     ----------
     std_px : float
         Standard deviation along u and v, pixels of the camera's own picture.
     detection_probability : float
-        How often it is found where it is in view.
+        Probability that it is found where it is in view.
     max_range_m : float
         Beyond, it is not found.
     alone_probability : float, optional
-        How often a goal's post is found where the other one is not in view; without it as often as with it.
+        Probability that a goal's post is found where the other one is not in view; default: as with it.
     """
 
     std_px: float
@@ -59,16 +51,15 @@ class Detector:
     alone_probability: float | None = None
 
 
-# as the goal localiser sees posts, and the line localiser crossings, in rendered 208 x 160 pictures
-# (benchmarks/planning/gaze_pose.py measures them anew); what this project has no detector for is taken
-# to be seen as whole goals are
+# Posts as measured by the goal localiser, and crossings by the line localiser, in rendered 208 x 160 pictures
+# (benchmarks/planning/gaze_pose.py measures them again). Kinds without a detector here have the values of whole goals.
 DETECTORS: Mapping[Kind, Detector] = {
     "post": Detector(0.3, 0.92, 6.0, alone_probability=0.5),
     "goal corner": Detector(0.3, 0.92, 6.0),
     "beacon": Detector(0.3, 0.92, 6.0),
     "crossing": Detector(1.2, 0.9, 2.5),
 }
-# what the goal localiser goes by
+# the landmarks that the goal localiser uses
 GOAL_DETECTORS: Mapping[Kind, Detector] = {"post": DETECTORS["post"]}
 
 
@@ -83,8 +74,8 @@ class Neck:
     speed_rps : float
         How fast it turns.
     std_rad : float
-        How well the camera's direction on a walking robot is known, about the upright and the level axis. All landmarks
-        of a frame share that error.
+        Standard deviation of the camera's direction on a walking robot, about the upright and the level axis. It is the
+        same error for all landmarks of a frame.
     """
 
     limit_rad: float = math.pi / 2
@@ -99,11 +90,11 @@ class Neck:
             raise ArgumentError(f"std_rad must not be negative, got {self.std_rad}")
 
     def sweep(self, t_s: float, period_s: float = 1.5) -> float:
-        """Pan of a head that swings from one side to the other and back, once in a period."""
+        """Return the pan of a head that turns from one side to the other and back, once in a period."""
         return self.limit_rad * math.sin(math.tau * t_s / period_s)
 
     def turned(self, pan_rad: float, wanted_rad: float, seconds: float) -> float:
-        """Pan that a head reaches in some time on its way to a wanted one; command no more and it is always known."""
+        """Return the pan that a head reaches in some time on its way to a wanted one; so far a command is obeyed."""
         step = self.speed_rps * seconds
         wanted = max(-self.limit_rad, min(self.limit_rad, wanted_rad))
         return pan_rad + max(-step, min(step, wanted - pan_rad))
@@ -111,7 +102,7 @@ class Neck:
 
 @dataclass(frozen=True, slots=True)
 class Gaze:
-    """Where to look.
+    """A chosen pan.
 
     Parameters
     ----------
@@ -120,7 +111,7 @@ class Gaze:
     planned : bool
         False: a sweep, since nothing can be planned.
     position_std_m : float
-        What is expected to be left of the position's uncertainty: root of its trace; infinite for a sweep.
+        Expected uncertainty of the position: square root of the covariance's trace; infinite for a sweep.
     landmarks : float
         Number of landmarks expected in a frame.
     reason : str
@@ -134,6 +125,63 @@ class Gaze:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class PoseGazeSettings:
+    """How `PoseGaze` compares pans.
+
+    Parameters
+    ----------
+    criterion : {"position", "volume"}
+        What is minimised: the trace of the position's covariance, or the determinant of the pose's.
+    horizon_s : float
+        Time ahead in which frames are counted. A pan far from the present one leaves time for fewer.
+    frame_s : float
+        Time between frames.
+    pans : int
+        Number of pans compared: with 37 they are nearer to each other than a sixth of a usual field of view.
+    border_ratio : float
+        A landmark nearer to the picture's border than this fraction of its width is not counted: a detector cuts it.
+    as_good_ratio : float
+        Pans whose criterion differs by less than this fraction count as equal. Then the head moves least.
+    min_landmarks : float
+        Expected landmarks in view from which a pan is worth planning.
+    max_misses : int
+        Frames in a row without a pose, taken at the planned pan, after which the head sweeps.
+    arrived_rad : float
+        So near to the planned pan, a frame counts as taken there.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    criterion: Criterion = "position"
+    horizon_s: float = 0.5
+    frame_s: float = 1 / 30
+    pans: int = 37
+    border_ratio: float = 0.03
+    as_good_ratio: float = 0.02
+    min_landmarks: float = 0.5
+    max_misses: int = 2
+    arrived_rad: float = 0.15
+
+    def __post_init__(self) -> None:
+        if self.criterion not in ("position", "volume"):
+            raise ArgumentError(f"criterion must be 'position' or 'volume', got {self.criterion!r}")
+        if not 0 < self.frame_s <= self.horizon_s < math.inf:
+            raise ArgumentError(
+                f"frame_s must be positive and within horizon_s, got {self.frame_s} and {self.horizon_s}"
+            )
+        if self.pans < 3:
+            raise ArgumentError(f"pans must be at least 3, got {self.pans}")
+        if self.max_misses < 1:
+            raise ArgumentError(f"max_misses must be at least 1, got {self.max_misses}")
+        for name in ("border_ratio", "as_good_ratio", "min_landmarks", "arrived_rad"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
+
+
 class PoseGaze:
     """Chooses pans for one robot; one object a head.
 
@@ -142,28 +190,22 @@ class PoseGaze:
     field : Field
         The pitch, with its landmarks.
     camera : PinholeCamera
-        On the head; its pan counts for nothing, an unknown tilt or roll as 0.
+        On the head; its pan is ignored, an unknown tilt or roll counts as 0.
     neck : Neck, optional
         How the head pans.
-    criterion : {"position", "volume"}
-        What to make small: the trace of the position's covariance, or the determinant of the pose's.
-    horizon_s : float
-        How far ahead frames are counted. A pan far from the present one leaves time for fewer.
-    frame_s : float
-        Time between frames.
-    pans : int
-        How many are compared.
     detectors : mapping of kind to Detector
-        Which landmarks are seen, and how well.
+        Which landmarks are detected, and how well.
+    settings : PoseGazeSettings, optional
+        How pans are compared.
 
     Notes
     -----
-    With P grown by `drift` over the horizon, n frames left after the head has turned to psi, v_i the chance that
+    With P grown by `drift` over the horizon, n frames left after the head has turned to psi, v_i the probability that
     landmark i is in view, found and not hidden, and I_i its information on (x, y, theta), the paper's sum becomes
 
-        Lambda(psi)^-1 = P^-1 + n * (sum_i v_i(psi) I_i - what the neck's error, which all I_i share, takes away)
+        Lambda(psi)^-1 = P^-1 + n * (sum_i v_i(psi) I_i - the part lost by the neck's error, which all I_i contain)
 
-    once for each sigma point of the pose, from which other landmarks may be in view; their mean is what is expected.
+    once for each sigma point of the pose, since other landmarks may be in view from there. The mean is the expectation.
     """
 
     def __init__(
@@ -172,21 +214,11 @@ class PoseGaze:
         camera: PinholeCamera,
         neck: Neck | None = None,
         *,
-        criterion: Criterion = "position",
-        horizon_s: float = 0.5,
-        frame_s: float = 1 / 30,
-        pans: int = 37,
         detectors: Mapping[Kind, Detector] = DETECTORS,
+        settings: PoseGazeSettings = PoseGazeSettings(),
     ) -> None:
-        if criterion not in ("position", "volume"):
-            raise ArgumentError(f"criterion must be 'position' or 'volume', got {criterion!r}")
-        if not 0 < frame_s <= horizon_s < math.inf:
-            raise ArgumentError(f"frame_s must be positive and within horizon_s, got {frame_s} and {horizon_s}")
-        if pans < 3:
-            raise ArgumentError(f"pans must be at least 3, got {pans}")
         self.neck = neck = Neck() if neck is None else neck
-        self._criterion = criterion
-        self._horizon_s, self._frame_s = horizon_s, frame_s
+        self._settings = settings
         self._camera = camera.with_orientation(0.0, camera.tilt_rad or 0.0, camera.roll_rad or 0.0)
         marks = [mark for mark in field_landmarks(field) if mark.kind in detectors]
         self._marks = np.array([[m.x_m, m.y_m, m.height_m] for m in marks]).reshape(-1, 3)
@@ -199,19 +231,19 @@ class PoseGaze:
         partner = [index.get(("post", m.x_m, -m.y_m, m.height_m), i) for i, m in enumerate(marks)]
         self._partner = np.array([p if marks[i].kind == "post" else i for i, p in enumerate(partner)], dtype=np.intp)
         self._max_range_m = np.array([detectors[m.kind].max_range_m for m in marks])
-        self._pans = np.linspace(-neck.limit_rad, neck.limit_rad, pans)
+        self._pans = np.linspace(-neck.limit_rad, neck.limit_rad, settings.pans)
         self._misses = 0
-        # where the plan has the head look
+        # pan of the last plan
         self._wanted: float | None = None
 
     def observe(self, found: bool, pan_rad: float) -> None:
-        """Say whether a frame told anything of the pose, and at which pan it was taken.
+        """Take in whether a frame had a pose, and at which pan it was taken.
 
-        After two in a row that told nothing from where the plan had the head look, the head sweeps until one does.
+        After two frames in a row without a pose at the planned pan, the head sweeps until a frame has one.
         """
         if found:
             self._misses = 0
-        elif self._wanted is not None and abs(pan_rad - self._wanted) < _ARRIVED_RAD:
+        elif self._wanted is not None and abs(pan_rad - self._wanted) < self._settings.arrived_rad:
             self._misses += 1
 
     def choose(
@@ -227,11 +259,11 @@ class PoseGaze:
         Parameters
         ----------
         belief : PoseEstimate or NotLocated
-            Where the robot is believed to be.
+            Estimated pose of the robot.
         t_s : float
-            Now; a sweep goes by it.
+            Now; a sweep depends on it.
         pan_rad : float
-            Where the head is.
+            Present pan of the head.
         blockers : sequence of Disc
             Robots that may hide landmarks.
         drift : (3, 3) float64, optional
@@ -247,20 +279,20 @@ class PoseGaze:
         self._wanted = None
         if not belief:
             return self._sweep(t_s, "the pose is not known")
-        if self._misses >= _MAX_MISSES:
-            return self._sweep(t_s, f"{self._misses} frames in a row told nothing")
+        if self._misses >= self._settings.max_misses:
+            return self._sweep(t_s, f"{self._misses} frames in a row had no pose")
         assert isinstance(belief, PoseEstimate)
         growth = np.zeros((3, 3)) if drift is None else np.asarray(drift, dtype=np.float64)
         if growth.shape != (3, 3) or not np.isfinite(growth).all():
             raise ArgumentError(f"drift must be a finite (3, 3) array, got {drift!r}")
-        shares = self._shares(belief.pose, belief.covariance, blockers)
-        prior = belief.covariance + growth * self._horizon_s + _MIN_VARIANCE * np.eye(3)
-        left = self._left(prior, belief.pose, shares, pan_rad)
-        score = left[:, 0, 0] + left[:, 1, 1] if self._criterion == "position" else np.linalg.det(left)
-        counts = shares.sum(axis=2).mean(axis=0)
-        if not counts.max(initial=0.0) > 0.5:
+        visible = self._visible(belief.pose, belief.covariance, blockers)
+        prior = belief.covariance + growth * self._settings.horizon_s + _MIN_VARIANCE * np.eye(3)
+        left = self._left(prior, belief.pose, visible, pan_rad)
+        score = left[:, 0, 0] + left[:, 1, 1] if self._settings.criterion == "position" else np.linalg.det(left)
+        counts = visible.sum(axis=2).mean(axis=0)
+        if not counts.max(initial=0.0) > self._settings.min_landmarks:
             return self._sweep(t_s, "no landmark can be in view")
-        as_good = np.flatnonzero(score <= score.min() * (1 + _AS_GOOD))
+        as_good = np.flatnonzero(score <= score.min() * (1 + self._settings.as_good_ratio))
         best = int(as_good[np.argmin(np.abs(self._pans[as_good] - pan_rad))])
         std = math.sqrt(float(left[best, 0, 0] + left[best, 1, 1]))
         before = math.sqrt(float(prior[0, 0] + prior[1, 1]))
@@ -271,8 +303,8 @@ class PoseGaze:
     def _sweep(self, t_s: float, why: str) -> Gaze:
         return Gaze(self.neck.sweep(t_s), False, math.inf, 0.0, f"sweep: {why}")
 
-    def _shares(self, pose: Pose2, covariance: FloatArray, blockers: Sequence[Disc]) -> FloatArray:
-        """Chance (S, P, L) that each pan shows each landmark, from each sigma point of the pose."""
+    def _visible(self, pose: Pose2, covariance: FloatArray, blockers: Sequence[Disc]) -> FloatArray:
+        """Return the probability (S, P, L) that each pan shows each landmark, from each sigma point of the pose."""
         points = sigma_points(pose, covariance)
         heading = points[:, 2, None] + self._pans
         c, s = np.cos(points[:, 2]), np.sin(points[:, 2])
@@ -284,7 +316,7 @@ class PoseGaze:
         up = np.broadcast_to(self._marks[:, 2] - self._camera.height_m, (*heading.shape, len(self._marks)))
         pixels = self._camera.ray_to_pixel(np.stack([c * x + s * y, c * y - s * x, up], axis=-1))
         width, height = self._camera.size_px
-        border = _BORDER_SHARE * width
+        border = self._settings.border_ratio * width
         with np.errstate(invalid="ignore"):
             inside = (pixels[..., 0] >= border) & (pixels[..., 0] <= width - 1 - border)
             inside &= (pixels[..., 1] >= border) & (pixels[..., 1] <= height - 1 - border)
@@ -294,21 +326,21 @@ class PoseGaze:
         both = (inside & inside[..., self._partner]) * clear[self._partner]
         return np.asarray(clear * (self._alone * inside + (self._found - self._alone) * both))
 
-    def _left(self, prior: FloatArray, pose: Pose2, shares: FloatArray, pan_rad: float) -> FloatArray:
-        """Covariance (P, 3, 3) that each pan is expected to leave at the horizon, the mean over the sigma points."""
+    def _left(self, prior: FloatArray, pose: Pose2, visible: FloatArray, pan_rad: float) -> FloatArray:
+        """Return the covariance (P, 3, 3) expected at the horizon for each pan, the mean over the sigma points."""
         waits = np.abs(self._pans - pan_rad) / self.neck.speed_rps
-        frames = np.maximum((self._horizon_s - waits) / self._frame_s, 1.0)
+        frames = np.maximum((self._settings.horizon_s - waits) / self._settings.frame_s, 1.0)
         rows = self._rows(pose)
-        told = np.tensordot(shares, np.einsum("lki,lkj->lij", rows, rows), 1)
-        # an error that a frame's landmarks share is one more unknown, and the sum is what is left when it is taken out
+        information = np.tensordot(visible, np.einsum("lki,lkj->lij", rows, rows), 1)
+        # the common error of a frame's landmarks is one more unknown, which is eliminated here
         weight = 1 / self._std_rad
-        by_neck = np.tensordot(shares, rows * weight[:, None, None], 1)
-        freedom = 1 / max(self.neck.std_rad, 1e-6) ** 2 + shares @ weight**2
-        told -= np.swapaxes(by_neck, -1, -2) @ by_neck / freedom[..., None, None]
-        return np.asarray(np.linalg.inv(np.linalg.inv(prior) + frames[:, None, None] * told).mean(axis=0))
+        by_neck = np.tensordot(visible, rows * weight[:, None, None], 1)
+        freedom = 1 / max(self.neck.std_rad, 1e-6) ** 2 + visible @ weight**2
+        information -= np.swapaxes(by_neck, -1, -2) @ by_neck / freedom[..., None, None]
+        return np.asarray(np.linalg.inv(np.linalg.inv(prior) + frames[:, None, None] * information).mean(axis=0))
 
     def _rows(self, pose: Pose2) -> FloatArray:
-        """How bearing and elevation of each landmark change with (x, y, theta), in standard deviations (L, 2, 3)."""
+        """Return the derivatives (L, 2, 3) of each landmark's bearing and elevation, in standard deviations."""
         forward, left = self._camera.offset_m
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
         arm = np.array([-s * forward - c * left, c * forward - s * left])

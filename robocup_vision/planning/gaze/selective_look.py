@@ -1,7 +1,7 @@
-"""Which part of a coarsely seen surroundings to look at again (Miura and Shirai 2004, section 4.1).
+"""Chooses which undecided floor to look at again (Miura and Shirai 2004, section 4.1).
 
-Only what lies on the way matters: the shortest path is planned as if all that is undecided were free, and the first
-undecided region on it is looked at, until no doubt is left on it that a look could end.
+Only floor on the way matters. The shortest path is planned as if all undecided cells were free. The first undecided
+region on it is looked at, until no look from here can decide more of the path.
 """
 
 from __future__ import annotations
@@ -19,23 +19,50 @@ from robocup_vision.arrays import BoolArray, FloatArray, read_only
 
 Answer = Literal["look", "go", "blocked"]
 
-# a cell so much dearer that of two equally long paths the better known one is taken
-_UNSURE_COST = 1e-3
-# a new path must be shorter than the old one by this share to be taken instead
-_SWITCH_SHARE = 0.05
-# looks that leave a place undecided, until it is left for when the robot is elsewhere
-_MAX_LOOKS = 2
-_ELSEWHERE_M = 0.3
+
+@dataclass(frozen=True, slots=True)
+class SelectiveLookSettings:
+    """How `SelectiveLook` plans paths, and how often it looks.
+
+    Parameters
+    ----------
+    unsure_cost : float
+        Extra cost of a cell near undecided floor: of two paths of one length the better known one is taken.
+    switch_ratio : float
+        A new path must be shorter than the last one by this fraction to replace it, so that looks are not lost.
+    max_looks : int
+        Looks after which a place that is still undecided is left until the robot is elsewhere: the same view again adds
+        little.
+    elsewhere_m : float
+        So far from where it looked the robot has another view.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    unsure_cost: float = 1e-3
+    switch_ratio: float = 0.05
+    max_looks: int = 2
+    elsewhere_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name in ("unsure_cost", "switch_ratio", "elsewhere_m"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
+        if self.max_looks < 1:
+            raise ArgumentError(f"max_looks must be at least 1, got {self.max_looks}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SelectedLook:
-    """What to look at again, and the way it is for.
+    """A place to look at again, and the path that it lies on.
 
     Parameters
     ----------
     answer : {"look", "go", "blocked"}
-        Look at `at_m`; go, for no look from here would end what doubt there may be on the path; or there is no path.
+        Look at `at_m`; go, since no look from here can decide more of the path; or there is no path.
     at_m : (float, float) or None
         Nearest place of the first undecided region on the path; None unless the answer is "look".
     path_m : (K, 2) float64
@@ -43,7 +70,7 @@ class SelectedLook:
     length_m : float
         Of the path; infinite where there is none.
     sure_m : float
-        How far along the path the robot touches nothing undecided.
+        Length of the path before the robot touches undecided floor.
     reason : str
         Why, in words.
     """
@@ -64,13 +91,22 @@ class SelectiveLook:
     cell_m : float
         Side of the map's cells.
     robot_radius_m : float
-        How far from what is blocked the robot's middle must stay.
+        Distance that the robot's centre keeps from blocked cells.
     half_view_rad : float
-        How far to either side of what it is turned to a look shows: half the view of a head that pans, or of a crop at
-        full resolution.
+        Angle that a look shows to either side of its direction: half the view of a head that pans, or of a crop at full
+        resolution.
+    settings : SelectiveLookSettings, optional
+        How paths are planned, and how often it looks.
     """
 
-    def __init__(self, cell_m: float, robot_radius_m: float, half_view_rad: float) -> None:
+    def __init__(
+        self,
+        cell_m: float,
+        robot_radius_m: float,
+        half_view_rad: float,
+        settings: SelectiveLookSettings = SelectiveLookSettings(),
+    ) -> None:
+        self._settings = settings
         for name, value in (
             ("cell_m", cell_m),
             ("robot_radius_m", robot_radius_m),
@@ -85,16 +121,17 @@ class SelectiveLook:
         self._target_m: tuple[float, float] | None = None
 
     def forget(self) -> None:
-        """Forget the looks taken and the path held to."""
+        """Forget the looks taken and the last path."""
         self._looks.clear()
         self._path_m = None
 
     def observe(self, at_m: tuple[float, float], from_m: tuple[float, float]) -> None:
-        """Say what has been looked at, and from where: what two looks leave undecided is not looked at a third time.
+        """Take in where a look was directed, and from where.
 
-        It has to be seen from another place. Until then nobody knows that it is free, so speed must be kept in check.
+        A place that `max_looks` looks leave undecided is not looked at again from here. It stays undecided, so the
+        robot must drive slowly towards it.
         """
-        here = [look for look in self._looks if math.dist(look[1], from_m) < _ELSEWHERE_M]
+        here = [look for look in self._looks if math.dist(look[1], from_m) < self._settings.elsewhere_m]
         self._looks = [*here, (at_m, from_m)]
 
     def choose(
@@ -110,11 +147,11 @@ class SelectiveLook:
         Parameters
         ----------
         free, no_go : (N, M) bool
-            Cells known to be free, and known to be blocked; all others are undecided. First index along x.
+            Cells that are free, and that are blocked; all others are undecided. First index along x.
         corner_m : (float, float)
             Lowest corner of cell (0, 0), in the frame of robot and target.
         robot_m, target_m : (float, float)
-            Where the robot's middle is, and where it shall be; both on the map.
+            The robot's centre, and its target; both on the map.
 
         Raises
         ------
@@ -132,7 +169,7 @@ class SelectiveLook:
         undecided = ~free & ~no_go
         room = self._away_m(no_go)
         near_unsure = self._away_m(undecided) <= self._radius_m
-        # where the robot stands it fits, whatever the map says; from there it may move away from what is too near
+        # the robot fits where it stands, even against the map; from there it may move away from blocked cells
         beside = (self._from_m(start, free.shape) <= self._radius_m) & (room >= room[start])
         passable = (room > self._radius_m) | beside
         cells = self._shortest(passable, near_unsure, start, end)
@@ -140,19 +177,19 @@ class SelectiveLook:
             self._path_m = None
             reason = "blocked: no way even if all that is undecided were free"
             return SelectedLook("blocked", None, read_only(np.empty((0, 2))), math.inf, 0.0, reason)
-        cells = self._held_to(cells, passable, corner, start)
+        cells = self._kept_path(cells, passable, corner, start)
         path = corner + (cells + 0.5) * self._cell_m
         self._path_m = path
         length = _length_m(path)
-        doubt = np.flatnonzero(near_unsure[cells[:, 0], cells[:, 1]])
-        sure = _length_m(path[: doubt[0] + 1]) if len(doubt) else length
+        unsure = np.flatnonzero(near_unsure[cells[:, 0], cells[:, 1]])
+        sure = _length_m(path[: unsure[0] + 1]) if len(unsure) else length
         at = self._first_unsure(cells, undecided & ~self._given_up(robot_m, corner, free.shape), no_go, start)
         if at is None:
-            rest = f", of which {length - sure:.2f} m must be seen from nearer" if len(doubt) else ", all of it free"
+            rest = f", of which {length - sure:.2f} m must be seen from nearer" if len(unsure) else ", all of it free"
             return SelectedLook("go", None, read_only(path), length, sure, f"go: {length:.2f} m{rest}")
         x, y = (corner + (np.array(at) + 0.5) * self._cell_m).tolist()
         away = math.dist(robot_m, (x, y))
-        reason = f"look at ({x:.2f}, {y:.2f}), {away:.2f} m off: first doubt on a way of {length:.2f} m"
+        reason = f"look at ({x:.2f}, {y:.2f}), {away:.2f} m off: the first undecided floor on a way of {length:.2f} m"
         return SelectedLook("look", (x, y), read_only(path), length, sure, reason)
 
     def _cell(
@@ -164,20 +201,20 @@ class SelectiveLook:
         return i, j
 
     def _given_up(self, robot_m: tuple[float, float], corner: FloatArray, shape: tuple[int, ...]) -> BoolArray:
-        """Cells that have been looked at from here as often as is worth it."""
+        """Return the cells that have been looked at from here `max_looks` times."""
         counts = np.zeros(shape, dtype=np.int64)
         i, j = np.ogrid[: shape[0], : shape[1]]
         x, y = corner[0] + (i + 0.5) * self._cell_m, corner[1] + (j + 0.5) * self._cell_m
         for at_m, from_m in self._looks:
-            if math.dist(from_m, robot_m) < _ELSEWHERE_M:
+            if math.dist(from_m, robot_m) < self._settings.elsewhere_m:
                 forward, left = at_m[0] - from_m[0], at_m[1] - from_m[1]
                 dx, dy = x - from_m[0], y - from_m[1]
                 off = np.arctan2(forward * dy - left * dx, forward * dx + left * dy)
                 counts += np.abs(off) < self._half_view_rad
-        return np.asarray(counts >= _MAX_LOOKS)
+        return np.asarray(counts >= self._settings.max_looks)
 
     def _away_m(self, cells: BoolArray) -> FloatArray:
-        """Distance of each cell's middle from the nearest of some cells' middles; infinite without any."""
+        """Return the distance of each cell's centre from the nearest of some cells' centres; infinite without any."""
         if not cells.any():
             return np.full(cells.shape, np.inf)
         away = cv2.distanceTransform((~cells).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
@@ -194,7 +231,7 @@ class SelectiveLook:
             return None
         from skimage.graph import MCP_Geometric
 
-        costs = np.where(passable, np.where(near_unsure, 1 + _UNSURE_COST, 1.0), -1.0)
+        costs = np.where(passable, np.where(near_unsure, 1 + self._settings.unsure_cost, 1.0), -1.0)
         search = MCP_Geometric(costs, fully_connected=True)
         search.find_costs([start], [end])
         try:
@@ -202,10 +239,10 @@ class SelectiveLook:
         except ValueError:  # not reached
             return None
 
-    def _held_to(
+    def _kept_path(
         self, cells: npt.NDArray[np.int64], passable: BoolArray, corner: FloatArray, start: tuple[int, int]
     ) -> npt.NDArray[np.int64]:
-        """Keep to the path of before, from where the robot is on, while it can be gone and is hardly longer."""
+        """Return the rest of the last path while it is passable and hardly longer; else the new one."""
         if self._path_m is None:
             return cells
         old = np.floor((self._path_m - corner) / self._cell_m).astype(np.int64)
@@ -216,12 +253,12 @@ class SelectiveLook:
             return cells
         if (rest[0] != start).any():
             rest = np.vstack([start, rest])
-        return rest if _length_m(rest) <= (1 + _SWITCH_SHARE) * _length_m(cells) else cells
+        return rest if _length_m(rest) <= (1 + self._settings.switch_ratio) * _length_m(cells) else cells
 
     def _first_unsure(
         self, cells: npt.NDArray[np.int64], unsure: BoolArray, no_go: BoolArray, start: tuple[int, int]
     ) -> tuple[int, int] | None:
-        """Return the undecided cell that a robot on the path comes upon first, of those it can see from here."""
+        """Return the undecided cell that the robot on its path comes near first, of those in sight from here."""
         reach = math.ceil(self._radius_m / self._cell_m)
         seen: set[tuple[int, int]] = set()
         for i, j in cells.tolist():
@@ -239,7 +276,7 @@ class SelectiveLook:
 
 
 def is_in_sight(blocked: BoolArray, start: tuple[int, int], cell: tuple[int, int]) -> bool:
-    """Whether no blocked cell lies on the straight line between two cells."""
+    """Return whether no blocked cell lies on the straight line between two cells."""
     count = 2 * max(abs(cell[0] - start[0]), abs(cell[1] - start[1]), 1)
     along = np.linspace(0.0, 1.0, count + 1)[1:-1, None]
     between = np.rint(np.array(start) * (1 - along) + np.array(cell) * along).astype(np.int64)

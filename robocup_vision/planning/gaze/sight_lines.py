@@ -1,4 +1,4 @@
-"""What hides what: the chance that a robot, whose place is uncertain, stands between a camera and a point."""
+"""Computes the probability that a robot of uncertain position hides a point from a camera."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from robocup_vision.disc import Disc
 
 
 def clear_probability(eye_m: npt.ArrayLike, points_m: npt.ArrayLike, blockers: Sequence[Disc]) -> FloatArray:
-    """Chance (N,) that nothing hides a point from the camera.
+    """Return the probability (N,) that nothing hides a point from the camera.
 
     Parameters
     ----------
     eye_m : (3,) float64
         The camera, field frame.
     points_m : (N, 3) float64
-        What is looked at, field frame.
+        The points, field frame.
     blockers : sequence of Disc
-        What may stand between; each independent of the others.
+        Robots that may stand between; each independent of the others.
     """
     from scipy.special import ndtr
 

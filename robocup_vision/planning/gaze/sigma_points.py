@@ -1,4 +1,4 @@
-"""Poses that stand for an uncertain one: what they see on average is what is to be expected."""
+"""Represents an uncertain pose by a few poses: the mean over them is the expected value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where one robot covers a whole goal: between the ball and the goal, so near to the ball that nothing is open."""
+"""Finds the place between ball and goal from where one robot covers the whole goal."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Cover:
     Parameters
     ----------
     place_m : (float, float)
-        For the middle of who blocks.
+        For the centre of the robot that blocks.
     open_rad : float
-        Angle under which the ball sees the goal's mouth.
+        Angle of the goal's mouth at the ball.
     """
 
     place_m: Point
@@ -27,10 +27,10 @@ class Cover:
 
 
 def cover_goal(ball: Point, posts_m: tuple[Point, Point], reach_m: float, room_m: float) -> Cover:
-    """Choose the place farthest from a ball from where nothing of a goal is open to it.
+    """Choose the place farthest from the ball at which a robot covers the whole goal.
 
-    Both lines from the ball to the posts touch the circle around the place, which is on the line that halves the angle
-    between them. A goal that is wider than can be covered is covered in the middle.
+    The place is on the bisector of the angle between the lines from the ball to the posts; both lines touch the circle
+    around it. Of a goal that is too wide the middle is covered.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ def cover_goal(ball: Point, posts_m: tuple[Point, Point], reach_m: float, room_m
     posts_m : ((float, float), (float, float))
         Inner edges of the goal's posts.
     reach_m : float
-        How near a ball passes to the middle of who blocks: both radii.
+        Distance at which a ball passes the robot's centre: the sum of both radii.
     room_m : float
-        How far at least to stay away from the ball's nearest place to it.
+        Distance to keep between ball and robot, at least.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Kick now, turn first or go nearer first: the gap in a goal's mouth that a ball gets through, priced like a gate.
+"""Plans a shot: kick now, turn first, or go nearer first, whichever gives the highest probability of a goal.
 
-A robot that holds the ball believes where others stand and how they move, and knows its heading only so well. Each way
-on is worth its chance of a goal, less what may be lost on the way: somebody takes the ball sooner or later.
+The robot holds the ball. Positions and velocities of the others and its own heading are estimates with covariances. An
+action is worth the probability of a goal, times the probability that the robot still has the ball by then.
 """
 
 from __future__ import annotations
@@ -20,15 +20,43 @@ from robocup_vision.geometry import wrap_angle
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap import Point
 
-# places in the mouth that are aimed at; places nearer to it that are thought of: ways, metres, and directions, radians
-_AIMS = 25
-_WAYS_M = (0.1, 0.2, 0.35, 0.5, 0.7)
-_DIRECTIONS_RAD = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
+
+@dataclass(frozen=True, slots=True)
+class ShotPlannerSettings:
+    """Which kicks `ShotPlanner` compares.
+
+    Parameters
+    ----------
+    aims : int
+        Points of the goal's mouth that are aimed at: less than a ball apart on a goal of the small-size league.
+    ways_m : tuple of float
+        Distances of the places to which the ball may be taken first. Nearer ones are closer together: the farther the
+        place, the less certain is what happens until then.
+    directions_rad : tuple of float
+        Directions of these places, from that of the goal: farther aside, the goal gets no wider.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    aims: int = 25
+    ways_m: tuple[float, ...] = (0.1, 0.2, 0.35, 0.5, 0.7)
+    directions_rad: tuple[float, ...] = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
+
+    def __post_init__(self) -> None:
+        if self.aims < 1:
+            raise ArgumentError(f"aims must be at least 1, got {self.aims!r}")
+        if not all(0.0 < way < math.inf for way in self.ways_m) or list(self.ways_m) != sorted(self.ways_m):
+            raise ArgumentError(f"ways_m must be positive and ascend, got {self.ways_m!r}")
+        if not all(math.isfinite(direction) for direction in self.directions_rad):
+            raise ArgumentError(f"directions_rad must be finite, got {self.directions_rad!r}")
 
 
 @dataclass(frozen=True, slots=True)
 class ShotPlan:
-    """What to do with the ball.
+    """A decision about the ball.
 
     Parameters
     ----------
@@ -66,21 +94,23 @@ class ShotPlanner:
     Parameters
     ----------
     posts_m : ((float, float), (float, float))
-        Inner edges of the left and the right post, as seen by who attacks.
+        Inner edges of the left and the right post, from the attackers' side.
     ball_radius_m : float
         Of the ball.
     ball_mps : float
         How fast a kicked ball rolls.
     kick_std_rad : float
-        How far the ball leaves the kicker's heading: standard deviation.
+        Standard deviation of the ball's direction about the kicker's heading.
     defenders : MotionLimits
-        How they can move, towards a ball as soon as it is kicked and they have seen it (`dead_time_s`).
+        How they can move towards a ball once it is kicked and they have reacted (`dead_time_s`).
     dribble_mps, turn_rps : float
         How fast the robot can go and turn with the ball.
     lost_s : float
-        How long a ball is held, on average, where somebody can reach it.
+        Mean time for which the robot holds the ball where another one can reach it.
     slips_s : float
-        The same where nobody can: no chance is worth waiting for without end.
+        The same where none can: waiting without end for a better chance is not worth it.
+    settings : ShotPlannerSettings, optional
+        Which kicks are compared.
 
     Raises
     ------
@@ -97,6 +127,7 @@ class ShotPlanner:
     turn_rps: float
     lost_s: float
     slips_s: float
+    settings: ShotPlannerSettings = ShotPlannerSettings()
 
     def __post_init__(self) -> None:
         for name in ("ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s", "slips_s"):
@@ -109,7 +140,7 @@ class ShotPlanner:
     def plan(
         self, ball: Point, heading_rad: float, defenders: Sequence[Disc], place_std_m: float, heading_std_rad: float
     ) -> ShotPlan:
-        """Choose what to do with a ball that is held.
+        """Choose what to do with the ball that the robot holds.
 
         Parameters
         ----------
@@ -118,9 +149,9 @@ class ShotPlanner:
         heading_rad : float
             The way the robot faces.
         defenders : sequence of Disc
-            Who may stop it, with velocities.
+            Robots that may stop it, with velocities.
         place_std_m, heading_std_rad : float
-            How well the robot knows where it is: standard deviations, each way.
+            Standard deviations of the position along each axis, and of the heading.
         """
         places, ways = self._places(ball)
         aims = self._aims()
@@ -155,8 +186,8 @@ class ShotPlanner:
     ) -> FloatArray:
         """Return the chances of a goal (...) of balls kicked from places (..., 2) at headings (...), after so long.
 
-        A kick passes between the posts with both errors, and each defender, who runs for it as soon as it has seen it,
-        if the gap between is wider than what is not known of it. Until the kick they go between the ball and the goal.
+        A kick, with the errors of ball and heading, must pass between the posts, and pass each defender. A defender
+        runs for the ball once it has reacted. Until the kick it moves between the ball and the goal.
         """
         c, s = np.cos(headings_rad), np.sin(headings_rad)
         spread = math.hypot(self.kick_std_rad, heading_std_rad)
@@ -184,29 +215,29 @@ class ShotPlanner:
     def _guards(
         self, one: Disc, balls_m: FloatArray, after_s: FloatArray | float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Where, from the ball, a defender is after so long, and its velocity: it heads for the way to the goal."""
+        """Return a defender's position from the ball after so long, and its velocity; it heads for the shot's way."""
         limits, goal = self.defenders, np.mean(self.posts_m, axis=0)
         drifts = np.minimum(after_s, limits.dead_time_s)
         x = one.x_m + drifts * one.vx_mps - balls_m[..., 0]
         y = one.y_m + drifts * one.vy_mps - balls_m[..., 1]
         way_x, way_y = goal[0] - balls_m[..., 0], goal[1] - balls_m[..., 1]
-        share = np.clip((x * way_x + y * way_y) / np.maximum(way_x**2 + way_y**2, 1e-12), 0.0, 1.0)
-        off_x, off_y = share * way_x - x, share * way_y - y
+        fraction = np.clip((x * way_x + y * way_y) / np.maximum(way_x**2 + way_y**2, 1e-12), 0.0, 1.0)
+        off_x, off_y = fraction * way_x - x, fraction * way_y - y
         runs = np.minimum(self._reach_m(np.asarray(after_s)) / np.maximum(np.hypot(off_x, off_y), 1e-9), 1.0)
         lost_mps = limits.acceleration_mps2 * np.maximum(after_s - limits.dead_time_s, 0.0)
         kept = np.maximum(1.0 - lost_mps / max(math.hypot(one.vx_mps, one.vy_mps), 1e-9), 0.0)
         return x + runs * off_x, y + runs * off_y, kept * one.vx_mps, kept * one.vy_mps
 
     def _places(self, ball: Point) -> tuple[FloatArray, FloatArray]:
-        """Where the ball could be kicked from, here first, and how far that is."""
+        """Return the places that the ball can be kicked from, here first, and their distances."""
         goal = np.mean(self.posts_m, axis=0)
         ahead = math.atan2(goal[1] - ball[1], goal[0] - ball[0])
         room = math.dist(ball, goal.tolist()) - 2 * self.ball_radius_m
         places, ways = [ball], [0.0]
-        for way in _WAYS_M:
+        for way in self.settings.ways_m:
             if way >= room:
                 break
-            for direction in _DIRECTIONS_RAD:
+            for direction in self.settings.directions_rad:
                 a = ahead + direction
                 places.append((ball[0] + way * math.cos(a), ball[1] + way * math.sin(a)))
                 ways.append(way)
@@ -215,18 +246,18 @@ class ShotPlanner:
     def _aims(self) -> FloatArray:
         left, right = np.array(self.posts_m)
         margin = self.ball_radius_m / math.dist(*self.posts_m)
-        share = np.linspace(margin, 1.0 - margin, _AIMS)[:, None]
-        return np.asarray(left + share * (right - left))
+        fraction = np.linspace(margin, 1.0 - margin, self.settings.aims)[:, None]
+        return np.asarray(left + fraction * (right - left))
 
     def _reach_m(self, seconds: FloatArray) -> FloatArray:
-        """How far from where its velocity leads it a defender can be by then."""
+        """Return how far a defender can be by then from where its velocity leads it."""
         runs = np.maximum(seconds - self.defenders.dead_time_s, 0.0)
         return np.asarray(np.minimum(0.5 * self.defenders.acceleration_mps2 * runs**2, self.defenders.speed_mps * runs))
 
     def _reached(
         self, places: FloatArray, seconds: FloatArray, defenders: Sequence[Disc], place_std_m: float
     ) -> FloatArray:
-        """Chance that somebody can be at each place (P, 2) with the ball by then (P, K)."""
+        """Return the probability that a defender can be at each place (P, 2) by then (P, K)."""
         away = np.ones(seconds.shape)
         for one in defenders:
             x = one.x_m + seconds * one.vx_mps - places[:, None, 0]
@@ -237,22 +268,22 @@ class ShotPlanner:
         return np.asarray(1.0 - away)
 
     def _free(self, ball: Point, places: FloatArray, defenders: Sequence[Disc], place_std_m: float) -> FloatArray:
-        """Chance that nobody stands in the straight way to each place."""
+        """Return the probability that the straight way to each place is free of defenders."""
         free = np.ones(len(places))
         way = places - np.array(ball)
         length2 = np.maximum(np.sum(way**2, axis=1), 1e-12)
         for one in defenders:
             off = np.array([one.x_m - ball[0], one.y_m - ball[1]])
-            share = np.clip(way @ off / length2, 0.0, 1.0)
-            away = np.hypot(*(off - share[:, None] * way).T)
+            fraction = np.clip(way @ off / length2, 0.0, 1.0)
+            away = np.hypot(*(off - fraction[:, None] * way).T)
             std = math.sqrt(one.variance_m2 + place_std_m**2)
-            # it holds the ball in front of itself: where that touches, so does the robot
-            free *= np.where(share > 0.0, _below((away - one.radius_m - self.ball_radius_m) / std), 1.0)
+            # the robot has the ball in front of itself, so the ball touches first
+            free *= np.where(fraction > 0.0, _below((away - one.radius_m - self.ball_radius_m) / std), 1.0)
         return free
 
 
 def _below(x: FloatArray) -> FloatArray:
-    """Chance that a standard normal variable lies below each value."""
+    """Return the probability that a standard normal variable lies below each value."""
     from scipy.special import ndtr
 
     return np.asarray(ndtr(x))

@@ -1,4 +1,4 @@
-"""Follows a path at a given speed: the controller whose return to the path the speed's planner reckons with."""
+"""Follows a path at a given speed. The planner of speeds simulates this controller's return to the path."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from robocup_vision.motion_limits import MotionLimits
 
 
 class PathFollower:
-    """Commands velocities towards a point a little ahead on the path, and to rest at its end. Keeps no memory.
+    """Commands velocities towards a point ahead on the path, and to rest at its end. It has no state.
 
     Parameters
     ----------
     limits : MotionLimits
         How the robot moves.
     ahead_s, ahead_m : float
-        How far ahead that point is: so many seconds at the speed asked for, at least so many metres. Nearer it returns
-        to the path sooner, and overshoots once the acceleration cannot follow.
+        Distance of that point: so many seconds at the given speed, at least so many metres. With a nearer point the
+        robot returns to the path sooner, but overshoots where the acceleration cannot follow.
     """
 
     def __init__(self, limits: MotionLimits, *, ahead_s: float = 0.25, ahead_m: float = 0.12) -> None:
@@ -45,9 +45,9 @@ class PathFollower:
         path_m : (P, 2) float64
             The path, field frame, P at least 2.
         pose : Pose2
-            Where the robot thinks it is, field frame.
+            Estimated pose of the robot, field frame.
         speed_mps : float
-            How fast it may go.
+            Largest speed.
         """
         path = checked_path(path_m)
         speed = min(max(speed_mps, 0.0), self.limits.speed_mps)

@@ -19,22 +19,19 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
 from robocup_vision.planning.speed.path_follower import PathFollower, checked_path
 
-# each speed tried is this share of the one before, down to where it no longer pays
-_SLOWER, _SPEEDS = 0.85, 20
-
 
 @dataclass(frozen=True, slots=True)
 class SpeedPlan:
-    """How fast to go on.
+    """A safe speed.
 
     Parameters
     ----------
     speed_mps : float
         Largest safe speed; 0: there is none.
     safe : bool
-        Whether there is one. If not: stop, and look again or go round.
+        Whether there is one. If not, the robot stops, and looks again or goes round.
     clearance_m : float
-        What is left at that speed in the worst case that counts; negative if none is safe.
+        Clearance at that speed in the worst possible case; negative if none is safe.
     reason : str
         In words.
     """
@@ -47,14 +44,15 @@ class SpeedPlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseNoise:
-    """How the pose's error grows between looks, and what a look leaves of it.
+    """How the pose's error grows between looks, and how large it is after one.
 
     Parameters
     ----------
     along, aside : float
-        Standard deviation of odometry as a share of the way, along and across it.
+        Standard deviation of odometry as a fraction of the way, along and across it.
     look_covariance : (3, 3) float64
-        Of a pose (x_m, y_m, theta_rad) right after a look, with what all looks have in common (calibration, map).
+        Of a pose (x_m, y_m, theta_rad) right after a look, with the errors that all looks have in common (calibration,
+        map).
     """
 
     along: float
@@ -72,6 +70,42 @@ class PoseNoise:
         object.__setattr__(self, "look_covariance", covariance)
 
 
+@dataclass(frozen=True, slots=True)
+class SpeedPlannerSettings:
+    """How `SpeedPlanner` searches a speed.
+
+    Parameters
+    ----------
+    sigmas : float
+        Number of standard deviations of the errors that count as possible.
+    period_s : float
+        Time between two commands.
+    slower_ratio, speeds : float, int
+        Each speed that is tried is this fraction of the one before; so many are tried. 20 of 0.85 reach 4.6 % of the
+        top speed, below which driving no longer pays.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    sigmas: float = 3.0
+    period_s: float = 1 / 30
+    slower_ratio: float = 0.85
+    speeds: int = 20
+
+    def __post_init__(self) -> None:
+        for name in ("sigmas", "period_s"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        if not 0.0 < self.slower_ratio < 1.0:
+            raise ArgumentError(f"slower_ratio must be above 0 and below 1, got {self.slower_ratio!r}")
+        if self.speeds < 1:
+            raise ArgumentError(f"speeds must be at least 1, got {self.speeds!r}")
+
+
 class SpeedPlanner:
     """Plans speeds along paths among discs; one serves all paths.
 
@@ -80,15 +114,13 @@ class SpeedPlanner:
     follower : PathFollower
         The controller that drives the robot.
     robot_radius_m : float
-        Of the robot, and what clearance it wants besides.
+        Of the robot, and the clearance that it keeps.
     noise : PoseNoise
         How its pose's error grows.
     look_period_s : float
         Time between two looks.
-    sigmas : float
-        How many standard deviations count as possible.
-    period_s : float
-        Between two commands.
+    settings : SpeedPlannerSettings, optional
+        How a speed is searched.
     """
 
     def __init__(
@@ -97,24 +129,17 @@ class SpeedPlanner:
         robot_radius_m: float,
         noise: PoseNoise,
         look_period_s: float,
-        *,
-        sigmas: float = 3.0,
-        period_s: float = 1 / 30,
+        settings: SpeedPlannerSettings = SpeedPlannerSettings(),
     ) -> None:
-        for name, value in (
-            ("robot_radius_m", robot_radius_m),
-            ("look_period_s", look_period_s),
-            ("sigmas", sigmas),
-            ("period_s", period_s),
-        ):
+        for name, value in (("robot_radius_m", robot_radius_m), ("look_period_s", look_period_s)):
             if not (math.isfinite(value) and value > 0.0):
                 raise ArgumentError(f"{name} must be positive, got {value!r}")
         self.follower, self.noise = follower, noise
         self.robot_radius_m, self.look_period_s = float(robot_radius_m), float(look_period_s)
-        self.period_s = float(period_s)
-        self._sigmas = float(sigmas)
+        self.period_s = settings.period_s
+        self._sigmas = settings.sigmas
         top = follower.limits.speed_mps
-        self._speeds = [top * _SLOWER**k for k in range(_SPEEDS)]
+        self._speeds = [top * settings.slower_ratio**k for k in range(settings.speeds)]
 
     def plan(
         self,
@@ -126,27 +151,27 @@ class SpeedPlanner:
         pending_mps: Sequence[float] | None = None,
         until_look_s: float | None = None,
     ) -> SpeedPlan:
-        """Return the largest safe speed from here; to be asked at each look, or at each command.
+        """Return the largest safe speed from here. Call it at each look, or at each command.
 
         Parameters
         ----------
         path_m : (P, 2) float64
             The path, field frame.
         pose, covariance : Pose2, (3, 3) float64
-            Where the robot thinks it is, and how well it knows.
+            Estimated pose of the robot, and its covariance.
         velocity_mps : (2,)
             Its velocity, field frame.
         discs : sequence of Disc
             Opponents, field frame.
         pending_mps : (2,), optional
-            The command obeyed until the next one is, field frame; the velocity unless given.
+            The command that the robot obeys until the next one takes effect, field frame; default: the velocity.
         until_look_s : float, optional
-            Until the next look; a whole period unless given.
+            Time until the next look; default: a whole period.
         """
         path = checked_path(path_m)
-        doubt = np.array(covariance, dtype=np.float64)
-        if doubt.shape != (3, 3):
-            raise ArgumentError(f"covariance must be (3, 3), got {doubt.shape}")
+        pose_covariance = np.array(covariance, dtype=np.float64)
+        if pose_covariance.shape != (3, 3):
+            raise ArgumentError(f"covariance must be (3, 3), got {pose_covariance.shape}")
         velocity = (float(velocity_mps[0]), float(velocity_mps[1]))
         pending = velocity if pending_mps is None else (float(pending_mps[0]), float(pending_mps[1]))
         table = np.array(
@@ -165,7 +190,7 @@ class SpeedPlanner:
         ).reshape(-1, 6)
         until_look = self.look_period_s if until_look_s is None else float(until_look_s)
         limits = self.follower.limits
-        start = kernel.Start((pose.x_m, pose.y_m), velocity, pending, doubt)
+        start = kernel.Start((pose.x_m, pose.y_m), velocity, pending, pose_covariance)
         clearance, nearest = -math.inf, -1
         for speed in self._speeds:
             way = kernel.Following(
@@ -176,10 +201,10 @@ class SpeedPlanner:
             if clearance >= 0.0:
                 if speed == self._speeds[0]:
                     return SpeedPlan(speed, True, clearance, f"full speed: {_room(clearance, discs, which)}")
-                slow = f"slow, {speed:.2f} m/s: {_around(discs, nearest)}, sigma {_sigma(doubt):.2f} m"
+                slow = f"slow, {speed:.2f} m/s: {_around(discs, nearest)}, sigma {_sigma(pose_covariance):.2f} m"
                 return SpeedPlan(speed, True, clearance, slow)
             nearest = which
-        sigma = _sigma(doubt)
+        sigma = _sigma(pose_covariance)
         return SpeedPlan(0.0, False, clearance, f"no safe speed: {_around(discs, nearest)}, sigma {sigma:.2f} m")
 
 

@@ -1,8 +1,8 @@
-"""How fast towards floor that is not decided yet: so slowly that it will have been looked at often enough on arrival.
+"""Plans speeds towards undecided floor: so slow that it has been looked at often enough when the robot arrives.
 
-Miura (2004), section 6.3. A region that needs n more looks, each T apart, is reached after them, and with room to stop
-before it should something stand there: v (n T + t_dead) + v^2 / (2 a) <= d - r, where d is the way to it along the
-path and r the robot's radius.
+Miura (2004), section 6.3. A region that needs n more looks, each T apart, is reached after them, with room to stop if
+something stands there: v (n T + t_dead) + v^2 / (2 a) <= d - r, where d is the way to it along the path and r the
+robot's radius.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from robocup_vision.planning.speed.speed_planner import SpeedPlan
 
 # in `UndecidedFloor.looks`
 FREE, BLOCKED = -1, 0
-# shares of a cell by which the path is walked
-_STEP_SHARE = 0.5
+# step along the path, in cells: no cell is skipped
+_STEP_CELLS = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UndecidedFloor:
-    """The floor in square cells, and how many more looks each needs.
+    """The floor in square cells, and the number of looks that each still needs.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class UndecidedFloor:
     corner_m : (float, float)
         Outer corner of cell [0, 0], in the frame that is planned in.
     cell_m : float
-        A cell's width. What lies outside is undecided, like the cells that need most.
+        A cell's width. Cells outside are undecided, and need as many looks as the most undecided one inside.
     """
 
     looks: Int16Array
@@ -54,15 +54,15 @@ class UndecidedFloor:
 
 
 def looks_to_decide(log_odds: FloatArray, gain: FloatArray, decided: float) -> Int16Array:
-    """Return for each cell how many looks it still needs; -1: it is free, 0: it is blocked.
+    """Return for each cell the number of looks it still needs; -1: it is free, 0: it is blocked.
 
     Parameters
     ----------
     log_odds : (R, C) float64
         Of being occupied.
     gain : (R, C) float64
-        By how much a look from here that finds a cell free lowers them: the sensor's model. The looks to come are from
-        nearer, and no worse.
+        Decrease of the log-odds by one look from here that finds the cell free: the sensor's model. Later looks are
+        from nearer, and no worse.
     decided : float
         From +decided on a cell is blocked, from -decided on it is free.
     """
@@ -79,9 +79,9 @@ def safe_speed_mps(room_m: float, looks: int, look_period_s: float, limits: Moti
     Parameters
     ----------
     room_m : float
-        d - r: how far the robot can go before it touches the region.
+        d - r: the way until the robot touches the region.
     looks : int
-        n, how many looks are needed; 0: one has to stop before it anyway, and can tell so a look later.
+        n, the looks needed; 0: the cell is blocked, and the next decision comes one look later.
     look_period_s : float
         T.
     limits : MotionLimits
@@ -101,7 +101,7 @@ class UndecidedSpeed:
     limits : MotionLimits
         How the robot moves.
     robot_radius_m : float
-        Of the robot, and what clearance it wants besides.
+        Of the robot, and the clearance that it keeps.
     look_period_s : float
         Time between two looks.
     """
@@ -114,17 +114,17 @@ class UndecidedSpeed:
         self._radius_m, self._look_period_s = float(robot_radius_m), float(look_period_s)
 
     def plan(self, path_m: FloatArray, floor: UndecidedFloor) -> SpeedPlan:
-        """Return the largest speed for which everything on the way will be decided in time.
+        """Return the largest speed at which all cells on the way are decided in time.
 
         Parameters
         ----------
         path_m : (P, 2) float64
             The path from where the robot is, in the floor's frame.
         floor : UndecidedFloor
-            What is known of it. What lies under the robot now is free: it is there.
+            The cells. Those under the robot are free, since it stands there.
         """
         path = checked_path(path_m)
-        places, arcs = _walk(path, _STEP_SHARE * floor.cell_m, self._needed_m(floor))
+        places, arcs = _walk(path, _STEP_CELLS * floor.cell_m, self._needed_m(floor))
         # a cell counts from its nearer side on, not from its middle
         radius = self._radius_m + 0.5 * floor.cell_m
         reach = math.ceil(radius / floor.cell_m)
@@ -161,13 +161,13 @@ class UndecidedSpeed:
         return SpeedPlan(least, least > 0.0, clearance, why)
 
     def _needed_m(self, floor: UndecidedFloor) -> float:
-        """Way beyond which nothing can slow the robot down."""
+        """Return the way beyond which no cell slows the robot down."""
         speed, looks = self._limits.speed_mps, max(1, int(floor.looks.max()))
         return speed * looks * self._look_period_s + self._limits.stop_m(speed) + 2.0 * floor.cell_m
 
 
 def _walk(path: FloatArray, step_m: float, max_m: float) -> tuple[FloatArray, FloatArray]:
-    """Places (S, 2) along the path, and their arc lengths (S,)."""
+    """Return places (S, 2) along the path, and their arc lengths (S,)."""
     ends = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     arcs = np.arange(0.0, min(max_m, float(ends[-1])) + step_m, step_m)
     arcs = np.minimum(arcs, ends[-1])

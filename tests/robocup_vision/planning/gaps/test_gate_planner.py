@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.planning import Disc, Gap, GatePlanner, MotionLimits, WidthSensor, gap_between
+from robocup_vision.planning import Disc, Gap, GatePlanner, GatePlannerSettings, MotionLimits, WidthSensor, gap_between
 
 LIMITS = MotionLimits(1.0, 1.2)
 SENSOR = WidthSensor(0.01, 0.4)
@@ -19,7 +19,7 @@ GOAL, DETOUR = (3.0, 0.0), ((2.0, -1.4), (2.6, -1.0))
 
 
 def planner(looks=2, **options):
-    return GatePlanner(LIMITS, SENSOR, 0.22, looks=looks, **options)
+    return GatePlanner(LIMITS, SENSOR, 0.22, GatePlannerSettings(looks=looks, **options))
 
 
 def gap(width, sigma, across=0.2):
@@ -143,6 +143,8 @@ def test_a_drive_by_way_of_a_stop_is_never_shorter():
         (lambda: planner(confirmed=1.0), "confirmed must be from 0.5"),
         (lambda: planner(failure_s=-1.0), "failure_s must not be negative"),
         (lambda: planner(looks=0), "looks must be at least 1"),
+        (lambda: planner(look_s=0.0), "look_s must be positive"),
+        (lambda: planner(measured_at_sigmas=(1.0, 0.0)), "measured_at_sigmas must ascend"),
         (lambda: planner().plan((0, math.nan), gap(0.2, 0.1), GOAL, DETOUR), "must be finite"),
         (lambda: planner().plan((0, 0), gap(0.2, 0.1), GOAL, ()), "detour_m must have at least one point"),
         (lambda: planner().plan((0, 0), gap(0.2, 0.1), GOAL, DETOUR, np.zeros(3)), r"viewpoints_m must be \(N, 2\)"),

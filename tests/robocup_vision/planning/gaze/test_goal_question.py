@@ -1,7 +1,6 @@
 """Gaze for the half of the field: Bayes, expected entropy, and when to stop asking."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -10,12 +9,13 @@ from strategies import numbers, poses
 
 from field_models import load_field
 from field_models.errors import ArgumentError
+from robocup_vision.belief import Hypothesis
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.planning.gaze.goal_evidence import CORNERS, GoalEvidence
-from robocup_vision.planning.gaze.goal_question import ENOUGH_NAT, GoalQuestion, entropy_nat, identified_goal
+from robocup_vision.planning.gaze.goal_question import GoalQuestion, GoalQuestionSettings, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
 
 FIELD = load_field("four_legged_2007")
@@ -32,18 +32,9 @@ def _evidence(found: float, wrong: float = 0.0, again: float = 1.0) -> GoalEvide
     return GoalEvidence((40.0,), table, again)
 
 
-@dataclass(frozen=True)
-class Believed:
-    """A hypothesis as the pose filter gives it."""
-
-    pose: Pose2
-    covariance: np.ndarray
-    probability: float
-
-
-def _halves(pose: Pose2, probability: float = 0.5, covariance: np.ndarray = SMALL) -> list[Believed]:
-    turned = Believed(pose.half_turn(), half_turn_covariance(covariance), 1 - probability)
-    return [Believed(pose, covariance, probability), turned]
+def _halves(pose: Pose2, probability: float = 0.5, covariance: np.ndarray = SMALL) -> list[Hypothesis]:
+    turned = Hypothesis(pose.half_turn(), half_turn_covariance(covariance), 1 - probability)
+    return [Hypothesis(pose, covariance, probability), turned]
 
 
 def test_looks_at_the_goal_within_reach() -> None:
@@ -57,7 +48,7 @@ def test_looks_at_the_goal_within_reach() -> None:
     assert look.reason == f"look {math.degrees(look.pan_rad):+.0f} deg: 0.07 of 0.69 nat to be left"
 
 
-def test_prefers_the_goal_that_nobody_hides() -> None:
+def test_prefers_the_goal_that_no_robot_hides() -> None:
     # both goals within reach, the one at +x nearer
     pose = Pose2(0.5, -1.4, math.pi / 2)
     question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.9))
@@ -82,8 +73,8 @@ def test_a_goal_tells_the_half() -> None:
 
 
 def test_nothing_seen_speaks_against_whoever_promised_a_goal() -> None:
-    facing = Believed(Pose2(1.0, 0.0, 0.0), SMALL, 0.5)
-    sideways = Believed(Pose2(1.0, 0.0, math.pi / 2), SMALL, 0.5)
+    facing = Hypothesis(Pose2(1.0, 0.0, 0.0), SMALL, 0.5)
+    sideways = Hypothesis(Pose2(1.0, 0.0, math.pi / 2), SMALL, 0.5)
     share = GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.9)).observe([facing, sideways], 0.0, 0)
     assert share == pytest.approx([0.1 / 1.1, 1 / 1.1])
 
@@ -93,7 +84,7 @@ def test_decided_when_little_entropy_is_left() -> None:
     sure = question.choose(_halves(Pose2(0.0, 0.0, 0.0), 0.985))
     assert sure.answer == "decided"
     assert sure.pan_rad is None
-    assert sure.entropy_nat <= ENOUGH_NAT
+    assert sure.entropy_nat <= GoalQuestionSettings().enough_nat
     assert sure.reason.startswith("decided: 98.5% sure")
     assert question.choose(_halves(Pose2(0.0, 0.0, 0.0), 0.9)).answer == "look"
 
@@ -103,7 +94,7 @@ def test_a_pitch_whose_halves_look_alike_is_undecidable_at_once(name: str) -> No
     question = GoalQuestion(load_field(name), CAMERA, NECK, _evidence(1.0))
     look = question.choose(_halves(Pose2(0.5, 0.5, 0.0)))
     assert look.answer == "undecidable"
-    assert look.reason == "undecidable: nothing that is seen tells the halves apart"
+    assert look.reason == "undecidable: the goals of this field look alike"
     assert question.observe(_halves(Pose2(0.5, 0.5, 0.0)), 0.0, 1) == pytest.approx([0.5, 0.5])
 
 
@@ -127,7 +118,7 @@ def test_does_not_look_for_ever_where_looks_fail() -> None:
 @settings(max_examples=25)
 @given(poses(2.0), numbers(0.05, 0.95), numbers(0.3, 0.9), numbers(0.0, 0.1))
 def test_laws_of_a_question(pose: Pose2, probability: float, found: float, wrong: float) -> None:
-    question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong), pans=9)
+    question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong), GoalQuestionSettings(pans=9))
     halves = _halves(pose, probability, np.diag([0.1, 0.1, 0.1]) ** 2)
     look = question.choose(halves)
     # a look never adds entropy on average
@@ -138,7 +129,9 @@ def test_laws_of_a_question(pose: Pose2, probability: float, found: float, wrong
             pytest.approx(1.0)
         )
     # which of the two stands first does not matter
-    swapped = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong), pans=9).choose(halves[::-1])
+    swapped = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong), GoalQuestionSettings(pans=9)).choose(
+        halves[::-1]
+    )
     assert swapped.expected_nat == pytest.approx(look.expected_nat, abs=1e-9)
 
 
@@ -164,8 +157,10 @@ def test_refuses_bad_values() -> None:
     with pytest.raises(ArgumentError, match="at least one hypothesis"):
         question.choose([])
     with pytest.raises(ArgumentError, match="probabilities must not be negative"):
-        question.choose([Believed(Pose2(0, 0, 0), SMALL, -0.1), Believed(Pose2(0, 0, 1), SMALL, 1.1)])
+        question.choose([Hypothesis(Pose2(0, 0, 0), SMALL, -0.1), Hypothesis(Pose2(0, 0, 1), SMALL, 1.1)])
     with pytest.raises(ArgumentError, match=r"goal must be \+1, -1 or 0, got 2"):
         question.observe(halves, 0.0, 2)
     with pytest.raises(ArgumentError, match="pans must be at least 3"):
-        GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.9), pans=1)
+        GoalQuestionSettings(pans=1)
+    with pytest.raises(ArgumentError, match="enough_nat must not be negative"):
+        GoalQuestionSettings(enough_nat=-0.1)

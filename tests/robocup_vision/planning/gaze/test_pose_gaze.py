@@ -13,7 +13,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Detector, Neck, PoseGaze
+from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Detector, Neck, PoseGaze, PoseGazeSettings
 
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera((208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, tilt_rad=-0.2, roll_rad=0.0)
@@ -61,7 +61,9 @@ def test_plain_sum_of_information_without_neck_error() -> None:
     detectors = {"beacon": Detector(1.0, 1.0, 2.0)}
     belief = _belief(0.6, 1.5, 0.0, (0.01, 0.01, 0.01))
     neck = Neck(0.9, 1e9, std_rad=0.0)
-    planner = PoseGaze(FIELD, CAMERA, neck, detectors=detectors, horizon_s=0.1, frame_s=0.1, pans=91)
+    planner = PoseGaze(
+        FIELD, CAMERA, neck, detectors=detectors, settings=PoseGazeSettings(horizon_s=0.1, frame_s=0.1, pans=91)
+    )
     gaze = planner.choose(belief, 0.0)
     way = np.array([1.35 - 0.6, 1.95 - 1.5])
     r2 = float(way @ way)
@@ -83,7 +85,7 @@ def test_plain_sum_of_information_without_neck_error() -> None:
 def test_laws_of_a_choice(x: float, y: float, theta: float) -> None:
     belief = _belief(x, y, theta)
     for criterion in ("position", "volume"):
-        planner = PoseGaze(FIELD, CAMERA, NECK, criterion=criterion)
+        planner = PoseGaze(FIELD, CAMERA, NECK, settings=PoseGazeSettings(criterion=criterion))
         gaze = planner.choose(belief, 0.0, blockers=[Disc(1.0, 0.0, 0.15, 0.01 * np.eye(2), height_m=0.28)])
         assert abs(gaze.pan_rad) <= NECK.limit_rad
         if gaze.planned:
@@ -115,9 +117,9 @@ def test_sweeps_after_two_misses_until_something_is_seen() -> None:
     swept = planner.choose(belief, 0.2)
     assert not swept.planned
     assert swept.pan_rad == NECK.sweep(0.2)
-    assert swept.reason == "sweep: 2 frames in a row told nothing"
+    assert swept.reason == "sweep: 2 frames in a row had no pose"
     planner.observe(False, wanted)  # of a sweep nothing was expected
-    assert planner.choose(belief, 0.3).reason == "sweep: 2 frames in a row told nothing"
+    assert planner.choose(belief, 0.3).reason == "sweep: 2 frames in a row had no pose"
     planner.observe(True, 1.0)
     assert planner.choose(belief, 0.2).planned
 
@@ -151,11 +153,13 @@ def test_head_turns_no_faster_and_no_farther_than_it_can() -> None:
         ({"criterion": "best"}, "criterion must be 'position' or 'volume', got 'best'"),
         ({"horizon_s": 0.01}, "frame_s must be positive and within horizon_s"),
         ({"pans": 2}, "pans must be at least 3, got 2"),
+        ({"max_misses": 0}, "max_misses must be at least 1"),
+        ({"border_ratio": -0.1}, "border_ratio must not be negative"),
     ],
 )
-def test_refuses_options(options: dict, message: str) -> None:
+def test_refuses_settings(options: dict, message: str) -> None:
     with pytest.raises(ArgumentError, match=message):
-        PoseGaze(FIELD, CAMERA, NECK, **options)
+        PoseGazeSettings(**options)
 
 
 def test_refuses_bad_values() -> None:

@@ -1,4 +1,4 @@
-"""Selective refinement: the first doubt on the optimistic path, and paths as short as if all was known."""
+"""Selective refinement: the first undecided floor on the optimistic path, and paths as short as if all was known."""
 
 import math
 
@@ -47,7 +47,7 @@ def test_looks_at_the_first_doubt_on_the_way_alone() -> None:
     assert chosen.at_m == pytest.approx((2.05, 1.05))
     # up to where the robot's rim touches it
     assert chosen.sure_m == pytest.approx(2.05 - 0.1 - START[0], abs=0.01)
-    assert chosen.reason == "look at (2.05, 1.05), 1.80 m off: first doubt on a way of 3.50 m"
+    assert chosen.reason == "look at (2.05, 1.05), 1.80 m off: the first undecided floor on a way of 3.50 m"
 
 
 def test_doubt_is_avoided_where_it_costs_nothing() -> None:
