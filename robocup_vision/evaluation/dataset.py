@@ -34,9 +34,6 @@ if TYPE_CHECKING:
     from robocup_vision.perception.color_table import Colors
 
 Word = TypeVar("Word", bound=str)
-# "hull" is the published form of "floor", for comparison: datasets of other people do not need it
-Method = Literal["floor", "field", "goal", "landmarks", "hull"]
-METHODS: tuple[Method, ...] = ("floor", "field", "goal", "landmarks", "hull")
 Symmetry = Literal["none", "point"]
 SYMMETRIES: tuple[Symmetry, ...] = ("none", "point")
 PoseOf = Literal["robot", "camera"]
@@ -89,7 +86,7 @@ class Dataset:
         In the order of evaluation: file names, or ``frame_000000`` and so on for a video.
     field, camera, colors
         What `robocup_vision.Vision` needs; `colors` is None where they are learnt from the images.
-    method : {"floor", "field", "goal", "landmarks", "hull"}
+    method : str
         How the pose is found.
     times : mapping of str to FrameTime, or None
         By image; a dataset with times is a sequence.
@@ -114,7 +111,7 @@ class Dataset:
     field: Field
     camera: OmniCamera | PinholeCamera
     colors: Colors | None
-    method: Method
+    method: str
     times: Mapping[str, FrameTime] | None
     truth: Mapping[str, Truth]
     mask: npt.NDArray[np.uint8] | None
@@ -172,8 +169,8 @@ def load_dataset(
         Name of a built-in field or path of a field file. This and the following go before what ``dataset.toml`` says.
     camera, colors : str or Path, optional
         Paths of camera and colour file.
-    method : {"floor", "field", "goal", "landmarks", "hull"}, optional
-        How the pose is found.
+    method : str, optional
+        How the pose is found: a name in `robocup_vision.localization.methods.METHODS`.
     landmark_map : str or Path, optional
         Path of the map that method "landmarks" locates by; given alone, it chooses that method.
 
@@ -188,8 +185,8 @@ def load_dataset(
     path = Path(path)
     if not path.exists():
         raise FileError(path, "does not exist")
-    if method is not None and method not in METHODS:
-        raise ArgumentError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    if method is not None and method not in (names := _method_names()):
+        raise ArgumentError(f"method must be one of {', '.join(names)}, got {method!r}")
     description_path = path / "dataset.toml" if path.is_dir() else path
     if description_path.suffix == ".toml" and description_path.is_file():
         description = load_toml(description_path, _DatasetFile)
@@ -251,9 +248,16 @@ def _one_of(path: Path, key: str, value: str, known: tuple[Word, ...]) -> Word:
     raise FileError(path, f"must be one of {', '.join(known)}", key=key, value=value)
 
 
-def _method(path: Path, method: str | None, field: Field, camera: OmniCamera | PinholeCamera) -> Method:
+def _method_names() -> tuple[str, ...]:
+    # imported where used: it loads all localisers
+    from robocup_vision.localization.methods import method_names
+
+    return method_names()
+
+
+def _method(path: Path, method: str | None, field: Field, camera: OmniCamera | PinholeCamera) -> str:
     usual = "goal" if isinstance(camera, PinholeCamera) else "field"
-    chosen = _one_of(path, "method", method or usual, METHODS)
+    chosen = _one_of(path, "method", method or usual, _method_names())
     if chosen in ("floor", "hull") and not field.is_bounded:
         problem = f"needs a floor that ends at walls or boards, that of field '{field.name}' does not"
         raise FileError(path, problem, key="method", value=chosen)

@@ -42,6 +42,8 @@ class Method:
         Whether it takes the prior's covariance as a factor of its answer.
     is_baseline : bool
         Whether it is a published method, kept for comparison.
+    needs_map : bool
+        Whether it needs a map of landmarks: `LandmarkVision` runs it, not `Vision`.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Method:
     needs_tilt: bool = False
     takes_covariance: bool = False
     is_baseline: bool = False
+    needs_map: bool = False
 
 
 # the first of each kind of camera is the default, where the camera has what it needs
@@ -63,7 +66,13 @@ METHODS = (
     Method("goal", PINHOLE, "goals of posts and a bar"),
     Method("field", PINHOLE, "white lines", needs_tilt=True),
     Method("floor", PINHOLE, "walls or boards that bound the floor, and a prior", needs_tilt=True),
+    Method("landmarks", PINHOLE, "a map of landmarks", needs_tilt=True, needs_map=True),
 )
+
+
+def method_names() -> tuple[str, ...]:
+    """Return the names of all methods, each once."""
+    return tuple(dict.fromkeys(method.name for method in METHODS))
 
 
 def kind_of(camera: Camera) -> str:
@@ -80,7 +89,7 @@ def choose_method(camera: Camera, name: str | None = None) -> Method:
         If no method of that name serves the camera, or its tilt must be known and is not.
     """
     kind = kind_of(camera)
-    mine = [method for method in METHODS if method.camera == kind]
+    mine = [method for method in METHODS if method.camera == kind and not method.needs_map]
     if name is None:
         has_tilt = not isinstance(camera, PinholeCamera) or camera.known_orientation
         return next(method for method in mine if has_tilt or not method.needs_tilt)

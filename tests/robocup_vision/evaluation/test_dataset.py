@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from field_models import ArgumentError, FileError, FrameError, RobocupVisionError
-from robocup_vision.evaluation.dataset import METHODS, Truth, load_dataset
+from robocup_vision.evaluation.dataset import Truth, load_dataset
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.methods import method_names
 
 FRAMES = "image,t_s,dx_m,dy_m,dtheta_rad\n0.png,10,,,\n" + "".join(
     f"{i}.png,{10 + i},0.1,0,0.01\n" for i in range(1, 5)
@@ -225,7 +226,7 @@ def test_wrong_frames(folder: Path, old: str, new: str, problem: str) -> None:
         (
             "format = 1",
             'format = 1\nmethod = "magic"',
-            "key 'method': must be one of floor, field, goal, landmarks, hull, got 'magic'",
+            "key 'method': must be one of field, floor, hull, edges, goal, landmarks, got 'magic'",
         ),
         ('images = "images"', 'images = "pictures"', "key 'images': does not exist, got 'pictures'"),
         ('images = "images"', 'images = "empty"', "key 'images': no images found in this folder (png, jpg, jpeg, bmp)"),
@@ -265,7 +266,7 @@ def test_files_that_are_not_there(folder: Path, old: str, new: str, problem: str
 def test_paths_and_arguments_that_are_nothing(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(RobocupVisionError, match="nowhere: does not exist"):
         load_dataset(tmp_path / "nowhere")
-    with pytest.raises(ArgumentError, match=f"method must be one of {', '.join(METHODS)}, got 'magic'"):
+    with pytest.raises(ArgumentError, match=f"method must be one of {', '.join(method_names())}, got 'magic'"):
         load_dataset(folder, method="magic")
     (tmp_path / "bare").mkdir()
     with pytest.raises(RobocupVisionError, match="no images found"):
