@@ -227,7 +227,7 @@ def measure_photographs(quick: bool) -> bool:
             words = label.replace(" ", "").replace(",", "_")
             cv2.imwrite(str(OUT / f"{folder}_{words}.png"), draw(vision.look(frame), frame, vision))
             u, v = result.camera.center_px
-            held_back = f"{100 * np.mean(residual < 3):.0f} %, {result.choices[0].held_back_px:.2f}"
+            held_back = f"{100 * np.mean(residual < 3):.0f} %, {result.choices[0].held_out_px:.2f}"
             # without a start nothing is promised of photographs
             table.row(label, off, f"{u:.1f}, {v:.1f}", held_back, picked, seconds, verdict(ok) if start else None)
             all_ok &= ok or start is None

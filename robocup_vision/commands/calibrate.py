@@ -156,8 +156,6 @@ def _print_calibration(result: OmniCalibration, images: int) -> None:
     print("  held-back points, by kind of curve:")
     for choice in result.choices:
         level = "tilted" if choice.tilted else "level"
-        print(
-            f"    {choice.curve:<12} {level:<7} median {choice.held_back_px:.2f} px, loss {choice.held_back_cost:.4f}"
-        )
+        print(f"    {choice.curve:<12} {level:<7} median {choice.held_out_px:.2f} px, loss {choice.held_out_cost:.4f}")
     for note in result.notes:
         print(f"note: {note}")

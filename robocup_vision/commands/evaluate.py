@@ -23,7 +23,9 @@ def add_parser(subparsers: Any) -> None:
     evaluate.add_argument("--field", metavar="F", help="built-in field or field file (needed without a dataset.toml)")
     evaluate.add_argument("--camera", metavar="C", help="camera file (needed without a dataset.toml)")
     evaluate.add_argument("--colors", metavar="K", help="colour file (default: learnt from the images)")
-    evaluate.add_argument("--method", metavar="M", help="field, floor, edges, goal, landmarks or hull (default: by camera)")
+    evaluate.add_argument(
+        "--method", metavar="M", help="field, floor, edges, goal, landmarks or hull (default: by camera)"
+    )
     evaluate.add_argument("--map", metavar="MAP", help="landmark map (.npz), for method landmarks")
     evaluate.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
     evaluate.add_argument("--jobs", metavar="N", type=int, default=1, help="number of processes (default: 1)")

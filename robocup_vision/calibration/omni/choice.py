@@ -1,4 +1,4 @@
-"""Which family of curves a mirror is, and whether images tell its tilt: settled by points that the fit did not see."""
+"""Chooses a mirror's family of curves, and whether its tilt is fitted, by points that are held out of the fit."""
 
 from __future__ import annotations
 
@@ -10,16 +10,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
 from robocup_vision.calibration.omni.model import CURVES, TILT, CameraModel, Curve
-
-# points are held back by sectors of the image about the camera's centre, every other one
-_SECTORS = 12
-# width of the loss that families are compared by, pixels
-_SCALE_PX = 1.0
-# a family with more freedom must explain the points held back better by this many standard errors
-_BEYOND_CHANCE = 2.0
-# 2 degrees of freedom, 99.9 %
-_TILTED = 13.8
-_SCALES = (2.0, 1.0)
+from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,22 +23,22 @@ class Choice:
         Its curve.
     tilted : bool
         Whether its tilt was free.
-    held_back_cost : float
-        Mean robust loss, 0 to 1, of points that the fit did not see.
-    held_back_px : float
+    held_out_cost : float
+        Mean robust loss, 0 to 1, of the points held out of the fit.
+    held_out_px : float
         Median distance of those that agree, pixels.
     """
 
     curve: Curve
     tilted: bool
-    held_back_cost: float
-    held_back_px: float
+    held_out_cost: float
+    held_out_px: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Trial:
     choice: Choice
-    # (N,) of every point by the fit that did not see it
+    # (N,) of each point under the fit it was held out of
     loss: FloatArray
 
 
@@ -61,28 +52,37 @@ class Chooser:
     points : Points
         All points.
     fit : Fit
-        Explains them; where every family starts from.
+        Start of every family.
     reach : (float, float, float)
-        How far the start may be left, see `CameraModel.bounds`.
+        Largest changes from the start, see `CameraModel.bounds`.
     unit_px : float
-        What widths of weights are counted in.
+        Pixels of one unit of the weights' widths.
+    settings : OmniCalibrationSettings, optional
+        Its `choice`, `fit` and `model` are used.
     """
 
     def __init__(
-        self, shape: FieldShape, points: Points, fit: Fit, reach: tuple[float, float, float], unit_px: float
+        self,
+        shape: FieldShape,
+        points: Points,
+        fit: Fit,
+        reach: tuple[float, float, float],
+        unit_px: float,
+        settings: OmniCalibrationSettings = OmniCalibrationSettings(),
     ) -> None:
         self.shape, self.points, self.fit = shape, points, fit
-        self._reach = reach
-        self._scales = (*(scale * unit_px for scale in _SCALES), _SCALE_PX)
+        self._reach, self._all_settings, self._settings = reach, settings, settings.choice
+        self._scales = (*(scale * unit_px for scale in settings.choice.scales), settings.choice.scale_px)
+        sectors = settings.choice.sectors
         offset = points.pixels - np.array(fit.camera.center_px)
-        sector = np.floor(np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) * _SECTORS).astype(int)
-        # other sectors in every other frame, so that no direction is held back everywhere
+        sector = np.floor(np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) * sectors).astype(int)
+        # other sectors in every other frame, so that no direction is held out everywhere
         self._half = (sector + points.frame) % 2
         # points of one sector of one frame err together
-        self._group = np.unique(points.frame * 2 * _SECTORS + sector, return_inverse=True)[1].ravel()
+        self._group = np.unique(points.frame * 2 * sectors + sector, return_inverse=True)[1].ravel()
 
     def choose(self, usual: Curve) -> tuple[Choice, ...]:
-        """Return what was tried, the best first: `usual`, level, unless another is better by more than chance."""
+        """Return all that was tried, the best first: `usual`, level, unless another is significantly better."""
         tried = {curve: self._try(curve, True) for curve in CURVES}
         best = tried[usual]
         for curve in CURVES:
@@ -95,16 +95,16 @@ class Chooser:
         return (best.choice, *others)
 
     def _is_tilted(self, choice: Choice) -> bool:
-        """Whether the tilt found is too large for chance."""
-        fit = self.final(choice, _SCALE_PX)
-        joint = JointFit(self.shape, self.points)
+        """Whether the tilt found is significant."""
+        fit = self.final(choice, self._settings.scale_px)
+        joint = self._joint(self.points)
         covariance = joint.covariance(fit)[TILT, TILT]
         tilt = fit.vector[TILT] - fit.model.vector(fit.model.frame)[TILT]
-        return float(tilt @ np.linalg.solve(covariance, tilt)) > _TILTED
+        return float(tilt @ np.linalg.solve(covariance, tilt)) > self._settings.min_tilt_chi2
 
     def _is_better(self, trial: _Trial, other: _Trial) -> bool:
         gain = np.bincount(self._group, self.points.weight * (other.loss - trial.loss))
-        return bool(gain.sum() > _BEYOND_CHANCE * np.sqrt(np.sum(gain**2)))
+        return bool(gain.sum() > self._settings.min_gain_stds * np.sqrt(np.sum(gain**2)))
 
     def final(self, choice: Choice, scale_px: float) -> Fit:
         """Fit a family to all points, down to a width in pixels."""
@@ -115,18 +115,22 @@ class Chooser:
         for half in (0, 1):
             seen, hidden = self.points.take(self._half == half), self._half != half
             fit = self._fit(seen, curve, tilted, self._scales)
-            residual[hidden] = JointFit(self.shape, self.points.take(hidden)).residuals(fit.camera, fit.poses)
+            residual[hidden] = self._joint(self.points.take(hidden)).residuals(fit.camera, fit.poses)
         square = np.minimum(residual**2, 1e6)
-        loss = square / (square + _SCALE_PX**2)
-        good = np.abs(residual)[np.abs(residual) < 3 * _SCALE_PX]
+        scale_px = self._settings.scale_px
+        loss = square / (square + scale_px**2)
+        good = np.abs(residual)[np.abs(residual) < 3 * scale_px]
         weight = self.points.weight
         choice = Choice(
             curve, tilted, float(weight @ loss / weight.sum()), float(np.median(good)) if len(good) else np.inf
         )
         return _Trial(choice, loss)
 
+    def _joint(self, points: Points) -> JointFit:
+        return JointFit(self.shape, points, self._all_settings.fit)
+
     def _fit(self, points: Points, curve: Curve, tilted: bool, scales: Sequence[float]) -> Fit:
-        model = CameraModel(self.fit.model.frame, curve)
+        model = CameraModel(self.fit.model.frame, curve, self._all_settings.model)
         vector = model.vector(self.fit.camera)
         start = model.vector(model.frame)
         free = np.ones(model.size, dtype=bool)
@@ -136,4 +140,4 @@ class Chooser:
         prior = vector.copy()
         prior[:4] = start[:4]
         bounds = model.bounds(start, *self._reach)
-        return JointFit(self.shape, points).solve(model, vector, self.fit.poses, tuple(scales), prior, bounds, free)
+        return self._joint(points).solve(model, vector, self.fit.poses, tuple(scales), prior, bounds, free)

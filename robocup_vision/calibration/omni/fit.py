@@ -17,6 +17,7 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
+from robocup_vision.calibration.omni.settings import JointFitSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.floor.calibration import MirrorView, floor_points
 from robocup_vision.kernels.lines.lines import nearest_lines
@@ -24,15 +25,6 @@ from robocup_vision.kernels.lines.lines import nearest_lines
 # steps of the numerical derivatives, in the vector's own units
 _STEP = 1e-4
 _MIN_SLOPE = 1e-9
-# most that one iteration may move: centre px, tilt, log curve and shape, pose m and rad
-_MAX_CENTER_PX, _MAX_TILT, _MAX_LOG, _MAX_POSE = 4.0, 0.02, 0.08, 0.15
-# line points farther away than this many field diagonals tell nothing
-_FAR = 1.5
-# neighbours along an edge err together: so many points count as one
-_POINTS_PER_FACT = 3.0
-_MIN_NOISE_PX = 0.15
-# sectors of the image whose points err together
-_CLUSTERS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +34,13 @@ class Points:
     Parameters
     ----------
     pixels : (N, 2) float64
-        Where.
+        Places in the image.
     frame : (N,) int64
         Index of the frame, ascending; every frame has points.
     is_line : (N,) bool
         On a painted line; else at the foot of a wall.
     weight : (N,) float64
-        How much each counts.
+        Weight of each.
     """
 
     pixels: FloatArray
@@ -97,12 +89,20 @@ class Fit:
 
 
 class FieldShape:
-    """A field's walls and lines as what points are measured against."""
+    """A field's walls and lines, from which distances of points are measured.
 
-    def __init__(self, field: Field) -> None:
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    settings : JointFitSettings, optional
+        Says how far away a line point may be.
+    """
+
+    def __init__(self, field: Field, settings: JointFitSettings = JointFitSettings()) -> None:
         self.walls = np.ascontiguousarray(field.walls if field.is_bounded else np.empty((0, 4)))
         self.lines, self.arcs = np.ascontiguousarray(field.lines), np.ascontiguousarray(field.arcs)
-        self.reach_m = _FAR * float(np.hypot(*np.ptp(field.floor_polygon, axis=0)))
+        self.reach_m = settings.max_line_diagonals * float(np.hypot(*np.ptp(field.floor_polygon, axis=0)))
         self.low, self.high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         ends = np.vstack([self.walls, self.lines])
         along = ends[:, 2:] - ends[:, :2]
@@ -144,11 +144,14 @@ class JointFit:
         What the points lie on.
     points : Points
         The points.
+    settings : JointFitSettings, optional
+        Bounds of a step, and the points' noise.
     """
 
-    def __init__(self, shape: FieldShape, points: Points) -> None:
+    def __init__(self, shape: FieldShape, points: Points, settings: JointFitSettings = JointFitSettings()) -> None:
         self.shape = shape
         self.points = points
+        self.settings = settings
         self._first = np.searchsorted(points.frame, np.arange(points.frames))
         self._total = float(points.weight.sum())
 
@@ -174,15 +177,15 @@ class JointFit:
         vector : (G,) float64
             Where to start.
         poses : (F, 3) float64
-            Likewise.
+            Start of the poses.
         scales_px : tuple of float
             Widths of the redescending weights, the widest first.
         prior : (G,) float64
-            What the vector is held to, as loosely as the model says.
+            Mean of the vector's prior; its standard deviations are the model's.
         bounds : ((G,), (G,)) float64
-            Least and greatest vector.
+            Lower and upper bound of the vector.
         free : (G,) bool, optional
-            What may move; everything unless given.
+            Which numbers are fitted; all unless given. The others are fixed.
         repeats : int
             Iterations at each width.
         most : int
@@ -301,16 +304,16 @@ class JointFit:
         bounds: tuple[FloatArray, FloatArray],
         free: npt.NDArray[np.bool_],
     ) -> float:
-        """Do one Gauss-Newton step in place; return its length for a stop test, whatever the units of its parts."""
+        """Do one Gauss-Newton step in place; return its length, relative to the bounds of a step, for a stop test."""
         residual, by_vector, by_own, known = self._linearise(model, vector, poses, free)
         weight = np.where(known, self.points.weight / (1 + (residual / scale) ** 2) ** 2, 0.0)
-        fact = _POINTS_PER_FACT * max(scale / 2, _MIN_NOISE_PX) ** 2
-        weight /= fact
+        settings = self.settings
+        weight /= settings.points_per_measurement * max(scale / 2, settings.min_noise_px) ** 2
         h_gg, h_gp, h_pp, g_g, g_p = self._normal(residual, by_vector, by_own, weight)
         std = model.prior_std()
         h_gg += np.diag(1 / std**2)
         g_g += (vector - prior) / std**2
-        # poses are held to where they are by a decimetre or so: a frame that shows one wall only does not run away
+        # damping of about a decimetre: the pose of a frame that shows one wall only does not run away
         h_pp += np.diag([1e-3, 1e-3, 1e-3]) * np.trace(h_pp, axis1=1, axis2=2)[:, None, None] / 3 + 1e-6 * np.eye(3)
         back = np.linalg.solve(h_pp, np.concatenate([h_gp.transpose(0, 2, 1), g_p[:, :, None]], axis=2))
         schur = h_gg - np.einsum("fgp,fph->gh", h_gp, back[:, :, :-1])
@@ -320,11 +323,11 @@ class JointFit:
         schur[~free, ~free] = 1.0
         right[~free] = 0.0
         step = -np.linalg.solve(schur, right)
-        most = np.full(len(vector), _MAX_LOG)
-        most[CENTER], most[TILT] = _MAX_CENTER_PX, _MAX_TILT
+        most = np.full(len(vector), settings.max_log_step)
+        most[CENTER], most[TILT] = settings.max_center_step_px, settings.max_tilt_step_rad
         step *= min(1.0, float(np.min(most / np.maximum(np.abs(step), 1e-12))))
         pose_step = -(back[:, :, -1] + np.einsum("fpg,g->fp", back[:, :, :-1], step))
-        pose_step *= np.minimum(1.0, _MAX_POSE / np.maximum(np.abs(pose_step).max(axis=1), 1e-12))[:, None]
+        pose_step *= np.minimum(1.0, settings.max_pose_step / np.maximum(np.abs(pose_step).max(axis=1), 1e-12))[:, None]
         before = vector.copy()
         vector += step
         np.clip(vector, *bounds, out=vector)
@@ -344,23 +347,24 @@ class JointFit:
         return h_gg, h_gp, h_pp, weighted.T @ residual, g_p
 
     def covariance(self, fit: Fit) -> FloatArray:
-        """Covariance (G, G) of a fit's vector, poses unknown; what errs together counts once.
+        """Covariance (G, G) of a fit's vector, with unknown poses. Points that err together count once.
 
         Points of one frame and one sector of the image are one group (a cluster-robust "sandwich"). Every number
-        counts as unknown, whether the fit let it move or not.
+        counts as unknown, even if it was fixed in the fit.
         """
         residual, by_vector, by_own, known = self._linearise(
             fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool)
         )
-        spread = spread_px(residual[known])
+        spread = spread_px(residual[known], self.settings)
         weight = np.where(known, self.points.weight / (1 + (residual / (3 * spread)) ** 2) ** 2 / spread**2, 0.0)
         _, h_gp, h_pp, _, _ = self._normal(residual, by_vector, by_own, weight)
         h_pp += 1e-6 * np.eye(3)
         eliminated = np.linalg.solve(h_pp, h_gp.transpose(0, 2, 1))
         reduced = by_vector - np.einsum("np,npg->ng", by_own, eliminated[self.points.frame])
         offset = self.points.pixels - fit.vector[CENTER]
-        sector = np.floor((np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) + 0.5) * _CLUSTERS).astype(np.int64)
-        _, member = np.unique(self.points.frame * (_CLUSTERS + 1) + sector, return_inverse=True)
+        sectors = self.settings.sectors
+        sector = np.floor((np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) + 0.5) * sectors).astype(np.int64)
+        _, member = np.unique(self.points.frame * (sectors + 1) + sector, return_inverse=True)
         scores = np.zeros((int(member.max()) + 1, len(fit.vector)))
         np.add.at(scores, member.ravel(), reduced * (weight * residual)[:, None])
         fisher = (reduced.T * weight) @ reduced
@@ -369,7 +373,7 @@ class JointFit:
         return np.asarray(bread @ (fisher + scores.T @ scores + prior) @ bread)
 
 
-def spread_px(residual_px: FloatArray) -> float:
+def spread_px(residual_px: FloatArray, settings: JointFitSettings = JointFitSettings()) -> float:
     """Robust standard deviation of residuals (N,), from those that agree with one another."""
     size = np.abs(residual_px[np.isfinite(residual_px)])
     within = 3.0
@@ -378,5 +382,5 @@ def spread_px(residual_px: FloatArray) -> float:
         if not len(good):
             break
         # half of the points that agree lie within 0.67 standard deviations
-        within = max(3 * 1.48 * float(np.median(good)), 3 * _MIN_NOISE_PX)
+        within = max(3 * 1.48 * float(np.median(good)), 3 * settings.min_noise_px)
     return within / 3

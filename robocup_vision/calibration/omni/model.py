@@ -1,8 +1,8 @@
 """A mirror camera as a short vector of numbers that a fit can move: centre, tilt and the curve.
 
-Every curve is written by the same two numbers that images determine best, K, how fast floor range grows with the radius
-near the centre (px/m), and the radius H of the horizon (px); what else a family of curves has follows after them. So a
-fit may start from any family and end in another. A paraboloid of these is q = K/R (1 - (R/H)^2), of height H/(2K).
+The same two numbers describe every curve, those that images determine best: K, the slope of the radius over floor range
+near the centre (px/m), and H, the radius of the horizon (px). A family's further numbers follow them. So a fit may
+start from any family and end in another. A paraboloid of these is q = K/R (1 - (R/H)^2), of height H/(2K).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.calibration.omni.settings import CameraModelSettings
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
 
@@ -25,18 +26,11 @@ CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
 Family = Literal[Curve, "kept"]
 
 CENTER, TILT, SCALE, HORIZON, SHAPE = slice(0, 2), slice(2, 4), 4, 5, slice(6, None)
-# how far a hyperboloid's sqrt(C) may lie beyond the horizon's radius: farther, it is a paraboloid for all one can see
-_ROOT_OVER_HORIZON = (0.3, 30.0)
-# nodes at which a table's curve is bent, evenly over the usable radii, and of the table that is written
-BENDS = 6
-_TABLE_ROWS = 64
-# a written table ends where the floor is this many viewpoint heights away: a pixel or two before the horizon
-_FARTHEST_HEIGHTS = 40.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BentCurve:
-    """A hyperboloid whose image radius is stretched a little, smoothly along the radius: a table in the making.
+    """A hyperboloid whose image radius is stretched a little, smoothly along the radius; written as a table.
 
     Parameters
     ----------
@@ -116,15 +110,18 @@ class CameraModel:
         Gives everything that is not in the vector: size, usable radii, heading, offset, whether it is mirrored.
     curve : {"hyperboloid", "tangent", "table", "kept"}
         The family.
+    settings : CameraModelSettings, optional
+        Prior and bounds of the vector.
     """
 
     frame: OmniCamera
     curve: Family
+    settings: CameraModelSettings = CameraModelSettings()
 
     @property
     def size(self) -> int:
         """Length of the vector."""
-        return {"hyperboloid": 7, "tangent": 6, "table": 7 + BENDS, "kept": 4}[self.curve]
+        return {"hyperboloid": 7, "tangent": 6, "table": 7 + self.settings.bends, "kept": 4}[self.curve]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -134,7 +131,7 @@ class CameraModel:
 
     @property
     def _nodes_px(self) -> FloatArray:
-        return np.linspace(*self.frame.usable_radius_px, BENDS)
+        return np.linspace(*self.frame.usable_radius_px, self.settings.bends)
 
     def vector(self, camera: OmniCamera) -> FloatArray:
         """Vector (G,) of the member of this family that is most like a camera."""
@@ -144,7 +141,8 @@ class CameraModel:
         head = [*camera.center_px, *camera.tilt_rad, math.log(scale), math.log(horizon)]
         root = 4.0
         if isinstance(camera.floor_range, Hyperboloid):
-            root = min(max(math.sqrt(camera.floor_range.C_px2) / horizon, _ROOT_OVER_HORIZON[0]), _ROOT_OVER_HORIZON[1])
+            low, high = self.settings.root_over_horizon
+            root = min(max(math.sqrt(camera.floor_range.C_px2) / horizon, low), high)
         vector = np.zeros(self.size)
         vector[:6] = head
         vector[6:7] = math.log(root)
@@ -164,7 +162,7 @@ class CameraModel:
             base = hyperboloid_of(scale, horizon, horizon * math.exp(vector[6]))
             curve = base if self.curve == "hyperboloid" else BentCurve(base, self._nodes_px, vector[7:])
         if self.curve != "hyperboloid":
-            # nothing in a picture of the floor tells it: the start's, or that of the paraboloid with this K and H
+            # a picture of the floor does not show it: the start's, or that of the paraboloid with this K and H
             height = self.frame.height_m if self.frame.height_m is not None else horizon / (2 * scale)
         return dataclasses.replace(
             self.frame,
@@ -182,40 +180,41 @@ class CameraModel:
         inner, outer = camera.usable_radius_px
         radius = np.linspace(0.5 * inner, 1.1 * outer, 2000)
         q = camera.floor_range.inverse_range_per_m(radius)
-        reach = 1.0 / (_FARTHEST_HEIGHTS * (camera.height_m or 1.0))
+        reach = 1.0 / (self.settings.farthest_heights * (camera.height_m or 1.0))
         last = int(np.argmax(q < reach)) if (q < reach).any() else len(q)
-        rows = np.linspace(radius[0], radius[last - 1], _TABLE_ROWS)
+        rows = np.linspace(radius[0], radius[last - 1], self.settings.table_rows)
         curve = Table(rows, 1.0 / camera.floor_range.inverse_range_per_m(rows))
         return dataclasses.replace(camera, floor_range=curve)
 
     def prior_std(self) -> FloatArray:
-        """(G,) standard deviations of what is believed about the vector before any image was seen."""
+        """(G,) standard deviations of the vector under the prior."""
         width, height = self.frame.size_px
-        std = np.full(self.size, 0.02)
-        std[CENTER] = 0.05 * min(width, height)
-        std[TILT] = math.radians(1.5)
-        std[SCALE : HORIZON + 1] = 0.3
-        std[6:7] = 0.5
+        settings = self.settings
+        std = np.full(self.size, settings.bend_std)
+        std[CENTER] = settings.center_std_ratio * min(width, height)
+        std[TILT] = settings.tilt_std_rad
+        std[SCALE : HORIZON + 1] = settings.curve_std
+        std[6:7] = settings.shape_std
         return std
 
     def bounds(
         self, start: FloatArray, center_px: float, log_scale: float, log_horizon: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Least and greatest vector (G,) each: so far from a start may a fit go.
+        """Lower and upper bound (G,) of a vector fitted from a start.
 
         Parameters
         ----------
         start : (G,) float64
             The start.
         center_px : float
-            Most that either coordinate of the centre may change.
+            Largest change of either coordinate of the centre.
         log_scale, log_horizon : float
-            Most that the logarithms of K and H may change.
+            Largest changes of the logarithms of K and H.
         """
-        reach = np.full(self.size, 0.08)
+        reach = np.full(self.size, self.settings.max_bend)
         reach[CENTER] = center_px
-        reach[TILT] = math.radians(6.0)
+        reach[TILT] = self.settings.max_tilt_rad
         reach[SCALE], reach[HORIZON] = log_scale, log_horizon
         low, high = start - reach, start + reach
-        low[6:7], high[6:7] = np.log(_ROOT_OVER_HORIZON)
+        low[6:7], high[6:7] = np.log(self.settings.root_over_horizon)
         return low, high

@@ -1,4 +1,4 @@
-"""What a calibration says: the camera, how sure it is, the frames it rests on, and what the images could not tell."""
+"""Result of a mirror camera's calibration: the camera, its uncertainty, the frames used, and notes."""
 
 from __future__ import annotations
 
@@ -10,25 +10,23 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.choice import Choice
 from robocup_vision.calibration.omni.fit import Fit
+from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
-
-# numbers that trade off against one another more than this cannot be told apart
-_APART = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class CalibratedFrame:
-    """One frame as the calibration explains it.
+    """One frame of a calibration.
 
     Parameters
     ----------
     index : int
-        Which of the frames given.
+        Index among the frames given.
     name : str
-        What it is called.
+        Its name.
     pose : Pose2
-        The robot; on a point-symmetric field perhaps half a turn off.
+        Of the robot; on a point-symmetric field perhaps half a turn off.
     boundary_px, line_px : (B, 2) float64, (L, 2) float64
         Points of the floor's edge and of painted lines.
     boundary_residual_px, line_residual_px : (B,) float64, (L,) float64
@@ -46,22 +44,22 @@ class CalibratedFrame:
 
 @dataclass(frozen=True, eq=False)
 class OmniCalibration:
-    """A calibrated mirror camera, with what is known of how good it is.
+    """A calibrated mirror camera with its uncertainty.
 
     Parameters
     ----------
     camera : OmniCamera
         Ready for a camera file.
     frames : tuple of CalibratedFrame
-        The frames it rests on.
+        The frames used.
     std : mapping of str to float
         Standard deviations: ``center_u_px``, ``center_v_px``, ``tilt_x_rad``, ``tilt_y_rad``, and, relative, those of
-        the curve's two main numbers, ``scale`` (near the centre) and ``horizon``. Each as if all others were unknown:
-        what trades off against something else has a large one.
+        the curve's two main numbers, ``scale`` (near the centre) and ``horizon``. They are marginal: a number that
+        correlates with another has a large one.
     choices : tuple of Choice
         Families of curves that were tried, the chosen one first.
     notes : tuple of str
-        What could not be told, or told apart, and which frames were left out.
+        What the images do not determine, or do not separate, and which frames were left out.
     """
 
     camera: OmniCamera
@@ -78,21 +76,37 @@ def standard_deviations(fit: Fit, covariance: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, std, strict=False)}
 
 
-def trade_offs(fit: Fit, covariance: FloatArray, tilted: bool, unknown: bool) -> list[str]:
-    """Say in sentences what the images could not tell, or not tell apart."""
+def undetermined(
+    fit: Fit, covariance: FloatArray, tilted: bool, unknown: bool, settings: OmniCalibrationSettings
+) -> list[str]:
+    """Return a sentence for each number that the images do not determine, or do not separate from another.
+
+    Parameters
+    ----------
+    fit : Fit
+        The final fit.
+    covariance : (G, G) float64
+        Of its vector.
+    tilted : bool
+        Whether the tilt was fitted.
+    unknown : bool
+        Whether there was no start.
+    settings : OmniCalibrationSettings
+        Its `max_correlation` is used.
+    """
     notes = []
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
     for tilt, center in ((2, 1), (3, 0)):
-        if abs(correlation[tilt, center]) > _APART:
+        if abs(correlation[tilt, center]) > settings.max_correlation:
             px = abs(covariance[tilt, center] / covariance[tilt, tilt]) * math.radians(0.1)
             notes.append(
-                f"{fit.model.names[center]} and {fit.model.names[tilt]} trade off (correlation "
-                f"{correlation[tilt, center]:+.2f}): {px:.2f} px of the one look like 0.1 degrees of the other"
+                f"{fit.model.names[center]} and {fit.model.names[tilt]} are hard to separate (correlation "
+                f"{correlation[tilt, center]:+.2f}): {px:.2f} px of the first look like 0.1 degrees of the second"
             )
     if not tilted:
-        kept = "zero" if unknown else "what the start has"
-        notes.append(f"the tilt cannot be told from the centre: it stays {kept}, and the centre takes its place")
+        fixed = "zero" if unknown else "the start's"
+        notes.append(f"the images do not separate the tilt from the centre: the tilt is {fixed}, the centre fits it")
     origin = "assumed" if unknown else "taken from the start"
-    notes.append(f"heading, offset and mirroring of the camera are {origin}: no picture of a field tells them")
+    notes.append(f"heading, offset and mirroring of the camera are {origin}: pictures of a field do not show them")
     return notes

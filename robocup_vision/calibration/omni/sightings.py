@@ -1,6 +1,6 @@
-"""What a calibration keeps of a frame: where the floor's edge and white lines were seen, in pixels, and nothing else.
+"""The points that a calibration keeps of a frame: the floor's edge and white lines, in pixels.
 
-The frame itself is forgotten, so that a folder of a thousand images needs no more memory than one of them.
+The frame itself is not kept, so that a folder of a thousand images needs no more memory than one of them.
 """
 
 from __future__ import annotations
@@ -14,18 +14,12 @@ from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.omni.fit import Points
+from robocup_vision.calibration.omni.settings import FramePointSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
-
-# a frame is of use with so many points of either kind
-MIN_BOUNDARY_POINTS, MIN_LINE_POINTS = 25, 40
-# floor is all around where it fills this share of what it fills at best: before that the robot's body is in the way
-_ALL_AROUND = 0.9
-# more line points than this are thinned out: they are neighbours of one another
-_MAX_LINE_POINTS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +31,7 @@ class Sighting:
     index : int
         Number of the frame.
     radius_px : (K,) float64
-        Image radius of the floor's edge at each bearing about the centre it was looked at from; NaN where none.
+        Image radius of the floor's edge at each bearing about the observer's centre; NaN where none.
     boundary_px : (B, 2) float64
         The same as pixels, without gaps.
     line_px : (L, 2) float64
@@ -45,7 +39,7 @@ class Sighting:
     line_weight : (L,) float64
         1 with floor on both sides, less otherwise.
     pose : Pose2 or None
-        Where the frame puts the robot through the camera it was looked at with.
+        The robot's pose by this frame and the observer's camera.
     """
 
     index: int
@@ -57,31 +51,41 @@ class Sighting:
 
 
 class Observer:
-    """Takes points from frames through one camera, however wrong.
+    """Finds points in frames by a camera that may be wrong.
 
     Parameters
     ----------
     field : Field
         The pitch.
     camera : OmniCamera
-        Its centre, usable radii and, for how wide lines look, its curve count.
+        Its centre and usable radii are used, and its curve for the width of lines.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     locate : bool
-        Whether the camera is good enough for poses to be worth the time.
+        Whether poses are estimated, too: they need a camera that is nearly right.
+    settings : FramePointSettings, optional
+        Which points are kept.
     """
 
-    def __init__(self, field: Field, camera: OmniCamera, mask: UInt8Array | None, *, locate: bool) -> None:
-        self.field = field
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        mask: UInt8Array | None,
+        *,
+        locate: bool,
+        settings: FramePointSettings = FramePointSettings(),
+    ) -> None:
+        self.field, self._settings = field, settings
         self._locate, self._size_px = locate, tuple(camera.size_px)
         by_outline = field.is_bounded and not locate
         self._vision = Vision(field, camera, method="floor" if by_outline else "field", mask=mask)
         self._finder = LineFinder(camera, field.line_width_m, mask)
         self.polar = PolarView(camera, mask=mask)
-        self.floor_share = np.zeros(len(self.polar.radius_px))
+        self.floor_ratio = np.zeros(len(self.polar.radius_px))
 
     def look(self, index: int, frame: UInt8Array) -> Sighting:
-        """Take a frame's points.
+        """Find a frame's points.
 
         Raises
         ------
@@ -93,9 +97,9 @@ class Observer:
             raise FrameError(f"is {frame.shape[1]}x{frame.shape[0]}, must be {width}x{height}")
         self._vision.forget()
         view = self._vision.look(frame)
-        self.floor_share += (view.marks > 0).mean(axis=0)
+        self.floor_ratio += (view.marks > 0).mean(axis=0)
         lines = self._finder.find(frame)
-        stride = -(-len(lines) // _MAX_LINE_POINTS)
+        stride = -(-len(lines) // self._settings.max_line_points)
         chosen = np.arange(0, len(lines), max(stride, 1))
         boundary = view.boundary_px if self.field.is_bounded else np.empty((0, 2))
         seen = np.isfinite(boundary).all(axis=1)
@@ -106,12 +110,13 @@ class Observer:
 
     @property
     def inner_radius_px(self) -> float:
-        """Image radius beyond which floor surrounds the robot in the frames looked at."""
-        return float(self.polar.radius_px[int(np.argmax(self.floor_share >= _ALL_AROUND * self.floor_share.max()))])
+        """Image radius beyond which floor surrounds the robot in the frames so far."""
+        enough = self._settings.min_floor_ratio * self.floor_ratio.max()
+        return float(self.polar.radius_px[int(np.argmax(self.floor_ratio >= enough))])
 
 
 def points_of(sightings: Sequence[Sighting]) -> Points:
-    """All points of some sightings, as a fit wants them."""
+    """Return all points of some sightings for a fit."""
     pixels, frame, is_line, weight = [], [], [], []
     for index, sighting in enumerate(sightings):
         boundary, lines = len(sighting.boundary_px), len(sighting.line_px)

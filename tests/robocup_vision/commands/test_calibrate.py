@@ -35,7 +35,7 @@ def test_camera_file_overlays_and_figures_are_written(folder, capsys, true_camer
         "floor's edge",
         "white lines",
         "held-back points",
-        "trade off",
+        "hard to separate",
         "camera_overlays",
     ):
         assert words in printed

@@ -63,9 +63,9 @@ def test_it_says_how_good_it_is(from_rough):
     assert set(from_rough.std) == {"center_u_px", "center_v_px", "tilt_x_rad", "tilt_y_rad", "scale", "horizon"}
     assert 0 < from_rough.std["center_u_px"] < 0.5
     assert from_rough.choices[0].curve == "hyperboloid"
-    assert from_rough.choices[0].held_back_px < 0.2
-    assert any("trade off" in note for note in from_rough.notes)
-    assert any("no picture of a field tells them" in note for note in from_rough.notes)
+    assert from_rough.choices[0].held_out_px < 0.2
+    assert any("hard to separate" in note for note in from_rough.notes)
+    assert any("pictures of a field do not show them" in note for note in from_rough.notes)
     residual = np.concatenate([frame.boundary_residual_px for frame in from_rough.frames])
     assert np.median(np.abs(residual)) < 0.2
     for frame in from_rough.frames:

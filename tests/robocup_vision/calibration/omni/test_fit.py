@@ -170,7 +170,7 @@ def test_spread_ignores_outliers():
 @pytest.mark.parametrize(
     ("curve", "tilt"), [("hyperboloid", (0.0, 0.0)), ("hyperboloid", (0.02, -0.015)), ("tangent", (0.0, 0.0))]
 )
-def test_points_held_back_choose_curve_and_tilt(shape, curve, tilt):
+def test_held_out_points_choose_curve_and_tilt(shape, curve, tilt):
     camera = dataclasses.replace(sekimori_camera(), tilt_rad=tilt)
     if curve == "tangent":
         camera = dataclasses.replace(camera, floor_range=Tangent(0.72, 0.0113), viewpoint_height_m=0.25)

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.calibration.omni.model import (
-    BENDS,
     CENTER,
     CURVES,
     HORIZON,
@@ -21,9 +20,11 @@ from robocup_vision.calibration.omni.model import (
     scale_and_horizon,
     tangent_of,
 )
+from robocup_vision.calibration.omni.settings import CameraModelSettings
 from robocup_vision.camera import OmniCamera, Table, Tangent, load_camera, save_camera
 from sim2d.rendering.cameras import sekimori_camera
 
+BENDS = CameraModelSettings().bends
 USABLE = (26.0, 110.0)
 scales = st.floats(20.0, 1000.0)
 horizons = st.floats(60.0, 400.0)
