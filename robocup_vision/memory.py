@@ -82,11 +82,11 @@ class Memory:
         # odometry handed over since the last view; None: none was
         self._since_view: Pose2 | None = None
         self._predicted_s = -math.inf
-        self._radius_m = field.robot_radius_m if object_radius_m is None else object_radius_m
+        self.object_radius_m = field.robot_radius_m if object_radius_m is None else object_radius_m
         self._detector = None
         if objects is not None:
             floor = KnownFreeSpace.of_field(field)
-            self._detector = ReturnDetector(floor, self._radius_m, _RANGE_STD, _LONGEST_M)
+            self._detector = ReturnDetector(floor, self.object_radius_m, _RANGE_STD, _LONGEST_M)
         self._tracks: tuple[Track, ...] = ()
         self._last: tuple[float, Pose2] | None = None
 
@@ -210,7 +210,7 @@ class Memory:
             seen = self._detector.in_obstacles(view.obstacles, robot.pose, robot.covariance)
             self._tracks = self.objects.update(t_s, seen, robot.pose, robot.covariance)
         if self.free_map is not None:
-            around = self._radius_m + _MASK_MARGIN_M
+            around = self.object_radius_m + _MASK_MARGIN_M
             discs = np.array([(track.x_m, track.y_m, around) for track in self._tracks])
             self.free_map.move(robot.pose)
             if view.marks.any():

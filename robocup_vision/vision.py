@@ -94,7 +94,6 @@ class Vision:
             raise ArgumentError("online must be made for this very camera, which must be a mirror camera")
         if memory is not None and memory.ego_motion is not None and isinstance(camera, PinholeCamera):
             raise ArgumentError("the memory's ego_motion needs a mirror camera, which sees all around")
-        self._online = online
         self._memory = memory
         chosen = choose_method(camera, method)
         self._pipeline: OmniPipeline | PinholePipeline
@@ -109,6 +108,9 @@ class Vision:
         self.field = field
         self.camera = camera
         self.method = chosen.name
+        self.mask, self.directions, self.rings = mask, directions, rings
+        self.fixed_colors, self.online = colors, online
+        self._is_fresh = True
         self._takes_covariance = chosen.takes_covariance
 
     def look(
@@ -144,12 +146,13 @@ class Vision:
             With a memory: if `t_s` is missing, or runs backwards where odometry is handed over. If a mirror camera is
             given a pan.
         """
+        self._is_fresh = False
         if self._memory is None:
             view = self._look(frame, t_s, odometry, prior, pan_rad)
         else:
             view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, pan_rad)
-        if self._online is not None and isinstance(self._pipeline, OmniPipeline):
-            better = self._online.follow(frame, view)
+        if self.online is not None and isinstance(self._pipeline, OmniPipeline):
+            better = self.online.follow(frame, view)
             if better is not None:
                 self._pipeline = self._pipeline.with_camera(better)
                 self.camera = better
@@ -211,6 +214,7 @@ class Vision:
         """
         if self._memory is None:
             raise ArgumentError("predict needs a memory: Vision(..., memory=Memory(field))")
+        self._is_fresh = False
         self._memory.predict(odometry, t_s)
 
     def forget(self) -> None:
@@ -218,6 +222,18 @@ class Vision:
         self._pipeline.forget()
         if self._memory is not None:
             self._memory.forget()
+        # what a camera has been refined to stays
+        self._is_fresh = self.online is None
+
+    @property
+    def memory(self) -> Memory | None:
+        """What joins the frames; None: each stands alone."""
+        return self._memory
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether nothing is remembered yet: another object made with the same arguments would see the same."""
+        return self._is_fresh and (self._memory is None or self._memory.poses.is_fresh)
 
     @property
     def colors(self) -> Colors | None:

@@ -116,7 +116,7 @@ class Steering:
     ) -> None:
         if not (math.isfinite(robot_radius_m) and robot_radius_m >= 1e-6):
             raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
-        self._settings = settings
+        self.robot_radius_m, self.limits, self.settings = robot_radius_m, limits, settings
         # Trajectories are sampled, and braking begun midway leaves the one that was checked: half a step of clearance.
         self._radius_m = float(robot_radius_m + 0.5 * settings.step_m)
         stop_m = 0.5 * limits.speed_mps**2 / limits.acceleration_mps2
@@ -152,6 +152,11 @@ class Steering:
         # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
         self._kernel_directions = self._directions.copy()
         self._resize(3)
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether nothing is remembered: another object made with the same arguments would decide the same."""
+        return self._detour_rad == 0.0 and not self._may_brake
 
     def forget(self) -> None:
         """Drop the memory (the detour, a safe command): the next decision stands alone."""
@@ -226,7 +231,7 @@ class Steering:
         if not rules.use_velocity:
             moving = ()
         if moving:
-            range_m = ranges_past(bearing, range_m, moving, self._settings.return_margin_m)
+            range_m = ranges_past(bearing, range_m, moving, self.settings.return_margin_m)
         time_to_contact = np.empty(self._directions.shape[0])
         outcome, index, speed, detour = kernel.steer(
             kernel.Motion(velocity, pending),
@@ -236,11 +241,11 @@ class Steering:
             kernel.Scan(bearing, range_m, self._known_bearing, self._sectors),
             self._radius_m,
             self._profile,
-            moving_table(moving, self._radius_m, self._settings),
+            moving_table(moving, self._radius_m, self.settings),
         )
         if outcome < 0:
             raise ArgumentError("bearing_rad must be finite and ascend within one turn")
-        if self._settings.keep_side:
+        if self.settings.keep_side:
             self._detour_rad = detour
         # The last safe command left room to stop; what the view from here adds to that is the width of its sectors,
         # unless something moves otherwise than it did.

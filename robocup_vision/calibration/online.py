@@ -144,7 +144,7 @@ class OnlineCalibration:
         settings: OnlineSettings = OnlineSettings(),
     ) -> None:
         self.camera = camera
-        self._field, self._settings = field, settings
+        self._field, self.settings = field, settings
         self._shape = FieldShape(field)
         self._finder = LineFinder(camera, field.line_width_m, mask)
         self._model = CameraModel(camera, "kept")
@@ -173,17 +173,17 @@ class OnlineCalibration:
     def follow(self, frame: UInt8Array, view: View) -> OmniCamera | None:
         """Take note of a frame (H, W, 3) uint8 and what was seen in it; return a camera that is better, if any."""
         self._count += 1
-        if self._count % self._settings.every or not self._note(frame, view):
+        if self._count % self.settings.every or not self._note(frame, view):
             return None
         self._new += 1
-        if len(self._seen) < _MIN_FRAMES or self._new < self._settings.frames_between:
+        if len(self._seen) < _MIN_FRAMES or self._new < self.settings.frames_between:
             return None
         self._new = 0
         return self._step()
 
     def _note(self, frame: UInt8Array, view: View) -> bool:
         """Keep a frame's points, if they are worth it."""
-        estimate, settings = view.pose, self._settings
+        estimate, settings = view.pose, self.settings
         if not isinstance(estimate, PoseEstimate) or estimate.inlier_ratio < settings.min_inlier_ratio:
             return False
         boundary = view.boundary_px if self._field.is_bounded else np.empty((0, 2))
@@ -199,10 +199,10 @@ class OnlineCalibration:
 
     def _is_same_place(self, pose: Pose2, other: Pose2) -> bool:
         distance_m, angle_rad = pose.error_to(other)
-        return distance_m < self._settings.same_place_m and angle_rad < self._settings.same_heading_rad
+        return distance_m < self.settings.same_place_m and angle_rad < self.settings.same_heading_rad
 
     def _step(self) -> OmniCamera | None:
-        settings = self._settings
+        settings = self.settings
         low, high = self._start - self._reach, self._start + self._reach
         points = _points(self._seen)
         joint = JointFit(self._shape, points)

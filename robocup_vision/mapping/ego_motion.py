@@ -194,7 +194,7 @@ class EgoMotion:
         self.bearings = bearings
         angle = np.arange(bearings) * (math.tau / bearings)
         self._rays = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        self._settings = settings
+        self.settings = settings
         self._gates = np.full(settings.steps, settings.gate_sigmas)
         self._gates[0] *= settings.opening
         self._past: deque[_Past] = deque()
@@ -255,7 +255,7 @@ class EgoMotion:
             raise ArgumentError("odometry_covariance must be (3, 3) and positive definite")
         if not math.isfinite(t_s) or (self._t_s is not None and t_s <= self._t_s):
             raise ArgumentError(f"t_s must be finite and later than the frame before, got {t_s!r}")
-        profile = _Profile.smooth(inverse, std, self._settings.reach)
+        profile = _Profile.smooth(inverse, std, self.settings.reach)
         if self._t_s is None:
             motion = Motion(odometry, covariance, 0, 0.0, self._pose)
         else:
@@ -272,23 +272,23 @@ class EgoMotion:
         points[:, kernels.RANGE_VARIANCE] = profile.present[kernels.VARIANCE] * range_m**4
         width = np.empty(profile.things)
         kernels.widths(points, profile.thing, width)
-        return _Past(t_s, points, np.append(width < self._settings.mover_m, False)[profile.thing], profile.thing)
+        return _Past(t_s, points, np.append(width < self.settings.mover_m, False)[profile.thing], profile.thing)
 
     def _chosen(self) -> list[_Past]:
         """Choose the last profile and others behind it as far apart as asked; drop those too old for that."""
         chosen: list[_Past] = []
         for past in reversed(self._past):
-            if len(chosen) == self._settings.profiles:
+            if len(chosen) == self.settings.profiles:
                 break
             # half a millisecond: frames that come as often as asked may come a rounding error too early
-            if not chosen or chosen[-1].t_s - past.t_s >= self._settings.spacing_s - 5e-4:
+            if not chosen or chosen[-1].t_s - past.t_s >= self.settings.spacing_s - 5e-4:
                 chosen.append(past)
-        while len(chosen) == self._settings.profiles and self._past[0] is not chosen[-1]:
+        while len(chosen) == self.settings.profiles and self._past[0] is not chosen[-1]:
             self._past.popleft()
         return chosen
 
     def _fit(self, profile: _Profile, odometry: Pose2, covariance: FloatArray, t_s: float) -> Motion:
-        settings = self._settings
+        settings = self.settings
         before, predicted = self._pose, self._pose.compose(odometry)
         spread = compose_covariance(before, self._drift, odometry, covariance)
         unaided = Motion(odometry, covariance, 0, 0.0, predicted)
@@ -324,7 +324,7 @@ class EgoMotion:
 
     def _search(self, present: FloatArray, past: FloatArray, predicted: Pose2, covariance: FloatArray) -> FloatArray:
         """(3,) float64: the best of a grid of candidates about what odometry says."""
-        settings = self._settings
+        settings = self.settings
         axis = np.linspace(-settings.search_sigmas, settings.search_sigmas, settings.candidates)
         grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
         poses = predicted.array + grid @ np.linalg.cholesky(covariance).T

@@ -84,6 +84,7 @@ class FreeSpaceMap:
                 f"clip {clip}, free_below {free_below}, no_go_above {no_go_above}"
             )
         self.cells, self.cell_m = cells, cell_m
+        self.free_below, self.no_go_above, self.clip = free_below, no_go_above, clip
         self._free_odds, self._no_go_odds, self._max_odds = (_logit(p) for p in (free_below, no_go_above, 1 - clip))
         self._needed = {name: model.observations_needed(free_below) for name, model in self.sensors.items()}
         self._log_odds = {name: np.zeros((cells, cells), dtype=np.float32) for name in self.sensors}

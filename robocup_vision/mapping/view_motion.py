@@ -68,15 +68,15 @@ class ViewMotion:
         odometry: OdometryNoise | None = None,
         settings: ViewMotionSettings | None = None,
     ) -> None:
-        self._ego_motion = ego_motion
-        self._odometry = odometry or OdometryNoise()
-        self._settings = settings or ViewMotionSettings()
+        self.ego_motion = ego_motion
+        self.odometry = odometry or OdometryNoise()
+        self.settings = settings or ViewMotionSettings()
         self.forget()
 
     def forget(self) -> None:
         """Begin anew: the next view is the first."""
-        if self._ego_motion is not None:
-            self._ego_motion.forget()
+        if self.ego_motion is not None:
+            self.ego_motion.forget()
         self._t_s: float | None = None
         self._velocity = np.zeros(3)
 
@@ -112,13 +112,13 @@ class ViewMotion:
             raise ArgumentError(f"t_s must be later than that of the view before, got {t_s!r} after {self._t_s!r}")
         expected, covariance = self._expected(odometry, seconds)
         inverse, std = self._profile(view, camera)
-        if self._ego_motion is None:
-            self._ego_motion = EgoMotion(len(inverse))
+        if self.ego_motion is None:
+            self.ego_motion = EgoMotion(len(inverse))
         # profiles are about the camera's axis
         camera_in_robot = camera.camera_in_robot
         by_robot = _shift_of_arm(expected, camera_in_robot)
         to_camera = np.linalg.inv(by_robot)
-        found = self._ego_motion.update(
+        found = self.ego_motion.update(
             inverse,
             std,
             camera_in_robot.inverse().compose(expected).compose(camera_in_robot),
@@ -136,10 +136,10 @@ class ViewMotion:
     def _expected(self, odometry: Pose2 | None, seconds: float) -> tuple[Pose2, FloatArray]:
         """Motion that is expected before the view is compared, and its covariance (3, 3)."""
         if odometry is not None:
-            slip = self._odometry.slip(odometry)
+            slip = self.odometry.slip(odometry)
             tiny = 1e-12 * np.eye(3)
-            return odometry, np.asarray(slip @ slip.T + self._odometry.push(seconds) + tiny)
-        settings = self._settings
+            return odometry, np.asarray(slip @ slip.T + self.odometry.push(seconds) + tiny)
+        settings = self.settings
         std = seconds * np.array([settings.velocity_change_mps, settings.velocity_change_mps, settings.turn_change_rps])
         moved = self._velocity * seconds if self._t_s is not None else np.zeros(3)
         return Pose2(*moved.tolist()), np.diag(std**2)
@@ -156,8 +156,8 @@ class ViewMotion:
         radius = np.asarray(view.boundary_radius_px)
         with np.errstate(invalid="ignore"):
             value = inverse(radius)
-            std = np.abs(inverse(radius + 0.5) - inverse(radius - 0.5)) * self._settings.edge_std_px
-            known = (value > 1.0 / self._settings.max_range_m) & np.isfinite(std) & (std > 0.0)
+            std = np.abs(inverse(radius + 0.5) - inverse(radius - 0.5)) * self.settings.edge_std_px
+            known = (value > 1.0 / self.settings.max_range_m) & np.isfinite(std) & (std > 0.0)
         return np.where(known, value, np.nan), np.where(known, std, 1.0)
 
 

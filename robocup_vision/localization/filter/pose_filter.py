@@ -70,8 +70,8 @@ class PoseFilter:
     """
 
     def __init__(self, *, odometry: OdometryNoise | None = None, frames: FrameErrors | None = None) -> None:
-        self._odometry = odometry or OdometryNoise()
-        self._frames = frames or FrameErrors()
+        self.odometry_noise = odometry or OdometryNoise()
+        self.frame_errors = frames or FrameErrors()
         self._expected: Pose2 | None = None
         self._moments: list[_Moment] = []
         # of the last odometry; None before the first
@@ -80,6 +80,16 @@ class PoseFilter:
     def expect(self, pose: Pose2) -> None:
         """Say where the robot has probably been put: of what the first frame allows, the nearest is believed."""
         self._expected = pose
+
+    @property
+    def expected(self) -> Pose2 | None:
+        """What `expect` was told last."""
+        return self._expected
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether neither odometry nor a frame has been taken in yet."""
+        return not self._moments
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
         """Move the belief.
@@ -127,9 +137,8 @@ class PoseFilter:
         if self._now_s is not None:
             t_s = min(t_s, self._now_s)
         if not self._moments:
-            self._moments.append(
-                _Moment(t_s, _ORIGIN, estimate, self._mixture.update(estimate, t_s, self._odometry, self._frames))
-            )
+            mixture = self._mixture.update(estimate, t_s, self.odometry_noise, self.frame_errors)
+            self._moments.append(_Moment(t_s, _ORIGIN, estimate, mixture))
             return
         odometry_pose = self._odometry_pose(t_s)
         if odometry_pose is None:
@@ -213,7 +222,7 @@ class PoseFilter:
         mixture = before.mixture
         if t_s > before.t_s or odometry_pose != before.odometry_pose:
             motion = before.odometry_pose.inverse().compose(odometry_pose)
-            mixture = mixture.move(motion, t_s - before.t_s, self._odometry, self._frames)
+            mixture = mixture.move(motion, t_s - before.t_s, self.odometry_noise, self.frame_errors)
         if estimate is not None:
-            mixture = mixture.update(estimate, t_s, self._odometry, self._frames)
+            mixture = mixture.update(estimate, t_s, self.odometry_noise, self.frame_errors)
         return _Moment(t_s, odometry_pose, estimate, mixture)

@@ -1,0 +1,393 @@
+"""What a look and a command tell, as messages on topics: the same for recordings, the ROS 2 node and Foxglove.
+
+Frames as in REP-105 and REP-120: map -> odom -> base_footprint -> the camera's optical frame. What was not seen is an
+empty array with the image's stamp; a pose that is not known is not sent.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.avoidance.steering import SteeringCommand
+from robocup_vision.belief import MapPicture, Track
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.messages.images import ImageFormat, image_message
+from robocup_vision.messages.types import header, make
+from robocup_vision.view import View
+
+_STILL = Pose2(0.0, 0.0, 0.0)
+# of height, roll and pitch, which a robot on a floor does not have
+_FLAT_VARIANCE = 1e-6
+# camera axes (x right, y down, z forward) in those of a camera body (x forward, y left, z up)
+_OPTICAL_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+_UNKNOWN_CONFIDENCE = -1.0
+
+
+class Outgoing(NamedTuple):
+    """One message on its way: its topic, the message, and when what it tells of happened, seconds."""
+
+    topic: str
+    message: Any
+    t_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FrameNames:
+    """Names of the coordinate frames (REP-105, REP-120)."""
+
+    map: str = "map"
+    odom: str = "odom"
+    robot: str = "base_footprint"
+    camera: str = "camera_optical_frame"
+
+
+@dataclass(frozen=True, slots=True)
+class TopicSettings:
+    """What is told, and where.
+
+    Parameters
+    ----------
+    prefix : str
+        Before every topic's name, such as ``/robot1``; `/tf` and `/tf_static` stay as they are.
+    frames : FrameNames
+        Names of the coordinate frames.
+    image_format : {"raw", "png", "jpeg"} or None
+        How frames are sent; None: they are not.
+    map_period_s : float
+        The map is sent no oftener than this: it is large, and changes slowly.
+    """
+
+    prefix: str = ""
+    frames: FrameNames = FrameNames()
+    image_format: ImageFormat | None = "raw"
+    map_period_s: float = 0.5
+
+
+class Topics:
+    """Makes the messages of one robot; one object a run.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera or PinholeCamera
+        The robot's.
+    settings : TopicSettings
+        What is told, and where.
+    """
+
+    def __init__(
+        self, field: Field, camera: OmniCamera | PinholeCamera, settings: TopicSettings = TopicSettings()
+    ) -> None:
+        self._field, self._camera, self._settings = field, camera, settings
+        self._names = settings.frames
+        self._odom = _STILL
+        self._odom_s: float | None = None
+        self._map_s = -math.inf
+        self._static_sent = False
+
+    def of_odometry(self, odometry: Pose2, t_s: float) -> list[Outgoing]:
+        """Tell the robot's motion since the last call, in its frame then, as nav_msgs/Odometry from the start on."""
+        seconds = 0.0 if self._odom_s is None else t_s - self._odom_s
+        self._odom, self._odom_s = self._odom.compose(odometry), t_s
+        rate = 1.0 / seconds if seconds > 0.0 else 0.0
+        unknown = np.zeros(36)
+        message = make(
+            "nav_msgs/msg/Odometry",
+            header(t_s, self._names.odom),
+            self._names.robot,
+            make("geometry_msgs/msg/PoseWithCovariance", pose_message(self._odom), unknown),
+            make(
+                "geometry_msgs/msg/TwistWithCovariance",
+                _twist(odometry.x_m * rate, odometry.y_m * rate, odometry.theta_rad * rate),
+                unknown,
+            ),
+        )
+        return [self._out("/odometry", message, t_s)]
+
+    def of_look(self, view: View, frame: UInt8Array | None, t_s: float) -> list[Outgoing]:
+        """Tell a frame and what it shows.
+
+        Parameters
+        ----------
+        view : View
+            What it shows.
+        frame : (H, W, 3) uint8 or None
+            BGR.
+        t_s : float
+            When it was taken.
+        """
+        out: list[Outgoing] = []
+        if frame is not None and self._settings.image_format is not None:
+            message = image_message(frame, t_s, self._names.camera, self._settings.image_format)
+            topic = "/camera/image" if self._settings.image_format == "raw" else "/camera/image/compressed"
+            out.append(self._out(topic, message, t_s))
+            out.append(self._out("/camera/camera_info", camera_info(self._camera, t_s, self._names.camera), t_s))
+        if isinstance(view.pose, PoseEstimate):
+            out.append(self._out("/vision/pose_with_covariance", self._pose(view.pose, t_s), t_s))
+        believed = view.pose if view.belief is None else view.belief.pose
+        if isinstance(believed, PoseEstimate):
+            out.append(self._out("/pose_with_covariance", self._pose(believed, t_s), t_s))
+        out += self._transforms(view, believed if isinstance(believed, PoseEstimate) else None, t_s)
+        out += self._surroundings(view, t_s)
+        if view.belief is not None:
+            out.append(self._out("/tracks", self._tracks(view.belief.tracks, t_s), t_s))
+            picture = view.belief.free_map
+            # time may begin anew
+            if picture is not None and not 0.0 <= t_s - self._map_s < self._settings.map_period_s:
+                self._map_s = t_s
+                out.append(self._out("/map", occupancy_grid(picture, t_s, self._names.map), t_s))
+        return out
+
+    def of_command(self, command: SteeringCommand | tuple[float, float, float], t_s: float) -> list[Outgoing]:
+        """Tell a command as geometry_msgs/TwistStamped, robot frame: of `Steering`, or (x, y m/s, radians a second)."""
+        if isinstance(command, SteeringCommand):
+            forward, left, turn = float(command.velocity_mps[0]), float(command.velocity_mps[1]), 0.0
+        else:
+            forward, left, turn = command
+        message = make("geometry_msgs/msg/TwistStamped", header(t_s, self._names.robot), _twist(forward, left, turn))
+        return [self._out("/cmd_vel", message, t_s)]
+
+    def of_truth(self, robot: Pose2, t_s: float, ball_m: tuple[float, float] | None = None) -> list[Outgoing]:
+        """Tell the true pose on ``/truth/pose`` and the true ball on ``/truth/ball``, field frame."""
+        pose = make("geometry_msgs/msg/PoseStamped", header(t_s, self._names.map), pose_message(robot))
+        out = [self._out("/truth/pose", pose, t_s)]
+        if ball_m is not None:
+            point = _point(*ball_m, self._field.ball_radius_m)
+            message = make("geometry_msgs/msg/PointStamped", header(t_s, self._names.map), point)
+            out.append(self._out("/truth/ball", message, t_s))
+        return out
+
+    def _out(self, topic: str, message: Any, t_s: float) -> Outgoing:
+        return Outgoing(self._settings.prefix + topic, message, t_s)
+
+    def _pose(self, estimate: PoseEstimate, t_s: float) -> Any:
+        return make(
+            "geometry_msgs/msg/PoseWithCovarianceStamped", header(t_s, self._names.map), _with_covariance(estimate)
+        )
+
+    def _transforms(self, view: View, believed: PoseEstimate | None, t_s: float) -> list[Outgoing]:
+        transforms = []
+        if believed is not None:
+            map_to_odom = believed.pose.compose(self._odom.inverse())
+            transforms.append(_transform(map_to_odom, self._names.map, self._names.odom, t_s))
+        transforms.append(_transform(self._odom, self._names.odom, self._names.robot, t_s))
+        out = []
+        camera = camera_transform(view.camera, self._names, t_s)
+        if camera is not None and self._pans:
+            transforms.append(camera)
+        elif camera is not None and not self._static_sent:
+            self._static_sent = True
+            out.append(Outgoing("/tf_static", make("tf2_msgs/msg/TFMessage", [camera]), t_s))
+        out.append(Outgoing("/tf", make("tf2_msgs/msg/TFMessage", transforms), t_s))
+        return out
+
+    @property
+    def _pans(self) -> bool:
+        return isinstance(self._camera, PinholeCamera)
+
+    def _surroundings(self, view: View, t_s: float) -> list[Outgoing]:
+        here = header(t_s, self._names.robot)
+        out = []
+        if len(view.free_space.range_m) > 1:
+            out.append(self._out("/scan", self._scan(view, t_s), t_s))
+        confidence = make("soccer_vision_attribute_msgs/msg/Confidence", _UNKNOWN_CONFIDENCE)
+        balls = []
+        if view.ball is not None:
+            center = _point(view.ball.x_m, view.ball.y_m, self._field.ball_radius_m)
+            balls.append(make("soccer_vision_3d_msgs/msg/Ball", center, confidence))
+        out.append(self._out("/balls", make("soccer_vision_3d_msgs/msg/BallArray", here, balls), t_s))
+        obstacles = []
+        for thing in view.obstacles:
+            heading = pose_message(Pose2(thing.x_m, thing.y_m, thing.bearing_rad))
+            # its depth is not seen: as deep as it is wide, a robot's height unknown
+            size = make("geometry_msgs/msg/Vector3", thing.width_m, thing.width_m, 0.0)
+            box = make("vision_msgs/msg/BoundingBox3D", heading, size)
+            obstacles.append(make("soccer_vision_3d_msgs/msg/Obstacle", box, confidence))
+        message = make("soccer_vision_3d_msgs/msg/ObstacleArray", here, obstacles)
+        out.append(self._out("/obstacles", message, t_s))
+        points = [_point(x, y, 0.0) for x, y in boundary_m(view).tolist()]
+        message = make("soccer_vision_3d_msgs/msg/FieldBoundary", here, points, confidence)
+        out.append(self._out("/field_boundary", message, t_s))
+        return out
+
+    def _scan(self, view: View, t_s: float) -> Any:
+        bearing, ranges = view.free_space.bearing_rad, view.free_space.range_m
+        step = float(bearing[-1] - bearing[0]) / (len(bearing) - 1)
+        reach = math.inf if view.grid is None else float(view.grid.ring_bounds_m[-1])
+        # REP-117: nothing in reach is +inf
+        shown = np.where(ranges >= reach - 1e-9, np.inf, ranges).astype(np.float32)
+        return make(
+            "sensor_msgs/msg/LaserScan",
+            header(t_s, self._names.robot),
+            float(bearing[0]),
+            float(bearing[-1]),
+            step,
+            0.0,
+            0.0,
+            0.0,
+            reach,
+            shown,
+            np.empty(0, dtype=np.float32),
+        )
+
+    def _tracks(self, tracks: tuple[Track, ...], t_s: float) -> Any:
+        followed = []
+        for track in tracks:
+            place, speed = np.zeros((6, 6)), np.zeros((6, 6))
+            place[:2, :2], speed[:2, :2] = track.covariance[:2, :2], track.covariance[2:, 2:]
+            pose = pose_message(Pose2(track.x_m, track.y_m, math.atan2(track.vy_mps, track.vx_mps)))
+            followed.append(
+                make(
+                    "soccer_model_msgs/msg/Obstacle",
+                    make("geometry_msgs/msg/PoseWithCovariance", pose, place.ravel()),
+                    make("geometry_msgs/msg/TwistWithCovariance", _twist(track.vx_mps, track.vy_mps), speed.ravel()),
+                )
+            )
+        return make("soccer_model_msgs/msg/ObstacleArray", header(t_s, self._names.map), followed)
+
+
+def boundary_m(view: View) -> FloatArray:
+    """(N, 2) float64: the floor's edge as the frame shows it, robot frame, metres, where there is one."""
+    if view.polar is None:
+        return np.empty((0, 2))
+    floor = view.camera.pixel_to_floor(view.boundary_px)
+    return np.asarray(floor[np.isfinite(floor).all(axis=1)])
+
+
+def occupancy_grid(picture: MapPicture, t_s: float, frame_id: str) -> Any:
+    """Return a map as nav_msgs/OccupancyGrid: free 0, occupied 100, undecided -1; its rows run along x."""
+    values = np.array([0, 100, -1], dtype=np.int8)
+    # ours has its first index along x, ROS's rows are along y
+    data = values[picture.state].T.ravel()
+    rows, columns = picture.state.T.shape
+    origin = make(
+        "geometry_msgs/msg/Pose",
+        _point(*picture.corner_m, 0.0),
+        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+    )
+    at = header(t_s, frame_id)
+    info = make("nav_msgs/msg/MapMetaData", at.stamp, picture.cell_m, columns, rows, origin)
+    return make("nav_msgs/msg/OccupancyGrid", at, info, np.ascontiguousarray(data))
+
+
+def camera_info(camera: OmniCamera | PinholeCamera, t_s: float, frame_id: str) -> Any:
+    """Return sensor_msgs/CameraInfo; a mirror camera, which cannot be rectified, has no distortion model."""
+    width, height = camera.size_px
+    k, p, d, model = np.zeros(9), np.zeros(12), np.empty(0), ""
+    if isinstance(camera, PinholeCamera):
+        (fx, fy), (cx, cy) = camera.focal_px, camera.center_px
+        k = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
+        p = np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
+        d = np.zeros(5) if not camera.distortion else np.array(camera.distortion, dtype=np.float64)
+        d = np.append(d, 0.0) if len(d) == 4 else d
+        model = "rational_polynomial" if len(d) == 8 else "plumb_bob"
+    region = make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+    r = np.eye(3).ravel() if isinstance(camera, PinholeCamera) else np.zeros(9)
+    return make("sensor_msgs/msg/CameraInfo", header(t_s, frame_id), height, width, model, d, k, r, p, 0, 0, region)
+
+
+def camera_transform(camera: OmniCamera | PinholeCamera, names: FrameNames, t_s: float) -> Any:
+    """Return the transform from the robot to the camera's optical frame; None where the tilt or height is unknown."""
+    if isinstance(camera, PinholeCamera) and not camera.known_orientation:
+        return None
+    if isinstance(camera, OmniCamera) and camera.height_m is None:
+        return None
+    x, y, z = camera.viewpoint_m.tolist()
+    body_to_robot = np.asarray(camera.camera_to_robot)
+    # a mirror camera looks straight up; its optical frame's z is the mirror's axis
+    optical_to_body = _OPTICAL_TO_BODY if isinstance(camera, PinholeCamera) else np.eye(3)
+    return make(
+        "geometry_msgs/msg/TransformStamped",
+        header(t_s, names.robot),
+        names.camera,
+        make(
+            "geometry_msgs/msg/Transform",
+            make("geometry_msgs/msg/Vector3", x, y, z),
+            make("geometry_msgs/msg/Quaternion", *_quaternion(body_to_robot @ optical_to_body)),
+        ),
+    )
+
+
+def pose_message(pose: Pose2) -> Any:
+    """Return a pose in the plane as geometry_msgs/Pose."""
+    half = pose.theta_rad / 2
+    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half))
+    return make("geometry_msgs/msg/Pose", _point(pose.x_m, pose.y_m, 0.0), turn)
+
+
+def pose_of(message: Any) -> Pose2:
+    """Return the pose in the plane of a geometry_msgs/Pose: its place, and its x axis' direction."""
+    q = message.orientation
+    heading = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    return Pose2(float(message.position.x), float(message.position.y), heading)
+
+
+def covariance_6x6(covariance: FloatArray) -> FloatArray:
+    """(36,) float64, row-major (x, y, z, about x, y, z), of a (3, 3) one of (x, y, heading)."""
+    full = np.diag(np.full(6, _FLAT_VARIANCE))
+    places = [0, 1, 5]
+    full[np.ix_(places, places)] = covariance
+    return full.ravel()
+
+
+def covariance_3x3(covariance: Any) -> FloatArray:
+    """(3, 3) float64 of (x, y, heading), of ROS' 36 numbers."""
+    places = [0, 1, 5]
+    return np.asarray(covariance, dtype=np.float64).reshape(6, 6)[np.ix_(places, places)]
+
+
+def _with_covariance(estimate: PoseEstimate) -> Any:
+    return make(
+        "geometry_msgs/msg/PoseWithCovariance", pose_message(estimate.pose), covariance_6x6(estimate.covariance)
+    )
+
+
+def _transform(pose: Pose2, parent: str, child: str, t_s: float) -> Any:
+    half = pose.theta_rad / 2
+    return make(
+        "geometry_msgs/msg/TransformStamped",
+        header(t_s, parent),
+        child,
+        make(
+            "geometry_msgs/msg/Transform",
+            make("geometry_msgs/msg/Vector3", pose.x_m, pose.y_m, 0.0),
+            make("geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half)),
+        ),
+    )
+
+
+def _point(x: float, y: float, z: float) -> Any:
+    return make("geometry_msgs/msg/Point", x, y, z)
+
+
+def _twist(forward: float, left: float, turn: float = 0.0) -> Any:
+    return make(
+        "geometry_msgs/msg/Twist",
+        make("geometry_msgs/msg/Vector3", forward, left, 0.0),
+        make("geometry_msgs/msg/Vector3", 0.0, 0.0, turn),
+    )
+
+
+def _quaternion(rotation: FloatArray) -> tuple[float, float, float, float]:
+    """(x, y, z, w) of a rotation (3, 3), by its largest component, which is never near zero."""
+    m = rotation
+    trace = [m[0, 0] - m[1, 1] - m[2, 2], m[1, 1] - m[0, 0] - m[2, 2], m[2, 2] - m[0, 0] - m[1, 1], np.trace(m)]
+    largest = int(np.argmax(trace))
+    root = 2.0 * math.sqrt(max(1.0 + float(trace[largest]), 0.0))
+    if largest == 3:
+        x, y, z = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+        return float(x / root), float(y / root), float(z / root), root / 4
+    i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+    parts = [0.0, 0.0, 0.0, float((m[k, j] - m[j, k]) / root)]
+    parts[i], parts[j], parts[k] = root / 4, float((m[j, i] + m[i, j]) / root), float((m[k, i] + m[i, k]) / root)
+    return parts[0], parts[1], parts[2], parts[3]

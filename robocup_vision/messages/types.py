@@ -1,0 +1,135 @@
+"""The message types and their CDR form, by rosbags' type system: ROS 2's own types, the soccer messages, and ours.
+
+All functions share one type store, made at the first use; it takes 0.2 s. It holds types alone, no data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from field_models.errors import PacketError, RobocupVisionError
+
+_DEFINITIONS = Path(__file__).parent / "definitions.txt"
+
+CALL = "robocup_vision_msgs/msg/Call"
+
+
+def require_ros_extra() -> None:
+    """Refuse to go on where the extra `ros` is not installed.
+
+    Raises
+    ------
+    RobocupVisionError
+        If rosbags or mcap is missing.
+    """
+    try:
+        import mcap  # noqa: F401
+        import rosbags.typesys  # noqa: F401
+    except ImportError as error:
+        raise RobocupVisionError(
+            f"recordings and ROS messages need rosbags and mcap: pip install 'robocup-vision[ros]' ({error})"
+        ) from None
+
+
+@lru_cache(maxsize=1)
+def typestore() -> Any:
+    """Return rosbags' store of all types.
+
+    Raises
+    ------
+    RobocupVisionError
+        If the extra `ros` is not installed.
+    """
+    require_ros_extra()
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    added: dict[str, Any] = {}
+    for name, (_, fields) in added_types().items():
+        added.update(get_types_from_msg("\n".join(fields), name))
+    store.register(added)
+    return store
+
+
+@lru_cache(maxsize=1)
+def added_types() -> Mapping[str, tuple[str, tuple[str, ...]]]:
+    """Return the types beside ROS 2's own: type hash and fields by name."""
+    types: dict[str, tuple[str, list[str]]] = {}
+    name = ""
+    for line in _DEFINITIONS.read_text(encoding="utf-8").splitlines():
+        if line.startswith(" "):
+            types[name][1].append(line.strip())
+        elif line and not line.startswith("#"):
+            name, type_hash = line.split()
+            types[name] = (type_hash, [])
+    return {name: (type_hash, tuple(fields)) for name, (type_hash, fields) in types.items()}
+
+
+def make(name: str, *values: Any, **fields: Any) -> Any:
+    """Make a message.
+
+    Parameters
+    ----------
+    name : str
+        Of its type, such as ``std_msgs/msg/Header``.
+    *values, **fields
+        All fields of the type, in order or by name. Arrays of numbers are NumPy arrays.
+    """
+    return typestore().types[name](*values, **fields)
+
+
+def encode(message: Any) -> bytes:
+    """Return a message as CDR."""
+    store = typestore()
+    return bytes(store.serialize_cdr(message, message.__msgtype__, little_endian=True))
+
+
+def decode(data: bytes | memoryview, name: str) -> Any:
+    """Return the message that CDR of a type holds.
+
+    Raises
+    ------
+    PacketError
+        If the bytes are no message of that type.
+    """
+    from rosbags.serde import SerdeError
+
+    try:
+        return typestore().deserialize_cdr(data, name)
+    except (SerdeError, KeyError, AssertionError) as error:
+        raise PacketError(f"the bytes are no {name} ({error})") from None
+
+
+def definition(name: str) -> str:
+    """Return a type's definition with all that it is made of, as MCAP's ``ros2msg`` and Foxglove have it."""
+    text, _ = typestore().generate_msgdef(name, ros_version=2)
+    return str(text)
+
+
+def type_hash(name: str) -> str:
+    """Return a type's hash, RIHS01 (REP-2011)."""
+    return str(typestore().hash_rihs01(name))
+
+
+def stamp(t_s: float) -> Any:
+    """Return a time in seconds as a ROS time, to the nearest nanosecond."""
+    seconds, nanoseconds = divmod(to_nanoseconds(t_s), 1_000_000_000)
+    return make("builtin_interfaces/msg/Time", seconds, nanoseconds)
+
+
+def header(t_s: float, frame_id: str) -> Any:
+    """Return the header of a message about a time and a frame."""
+    return make("std_msgs/msg/Header", stamp(t_s), frame_id)
+
+
+def to_nanoseconds(t_s: float) -> int:
+    """Return a time in seconds in whole nanoseconds."""
+    return round(t_s * 1e9)
+
+
+def to_seconds(time: Any) -> float:
+    """Return a ROS time in seconds."""
+    return float(time.sec) + 1e-9 * float(time.nanosec)

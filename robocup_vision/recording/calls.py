@@ -1,0 +1,144 @@
+"""One call of the loop, with its very inputs and outputs: what a replay makes again, and compares.
+
+Outputs are told by the values that a report shows, and by a digest of everything: two equal digests are two outputs
+that agree in every bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.avoidance.steering import SteeringCommand
+from robocup_vision.belief import Belief
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.perception.ball import Ball
+from robocup_vision.view import View
+
+# the calls of loop "vision"; other loops have kinds of their own
+LOOK, PREDICT, STEER, FORGET = "look", "predict", "steer", "forget"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Call:
+    """One call.
+
+    Parameters
+    ----------
+    number : int
+        0, 1, ... in the order of the run.
+    kind : str
+        What was called.
+    t_s : float
+        The time it was about, or else of the recording's clock.
+    inputs, outputs : mapping
+        What it took, but for the frame, and what it gave.
+    frame : (H, W, 3) uint8 or None
+        BGR.
+    """
+
+    number: int
+    kind: str
+    t_s: float
+    inputs: Mapping[str, Any]
+    outputs: Mapping[str, Any]
+    frame: UInt8Array | None = None
+
+
+def look_outputs(view: View) -> dict[str, Any]:
+    """Return what a look gave: pose, ball, believed pose and the digest of the whole view but its timings."""
+    return {
+        "pose": view.pose,
+        "ball": view.ball,
+        "belief": None if view.belief is None else view.belief.pose,
+        "digest": view_digest(view),
+    }
+
+
+def steer_outputs(command: SteeringCommand) -> dict[str, Any]:
+    """Return what steering gave: velocity, whether it is safe, why, and the digest of all."""
+    digest = _Digest()
+    digest.add_array(command.velocity_mps)
+    digest.add_array(command.time_to_contact_s)
+    digest.add_numbers(float(command.safe), command.bearing_rad)
+    digest.add_text(command.reason)
+    return {
+        "velocity_mps": tuple(command.velocity_mps.tolist()),
+        "safe": command.safe,
+        "reason": command.reason,
+        "digest": digest.text,
+    }
+
+
+def view_digest(view: View) -> str:
+    """Return a digest of all that a frame shows and of what is believed after it; timings are not in it."""
+    digest = _Digest()
+    digest.add_estimate(view.pose)
+    digest.add_estimate(view.measurement)
+    arrays = (view.free_space.bearing_rad, view.free_space.range_m, view.boundary_radius_px, view.wall_radius_px)
+    for array in (*arrays, view.marks):
+        digest.add_array(array)
+    digest.add_ball(view.ball)
+    digest.add_numbers(view.t_s)
+    if view.belief is not None:
+        digest.add_belief(view.belief)
+    return digest.text
+
+
+class _Digest:
+    def __init__(self) -> None:
+        self._hash = hashlib.blake2b(digest_size=16)
+
+    @property
+    def text(self) -> str:
+        return self._hash.hexdigest()
+
+    def add_array(self, array: np.ndarray[Any, Any]) -> None:
+        self.add_text(f"{array.dtype.str}{array.shape}")
+        self._hash.update(np.ascontiguousarray(array).tobytes())
+
+    def add_numbers(self, *numbers: float | None) -> None:
+        for number in numbers:
+            self._hash.update(b"none" if number is None else struct.pack("<d", number))
+
+    def add_text(self, text: str) -> None:
+        self._hash.update(text.encode() + b"\0")
+
+    def add_pose(self, pose: Pose2) -> None:
+        self.add_numbers(pose.x_m, pose.y_m, pose.theta_rad)
+
+    def add_estimate(self, estimate: PoseEstimate | NotLocated | None) -> None:
+        if isinstance(estimate, PoseEstimate):
+            self.add_array(estimate.covariance)
+            self.add_numbers(estimate.inlier_ratio, estimate.residual_px)
+            for pose in estimate.candidates:
+                self.add_pose(pose)
+        else:
+            self.add_text("" if estimate is None else estimate.reason)
+
+    def add_ball(self, ball: Ball | None) -> None:
+        if ball is not None:
+            self.add_numbers(ball.x_m, ball.y_m, ball.u_px, ball.v_px)
+            self.add_array(ball.covariance)
+
+    def add_belief(self, belief: Belief) -> None:
+        self.add_numbers(belief.t_s)
+        self.add_estimate(belief.pose)
+        for hypothesis in belief.hypotheses:
+            self.add_pose(hypothesis.pose)
+            self.add_array(np.asarray(hypothesis.covariance))
+            self.add_numbers(hypothesis.probability)
+        for track in belief.tracks:
+            self.add_numbers(track.number, track.x_m, track.y_m, track.vx_mps, track.vy_mps, track.probability)
+            self.add_numbers(track.frames, track.missed)
+            self.add_array(track.covariance)
+        if belief.free_map is not None:
+            self.add_array(belief.free_map.state)
+            self.add_numbers(*belief.free_map.corner_m, belief.free_map.cell_m)

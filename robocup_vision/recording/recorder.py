@@ -1,0 +1,380 @@
+"""Records a robot's run while it runs: frames and messages for people, exact calls for the replay.
+
+The loop's own time goes into handing over references, and a copy of the frame; a thread makes and writes messages.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
+from robocup_vision.camera.files import save_camera
+from robocup_vision.disc import Disc
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.messages.images import IMAGE_FORMATS, ImageFormat
+from robocup_vision.messages.topics import Outgoing, Topics, TopicSettings
+from robocup_vision.messages.types import CALL, header, make
+from robocup_vision.perception.color_table import save_colors
+from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.recording.calls import FORGET, LOOK, PREDICT, STEER, look_outputs, steer_outputs
+from robocup_vision.recording.log_writer import COMPRESSIONS, Compression, Job, LogWriter
+from robocup_vision.recording.run import Run
+from robocup_vision.recording.values import ValueCodec
+from robocup_vision.view import View
+from robocup_vision.vision import Vision
+
+CALL_TOPIC = "/robocup_vision/calls"
+RUN_ATTACHMENT, VERSIONS_ATTACHMENT = "run.json", "versions.json"
+# that results may depend on
+_PACKAGES = ("robocup-vision", "numpy", "numba", "opencv-python-headless", "scipy")
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderSettings:
+    """How a run is recorded.
+
+    Parameters
+    ----------
+    image_format : {"raw", "png", "jpeg"}
+        "raw" and "png" replay bit for bit; "jpeg" is a tenth as large, and a replay sees other pixels than the run did.
+    compression : {"lz4", "zstd", "none"}
+        Of the file's chunks; "zstd" makes it smaller by a tenth and takes five times as long, in the thread.
+    max_waiting_bytes : int
+        Of what waits to be written.
+    when_full : {"wait", "drop"}
+        Beyond that the loop waits for the disk, or frames are left out, counted and noted: then it cannot be replayed
+        bit for bit.
+    prefix : str
+        Before every topic's name.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    image_format: ImageFormat = "raw"
+    compression: Compression = "lz4"
+    max_waiting_bytes: int = 256 << 20
+    when_full: Literal["wait", "drop"] = "wait"
+    prefix: str = ""
+
+    def __post_init__(self) -> None:
+        if self.image_format not in IMAGE_FORMATS:
+            raise ArgumentError(f"image_format must be one of {', '.join(IMAGE_FORMATS)}, got {self.image_format!r}")
+        if self.compression not in COMPRESSIONS:
+            raise ArgumentError(f"compression must be one of {', '.join(COMPRESSIONS)}, got {self.compression!r}")
+        if self.when_full not in ("wait", "drop"):
+            raise ArgumentError(f"when_full must be 'wait' or 'drop', got {self.when_full!r}")
+        if self.max_waiting_bytes < 1:
+            raise ArgumentError(f"max_waiting_bytes must be at least 1, got {self.max_waiting_bytes!r}")
+
+
+class CallWriter:
+    """Writes the calls of a run of any loop, and messages beside them, to a recording.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, ``.mcap``; one that is there is replaced.
+    run : Run
+        What runs.
+    settings : RecorderSettings
+        How it is recorded.
+    types : mapping of str to str, optional
+        Further classes of values in the calls: class name to module.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    RobocupVisionError
+        If the extra `ros` is not installed.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        run: Run,
+        settings: RecorderSettings = RecorderSettings(),
+        types: Mapping[str, str] | None = None,
+    ) -> None:
+        self._settings = settings
+        self._codec = ValueCodec(types)
+        self.topics = Topics(run.field, run.camera, TopicSettings(settings.prefix, image_format=settings.image_format))
+        self._log = LogWriter(
+            path,
+            _attachments(run, self._codec),
+            f"robocup-vision {_version('robocup-vision')}",
+            settings.compression,
+            settings.max_waiting_bytes,
+            settings.when_full,
+        )
+        self.path = self._log.path
+        self._number = 0
+        self._begin_s = time.monotonic()
+
+    @property
+    def clock_s(self) -> float:
+        """Seconds since the recording began: the time of calls that have none of their own."""
+        return time.monotonic() - self._begin_s
+
+    @property
+    def dropped(self) -> int:
+        """How many calls were left out, with `when_full` "drop"."""
+        return self._log.dropped
+
+    def add_call(self, kind: str, t_s: float, inputs: Mapping[str, Any], make_rest: Any, size_bytes: int = 0) -> None:
+        """Write a call.
+
+        Parameters
+        ----------
+        kind : str
+            What was called.
+        t_s : float
+            The time it is about.
+        inputs : mapping
+            What it took, but for the frame; must not change any more.
+        make_rest : callable
+            Returns the outputs and a list of messages that go before the call; called in the writer's thread.
+        size_bytes : int
+            About what it holds in memory.
+        """
+        number, self._number = self._number, self._number + 1
+
+        def job() -> Iterable[Outgoing]:
+            outputs, messages = make_rest()
+            packed = [np.frombuffer(self._codec.pack(value), dtype=np.uint8) for value in (inputs, outputs)]
+            call = make(CALL, header(t_s, ""), number, kind, *packed)
+            return [*messages, Outgoing(self._settings.prefix + CALL_TOPIC, call, t_s)]
+
+        self._log.add(job, size_bytes)
+
+    def add_messages(self, make_messages: Job) -> None:
+        """Write messages that are no call's, such as truth; they are made in the writer's thread."""
+        self._log.add(make_messages)
+
+    def close(self) -> None:
+        """Write what waits, and close the file.
+
+        Raises
+        ------
+        RobocupVisionError
+            If something could not be written: the file ends before it.
+        """
+        self._log.close({"calls": str(self._number), "dropped": str(self._log.dropped)})
+
+    def __enter__(self) -> CallWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Recorder:
+    """Records what a `Vision` and a `Steering` take and give.
+
+    Call `look`, `predict`, `steer` and `forget` of this object instead of theirs; or call theirs, and hand over what
+    went in and came out (`add_look`). Begin before the first frame, or after `forget`: then `robocup-vision replay`
+    makes the same run again, bit for bit.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, ``.mcap``; one that is there is replaced.
+    vision : Vision
+        What looks.
+    steering : Steering, optional
+        What steers.
+    settings : RecorderSettings
+        How it is recorded.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    RobocupVisionError
+        If the extra `ros` is not installed.
+
+    Examples
+    --------
+    >>> with Recorder("run.mcap", vision, steering) as recorder:  # doctest: +SKIP
+    ...     view = recorder.look(frame, t_s=t_s, odometry=odometry)
+    ...     command = recorder.steer(view.free_space, velocity_mps, target_bearing_rad)
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        vision: Vision,
+        steering: Steering | None = None,
+        settings: RecorderSettings = RecorderSettings(),
+    ) -> None:
+        self._vision, self._steering = vision, steering
+        self._calls = CallWriter(path, Run.of(vision, steering), settings)
+        self.path = self._calls.path
+        self._view: View | None = None
+        self._t_s: float | None = None
+
+    @property
+    def dropped(self) -> int:
+        """How many calls were left out, with `when_full` "drop"."""
+        return self._calls.dropped
+
+    def look(
+        self,
+        frame: UInt8Array,
+        t_s: float | None = None,
+        odometry: Pose2 | None = None,
+        prior: PoseEstimate | Pose2 | None = None,
+        pan_rad: float | None = None,
+    ) -> View:
+        """Look, and record it: `Vision.look`."""
+        view = self._vision.look(frame, t_s, odometry, prior, pan_rad)
+        self.add_look(view, frame, t_s, odometry, prior, pan_rad)
+        return view
+
+    def add_look(
+        self,
+        view: View,
+        frame: UInt8Array,
+        t_s: float | None = None,
+        odometry: Pose2 | None = None,
+        prior: PoseEstimate | Pose2 | None = None,
+        pan_rad: float | None = None,
+    ) -> None:
+        """Record a look that has been made: the view, and what `Vision.look` was called with."""
+        self._view = view
+        at_s = self._at(t_s)
+        inputs = {"t_s": t_s, "odometry": odometry, "prior": prior, "pan_rad": pan_rad}
+        kept = _kept(frame)
+        topics = self._calls.topics
+
+        def rest() -> tuple[dict[str, Any], list[Outgoing]]:
+            moved = [] if odometry is None else topics.of_odometry(odometry, at_s)
+            return look_outputs(view), [*moved, *topics.of_look(view, kept, at_s)]
+
+        self._calls.add_call(LOOK, at_s, inputs, rest, kept.nbytes)
+
+    def predict(self, odometry: Pose2, t_s: float) -> None:
+        """Move what memory believes, and record it: `Vision.predict`."""
+        self._vision.predict(odometry, t_s)
+        self._t_s = t_s
+        topics = self._calls.topics
+        inputs = {"odometry": odometry, "t_s": t_s}
+        self._calls.add_call(PREDICT, t_s, inputs, lambda: ({}, topics.of_odometry(odometry, t_s)))
+
+    def steer(
+        self,
+        free_space: FreeRanges,
+        velocity_mps: Sequence[float] | FloatArray,
+        target_bearing_rad: float,
+        target_distance_m: float | None = None,
+        pending_mps: Sequence[float] | FloatArray | None = None,
+        moving: Sequence[Disc] = (),
+        speed_mps: float | None = None,
+    ) -> SteeringCommand:
+        """Steer, and record it: `Steering.steer`.
+
+        Raises
+        ------
+        ArgumentError
+            If the recorder was made without a `Steering`.
+        """
+        if self._steering is None:
+            raise ArgumentError("steer needs a Steering: Recorder(path, vision, steering)")
+        moving = tuple(moving)
+        command = self._steering.steer(
+            free_space, velocity_mps, target_bearing_rad, target_distance_m, pending_mps, moving, speed_mps
+        )
+        # of the view itself: a replay with other settings then steers by what that one shows
+        of_view = self._view is not None and free_space is self._view.free_space
+        inputs = {
+            "free_space": None
+            if of_view
+            else FreeSpace(np.array(free_space.bearing_rad), np.array(free_space.range_m)),
+            "velocity_mps": tuple(float(v) for v in velocity_mps),
+            "target_bearing_rad": float(target_bearing_rad),
+            "target_distance_m": target_distance_m,
+            "pending_mps": None if pending_mps is None else tuple(float(v) for v in pending_mps),
+            "moving": moving,
+            "speed_mps": speed_mps,
+        }
+        at_s = self._calls.clock_s if self._t_s is None else self._t_s
+        topics = self._calls.topics
+        self._calls.add_call(STEER, at_s, inputs, lambda: (steer_outputs(command), topics.of_command(command, at_s)))
+        return command
+
+    def forget(self) -> None:
+        """Make `Vision` and `Steering` forget, and record it."""
+        self._vision.forget()
+        if self._steering is not None:
+            self._steering.forget()
+        at_s = self._calls.clock_s if self._t_s is None else self._t_s
+        self._calls.add_call(FORGET, at_s, {}, lambda: ({}, []))
+
+    def add_truth(self, robot: Pose2, t_s: float, ball_m: tuple[float, float] | None = None) -> None:
+        """Record where the robot, and the ball, truly were: topics of their own, which no replay reads."""
+        topics = self._calls.topics
+        self._calls.add_messages(lambda: topics.of_truth(robot, t_s, ball_m))
+
+    def close(self) -> None:
+        """Write what waits, and close the file; raises as `CallWriter.close`."""
+        self._calls.close()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _at(self, t_s: float | None) -> float:
+        if t_s is None:
+            return self._calls.clock_s
+        self._t_s = t_s
+        return t_s
+
+
+def _kept(frame: UInt8Array) -> UInt8Array:
+    """Return the frame, or a copy where somebody else may write to it."""
+    if frame.base is None and not frame.flags.writeable:
+        return frame
+    return np.array(frame)
+
+
+def _attachments(run: Run, codec: ValueCodec) -> list[tuple[str, str, bytes]]:
+    """Return what a recording carries with it: the run, exactly; camera and colours as their own files; versions."""
+    files = [(RUN_ATTACHMENT, "application/json", codec.to_json(run))]
+    with TemporaryDirectory() as folder:
+        camera, colors = Path(folder) / "camera.toml", Path(folder) / "colors.toml"
+        save_camera(run.camera, camera)
+        files.append((camera.name, "application/toml", camera.read_bytes()))
+        if run.colors is not None:
+            save_colors(run.colors, colors)
+            files.append((colors.name, "application/toml", colors.read_bytes()))
+    field = {"name": run.field.name, "source": run.field.source}
+    files.append(("field.json", "application/json", json.dumps(field, indent=1).encode()))
+    versions = {name: _version(name) for name in _PACKAGES}
+    versions |= {"python": platform.python_version(), "machine": platform.machine()}
+    files.append((VERSIONS_ATTACHMENT, "application/json", json.dumps(versions, indent=1).encode()))
+    return files
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

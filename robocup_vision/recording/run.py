@@ -1,0 +1,228 @@
+"""What a run was made of: field, camera, colours and all settings of its `Vision`, `Memory` and `Steering`, as values.
+
+Written into a recording, they make the same objects again for a replay.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.avoidance.steering import Steering
+from robocup_vision.avoidance.steering_settings import SteeringSettings
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise
+from robocup_vision.localization.filter.pose_filter import PoseFilter
+from robocup_vision.mapping.ego_motion import EgoMotion, EgoMotionSettings
+from robocup_vision.mapping.occupancy import FreeSpaceMap
+from robocup_vision.mapping.sensor_model import SensorModel
+from robocup_vision.mapping.view_motion import ViewMotion, ViewMotionSettings
+from robocup_vision.memory import Memory
+from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.perception.color_table import Colors
+from robocup_vision.tracking.moving_objects import MovingObjects
+from robocup_vision.vision import Vision
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapRun:
+    """Arguments of a `FreeSpaceMap`."""
+
+    sensors: Mapping[str, SensorModel]
+    cells: int
+    cell_m: float
+    free_below: float
+    no_go_above: float
+    clip: float
+
+    @classmethod
+    def of(cls, free_map: FreeSpaceMap) -> MapRun:
+        """Describe a map."""
+        m = free_map
+        return cls(dict(m.sensors), m.cells, m.cell_m, m.free_below, m.no_go_above, m.clip)
+
+    def make(self) -> FreeSpaceMap:
+        """Make such a map, empty."""
+        return FreeSpaceMap(
+            self.sensors,
+            cells=self.cells,
+            cell_m=self.cell_m,
+            free_below=self.free_below,
+            no_go_above=self.no_go_above,
+            clip=self.clip,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EgoMotionRun:
+    """Arguments of a `ViewMotion`; without `bearings` its `EgoMotion` is made at the first view."""
+
+    odometry: OdometryNoise
+    settings: ViewMotionSettings
+    bearings: int | None = None
+    comparison: EgoMotionSettings | None = None
+
+    @classmethod
+    def of(cls, motion: ViewMotion) -> EgoMotionRun:
+        """Describe it."""
+        inner = motion.ego_motion
+        if inner is None:
+            return cls(motion.odometry, motion.settings)
+        return cls(motion.odometry, motion.settings, inner.bearings, inner.settings)
+
+    def make(self) -> ViewMotion:
+        """Make such a one."""
+        inner = None
+        if self.bearings is not None:
+            inner = EgoMotion(self.bearings, self.comparison or EgoMotionSettings())
+        return ViewMotion(inner, self.odometry, self.settings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MemoryRun:
+    """Arguments of a `Memory` and its parts; `expected` is what the pose filter was told to expect."""
+
+    odometry: OdometryNoise
+    frames: FrameErrors
+    expected: Pose2 | None
+    objects: MovingObjects | None
+    free_map: MapRun | None
+    object_radius_m: float
+    ego_motion: EgoMotionRun | None
+
+    @classmethod
+    def of(cls, memory: Memory) -> MemoryRun:
+        """Describe a memory."""
+        poses = memory.poses
+        return cls(
+            poses.odometry_noise,
+            poses.frame_errors,
+            poses.expected,
+            memory.objects,
+            None if memory.free_map is None else MapRun.of(memory.free_map),
+            memory.object_radius_m,
+            None if memory.ego_motion is None else EgoMotionRun.of(memory.ego_motion),
+        )
+
+    def make(self, pitch: Field) -> Memory:
+        """Make such a memory, empty."""
+        poses = PoseFilter(odometry=self.odometry, frames=self.frames)
+        if self.expected is not None:
+            poses.expect(self.expected)
+        return Memory(
+            pitch,
+            poses=poses,
+            # the same settings, nobody followed
+            objects=None if self.objects is None else replace(self.objects),
+            free_map=None if self.free_map is None else self.free_map.make(),
+            object_radius_m=self.object_radius_m,
+            ego_motion=None if self.ego_motion is None else self.ego_motion.make(),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VisionRun:
+    """Arguments of a `Vision`."""
+
+    field: Field
+    camera: OmniCamera | PinholeCamera
+    colors: Colors | None
+    method: str
+    mask: UInt8Array | None
+    directions: int
+    rings: int | tuple[float, ...]
+    memory: MemoryRun | None
+
+    @classmethod
+    def of(cls, vision: Vision) -> VisionRun:
+        """Describe a `Vision`; what refines its camera (`online`) is left out."""
+        memory = None if vision.memory is None else MemoryRun.of(vision.memory)
+        v = vision
+        return cls(v.field, v.camera, v.fixed_colors, v.method, v.mask, v.directions, v.rings, memory)
+
+    def make(self) -> Vision:
+        """Make such a `Vision`, fresh."""
+        return Vision(
+            self.field,
+            self.camera,
+            self.colors,
+            method=self.method,
+            mask=self.mask,
+            directions=self.directions,
+            rings=self.rings,
+            memory=None if self.memory is None else self.memory.make(self.field),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SteeringRun:
+    """Arguments of a `Steering`."""
+
+    robot_radius_m: float
+    limits: MotionLimits
+    settings: SteeringSettings
+
+    @classmethod
+    def of(cls, steering: Steering) -> SteeringRun:
+        """Describe a `Steering`."""
+        limits = steering.limits
+        plain = MotionLimits(limits.speed_mps, limits.acceleration_mps2, limits.dead_time_s)
+        return cls(steering.robot_radius_m, plain, steering.settings)
+
+    def make(self) -> Steering:
+        """Make such a `Steering`, fresh."""
+        return Steering(self.robot_radius_m, self.limits, self.settings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """What ran.
+
+    Parameters
+    ----------
+    loop : str
+        Who made the calls: "vision" for those of `Vision` and `Steering` themselves, else the name of an entry point of
+        the group ``robocup_vision.loops``.
+    field, camera, colors
+        What the frames are of; colours are None where they were learnt.
+    caveat : str
+        Why a replay cannot be the same bit for bit; empty where it can.
+    vision : VisionRun or None
+        Of loop "vision".
+    steering : SteeringRun or None
+        Of loop "vision", where it steers.
+    setup : mapping
+        Of other loops: what they are made of.
+    """
+
+    loop: str
+    field: Field
+    camera: OmniCamera | PinholeCamera
+    colors: Colors | None = None
+    caveat: str = ""
+    vision: VisionRun | None = None
+    steering: SteeringRun | None = None
+    setup: Mapping[str, object] = dataclasses.field(default_factory=dict)
+
+    @classmethod
+    def of(cls, vision: Vision, steering: Steering | None = None) -> Run:
+        """Describe a run of `Vision` and, if there is one, `Steering`."""
+        caveat = ""
+        if vision.online is not None:
+            caveat = "the camera was refined while it ran (online), which is not recorded"
+        elif not vision.is_fresh or not (steering is None or steering.is_fresh):
+            caveat = "the recording began in the middle of a run: what was remembered before is not in it"
+        return cls(
+            "vision",
+            vision.field,
+            vision.camera,
+            vision.fixed_colors,
+            caveat,
+            VisionRun.of(vision),
+            None if steering is None else SteeringRun.of(steering),
+        )
