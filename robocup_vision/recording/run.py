@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
@@ -26,6 +26,7 @@ from robocup_vision.memory import Memory
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.tracking.moving_objects import MovingObjects
+from robocup_vision.tracking.settings import MovingObjectsSettings
 from robocup_vision.vision import Vision
 
 
@@ -90,7 +91,7 @@ class MemoryRun:
     odometry: OdometryNoise
     frames: FrameErrors
     expected: Pose2 | None
-    objects: MovingObjects | None
+    objects: MovingObjectsSettings | None
     free_map: MapRun | None
     object_radius_m: float
     ego_motion: EgoMotionRun | None
@@ -103,7 +104,7 @@ class MemoryRun:
             poses.odometry_noise,
             poses.frame_errors,
             poses.expected,
-            memory.objects,
+            None if memory.objects is None else memory.objects.settings,
             None if memory.free_map is None else MapRun.of(memory.free_map),
             memory.object_radius_m,
             None if memory.ego_motion is None else EgoMotionRun.of(memory.ego_motion),
@@ -117,8 +118,7 @@ class MemoryRun:
         return Memory(
             pitch,
             poses=poses,
-            # the same settings, nobody followed
-            objects=None if self.objects is None else replace(self.objects),
+            objects=None if self.objects is None else MovingObjects(self.objects),
             free_map=None if self.free_map is None else self.free_map.make(),
             object_radius_m=self.object_radius_m,
             ego_motion=None if self.ego_motion is None else self.ego_motion.make(),

@@ -41,7 +41,7 @@ VALUE_TYPES: Mapping[str, str] = {
     "SteeringSettings": "robocup_vision.avoidance.steering_settings",
     "OdometryNoise": "robocup_vision.localization.filter.hypothesis",
     "FrameErrors": "robocup_vision.localization.filter.hypothesis",
-    "MovingObjects": "robocup_vision.tracking.moving_objects",
+    "MovingObjectsSettings": "robocup_vision.tracking.settings",
     "SensorModel": "robocup_vision.mapping.sensor_model",
     "OnlineSettings": "robocup_vision.calibration.online",
     "ViewMotionSettings": "robocup_vision.mapping.view_motion",

@@ -1,0 +1,63 @@
+"""Message types: the published type hashes, and CDR that comes back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from field_models.errors import PacketError
+from robocup_vision.messages.types import (
+    CALL,
+    added_types,
+    decode,
+    definition,
+    encode,
+    header,
+    make,
+    stamp,
+    to_seconds,
+    type_hash,
+)
+
+_FIELDS = Path(__file__).parents[4] / "shared" / "ros" / "fields.txt"
+
+
+@pytest.mark.parametrize("name", added_types())
+def test_a_type_has_its_published_hash(name: str) -> None:
+    assert type_hash(name) == added_types()[name][0]
+
+
+@pytest.mark.skipif(not _FIELDS.exists(), reason="the list of published hashes is not here")
+def test_every_published_type_is_there() -> None:
+    lines = _FIELDS.read_text(encoding="utf-8").splitlines()
+    published = dict(line.split() for line in lines if line and not line.startswith(" "))
+    assert len(published) == 30
+    for name, published_hash in published.items():
+        assert type_hash(name) == published_hash
+
+
+def test_a_message_comes_back() -> None:
+    message = decode(encode(header(12.25, "map")), "std_msgs/msg/Header")
+    assert message.frame_id == "map"
+    assert to_seconds(message.stamp) == 12.25
+
+
+@pytest.mark.parametrize("t_s", [0.0, 1e-9, 0.9999999996, 1_763_000_000.123456])
+def test_a_stamp_is_right_to_the_nanosecond(t_s: float) -> None:
+    time = stamp(t_s)
+    assert 0 <= time.nanosec < 1_000_000_000
+    assert abs(time.sec * 1_000_000_000 + time.nanosec - round(t_s * 1e9)) == 0
+
+
+def test_bytes_that_are_no_message_are_refused() -> None:
+    with pytest.raises(PacketError, match="no std_msgs/msg/Header"):
+        decode(b"\x00\x01\x00\x00\x01", "std_msgs/msg/Header")
+    with pytest.raises(PacketError, match="no no_msgs/msg/Such"):
+        decode(b"\x00\x01\x00\x00", "no_msgs/msg/Such")
+
+
+def test_a_definition_names_all_that_a_type_is_made_of() -> None:
+    assert "MSG: builtin_interfaces/Time" in definition(CALL)
+    confidence = make("soccer_vision_attribute_msgs/msg/Confidence", -1.0)
+    assert decode(encode(confidence), confidence.__msgtype__).confidence == -1.0
