@@ -1,7 +1,7 @@
-"""What is wrong with a set-up, told from its own images: sizes, field, mirroring, heading, centre, curve and colours.
+"""Checks a set-up by its own images: sizes, field, mirroring, heading, centre, curve and colours.
 
-Each finding comes with its evidence. What images cannot tell is said, too: a field looks the same in a mirror, so
-mirroring and heading need odometry or truth.
+Each finding comes with its evidence. A finding is "unknown" where images do not decide it: a field looks the same in a
+mirror, so mirroring and heading need odometry or truth.
 """
 
 from __future__ import annotations
@@ -29,20 +29,6 @@ from robocup_vision.progress import progress
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
-# images looked at, evenly spread, and those tried on other fields and with colours learnt anew
-_MAX_IMAGES, _MAX_TRIED = 24, 8
-# share of images that should be placed on the field, share of what they show that should agree with it, and how much
-# better another field, or the image mirrored, must do
-_PLACED, _AGREE, _FIELD_BETTER = 0.8, 0.6, 1.3
-# a centre, of the smaller side, and a floor range, relative, that are off by more than this matter
-_CENTER_OFF, _RANGE_OFF = 0.0015, 0.01
-_BEYOND_STD = 3.0
-# headings that all differ from truth by the same angle: the angle, and the spread it must stand out from
-_HEADING_OFF_RAD = math.radians(3.0)
-# what fixed colours and colours learnt from the image itself both call floor, of what either does
-_FLOOR_ALIKE = 0.8
-_MIN_TURNS = 3
-
 State = Literal["ok", "wrong", "unknown"]
 
 
@@ -53,11 +39,11 @@ class Finding:
     Parameters
     ----------
     subject : str
-        What: "size", "field", "mirrored", "heading", "centre", "curve", "colours".
+        "size", "field", "mirrored", "heading", "centre", "curve" or "colours".
     state : {"ok", "wrong", "unknown"}
-        How it is.
+        The result.
     evidence : str
-        A sentence.
+        A sentence with the figures.
     """
 
     subject: str
@@ -65,33 +51,83 @@ class Finding:
     evidence: str
 
 
-def check_dataset(dataset: Dataset) -> list[Finding]:
-    """Look for what is wrong with a dataset's files, by at most some two dozen of its images.
+@dataclass(frozen=True, slots=True)
+class CheckSettings:
+    """Settings of the check of a dataset.
+
+    Parameters
+    ----------
+    max_images, max_tried : int
+        Images that are used, evenly spread; those that are tried on other fields and with newly learnt colours.
+    min_located_ratio : float
+        Of the images, those that must be located on the field.
+    min_agreement : float
+        Mean inlier ratio of a right set-up.
+    min_improvement : float
+        Another field, or the mirrored image, is better if its figure is so many times as high.
+    max_truth_error_m : float
+        A pose so near to the truth is right.
+    max_center_ratio, max_range_error : float
+        Errors that matter: of the centre, of the image's smaller side; of the floor range, relative.
+    significance : float
+        Standard deviations by which a centre must be off.
+    max_heading_error_rad : float
+        Common error of all headings that is a wrong heading of the camera.
+    min_color_agreement : float
+        Of the floor by fixed colours or by colours learnt from the image, the part on which both agree.
+    min_turns : int
+        Turns, or headings, that are needed for a decision.
+    min_turn_rad, max_turn_rad : float
+        Odometry turns that can be compared: larger than its noise, smaller than the ambiguity of a half turn.
+    """
+
+    max_images: int = 24
+    max_tried: int = 8
+    min_located_ratio: float = 0.8
+    min_agreement: float = 0.6
+    min_improvement: float = 1.3
+    max_truth_error_m: float = 0.1
+    max_center_ratio: float = 0.0015
+    max_range_error: float = 0.01
+    significance: float = 3.0
+    max_heading_error_rad: float = math.radians(3.0)
+    min_color_agreement: float = 0.8
+    min_turns: int = 3
+    min_turn_rad: float = math.radians(2.0)
+    max_turn_rad: float = math.radians(60.0)
+
+
+def check_dataset(dataset: Dataset, settings: CheckSettings = CheckSettings()) -> list[Finding]:
+    """Find errors in a dataset's files by some of its images.
 
     Parameters
     ----------
     dataset : Dataset
-        A folder of images; of a video the first images are taken.
+        A folder of images; of a video the first images are used.
+    settings : CheckSettings, optional
+        Number of images, and thresholds.
 
     Returns
     -------
     list of Finding
-        In the order in which they should be mended; the first ones hide those after them, which are then left out.
+        In the order in which they should be corrected. An error hides what would be checked after it: that is left
+        out.
     """
-    images = list(_some_images(dataset))
+    images = list(_some_images(dataset, settings.max_images))
     findings = [_check_size(dataset, images)]
     good = [(name, frame) for name, frame in images if not isinstance(frame, FrameError)]
     if findings[0].state == "wrong" or not good:
         return findings
-    return [*findings, *_Check(dataset, [name for name, _ in good], [frame for _, frame in good]).run()]
+    check = _Check(dataset, [name for name, _ in good], [frame for _, frame in good], settings)
+    return [*findings, *check.run()]
 
 
-def _some_images(dataset: Dataset) -> Iterator[tuple[str, UInt8Array | FrameError]]:
+def _some_images(dataset: Dataset, max_images: int) -> Iterator[tuple[str, UInt8Array | FrameError]]:
     count = len(dataset.image_names)
     if dataset.is_video:
-        yield from zip(dataset.image_names[:_MAX_IMAGES], dataset.read_frames(), strict=False)
+        yield from zip(dataset.image_names[:max_images], dataset.read_frames(), strict=False)
         return
-    chosen = sorted({int(i) for i in np.linspace(0, count - 1, min(count, _MAX_IMAGES)).round()})
+    chosen = sorted({int(i) for i in np.linspace(0, count - 1, min(count, max_images)).round()})
     for index in progress(chosen, len(chosen), "reading"):
         try:
             yield dataset.image_names[index], dataset.read_frame(index)
@@ -123,9 +159,10 @@ def _size_px(dataset: Dataset, name: str) -> tuple[int, int] | None:
 
 
 class _Check:
-    """All that needs images of the right size."""
+    """The checks that need images of the right size."""
 
-    def __init__(self, dataset: Dataset, names: list[str], frames: list[UInt8Array]) -> None:
+    def __init__(self, dataset: Dataset, names: list[str], frames: list[UInt8Array], settings: CheckSettings) -> None:
+        self.settings = settings
         self.dataset, self.names, self.frames = dataset, names, frames
         self.views = self._look(self._vision(dataset.field), frames)
 
@@ -158,10 +195,12 @@ class _Check:
     def _check_field(self) -> Finding:
         name = self.dataset.field.name
         placed = sum(bool(view.pose) for view in self.views)
-        evidence = f"{placed} of {len(self.views)} images can be placed on '{name}'"
-        if placed >= _PLACED * len(self.views) and _agreement(self.views) >= _AGREE:
-            return Finding("field", "ok", f"{evidence}, {_agreement(self.views):.0%} of what they show agrees")
-        chosen = slice(None, None, -(-len(self.frames) // _MAX_TRIED))
+        settings = self.settings
+        min_placed = settings.min_located_ratio * len(self.views)
+        evidence = f"{placed} of {len(self.views)} images can be located on '{name}'"
+        if placed >= min_placed and _agreement(self.views) >= settings.min_agreement:
+            return Finding("field", "ok", f"{evidence}, {_agreement(self.views):.0%} of their points agree")
+        chosen = slice(None, None, -(-len(self.frames) // settings.max_tried))
         own = _agreement(self.views[chosen])
         scores = {}
         for other in field_names():
@@ -169,10 +208,10 @@ class _Check:
             if other != name and (field.is_bounded or len(field.lines)):
                 scores[other] = _agreement(self._look(self._vision(field), self.frames[chosen], other))
         best = max(scores, key=lambda other: scores[other])
-        evidence += f" ({own:.0%} of what they show agrees)"
-        if scores[best] > _FIELD_BETTER * own and scores[best] > _AGREE:
+        evidence += f" ({own:.0%} of their points agree)"
+        if scores[best] > settings.min_improvement * own and scores[best] > settings.min_agreement:
             return Finding("field", "wrong", f"{evidence}, on '{best}' {scores[best]:.0%}: is it that field?")
-        if placed >= _PLACED * len(self.views):
+        if placed >= min_placed:
             return Finding("field", "ok", evidence)
         reasons = Counter(view.pose.reason for view in self.views if isinstance(view.pose, NotLocated))
         return Finding("field", "unknown", f"{evidence}; most often: {reasons.most_common(1)[0][0]}")
@@ -183,46 +222,47 @@ class _Check:
             return self._check_by_truth(camera)
         turned = self._turns_by_odometry()
         if turned is None:
-            told = "a field looks the same in a mirror: only truth.csv, or frames.csv with odometry, would tell"
-            return [Finding("mirrored", "unknown", told)]
+            missing = "a field looks the same in a mirror: truth.csv, or frames.csv with odometry, is needed"
+            return [Finding("mirrored", "unknown", missing)]
         agreeing, count = turned
         state: State = "ok" if agreeing > 0.5 * count else "wrong"
-        evidence = f"in {agreeing} of {count} turns between images the robot turned as its odometry says"
+        evidence = f"in {agreeing} of {count} turns between images the robot turned in the direction of its odometry"
         if state == "wrong":
             evidence += f": mirrored = {str(not camera.mirrored).lower()} in the camera file?"
         return [Finding("mirrored", state, evidence)]
 
     def _check_by_truth(self, camera: OmniCamera) -> list[Finding]:
         flipped = dataclasses.replace(camera, mirrored=not camera.mirrored)
-        shares = []
+        counts = []
         for views in (
             self.views,
             self._look(self._vision(self.dataset.field, camera=flipped), self.frames, "mirrored"),
         ):
             pairs = self._pairs(views)
-            near = [pose.error_to(truth, symmetric=True)[0] < 0.1 for pose, truth in pairs]
-            shares.append((sum(near), len(near)))
-        (right, count), (mirrored, _) = shares
+            near = [pose.error_to(truth, symmetric=True)[0] < self.settings.max_truth_error_m for pose, truth in pairs]
+            counts.append((sum(near), len(near)))
+        (right, count), (mirrored, _) = counts
         if not count:
-            return [Finding("mirrored", "unknown", "no image with truth could be placed")]
+            return [Finding("mirrored", "unknown", "no image with truth could be located")]
         evidence = (
-            f"{right} of {count} images lie within 10 cm of the truth as it is, {mirrored} with the image mirrored"
+            f"{right} of {count} poses lie within {100 * self.settings.max_truth_error_m:.0f} cm of the truth, "
+            f"{mirrored} with the image mirrored"
         )
-        if mirrored > _FIELD_BETTER * right and mirrored > count / 3:
+        if mirrored > self.settings.min_improvement * right and mirrored > count / 3:
             wanted = str(not camera.mirrored).lower()
             return [Finding("mirrored", "wrong", f"{evidence}: mirrored = {wanted} in the camera file?")]
         return [Finding("mirrored", "ok" if right else "unknown", evidence), *self._check_heading(camera)]
 
     def _check_heading(self, camera: OmniCamera) -> list[Finding]:
-        # twice the angle, so that the other half of a symmetric field says the same
+        # twice the angle: it is the same for both halves of a symmetric field
         off = np.array([2 * (pose.theta_rad - truth.theta_rad) for pose, truth in self._pairs(self.views, True)])
-        if len(off) < _MIN_TURNS:
+        if len(off) < self.settings.min_turns:
             return []
         middle = math.atan2(float(np.median(np.sin(off))), float(np.median(np.cos(off))))
         spread = float(np.median([abs(wrap_angle(value - middle)) for value in off])) / 2
         middle /= 2
         degrees = math.degrees(middle)
-        if abs(middle) > _HEADING_OFF_RAD and abs(middle) > 2 * spread:
+        if abs(middle) > self.settings.max_heading_error_rad and abs(middle) > 2 * spread:
             advice = f"heading_rad = {camera.heading_rad + middle:.3f} in the camera file (or half a turn from it)?"
             return [Finding("heading", "wrong", f"all headings differ from the truth by {degrees:+.1f} deg: {advice}")]
         return [Finding("heading", "ok", f"headings differ from the truth by {degrees:+.1f} deg (median)")]
@@ -250,7 +290,7 @@ class _Check:
             if not view.pose or following >= len(self.dataset.image_names):
                 continue
             moved = times[self.dataset.image_names[following]].odometry
-            if moved is None or not math.radians(2.0) < abs(moved.theta_rad) < math.radians(60.0):
+            if moved is None or not self.settings.min_turn_rad < abs(moved.theta_rad) < self.settings.max_turn_rad:
                 continue
             try:
                 vision.forget()
@@ -262,58 +302,58 @@ class _Check:
             turn = math.remainder(after.pose.theta_rad - view.pose.pose.theta_rad, math.pi)
             agreeing += (turn > 0) == (moved.theta_rad > 0)
             count += 1
-        return (agreeing, count) if count >= _MIN_TURNS else None
+        return (agreeing, count) if count >= self.settings.min_turns else None
 
     def _check_camera(self, camera: OmniCamera, can_place: bool) -> list[Finding]:
         result = calibrate_omni(self.dataset.field, self.frames, camera, self.dataset.mask, names=self.names)
         if not isinstance(result, OmniCalibration):
             state: State = "unknown" if can_place else "wrong"
-            return [Finding("centre", state, f"no camera near this one explains the images: {result.reason}")]
+            return [Finding("centre", state, f"no camera near this one fits the images: {result.reason}")]
         (u, v), (u_new, v_new) = camera.center_px, result.camera.center_px
         off = np.array([u_new - u, v_new - v])
         std = np.array([result.std["center_u_px"], result.std["center_v_px"]])
-        least = np.maximum(_BEYOND_STD * std, _CENTER_OFF * min(camera.size_px))
+        least = np.maximum(self.settings.significance * std, self.settings.max_center_ratio * min(camera.size_px))
         words = f"({off[0]:+.2f}, {off[1]:+.2f}) +- ({std[0]:.2f}, {std[1]:.2f}) px"
-        mend = "robocup-vision calibrate omni --start CAMERA mends it"
+        mend = "robocup-vision calibrate omni --start CAMERA corrects it"
         if np.any(np.abs(off) > least):
-            centre = Finding("centre", "wrong", f"the images put it off by {words}: {mend}")
+            centre = Finding("centre", "wrong", f"by the images it is off by {words}: {mend}")
         else:
-            centre = Finding("centre", "ok", f"the images put it within {words}")
+            centre = Finding("centre", "ok", f"by the images it is right within {words}")
         return [centre, self._check_curve(camera, result.camera, mend)]
 
     def _check_curve(self, camera: OmniCamera, better: OmniCamera, mend: str) -> Finding:
         radius = np.linspace(*camera.usable_radius_px, 40)[:30]
-        told = camera.floor_range.inverse_range_per_m(radius)
-        seen = better.floor_range.inverse_range_per_m(radius)
+        given = camera.floor_range.inverse_range_per_m(radius)
+        fitted = better.floor_range.inverse_range_per_m(radius)
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = told / seen - 1
-        known = np.isfinite(ratio) & (told > 0) & (seen > 0)
+            ratio = given / fitted - 1
+        known = np.isfinite(ratio) & (given > 0) & (fitted > 0)
         if not known.any():
-            return Finding("curve", "wrong", f"it shows no floor where the images do: {mend}")
+            return Finding("curve", "wrong", f"it has no floor where the images show some: {mend}")
         worst = float(ratio[known][np.argmax(np.abs(ratio[known]))])
-        evidence = f"floor ranges differ from what the images say by up to {100 * abs(worst):.1f} %"
-        if float(np.median(np.abs(ratio[known]))) > _RANGE_OFF:
+        evidence = f"floor ranges differ from those of the images by up to {100 * abs(worst):.1f} %"
+        if float(np.median(np.abs(ratio[known]))) > self.settings.max_range_error:
             return Finding("curve", "wrong", f"{evidence}: {mend}")
         return Finding("curve", "ok", evidence)
 
     def _check_colors(self) -> Finding:
-        chosen = slice(None, None, -(-len(self.frames) // _MAX_TRIED))
+        chosen = slice(None, None, -(-len(self.frames) // self.settings.max_tried))
         learnt = self._look(self._vision(self.dataset.field, learnt=True), self.frames[chosen], "colours")
-        shares = []
+        agreements = []
         for fixed, own in zip(self.views[chosen], learnt, strict=True):
             if fixed.marks.shape != own.marks.shape or not own.marks.any():
                 continue
             a, b = fixed.marks > 0, own.marks > 0
-            shares.append(float((a & b).sum() / max((a | b).sum(), 1)))
-        if not shares:
-            return Finding("colours", "unknown", "no floor can be told in the images by colours learnt from themselves")
-        alike = float(np.median(shares))
+            agreements.append(float((a & b).sum() / max((a | b).sum(), 1)))
+        if not agreements:
+            return Finding("colours", "unknown", "colours learnt from the images show no floor in them")
+        alike = float(np.median(agreements))
         evidence = f"colour file and images agree on {100 * alike:.0f} % of the floor (median image)"
-        if alike < _FLOOR_ALIKE:
+        if alike < self.settings.min_color_agreement:
             return Finding("colours", "wrong", f"{evidence}: leave it out, or make a new one")
         return Finding("colours", "ok", evidence)
 
 
 def _agreement(views: list[View]) -> float:
-    """Mean share of what images show that agrees with their poses; nothing where there is none."""
+    """Mean inlier ratio of the views' poses; 0 for a view without pose."""
     return float(np.mean([view.pose.inlier_ratio if isinstance(view.pose, PoseEstimate) else 0.0 for view in views]))

@@ -1,9 +1,9 @@
-"""Colour files from images of the field, without a click: floor, white paint, ball and goals.
+"""Learns a colour file from images of the field, without a click: floor, white paint, ball and goals.
 
-The floor is learnt in each frame as `Vision` learns it, and the frames' median kept, so that a few frames with a robot
-before the lens spoil nothing. A coloured thing is first sought where it must be (the goal that the pose puts into the
-picture, the ball that was found) with the colour that the field file names under the light that white paint shows; its
-own colour is then what was found there.
+The floor is learnt in each frame as `Vision` learns it. The frames' median is kept: a few frames with a robot before
+the lens do no harm. A coloured thing is searched where it must be (a goal where the pose puts it, the ball anywhere),
+by the colour that the field file names, under the light that white paint shows. The median of the pixels found is its
+own colour.
 """
 
 from __future__ import annotations
@@ -30,36 +30,64 @@ from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
 
 COLORED = ("ball", "goal_positive_x", "goal_negative_x")
-# of a picture without a camera file
-_ROWS, _COLUMNS = 120, 150
-# a frame whose floor is so far off the frames' median, in log ratios, shows something else
-_ODD = 0.35
-# a thing's colour is so near the one its name has under this light, in log ratios, and so bright beside the floor
-_NEAR, _MIN_LEVEL = 0.6, 0.35
-_MIN_PIXELS = 30
-# a thing found by its colour alone is at least this compact: share of its pixels that others of it surround
-_COMPACT = 0.3
-# of a goal's inside, metres between places that are looked at
-_GOAL_STEP_M = 0.02
-_MAX_SPREAD = 0.15
-# painted lines are brighter than the floor by this factor, and pure in their middle where so wide in the picture
-_LINE_LEVEL, _WIDE_PX = 1.2, 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class ColorCalibrationSettings:
+    """Settings of the calibration of colours.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Samples of a picture without a camera file: as many as a view of the floor has.
+    max_floor_difference : float
+        A frame whose floor differs more than this from the frames' median, in log ratios, shows something else.
+    max_color_distance : float
+        Distance, in log ratios, of a thing's colour from the one its name has under this light.
+    min_level : float
+        Its brightness, of the floor's: below it hue is noise.
+    min_pixels : int
+        Pixels of a thing that determine its colour.
+    min_inner_ratio : float
+        Of a thing found by its colour alone, the pixels that others of it surround: clutter is not compact.
+    spacing_m : float
+        Of the places on goals and lines that are projected into the picture.
+    max_spread : float
+        Upper bound of the floor's spread: a wider one takes in other things.
+    min_line_level : float
+        Painted lines are brighter than the floor by this factor.
+    min_line_width_px : float
+        So wide in the picture, a line's middle has no floor mixed in.
+    """
+
+    rows: int = 120
+    columns: int = 150
+    max_floor_difference: float = 0.35
+    max_color_distance: float = 0.6
+    min_level: float = 0.35
+    min_pixels: int = 30
+    min_inner_ratio: float = 0.3
+    spacing_m: float = 0.02
+    max_spread: float = 0.15
+    min_line_level: float = 1.2
+    min_line_width_px: float = 4.0
 
 
 @dataclass(frozen=True)
 class ColorCalibration:
-    """Colours that images showed.
+    """Colours learnt from images.
 
     Parameters
     ----------
     colors : Colors
-        What a colour file holds.
+        Content of a colour file.
     frames : int
-        Frames that were used.
+        Number of frames used.
     pixels : mapping of str to int
-        Of each coloured class, the pixels that told its colour; 0: not in view, so as the field file names it.
+        Of each coloured class, the number of pixels that its colour was learnt from; 0: not in view, the colour is the
+        one that the field file names.
     notes : tuple of str
-        Lines the user should see.
+        Messages for the user.
     """
 
     colors: Colors
@@ -69,8 +97,8 @@ class ColorCalibration:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """What one frame showed: its colours, and of each coloured class the log R/G, B/G (2,) and number of pixels."""
+class _FrameColors:
+    """Colours of one frame, and of each coloured class the log R/G, B/G (2,) and number of pixels."""
 
     colors: Colors
     things: Mapping[str, tuple[FloatArray, int]]
@@ -82,6 +110,7 @@ def calibrate_colors(
     camera: OmniCamera | PinholeCamera | None = None,
     poses: Mapping[str, Pose2] | None = None,
     mask: UInt8Array | None = None,
+    settings: ColorCalibrationSettings = ColorCalibrationSettings(),
 ) -> ColorCalibration | NotCalibrated:
     """Learn a field's colours from frames, one at a time.
 
@@ -90,15 +119,18 @@ def calibrate_colors(
     field : Field
         Names the colours of ball and goals.
     frames : iterable of (str, callable)
-        Name of each frame, and what reads it: (H, W, 3) uint8 BGR. One that cannot be read is noted and left out.
+        Name of each frame, and a function that reads it: (H, W, 3) uint8 BGR. One that cannot be read is noted and
+        left out.
     camera : OmniCamera or PinholeCamera, optional
-        Tells where the floor is nearest, and with a pose where the goals are.
+        Locates the nearest floor in the picture, and with a pose the goals.
     poses : mapping of str to Pose2, optional
-        The robot on the field, by the frame's name; without it `Vision` locates each frame, where it can.
+        Of the robot on the field, by the frame's name. Without it `Vision` locates each frame, where it can.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Pixels where it is not zero are not used.
+    settings : ColorCalibrationSettings, optional
+        Thresholds.
     """
-    eye = _Eye(field, camera, mask)
+    observer = _FrameObserver(field, camera, mask, settings)
     seen, notes = [], []
     for name, read in frames:
         try:
@@ -106,38 +138,45 @@ def calibrate_colors(
         except FrameError as error:
             notes.append(f"{error}: left out")
             continue
-        found = eye.look(frame, (poses or {}).get(name))
+        found = observer.look(frame, (poses or {}).get(name))
         if found is None:
             notes.append(f"{name}: too dark, or nothing of the floor in view: left out")
         else:
             seen.append(found)
     if not seen:
-        return NotCalibrated("none of the images shows a floor whose colour can be told", tuple(notes))
+        return NotCalibrated("none of the images shows enough floor to learn its colour", tuple(notes))
     ratios = np.array([_beside_white(s.colors) for s in seen])
-    is_odd = np.abs(ratios - np.median(ratios, axis=0)).max(axis=1) > _ODD
+    is_odd = np.abs(ratios - np.median(ratios, axis=0)).max(axis=1) > settings.max_floor_difference
     if is_odd.all():
         return NotCalibrated("the images do not agree on the floor's colour", tuple(notes))
     if is_odd.any():
         notes.append(f"{int(is_odd.sum())} of {len(seen)} images show another floor than the rest: left out")
     used = [s for s, odd in zip(seen, is_odd, strict=True) if not odd]
-    floor = _usual_floor([s.colors.floor for s in used])
-    white = _usual_paint([s.colors.line for s in used])
+    floor = _median_floor([s.colors.floor for s in used], settings.max_spread)
+    white = _median_paint([s.colors.line for s in used])
     colors = colors_for(field, floor, white)
-    told = {name: [s.things[name] for s in used if name in s.things] for name in COLORED}
-    pixels = {name: sum(count for _, count in found) for name, found in told.items()}
+    measured = {name: [s.things[name] for s in used if name in s.things] for name in COLORED}
+    pixels = {name: sum(count for _, count in found) for name, found in measured.items()}
     ball, positive, negative = (
-        _weighted_median(found) if found else getattr(colors, name) for name, found in told.items()
+        _weighted_median(found) if found else getattr(colors, name) for name, found in measured.items()
     )
     colors = replace(colors, ball=ball, goal_positive_x=positive, goal_negative_x=negative)
     if max(_beside_white(colors)) > 0:
-        notes.append("what was taken for the floor is not green: look at the preview")
+        notes.append("the floor found is not green: check the preview")
     return ColorCalibration(colors, len(used), pixels, tuple(notes))
 
 
-class _Eye:
-    """Looks at one frame after the other as far as the camera is known."""
+class _FrameObserver:
+    """Measures colours in one frame after the other, with or without a known camera."""
 
-    def __init__(self, field: Field, camera: OmniCamera | PinholeCamera | None, mask: UInt8Array | None) -> None:
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera | PinholeCamera | None,
+        mask: UInt8Array | None,
+        settings: ColorCalibrationSettings,
+    ) -> None:
+        self._settings = settings
         self._field, self._camera, self._mask = field, camera, mask
         self._vision: Vision | None = None
         self._view: PolarView | FloorView | None = None
@@ -147,12 +186,15 @@ class _Eye:
         elif camera is not None and camera.known_orientation:
             view = FloorView(camera, mask=mask)
             self._view = view if view.sees_floor else None
-        self._goals = {COLORED[1 if goal.side > 0 else 2]: _goal_points(goal) for goal in field.goals}
-        self._line_m = _line_points(field)
+        self._goals = {
+            COLORED[1 if goal.side > 0 else 2]: _goal_points(goal, settings.spacing_m) for goal in field.goals
+        }
+        self._line_m = _line_points(field, settings.spacing_m)
 
-    def look(self, frame: UInt8Array, pose: Pose2 | None) -> _Seen | None:
+    def look(self, frame: UInt8Array, pose: Pose2 | None) -> _FrameColors | None:
+        settings = self._settings
         if self._view is None:
-            samples, valid = _scattered(frame, self._mask)
+            samples, valid = _scattered(frame, self._mask, settings)
         else:
             samples, valid = self._view.sample(frame), self._view.valid
         colors = learn_colors(samples, valid, self._field, math.log(2.0))
@@ -164,11 +206,13 @@ class _Eye:
             estimate = self._vision.look(frame).pose
             poses = estimate.candidates if isinstance(estimate, PoseEstimate) else ()
         if poses and self._camera is not None:
-            white = _white_of(frame, _line_pixels(self._line_m, self._camera, poses[0], frame.shape), colors.floor)
+            pixels = _line_pixels(self._line_m, self._camera, poses[0], frame.shape, settings.min_line_width_px)
+            white = _white_of(frame, pixels, colors.floor, settings)
             colors = colors if white is None else colors_for(self._field, colors.floor, white)
-        return _Seen(colors, self._things(frame, colors, poses))
+        return _FrameColors(colors, self._things(frame, colors, poses))
 
     def _things(self, frame: UInt8Array, colors: Colors, poses: Sequence[Pose2]) -> dict[str, tuple[FloatArray, int]]:
+        settings = self._settings
         named = {name: getattr(colors, name) for name in COLORED}
         free = np.ones(frame.shape[:2], dtype=bool) if self._mask is None else self._mask == 0
         if self._view is not None and isinstance(self._camera, OmniCamera):
@@ -179,72 +223,76 @@ class _Eye:
         b, g, r = (np.maximum(channel, 1).astype(np.float32) for channel in cv2.split(frame))
         ratio = np.stack([np.log(r / g), np.log(b / g)], axis=-1)
         is_floor = build_color_table(colors).segment(frame) == 1
-        bright = ((r + 2 * g + b) / 4 > _MIN_LEVEL * colors.floor.level) & (frame.min(axis=2) < 250)
+        bright = ((r + 2 * g + b) / 4 > settings.min_level * colors.floor.level) & (frame.min(axis=2) < 250)
         white = _log(colors.line)
         distance = {name: np.linalg.norm(ratio - _log(paint), axis=-1) for name, paint in named.items()}
         to_white = np.linalg.norm(ratio - white, axis=-1)
         things = {}
         for name, paint in named.items():
-            if np.linalg.norm(_log(paint) - white) < _NEAR:
-                continue  # white and black have no colour of their own
+            if np.linalg.norm(_log(paint) - white) < settings.max_color_distance:
+                continue  # white and black have no hue
             same = [other for other in COLORED if np.linalg.norm(_log(named[other]) - _log(paint)) < 1e-6]
-            is_it = free & bright & ~is_floor & (distance[name] < _NEAR) & (distance[name] < to_white)
+            is_it = (
+                free & bright & ~is_floor & (distance[name] < settings.max_color_distance) & (distance[name] < to_white)
+            )
             for other in COLORED:
                 if other not in same:
                     is_it &= distance[name] <= distance[other]
             if poses and self._camera is not None and name in self._goals and (len(poses) == 1 or len(same) == 1):
-                # of two poses half a turn apart, the colour tells which goal it is
+                # of two poses half a turn apart, the colour decides
                 is_it &= _where(self._goals[name], self._camera, poses, is_it.shape)
             elif name in self._goals and len(same) > 1:
-                continue  # goals of one colour cannot be told apart without a pose, nor need they be
+                continue  # without a pose goals of one colour are ambiguous, and their named colour is good enough
             core = cv2.erode(is_it.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             count = int(np.count_nonzero(core))
-            if count >= _MIN_PIXELS and count >= _COMPACT * np.count_nonzero(is_it):
+            if count >= settings.min_pixels and count >= settings.min_inner_ratio * np.count_nonzero(is_it):
                 things[name] = np.median(ratio[core], axis=0), count
         return things
 
 
-def _scattered(frame: UInt8Array, mask: UInt8Array | None) -> tuple[UInt8Array, UInt8Array]:
-    """Take samples from all over a picture of which nothing is known, with no place counted as the nearest floor."""
+def _scattered(
+    frame: UInt8Array, mask: UInt8Array | None, settings: ColorCalibrationSettings
+) -> tuple[UInt8Array, UInt8Array]:
+    """Sample a whole picture of an unknown camera; no place counts as the nearest floor."""
     height, width = frame.shape[:2]
-    rows = np.linspace(1, height - 2, _ROWS).astype(int)
-    columns = np.linspace(1, width - 2, _COLUMNS).astype(int)
-    golden = (np.arange(_COLUMNS) * 0.6180339887) % 1.0
+    rows = np.linspace(1, height - 2, settings.rows).astype(int)
+    columns = np.linspace(1, width - 2, settings.columns).astype(int)
+    golden = (np.arange(settings.columns) * 0.6180339887) % 1.0
     columns = columns[np.argsort(golden)]
     blurred = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
-    valid = np.ones((_ROWS, _COLUMNS), dtype=np.uint8)
+    valid = np.ones((settings.rows, settings.columns), dtype=np.uint8)
     if mask is not None:
         hidden = cv2.dilate((mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8))
         valid = (hidden[np.ix_(rows, columns)] == 0).astype(np.uint8)
     return np.ascontiguousarray(blurred[np.ix_(rows, columns)]), valid
 
 
-def _goal_points(goal: Goal) -> FloatArray:
+def _goal_points(goal: Goal, spacing_m: float) -> FloatArray:
     """Places (N, 3) on a goal's panels or posts, field frame, metres."""
-    up = np.arange(0.0, goal.height_m, _GOAL_STEP_M)
+    up = np.arange(0.0, goal.height_m, spacing_m)
     half = goal.width_m / 2
     if goal.kind == "posts":
         posts = [[goal.line_x_m, side * half, z] for side in (-1, 1) for z in up]
-        bar = [[goal.line_x_m, y, goal.height_m] for y in np.arange(-half, half, _GOAL_STEP_M)]
+        bar = [[goal.line_x_m, y, goal.height_m] for y in np.arange(-half, half, spacing_m)]
         return np.array(posts + bar)
     points = []
     for x0, y0, x1, y1 in goal.panels:
-        count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / _GOAL_STEP_M))
+        count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / spacing_m))
         foot = np.linspace([x0, y0], [x1, y1], count)
         points += [np.column_stack([foot, np.full(count, z)]) for z in up]
     return np.vstack(points)
 
 
-def _line_points(field: Field) -> FloatArray:
+def _line_points(field: Field, spacing_m: float) -> FloatArray:
     """Both edges (2, N, 3) of the field's lines and arcs, metres."""
     middle, across = [], []
     for x0, y0, x1, y1 in field.lines:
         length = max(math.hypot(x1 - x0, y1 - y0), 1e-9)
-        count = max(2, math.ceil(length / _GOAL_STEP_M))
+        count = max(2, math.ceil(length / spacing_m))
         middle.append(np.linspace([x0, y0], [x1, y1], count))
         across.append(np.tile([(y0 - y1) / length, (x1 - x0) / length], (count, 1)))
     for x, y, radius, start, sweep in field.arcs:
-        angle = start + np.linspace(0.0, sweep, max(8, math.ceil(abs(sweep) * radius / _GOAL_STEP_M)))
+        angle = start + np.linspace(0.0, sweep, max(8, math.ceil(abs(sweep) * radius / spacing_m)))
         out = np.column_stack([np.cos(angle), np.sin(angle)])
         middle.append((x, y) + radius * out)
         across.append(out)
@@ -256,12 +304,12 @@ def _line_points(field: Field) -> FloatArray:
 
 
 def _line_pixels(
-    edges_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2, shape: tuple[int, ...]
+    edges_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2, shape: tuple[int, ...], min_width_px: float
 ) -> npt.NDArray[np.int64]:
     """Pixels (N, 2), u and v, on the middle of lines that are so wide there that no floor is mixed in."""
     to_robot = pose.inverse()
     left, right = (camera.point_to_pixel(np.column_stack([to_robot.transform(e[:, :2]), e[:, 2]])) for e in edges_m)
-    wide = np.hypot(*(left - right).T) >= _WIDE_PX
+    wide = np.hypot(*(left - right).T) >= min_width_px
     pixels = np.rint((left[wide] + right[wide]) / 2).astype(np.int64)
     inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] < shape[1]) & (pixels[:, 1] < shape[0])
     return np.asarray(np.unique(pixels[inside], axis=0))
@@ -278,12 +326,16 @@ def _pixels(
     return np.asarray(np.unique(pixels[inside], axis=0))
 
 
-def _white_of(frame: UInt8Array, pixels: npt.NDArray[np.int64], floor: FloorColor) -> PaintColor | None:
-    """White as the field's own lines show it: those of their pixels that are brighter than the floor, not clipped."""
+def _white_of(
+    frame: UInt8Array, pixels: npt.NDArray[np.int64], floor: FloorColor, settings: ColorCalibrationSettings
+) -> PaintColor | None:
+    """Return the white of the field's lines, by those of their pixels that are brighter than the floor, not clipped."""
     colors = frame[pixels[:, 1], pixels[:, 0]].astype(np.float64)
     level = (colors[:, 2] + 2 * colors[:, 1] + colors[:, 0]) / 4
-    blue, green, red = np.maximum(colors[(level > _LINE_LEVEL * floor.level) & (colors.max(axis=1) < 250)], 1.0).T
-    if len(green) < _MIN_PIXELS:
+    blue, green, red = np.maximum(
+        colors[(level > settings.min_line_level * floor.level) & (colors.max(axis=1) < 250)], 1.0
+    ).T
+    if len(green) < settings.min_pixels:
         return None
     return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
 
@@ -291,7 +343,7 @@ def _white_of(frame: UInt8Array, pixels: npt.NDArray[np.int64], floor: FloorColo
 def _where(
     points_m: FloatArray, camera: OmniCamera | PinholeCamera, poses: Sequence[Pose2], shape: tuple[int, ...]
 ) -> BoolArray:
-    """Mask (H, W) of where places on the field are, at any of the poses."""
+    """Mask (H, W) of the pixels near places on the field, at any of the poses."""
     seen = np.zeros(shape, dtype=np.uint8)
     for pose in poses:
         u, v = _pixels(points_m, camera, pose, shape).T
@@ -307,8 +359,8 @@ def _beside_white(colors: Colors) -> FloatArray:
     return np.asarray(_log(colors.floor.lit) - _log(colors.line))
 
 
-def _usual_floor(floors: Sequence[FloorColor]) -> FloorColor:
-    """Take the frames' medians, with the floor's colour at the same absolute brightness."""
+def _median_floor(floors: Sequence[FloorColor], max_spread: float) -> FloorColor:
+    """Return the frames' median, with the floor's colour compared at the same absolute brightness."""
     level = float(np.exp(np.median(np.log([f.level for f in floors]))))
     curves = {
         key: np.array([np.interp(LEVELS + math.log(level / f.level), LEVELS, np.log(getattr(f, key))) for f in floors])
@@ -318,20 +370,20 @@ def _usual_floor(floors: Sequence[FloorColor]) -> FloorColor:
     own = np.median([f.spread for f in floors], axis=0)
     lit = np.array([_log(f.lit) for f in floors])
     between = 1.4826 * np.median(np.abs(lit - np.median(lit, axis=0)), axis=0)
-    spread = np.minimum(np.hypot(own, between), _MAX_SPREAD)
+    spread = np.minimum(np.hypot(own, between), max_spread)
     noise = float(np.median([f.noise for f in floors]))
     return FloorColor(level, noise, read_only(np.exp(red)), read_only(np.exp(blue)), read_only(spread))
 
 
-def _usual_paint(paints: Sequence[PaintColor]) -> PaintColor:
+def _median_paint(paints: Sequence[PaintColor]) -> PaintColor:
     red, blue = np.exp(np.median([_log(p) for p in paints], axis=0))
     return PaintColor(float(red), float(blue))
 
 
-def _weighted_median(told: Sequence[tuple[FloatArray, int]]) -> PaintColor:
-    weight = np.array([count for _, count in told], dtype=np.float64)
+def _weighted_median(measured: Sequence[tuple[FloatArray, int]]) -> PaintColor:
+    weight = np.array([count for _, count in measured], dtype=np.float64)
     ratios = []
-    for channel in np.array([ratio for ratio, _ in told]).T:
+    for channel in np.array([ratio for ratio, _ in measured]).T:
         order = np.argsort(channel)
         way = np.cumsum(weight[order])
         ratios.append(float(np.exp(channel[order][np.searchsorted(way, way[-1] / 2)])))

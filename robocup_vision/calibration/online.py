@@ -1,8 +1,8 @@
-"""Centre and tilt of a mirror camera, followed slowly while a robot plays, as a knock or a warm mount moves them.
+"""Follows centre and tilt of a mirror camera while a robot plays: a knock or a warm mount moves them.
 
-Every few frames the points of the one just seen are kept, one frame per place and heading, and the same joint fit as in
-`calibration.omni` is run over them with the curve held. The camera in use approaches the result step by
-step, never farther from the camera file than a bound; the state says where it is at the bound.
+Every few frames the points of the current frame are kept, one frame per place and heading. The joint fit of
+`calibration.omni` is run over them with a fixed curve. The camera in use approaches the result step by step, within a
+bound about the camera file. The state reports when it reaches the bound.
 """
 
 from __future__ import annotations
@@ -24,27 +24,25 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.view import View
 
-# a fit needs so many frames
-_MIN_FRAMES = 6
-
 
 @dataclass(frozen=True, slots=True)
 class OnlineSettings:
-    """What `OnlineCalibration` can be tuned by.
+    """Settings of `OnlineCalibration`.
 
     Parameters
     ----------
     max_center_px, max_tilt_rad : float
-        How far the centre may go, in either coordinate, and the tilt, about either axis: what a knock does to a mount.
+        Bounds of the centre's change in either coordinate, and of the tilt's about either axis: the effect of a knock
+        on a mount.
     every : int
         Only every so many frames is used: it costs some milliseconds, and a fit some tens, after which the tables of
         the new camera are made.
-    window : int
-        Frames that are kept, at least 6.
+    window, min_frames : int, int
+        Largest and smallest number of frames that a fit uses: fewer do not separate centre and tilt.
     frames_between : int
-        Frames between two fits: fewer tell little that is new.
+        New frames between two fits: fewer hardly change the result.
     same_place_m, same_heading_rad : float
-        Frames closer together tell the same: the newer one stays.
+        Of frames closer together only the newest is kept: they carry the same information.
     min_inlier_ratio : float
         Frames whose pose fits worse are not used.
     min_points, max_points : int
@@ -52,9 +50,9 @@ class OnlineSettings:
     scales_px : tuple of float
         Widths of the weights, from the first iterations to the last.
     max_center_std_px : float
-        A fit counts if it knows the centre this well, pixels of an image 220 high.
+        A fit is used if the centre's standard deviation is at most this, pixels of an image 220 high.
     gain : float
-        Ratio of the way to the fit that one step goes: noise of a single fit is averaged.
+        Fraction of the way to the fit that one step goes: noise of a single fit is averaged.
     min_step_px : float
         Smaller steps are not worth new tables.
     """
@@ -63,6 +61,7 @@ class OnlineSettings:
     max_tilt_rad: float = math.radians(1.0)
     every: int = 5
     window: int = 20
+    min_frames: int = 6
     frames_between: int = 4
     same_place_m: float = 0.1
     same_heading_rad: float = math.radians(15.0)
@@ -80,24 +79,24 @@ class OnlineSettings:
                 raise ArgumentError(f"{name} must be positive, got {value}")
         if self.every < 1:
             raise ArgumentError(f"every must be at least 1, got {self.every}")
-        if self.window < _MIN_FRAMES:
-            raise ArgumentError(f"window must be at least {_MIN_FRAMES}, got {self.window}")
+        if self.window < self.min_frames:
+            raise ArgumentError(f"window must be at least {self.min_frames}, got {self.window}")
 
 
 @dataclass(frozen=True, slots=True)
 class OnlineState:
-    """What an online calibration has done so far.
+    """State of an online calibration.
 
     Parameters
     ----------
     center_px, tilt_rad : (float, float)
         Now in use.
     moved_px : float
-        How far the centre has moved from the camera file's.
+        Distance of the centre from the camera file's.
     tilted_rad : float
-        How far the tilt has.
+        Difference of the tilt from the camera file's.
     at_bound : bool
-        Whether the fit lies at the bound: calibrate anew, or look for what is loose.
+        Whether the fit lies at the bound: then calibrate again, or look for a loose mount.
     steps : int
         Number of changes so far.
     """
@@ -111,7 +110,7 @@ class OnlineState:
 
     def __str__(self) -> str:
         moved = f"centre moved by {self.moved_px:.2f} px, tilt by {math.degrees(self.tilted_rad):.2f} deg"
-        return moved + (", at the bound: calibrate anew" if self.at_bound else "")
+        return moved + (", at the bound: calibrate again" if self.at_bound else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,18 +121,18 @@ class _Seen:
 
 
 class OnlineCalibration:
-    """Refines a camera by the frames a `Vision` looks at; give it to that `Vision` as `online`.
+    """Refines a camera by the frames of a `Vision`; pass it to that `Vision` as `online`.
 
     Parameters
     ----------
     field : Field
         The pitch.
     camera : OmniCamera
-        Where it starts, and what the bounds are about.
+        Start, and centre of the bounds.
     mask : (H, W) uint8, optional
         As for the `Vision`.
     settings : OnlineSettings
-        How far it may go, and how often it is fitted.
+        Bounds, and how often the camera is fitted.
     """
 
     def __init__(
@@ -159,7 +158,7 @@ class OnlineCalibration:
 
     @property
     def state(self) -> OnlineState:
-        """Where it stands."""
+        """Current state."""
         moved = np.abs(self._now - self._start)
         return OnlineState(
             (float(self._now[0]), float(self._now[1])),
@@ -171,18 +170,18 @@ class OnlineCalibration:
         )
 
     def follow(self, frame: UInt8Array, view: View) -> OmniCamera | None:
-        """Take note of a frame (H, W, 3) uint8 and what was seen in it; return a camera that is better, if any."""
+        """Take in a frame (H, W, 3) uint8 and its view; return a better camera, or None."""
         self._count += 1
         if self._count % self.settings.every or not self._note(frame, view):
             return None
         self._new += 1
-        if len(self._seen) < _MIN_FRAMES or self._new < self.settings.frames_between:
+        if len(self._seen) < self.settings.min_frames or self._new < self.settings.frames_between:
             return None
         self._new = 0
         return self._step()
 
     def _note(self, frame: UInt8Array, view: View) -> bool:
-        """Keep a frame's points, if they are worth it."""
+        """Keep a frame's points if it is usable; return whether it is."""
         estimate, settings = view.pose, self.settings
         if not isinstance(estimate, PoseEstimate) or estimate.inlier_ratio < settings.min_inlier_ratio:
             return False
@@ -217,7 +216,7 @@ class OnlineCalibration:
         ]
         on_edge = np.minimum(fit.vector - low, high - fit.vector)
         self._at_bound = bool(on_edge.min() < 1e-9)
-        # at its bound a fit is as poor as the camera is far off: the bound itself protects then
+        # at its bound a fit has a large standard deviation; the bound itself limits the error there
         if std > settings.max_center_std_px * min(self.camera.size_px) / 220 and not self._at_bound:
             return None
         if _shift_px(self._model.camera(self._now), fit.camera) < settings.min_step_px:

@@ -1,4 +1,4 @@
-"""The doctor: one fault at a time is put into a sound set-up, and told by name with its evidence."""
+"""Each fault that is put into a right set-up is found by name, with its evidence."""
 
 import dataclasses
 import math
@@ -57,10 +57,10 @@ def test_a_sound_set_up_is_told_to_be_one(write, capsys, ssl_field, true_camera,
     printed = capsys.readouterr().out
     for words in (
         "ok       size: 4 images read, all 256x220 as the camera file says",
-        "ok       field: 4 of 4 images can be placed on 'ssl_2001'",
-        "ok       mirrored: 4 of 4 images lie within 10 cm of the truth",
+        "ok       field: 4 of 4 images can be located on 'ssl_2001'",
+        "ok       mirrored: 4 of 4 poses lie within 10 cm of the truth",
         "ok       heading: ",
-        "ok       centre: the images put it within",
+        "ok       centre: by the images it is right within",
         "ok       curve: ",
         "ok       colours: colour file and images agree on ",
     ):

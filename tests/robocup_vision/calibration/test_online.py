@@ -55,7 +55,7 @@ def test_it_stops_at_its_bound_and_says_so(ssl_field, paper_camera, walk):
         vision.look(one.frame)
     state = online.state
     assert state.at_bound
-    assert str(state).endswith("at the bound: calibrate anew")
+    assert str(state).endswith("at the bound: calibrate again")
     assert np.abs(np.subtract(vision.camera.center_px, off.center_px)).max() <= 0.5 + 1e-9
     assert np.abs(vision.camera.tilt_rad).max() <= 1e-3 + 1e-9
 
