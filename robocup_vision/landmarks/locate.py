@@ -33,7 +33,7 @@ from robocup_vision.landmarks.index import MapIndex, pinhole_view
 from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap, expect
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF, PoseFit
 from robocup_vision.landmarks.projection import project, to_camera
-from robocup_vision.landmarks.relocate import Relocator
+from robocup_vision.landmarks.relocate import Relocator, RelocatorSettings
 from robocup_vision.landmarks.selection import Selection, TimeBudget, select
 
 Matching = Literal["loop", "product"]
@@ -41,7 +41,7 @@ Matching = Literal["loop", "product"]
 
 @dataclass(frozen=True, slots=True)
 class LandmarkSettings:
-    """What `LandmarkPoseEstimator` can be tuned by. Pixels are those of an image 320 wide; they grow with the width.
+    """Settings of `LandmarkPoseEstimator`. Pixels are those of an image 320 wide; they grow with the width.
 
     Parameters
     ----------
@@ -62,13 +62,15 @@ class LandmarkSettings:
     weight_widths : tuple of float
         Of the weights in each iteration of the fit, standard deviations: wide for a poor prior, then down to the noise.
     min_inliers : int
-        A pose has three unknowns and each landmark two numbers; six leave enough over to tell a wrong pose.
+        A pose has three unknowns and each landmark two numbers; six leave enough over to reject a wrong pose.
     min_inlier_ratio : float
         Of the matches; where fewer agree, the pose is as likely one of chance.
     max_std_m : float
-        A pose less certain than this tells too little.
+        A less certain pose is refused.
     prior_std_m, prior_std_rad : float
-        How well the prior is known when landmarks are selected.
+        Standard deviations of the prior when landmarks are selected.
+    relocation : RelocatorSettings
+        Of the search without a prior.
     """
 
     gate_px: float = 40.0
@@ -85,6 +87,7 @@ class LandmarkSettings:
     max_std_m: float = 0.2
     prior_std_m: float = 0.1
     prior_std_rad: float = math.radians(5.0)
+    relocation: RelocatorSettings = RelocatorSettings()
 
     @property
     def prior_covariance(self) -> FloatArray:
@@ -138,7 +141,7 @@ class LandmarkPoseEstimator:
     extractor : Extractor, optional
         What finds the features; what the map was made with. SIFT unless given.
     regions : bool
-        With a prior, look for SIFT features only in tiles around the most telling landmarks, a sixth of the frame.
+        With a prior, find SIFT features only in tiles around the most informative landmarks, a sixth of the frame.
         The prior must then be good to some 10 pixels; where it was not, the whole frame is looked at.
     settings : LandmarkSettings
         Windows and thresholds.
@@ -168,7 +171,7 @@ class LandmarkPoseEstimator:
         self._matching = matching
         self._index = MapIndex(landmarks)
         self._budget = None if limit_s is None else TimeBudget(limit_s)
-        self._relocator = Relocator(landmarks, camera)
+        self._relocator = Relocator(landmarks, camera, settings.relocation)
         self._settings = settings
         self._widths = np.array(settings.weight_widths)
         self._prior_covariance = settings.prior_covariance
@@ -304,7 +307,7 @@ class LandmarkPoseEstimator:
         return LandmarkMatch(self._judge(fit, len(rows), len(expected)), expected, rows, pixels, inliers, timings)
 
     def _in_order(self, expected: Expected) -> bool:
-        """Whether the most telling landmarks come first, and there are more than the scouts."""
+        """Whether the most informative landmarks come first, and there are more than the scouts."""
         return self.selection.choice == "informative" and len(expected) > self._settings.scouts
 
     def _match(

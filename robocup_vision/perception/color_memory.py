@@ -25,14 +25,14 @@ from robocup_vision.perception.color_table import (
     follow_colors,
     learn_colors,
 )
-from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS, FloorColor
+from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS, FloorColor, FloorColorSettings
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
 
 
 @dataclass(frozen=True, slots=True)
 class ColorMemorySettings:
-    """What `ColorMemory` can be tuned by.
+    """Settings of `ColorMemory`.
 
     Parameters
     ----------
@@ -64,6 +64,8 @@ class ColorMemorySettings:
         Log brightness by which sun that is searched for outshines the known floor.
     retry_frames : int
         Frames between two attempts to learn while the nearest floor stays hidden.
+    floor : FloorColorSettings
+        How the floor's colour is learnt.
     """
 
     drift_ratio: float = 0.6
@@ -81,6 +83,7 @@ class ColorMemorySettings:
     better_ring: float = 0.2
     lift: float = 0.5
     retry_frames: int = 8
+    floor: FloorColorSettings = FloorColorSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +167,7 @@ class ColorMemory:
         """
         llr = np.empty(samples.shape[:2], dtype=np.int8)
         if self._table is None:
-            colors = learn_colors(samples, view.valid, self._field, self._strongest_cast)
+            colors = learn_colors(samples, view.valid, self._field, self._strongest_cast, self._settings.floor)
             if colors is not None:
                 self._adopt(build_color_table(colors), samples, view, llr)
             return self._table, llr
@@ -205,7 +208,16 @@ class ColorMemory:
         lifts = (0.0,) if self._has_moved(light) else (self._settings.lift, 0.0)
         for lift in lifts:
             is_floor = best_llr >= self._settings.sure_nats / LLR_PER_UNIT
-            colors = follow_colors(samples, view.valid, is_floor, best.colors, self._field, self._strongest_cast, lift)
+            colors = follow_colors(
+                samples,
+                view.valid,
+                is_floor,
+                best.colors,
+                self._field,
+                self._strongest_cast,
+                lift,
+                self._settings.floor,
+            )
             if colors is None:
                 break
             table, new_llr = build_color_table(colors), np.empty_like(llr)
@@ -225,7 +237,7 @@ class ColorMemory:
 
     def _learn_again(self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, turn: int) -> None:
         assert self._table is not None
-        colors = learn_colors(samples, view.valid, self._field, self._strongest_cast)
+        colors = learn_colors(samples, view.valid, self._field, self._strongest_cast, self._settings.floor)
         if colors is not None and _is_same_floor(
             colors, self._table.colors, self._settings.same_color * (1 + turn / self._settings.patience_frames)
         ):

@@ -25,6 +25,7 @@ from robocup_vision.kernels.floor import colors as kernel
 from robocup_vision.perception.floor_color import (
     LEVELS,
     FloorColor,
+    FloorColorSettings,
     PaintColor,
     follow_floor_color,
     learn_floor_color,
@@ -65,7 +66,11 @@ class Colors:
 
 
 def learn_colors(
-    samples: UInt8Array, valid: UInt8Array, field: Field, strongest_cast: float = math.inf
+    samples: UInt8Array,
+    valid: UInt8Array,
+    field: Field,
+    strongest_cast: float = math.inf,
+    settings: FloorColorSettings = FloorColorSettings(),
 ) -> Colors | None:
     """Learn a frame's colours from its unrolled, slightly blurred samples.
 
@@ -74,18 +79,20 @@ def learn_colors(
     samples : (K, M, 3) uint8
         Bearings, radii inside out, BGR.
     valid : (K, M) uint8
-        1 where a sample may be looked at.
+        1 where a sample may be used.
     field : Field
-        Says which colours the ball and the goals have under white light.
+        Names the colours of ball and goals under white light.
     strongest_cast : float
-        Logarithm of the strongest cast of light: what seems white beyond it is some paint, and white is then neutral.
+        Logarithm of the strongest cast of light. A white beyond it is some paint; neutral white is then used.
+    settings : FloorColorSettings, optional
+        How the floor's colour is learnt.
 
     Returns
     -------
     Colors or None
         None if nothing can be learnt: too dark, or too little of the ring around the robot in view.
     """
-    floor = learn_floor_color(samples, valid)
+    floor = learn_floor_color(samples, valid, settings)
     return None if floor is None else _colors_beside(floor, samples, valid, field, strongest_cast)
 
 
@@ -97,16 +104,17 @@ def follow_colors(
     field: Field,
     strongest_cast: float = math.inf,
     lift: float = 0.0,
+    settings: FloorColorSettings = FloorColorSettings(),
 ) -> Colors | None:
-    """Learn a frame's colours anew from what is still known to be floor; see `follow_floor_color`, `learn_colors`."""
-    floor = follow_floor_color(samples, valid, is_floor, before.floor, lift)
+    """Learn a frame's colours again from samples known to be floor; see `follow_floor_color`, `learn_colors`."""
+    floor = follow_floor_color(samples, valid, is_floor, before.floor, lift, settings)
     return None if floor is None else _colors_beside(floor, samples, valid, field, strongest_cast)
 
 
 def _colors_beside(
     floor: FloorColor, samples: UInt8Array, valid: UInt8Array, field: Field, strongest_cast: float
 ) -> Colors:
-    # every other bearing tells white as well
+    # every other bearing is enough for white
     white = _learn_white(samples[::2][valid[::2] > 0].astype(np.float64), floor)
     if max(abs(math.log(ratio)) for ratio in (white.red_ratio, white.blue_ratio)) >= strongest_cast:
         white = PaintColor(1.0, 1.0)

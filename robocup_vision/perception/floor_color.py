@@ -1,8 +1,8 @@
-"""The floor's colour, learnt from what surrounds the robot in one frame.
+"""Learns the floor's colour from the surroundings of the robot in one frame.
 
-The floor's chromaticity (R/G, B/G) is followed over brightness, starting from the ring around the robot's body and
-going step by step into darker and brighter samples of the same frame. So the same rule survives a colour cast and a
-dark hall (everything is relative to the ring), a hard shadow (darker, a little bluer), and noise (which widens the
+The floor's chromaticity (R/G, B/G) is followed over brightness. It starts at the ring around the robot's body and goes
+step by step into darker and brighter samples of the same frame. So one rule works under a colour cast and in a dark
+hall (everything is relative to the ring), in a hard shadow (darker, a little bluer), and in noise (which widens the
 chromaticity of dark samples by a known amount). Fixed hue bounds fail in the dark, a single Gaussian in a shadow.
 """
 
@@ -18,24 +18,48 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.floor import colors as kernel
 
+# columns of the ring around the robot
 RING_COLUMNS = 10
-RING_WEIGHT = 2.0
-# log brightness relative to the ring: from a deep shadow to a highlight
+# log brightness relative to the ring, from a deep shadow to a highlight; colour files hold a value for each
 LEVEL_STEP = 0.25
 LEVELS = np.arange(-7, 6) * LEVEL_STEP
 _CENTER = 7
-# how far the log of a ratio may drift from one brightness step to the next, and in all: a sky-lit shadow is some 20 %
-# bluer, a highlight mixes in white until green is half-way to it
-_DRIFT_PER_STEP = 0.15
-_DRIFT = 0.45
-_DRIFT_TO_GREY = 0.2
-_SPREAD = 0.05
-# share of the commonest colour's weight that makes another one a candidate for the floor
-_COMMON = 0.25
 # the steps reach so far up for sure
 _SUN = float(LEVELS[-2]) - 0.1
-# fewer tell nothing
-_MIN_SAMPLES = 50
+
+
+@dataclass(frozen=True, slots=True)
+class FloorColorSettings:
+    """Settings of the learning of the floor's colour.
+
+    Parameters
+    ----------
+    ring_weight : float
+        Weight of a sample of the ring around the robot, beside the others: it is most probably floor.
+    max_step_drift, max_drift : float
+        Change of the log of a ratio from one brightness step to the next, and in all: a sky-lit shadow is some 20 %
+        bluer, a highlight mixes in white until green is half-way to it.
+    max_grey_drift : float
+        The same towards grey in a shadow: a larger one is something black.
+    min_spread, max_spread : float
+        Bounds of the relative standard deviation of a ratio beyond the noise.
+    min_mode_ratio : float
+        A colour is a candidate for the floor if it has this part of the commonest colour's weight.
+    min_samples : int
+        Samples that determine a colour.
+    gate : float
+        Chi-square of a sample that belongs to the floor: 2 degrees of freedom, 95 %.
+    """
+
+    ring_weight: float = 2.0
+    max_step_drift: float = 0.15
+    max_drift: float = 0.45
+    max_grey_drift: float = 0.2
+    min_spread: float = 0.05
+    max_spread: float = 0.15
+    min_mode_ratio: float = 0.25
+    min_samples: int = 50
+    gate: float = 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +106,10 @@ class FloorColor:
     def log_likelihood_ratio(
         self, blue: FloatArray, green: FloatArray, red: FloatArray, white: PaintColor | None = None
     ) -> FloatArray:
-        """Floor against any colour at all, in nats, for colours of any shape (counts).
+        """Log-likelihood ratio of floor against any colour, in nats, for colours of any shape (counts).
 
-        With `white`, also against grey of any brightness: walls, and what is black, which in the dark and in noise is
-        what a sample is mistaken for.
+        With `white`, also against grey of any brightness: walls and black things, with which floor is confused in the
+        dark and in noise.
         """
         level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / self.level)
         red_ratio = np.interp(level, LEVELS, self.red_ratio)
@@ -147,7 +171,9 @@ class FloorColor:
         return np.asarray(-0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau))
 
 
-def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | None:
+def learn_floor_color(
+    samples: UInt8Array, valid: UInt8Array, settings: FloorColorSettings = FloorColorSettings()
+) -> FloorColor | None:
     """Learn the floor's colour from an unrolled, slightly blurred frame.
 
     Parameters
@@ -155,53 +181,62 @@ def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | No
     samples : (K, M, 3) uint8
         Bearings, radii inside out, BGR.
     valid : (K, M) uint8
-        1 where a sample may be looked at.
+        1 where a sample may be used.
+    settings : FloorColorSettings, optional
+        Bounds and weights.
 
     Returns
     -------
     FloorColor or None
-        None if the ring around the robot is too dark or too little of it can be seen.
+        None if the ring around the robot is too dark, or too little of it is in view.
     """
     ring = samples[:, :RING_COLUMNS]
     usable = valid[:, :RING_COLUMNS] > 0
     colors = ring[usable].astype(np.float64)
-    if len(colors) < _MIN_SAMPLES:
+    if len(colors) < settings.min_samples:
         return None
     noise = _noise(ring.astype(np.float64), usable)
-    # the ring alone may lie in a highlight or beside a robot: what is around it has a say, too
+    # the ring may lie in a highlight or beside a robot: samples around it count, too
     near = samples[:, RING_COLUMNS : samples.shape[1] // 2]
     colors = np.concatenate([colors, near[valid[:, RING_COLUMNS : samples.shape[1] // 2] > 0].astype(np.float64)])
-    weight = np.where(np.arange(len(colors)) < np.count_nonzero(usable), RING_WEIGHT, 1.0)
+    weight = np.where(np.arange(len(colors)) < np.count_nonzero(usable), settings.ring_weight, 1.0)
     blue, green, red = colors.T
     level = (red + 2 * green + blue) / 4
     bright = (level > 4) & (green > 2)
-    if np.count_nonzero(bright) < _MIN_SAMPLES:
+    if np.count_nonzero(bright) < settings.min_samples:
         return None
     log_red = np.log((red[bright] + 1) / (green[bright] + 1))
     log_blue = np.log((blue[bright] + 1) / (green[bright] + 1))
-    red0, blue0, member = _mode(log_red, log_blue, weight[bright])
+    red0, blue0, member = _mode(log_red, log_blue, weight[bright], settings.min_mode_ratio)
     level0 = _lit_level(level[bright][member])
-    red_ratio, blue_ratio, spread = _follow(samples, valid, level0, noise, math.exp(red0), math.exp(blue0))
+    red_ratio, blue_ratio, spread = _follow(samples, valid, level0, noise, (math.exp(red0), math.exp(blue0)), settings)
     return FloorColor(level0, noise, red_ratio, blue_ratio, spread)
 
 
 def follow_floor_color(
-    samples: UInt8Array, valid: UInt8Array, is_floor: npt.NDArray[np.bool_], before: FloorColor, lift: float = 0.0
+    samples: UInt8Array,
+    valid: UInt8Array,
+    is_floor: npt.NDArray[np.bool_],
+    before: FloorColor,
+    lift: float = 0.0,
+    settings: FloorColorSettings = FloorColorSettings(),
 ) -> FloorColor | None:
-    """Learn the floor's colour anew under light that has changed, from what is still known to be floor.
+    """Learn the floor's colour again under changed light, from samples that are still known to be floor.
 
-    Unlike `learn_floor_color` it cannot take a robot or a wall for the floor, however much of the frame it fills.
+    Unlike `learn_floor_color` it does not take a robot or a wall that fills most of the frame for the floor.
 
     Parameters
     ----------
     samples, valid
         As for `learn_floor_color`.
     is_floor : (K, M) bool
-        Samples that the colours from before take for floor.
+        Samples that are floor by the colours before.
     before : FloorColor
         These colours.
     lift : float
-        Reach so much farther up in log brightness, and less far down.
+        Shift of the brightness steps upwards, log brightness.
+    settings : FloorColorSettings, optional
+        Bounds and weights.
 
     Returns
     -------
@@ -212,16 +247,16 @@ def follow_floor_color(
     blue, green, red = colors.T
     level = (red + 2 * green + blue) / 4
     bright = (level > 4) & (green > 2)
-    if np.count_nonzero(bright) < _MIN_SAMPLES:
+    if np.count_nonzero(bright) < settings.min_samples:
         return None
     level0 = _lit_level(level[bright]) * math.exp(lift)
     near = bright & (np.abs(np.log(np.maximum(level, 0.5) / level0)) < 2 * LEVEL_STEP)
-    near = near if np.count_nonzero(near) >= _MIN_SAMPLES else bright
+    near = near if np.count_nonzero(near) >= settings.min_samples else bright
     red0, blue0 = (float(np.median((c[near] + 1) / (green[near] + 1))) for c in (red, blue))
     ring = samples[:, :RING_COLUMNS].astype(np.float64)
     usable = is_floor[:, :RING_COLUMNS]
-    noise = _noise(ring, usable) if np.count_nonzero(usable) >= _MIN_SAMPLES else before.noise
-    return FloorColor(level0, noise, *_follow(samples, valid, level0, noise, red0, blue0))
+    noise = _noise(ring, usable) if np.count_nonzero(usable) >= settings.min_samples else before.noise
+    return FloorColor(level0, noise, *_follow(samples, valid, level0, noise, (red0, blue0), settings))
 
 
 def _lit_level(level: FloatArray) -> float:
@@ -237,15 +272,17 @@ def _noise(ring: FloatArray, usable: npt.NDArray[np.bool_]) -> float:
     return float(np.percentile(difference, 25)) / (0.83 * math.sqrt(2.0)) if len(difference) else 1.0
 
 
-def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tuple[float, float, npt.NDArray[np.bool_]]:
+def _mode(
+    log_red: FloatArray, log_blue: FloatArray, weight: FloatArray, min_ratio: float
+) -> tuple[float, float, npt.NDArray[np.bool_]]:
     # wide enough for every ratio of two bytes: beyond its ends no sample would be near the mode
     step, low, count = 0.1, -6.0, 120
     i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
     j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
     histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
     pooled = np.asarray(cv2.boxFilter(histogram, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT))
-    # a robot in a corner sees more of the hall's floor than of the carpet, which is the greener one under any light
-    common = np.argwhere(pooled >= _COMMON * pooled.max())
+    # in a corner more of the hall's floor is in view than of the carpet, which is the greener one under any light
+    common = np.argwhere(pooled >= min_ratio * pooled.max())
     top_i, top_j = common[np.argmin(common.max(axis=1))]
     red, blue = low + (float(top_i) + 0.5) * step, low + (float(top_j) + 0.5) * step
     member = np.ones(len(log_red), dtype=bool)
@@ -256,14 +293,21 @@ def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tupl
 
 
 def _follow(
-    samples: UInt8Array, valid: UInt8Array, level0: float, noise: float, red0: float, blue0: float
+    samples: UInt8Array,
+    valid: UInt8Array,
+    level0: float,
+    noise: float,
+    ratios: tuple[float, float],
+    settings: FloorColorSettings,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Follow the ratios R/G and B/G over brightness; returns both curves (L,) and their spread (2,)."""
+    red0, blue0 = ratios
     colors = samples[valid > 0].astype(np.float64)
     blue, green, red = colors.T
     level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / level0)
     step = np.rint(level / LEVEL_STEP).astype(int) + _CENTER
     red_ratio, blue_ratio = np.full(len(LEVELS), red0), np.full(len(LEVELS), blue0)
-    spread = np.array([_SPREAD, _SPREAD])
+    spread = np.array([settings.min_spread, settings.min_spread])
     enough = max(40, len(colors) // 300)
     order = [(_CENTER, _CENTER), *((i, i - 1) for i in range(_CENTER + 1, len(LEVELS)))]
     order += [(i, i + 1) for i in range(_CENTER - 1, -1, -1)]
@@ -272,21 +316,21 @@ def _follow(
         at_level = step == here
         b, g, r = blue[at_level], green[at_level], red[at_level]
         d_red, d_blue = r - last_red * g, b - last_blue * g
-        slack = spread + _DRIFT_PER_STEP / 2
+        slack = spread + settings.max_step_drift / 2
         var_red = noise**2 * (1 + last_red**2) + (slack[0] * last_red * g) ** 2 + 0.25
         var_blue = noise**2 * (1 + last_blue**2) + (slack[1] * last_blue * g) ** 2 + 0.25
-        member = d_red**2 / var_red + d_blue**2 / var_blue < 6.0
+        member = d_red**2 / var_red + d_blue**2 / var_blue < settings.gate
         red_ratio[here], blue_ratio[here] = last_red, last_blue
         if np.count_nonzero(member) < enough:
             continue
         sum_green = max(g[member].sum(), 1.0)
         sums = np.maximum([r[member].sum(), b[member].sum()], 1.0)
         drift = np.log(sums / sum_green / [last_red, last_blue])
-        drift = np.clip(drift, -_DRIFT_PER_STEP, _DRIFT_PER_STEP)
-        total = np.clip(np.log([last_red / red0, last_blue / blue0]) + drift, -_DRIFT, _DRIFT)
+        drift = np.clip(drift, -settings.max_step_drift, settings.max_step_drift)
+        total = np.clip(np.log([last_red / red0, last_blue / blue0]) + drift, -settings.max_drift, settings.max_drift)
         if here < _CENTER:
-            # a shadow changes the light's colour, it does not turn paint grey: what does is something black
-            total -= max(0.0, float(total.sum()) - _DRIFT_TO_GREY) / 2
+            # a shadow changes the light's colour, but does not make paint grey: grey samples are something black
+            total -= max(0.0, float(total.sum()) - settings.max_grey_drift) / 2
         red_ratio[here], blue_ratio[here] = np.array([red0, blue0]) * np.exp(total)
         if here == _CENTER:
             red0, blue0 = float(red_ratio[here]), float(blue_ratio[here])
@@ -294,5 +338,5 @@ def _follow(
             mean_green2 = float(np.mean(g[member] ** 2))
             for channel, (d, ratio) in enumerate(((r - red0 * g, red0), (b - blue0 * g, blue0))):
                 beyond = float(np.mean(d[member] ** 2)) - noise**2 * (1 + ratio**2)
-                spread[channel] = max(_SPREAD, math.sqrt(max(beyond, 0.0) / mean_green2) / ratio)
-    return red_ratio, blue_ratio, np.minimum(spread, 0.15)
+                spread[channel] = max(settings.min_spread, math.sqrt(max(beyond, 0.0) / mean_green2) / ratio)
+    return red_ratio, blue_ratio, np.minimum(spread, settings.max_spread)

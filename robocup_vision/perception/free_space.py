@@ -19,11 +19,6 @@ from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
-# how far the lens and the sampling spread an edge, pixels
-_BLUR_PX = 1.5
-# lines that meet, or are crossed obliquely, are this many times as wide
-_CROSSING = 3.0
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeSpace:
@@ -57,8 +52,8 @@ class FreeSpaceGrid:
         Number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges of
         equal ratios), or the rings' own bounds, metres.
     threshold : float
-        The paper's r_th: the share of a cell that must be floor. Stricter than its 0.8, since the cells are smaller and
-        specks are gone before: a box that reaches into a cell blocks it.
+        The paper's r_th: the fraction of a cell that must be floor. Stricter than its 0.8, since the cells are smaller
+        and specks are removed before: a box that reaches into a cell blocks it.
 
     Raises
     ------
@@ -160,9 +155,28 @@ class FreeSpaceGrid:
         return FreeSpace(self.bearing_rad, range_m)
 
 
+@dataclass(frozen=True, slots=True)
+class FloorMarkingSettings:
+    """Settings of `FloorMarking`.
+
+    Parameters
+    ----------
+    blur_px : float
+        How far the lens and the sampling spread an edge.
+    crossing_widths : float
+        Width of lines that meet, or are crossed obliquely, in line widths.
+    max_obstacle_ratio : float
+        A line is at most this part of an obstacle's width: a wider one may be a robot.
+    """
+
+    blur_px: float = 1.5
+    crossing_widths: float = 3.0
+    max_obstacle_ratio: float = 0.55
+
+
 @dataclass(frozen=True, eq=False)
 class FloorMarking:
-    """Tells the samples that may be driven over: floor, and painted lines between floor.
+    """Marks the samples that may be driven over: floor, and painted lines between floor.
 
     Parameters
     ----------
@@ -171,23 +185,27 @@ class FloorMarking:
     line_width_m : float
         Width of the field's lines.
     obstacle_width_m : float
-        Nothing more than half as wide as this is taken for a line seen along its length.
+        A thing more than about half as wide as this is not taken for a line seen along its length.
+    settings : FloorMarkingSettings, optional
+        Widths of lines.
     """
 
     view: PolarView | FloorView
     line_width_m: float
     obstacle_width_m: float
+    settings: FloorMarkingSettings = FloorMarkingSettings()
 
     @cached_property
     def _widest(self) -> tuple[Int32Array, Int32Array]:
-        range_m = self.view.range_m
+        settings, range_m = self.settings, self.view.range_m
+        line_m = settings.crossing_widths * self.line_width_m
         per_column = np.maximum(np.gradient(range_m), 1e-6)
         # the lens reaches over on both sides
         per_row = range_m * self.view.row_step_rad
-        columns = np.ceil(_CROSSING * self.line_width_m / per_column + 2 * _BLUR_PX / self.view.step_px)
-        rows = np.ceil((_CROSSING * self.line_width_m + 2 * _BLUR_PX * self.view.across_m_per_px) / per_row) + 2
+        columns = np.ceil(line_m / per_column + 2 * settings.blur_px / self.view.step_px)
+        rows = np.ceil((line_m + 2 * settings.blur_px * self.view.across_m_per_px) / per_row) + 2
         # but never as wide as a robot
-        rows = np.maximum(np.minimum(rows, np.floor(0.55 * self.obstacle_width_m / per_row)), 1)
+        rows = np.maximum(np.minimum(rows, np.floor(settings.max_obstacle_ratio * self.obstacle_width_m / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)
 
     def mark(

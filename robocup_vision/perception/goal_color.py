@@ -1,4 +1,4 @@
-"""Goal paint of a hue family, relative to the image's own white: no colour is set by hand.
+"""Finds goal paint of a hue family, relative to the image's own white: no colour is set by hand.
 
 A pixel belongs to the family whose rule-book hue is nearest, among the families that occur on this pitch, so the
 boundaries lie half-way between goal, carpet, ball and beacons.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -19,13 +20,36 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.kernels.goal.shine import fill_shine
 
-_MIN_SATURATION = 0.30  # a third of full paint: glare that leaves less cannot be told from white
-_MIN_VALUE = 25  # of 255, below which hue is noise
-_SHINE = 170  # what a lamp washes white is as bright in all channels
-# a hue peak's least share of a mask (one of three smoothed bins), and how deep the valley to the next must be
-_MIN_PEAK, _DEEP = 0.02, 0.75
-_PARTED = 0.03  # sine of the angle between two paints' planes of shades from which on noise does not hide it
-_CAST = 1.3  # the strongest colour cast that the image's bright end is trusted with
+
+@dataclass(frozen=True, slots=True)
+class GoalColorSettings:
+    """Settings of the search for goal paint of a hue.
+
+    Parameters
+    ----------
+    min_saturation : float
+        A third of full paint: glare that leaves less looks white.
+    min_value : int
+        Of 255: below it hue is noise.
+    min_shine : int
+        Paint that a lamp washes white is at least so bright in all channels.
+    min_peak_ratio : float
+        Of a mask's pixels, those in a peak of hue (one of three smoothed bins).
+    max_valley_ratio : float
+        Hue between two peaks, of the lower one: a deeper valley separates two things.
+    min_hue_sine : float
+        Sine of the angle between two paints' planes of shades: a smaller one is hidden by noise.
+    max_cast : float
+        Strongest colour cast that is corrected by the image's bright end: a stronger one is paint.
+    """
+
+    min_saturation: float = 0.30
+    min_value: int = 25
+    min_shine: int = 170
+    min_peak_ratio: float = 0.02
+    max_valley_ratio: float = 0.75
+    min_hue_sine: float = 0.03
+    max_cast: float = 1.3
 
 
 def is_chromatic(color: str) -> bool:
@@ -54,16 +78,16 @@ def hue_families(field: Field) -> dict[str, tuple[float, float]]:
     return families
 
 
-def white_gains(image: UInt8Array) -> npt.NDArray[np.float64]:
+def white_gains(image: UInt8Array, settings: GoalColorSettings = GoalColorSettings()) -> npt.NDArray[np.float64]:
     """Factors (3,) for B, G, R that make the image's bright end white."""
     coarse = image[::4, ::4].reshape(-1, 3)
     bright = np.array([np.partition(coarse[:, c], -len(coarse) // 20)[-len(coarse) // 20] for c in range(3)], float)
     gains = bright.max() / np.maximum(bright, 1.0)
-    return np.asarray(np.minimum(gains, _CAST), np.float64)
+    return np.asarray(np.minimum(gains, settings.max_cast), np.float64)
 
 
 def halves(family: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Lower and upper half of a family: what to try when clutter of a neighbouring hue touches the goal."""
+    """Lower and upper half of a family, for goals that clutter of a neighbouring hue touches."""
     low, high = family
     middle, overlap = (low + high) / 2, (high - low) / 12
     return (low, middle + overlap), (middle - overlap, high)
@@ -80,22 +104,24 @@ def paint_channels(image: UInt8Array, color: str) -> tuple[UInt8Array, UInt8Arra
     return np.asarray(cv2.subtract(lit, rest), np.uint8), np.asarray(lit, np.uint8)
 
 
-def hue_modes(image: UInt8Array, mask: UInt8Array) -> list[tuple[float, float]]:
+def hue_modes(
+    image: UInt8Array, mask: UInt8Array, settings: GoalColorSettings = GoalColorSettings()
+) -> list[tuple[float, float]]:
     """Hue intervals about each peak among a mask's pixels, where there are several: things touch in the picture."""
-    _, hsv = _balanced(image)
+    _, hsv = _balanced(image, settings)
     found = np.bincount(hsv[..., 0][mask > 0], minlength=180).astype(np.float64)
     smooth = (np.roll(found, 1) + 2 * found + np.roll(found, -1)) / 4
     peaks = [
         int(k)
         for k in np.flatnonzero((smooth > np.roll(smooth, 1)) & (smooth >= np.roll(smooth, -1)))
-        if smooth[k] > _MIN_PEAK * smooth.sum()
+        if smooth[k] > settings.min_peak_ratio * smooth.sum()
     ]
     cuts: list[int] = []
     kept = peaks[:1]
     for peak in peaks[1:]:
         between = smooth[kept[-1] : peak + 1]
         valley = kept[-1] + int(np.mean(np.flatnonzero(between == between.min())))
-        if smooth[valley] < _DEEP * min(smooth[kept[-1]], smooth[peak]):
+        if smooth[valley] < settings.max_valley_ratio * min(smooth[kept[-1]], smooth[peak]):
             cuts.append(valley)
             kept.append(peak)
         elif smooth[peak] > smooth[kept[-1]]:
@@ -104,12 +130,14 @@ def hue_modes(image: UInt8Array, mask: UInt8Array) -> list[tuple[float, float]]:
     return list(itertools.pairwise(ends)) if cuts else []
 
 
-def hue_masks(image: UInt8Array, families: dict[str, tuple[float, float]]) -> dict[str, UInt8Array]:
+def hue_masks(
+    image: UInt8Array, families: dict[str, tuple[float, float]], settings: GoalColorSettings = GoalColorSettings()
+) -> dict[str, UInt8Array]:
     """Masks (H, W) uint8, 255 on paint, one for each hue family."""
-    balanced, hsv = _balanced(image)
+    balanced, hsv = _balanced(image, settings)
     masks = {}
     for color, (low, high) in families.items():
-        least = np.array([max(low, 0.0), 255 * _MIN_SATURATION, _MIN_VALUE])
+        least = np.array([max(low, 0.0), 255 * settings.min_saturation, settings.min_value])
         most = np.array([min(high, 179.0), 255, 255])
         mask = cv2.inRange(hsv, least, most)
         for wrapped_low, wrapped_high in ((low + 180.0, 179.0), (0.0, high - 180.0)):
@@ -117,12 +145,14 @@ def hue_masks(image: UInt8Array, families: dict[str, tuple[float, float]]) -> di
                 least[0], most[0] = wrapped_low, wrapped_high
                 mask = cv2.bitwise_or(mask, cv2.inRange(hsv, least, most))
         masks[color] = np.asarray(mask, np.uint8)
-        _fill(masks[color], balanced)
+        _fill(masks[color], balanced, settings.min_shine)
     return masks
 
 
-def parting(image: UInt8Array, paint: UInt8Array, other: UInt8Array) -> npt.NDArray[np.float64] | None:
-    """Colour direction (3,) in which paint is bright, and neither grey nor something of another hue, however lit.
+def parting(
+    image: UInt8Array, paint: UInt8Array, other: UInt8Array, settings: GoalColorSettings = GoalColorSettings()
+) -> npt.NDArray[np.float64] | None:
+    """Colour direction (3,) in which paint is bright, but grey and a thing of another hue are not, in any light.
 
     Parameters
     ----------
@@ -130,28 +160,34 @@ def parting(image: UInt8Array, paint: UInt8Array, other: UInt8Array) -> npt.NDAr
         BGR.
     paint, other : (H, W) uint8
         Masks. None where one is empty, or the two are of one hue.
+    settings : GoalColorSettings, optional
+        Says which hues are one.
     """
     if not (paint.any() and other.any()):
         return None
     mine, theirs = (np.array(cv2.mean(image, mask)[:3]) for mask in (paint, other))
     axis = np.cross(np.ones(3), theirs)
     sine = float(axis @ mine) / max(float(np.linalg.norm(axis) * np.linalg.norm(mine)), 1e-9)
-    return np.asarray(axis / np.linalg.norm(axis) * math.copysign(1.0, sine)) if abs(sine) > _PARTED else None
+    return (
+        np.asarray(axis / np.linalg.norm(axis) * math.copysign(1.0, sine))
+        if abs(sine) > settings.min_hue_sine
+        else None
+    )
 
 
-def _balanced(image: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
+def _balanced(image: UInt8Array, settings: GoalColorSettings) -> tuple[UInt8Array, UInt8Array]:
     """Return the image with its bright end made white, and its hue, saturation and value."""
-    gains = white_gains(image)
+    gains = white_gains(image, settings)
     balanced = image if np.all(gains < 1.02) else np.asarray(cv2.LUT(image, _gain_table(gains)), np.uint8)
     return balanced, np.asarray(cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV), np.uint8)
 
 
-def _fill(mask: UInt8Array, balanced: UInt8Array) -> None:
-    """Add the shine that paint encloses, along rows (posts), then along columns (the bar)."""
+def _fill(mask: UInt8Array, balanced: UInt8Array, min_shine: int) -> None:
+    """Add the shine that paint surrounds, along rows (posts), then along columns (the bar)."""
     u, v, width, height = cv2.boundingRect(mask)
     box = np.s_[v : v + height, u : u + width]
     for upright in (False, True):
-        fill_shine(mask[box], balanced[box], _SHINE, mask.shape[1] // 8, upright)
+        fill_shine(mask[box], balanced[box], min_shine, mask.shape[1] // 8, upright)
 
 
 def _gain_table(gains: npt.NDArray[np.float64]) -> UInt8Array:

@@ -1,7 +1,7 @@
-"""Where posts may stand in a frame: upright strips with two parallel edges that rise from green carpet.
+"""Finds posts in a frame: upright strips with two parallel edges that rise from green carpet.
 
-Two ways to find strips, one shape of result: goals of a hue stand out in a mask of that hue family, relative to the
-image's own white; white goals are bright between a rising and a falling edge, whatever clutter is behind them.
+Strips are found in two ways, with one shape of result. Goals of a hue stand out in a mask of that hue family, relative
+to the image's own white. White goals are bright between a rising and a falling edge, whatever clutter is behind them.
 """
 
 from __future__ import annotations
@@ -16,10 +16,32 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.goal.runs import link_runs
 from robocup_vision.kernels.goal.strips import Runs, StripLimits, fit_strip, straight_line, summarize_chains
 
-_LEAN = 0.27  # the most a post may lean in the image: 15 degrees of roll and perspective
-_THINNEST_PX = 2.5
-_LONGEST_GAP_WIDTHS = 2.0
-_MOSTLY = 0.6
+
+@dataclass(frozen=True, slots=True)
+class StripSettings:
+    """Settings of the search for upright strips.
+
+    Parameters
+    ----------
+    max_lean : float
+        Of a post in the image, columns a row: 15 degrees of roll and perspective.
+    min_width_px : float
+        Thinner strips are noise: posts are at least 3 px wide where they are searched for.
+    max_gap_widths, max_paint_gap_widths : float
+        Gaps within one post, in its widths: among clutter, and in paint of the right hue, which glare interrupts.
+    min_aspect, min_paint_aspect : float
+        Height of a strip, in its widths: among clutter, and in paint of the right hue.
+    min_green_ratio : float
+        Of the columns below a bar's end, those that must be green where its post is taken to stand.
+    """
+
+    max_lean: float = 0.27
+    min_width_px: float = 2.5
+    max_gap_widths: float = 2.0
+    max_paint_gap_widths: float = 7.0
+    min_aspect: float = 1.3
+    min_paint_aspect: float = 1.0
+    min_green_ratio: float = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +53,11 @@ class Strip:
     left, right : (float, float)
         `at` and `lean` of both edges.
     top, bottom : float
-        Rows between which it was seen.
+        Rows between which it was found.
     foot : float
         Row where carpet begins below it; NaN if it does not stand on carpet.
     strength : float
-        Rows seen, times the mean contrast where that is known.
+        Number of rows, times the mean contrast where that is known.
     """
 
     left: tuple[float, float]
@@ -83,12 +105,17 @@ def carpet_mask(image: UInt8Array, excluded: UInt8Array | None = None) -> UInt8A
     return np.asarray(cv2.threshold(greenness, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1])
 
 
-def white_runs(image: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def white_runs(
+    image: UInt8Array, row_step: int, settings: StripSettings = StripSettings()
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Find runs of white as `bright_runs` does: white paint is bright in all channels, and green carpet is not."""
-    return bright_runs(np.asarray(cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2]), np.uint8), row_step)
+    least = np.asarray(cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2]), np.uint8)
+    return bright_runs(least, row_step, settings)
 
 
-def bright_runs(image: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def bright_runs(
+    image: UInt8Array, row_step: int, settings: StripSettings = StripSettings()
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Bright stretches of one channel between a rising and a falling edge, in bands of rows.
 
     Returns
@@ -121,7 +148,7 @@ def bright_runs(image: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArra
         width = (
             np.where(good, flat_ends[pick] - (rows * stride + starts), -1) if len(flat_ends) else -np.ones(len(rows))
         )
-        good = (width >= _THINNEST_PX) & (width <= widest)
+        good = (width >= settings.min_width_px) & (width <= widest)
         r, s, e = rows[good], starts[good], ends[pick[good]] if len(flat_ends) else rows[good]
         found.append(
             np.stack(
@@ -163,9 +190,14 @@ def mask_runs(mask: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, 
 
 
 def strips(
-    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], row_step: int, carpet: UInt8Array, *, certain: bool
+    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    row_step: int,
+    carpet: UInt8Array,
+    *,
+    certain: bool,
+    settings: StripSettings = StripSettings(),
 ) -> list[Strip]:
-    """Stack runs into upright strips, join the pieces of one post and see where each stands on the carpet.
+    """Stack runs into upright strips, join the pieces of one post and find where each stands on the carpet.
 
     Parameters
     ----------
@@ -176,11 +208,13 @@ def strips(
     carpet : (H, W) uint8
         See `carpet_mask`.
     certain : bool
-        The runs are paint of the right hue: short strips and long gaps of glare are forgiven.
+        Whether the runs are paint of the right hue: strips may then be shorter and gaps of glare longer.
+    settings : StripSettings, optional
+        Bounds of a strip.
     """
     row, left, right, _ = runs
     chain = np.empty(len(row), np.int64)
-    chains = link_runs(row, left, right, _LEAN, 4.0 * row_step, chain)
+    chains = link_runs(row, left, right, settings.max_lean, 4.0 * row_step, chain)
     order = np.argsort(chain, kind="stable")
     bounds = np.searchsorted(chain[order], np.arange(chains + 1))
     summary = np.empty((chains, 6))
@@ -189,10 +223,13 @@ def strips(
     # the longest first, for `_join`
     kept = sorted(np.flatnonzero(tall & (np.diff(bounds) >= 3)), key=lambda k: bounds[k] - bounds[k + 1])
     pieces = [order[bounds[k] : bounds[k + 1]] for k in kept]
+    max_gap = settings.max_paint_gap_widths if certain else settings.max_gap_widths
+    min_aspect = settings.min_paint_aspect if certain else settings.min_aspect
+    limits = StripLimits(min_aspect, settings.max_lean, 0.8 * settings.min_width_px)
     found = [
         strip
-        for members in _join(pieces, summary[kept], row, (left + right) / 2, 7.0 if certain else _LONGEST_GAP_WIDTHS)
-        if (strip := _strip(members, runs, carpet, 1.0 if certain else 1.3))
+        for members in _join(pieces, summary[kept], row, (left + right) / 2, max_gap)
+        if (strip := _strip(members, runs, carpet, limits))
     ]
     return sorted(found, key=lambda s: -s.strength)
 
@@ -202,7 +239,7 @@ def _join(
     summary: FloatArray,
     row: FloatArray,
     middle: FloatArray,
-    longest_gap: float,
+    max_gap: float,
 ) -> list[npt.NDArray[np.int64]]:
     """Join pieces that continue each other's axis at the same width: glare and occlusion cut posts apart."""
     center, height, width, top, bottom = summary[:, :5].T
@@ -216,7 +253,7 @@ def _join(
         while len(members) >= 4:
             lean, at = straight_line(row[members], middle[members], np.ones(len(members), np.bool_))
             gap = np.maximum(top - row[members[-1]], row[members[0]] - bottom)
-            fits = free & (gap > 0) & (gap <= longest_gap * own) & (np.abs(center - at - lean * height) < 0.3 * own)
+            fits = free & (gap > 0) & (gap <= max_gap * own) & (np.abs(center - at - lean * height) < 0.3 * own)
             fits &= (width > 0.7 * own) & (width < 1.4 * own)
             if not fits.any():
                 break
@@ -231,17 +268,19 @@ def _strip(
     members: npt.NDArray[np.int64],
     runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     carpet: UInt8Array,
-    shortest: float,
+    limits: StripLimits,
 ) -> Strip | None:
     found = np.empty(8)
-    if not fit_strip(Runs(*runs), members, carpet, StripLimits(shortest, _LEAN, 0.8 * _THINNEST_PX), found):
+    if not fit_strip(Runs(*runs), members, carpet, limits, found):
         return None
     left_at, left_lean, right_at, right_lean, top, bottom, foot, strength = found.tolist()
     return Strip((left_at, left_lean), (right_at, right_lean), top, bottom, foot, strength)
 
 
-def posts_under(bar: Strip, carpet: UInt8Array) -> tuple[Strip, Strip] | None:
-    """Suppose posts at both ends of a bar, as thick as it is; None where no carpet begins below.
+def posts_under(
+    bar: Strip, carpet: UInt8Array, settings: StripSettings = StripSettings()
+) -> tuple[Strip, Strip] | None:
+    """Assume posts at both ends of a bar, as thick as it is; None where no carpet begins below.
 
     Parameters
     ----------
@@ -249,6 +288,8 @@ def posts_under(bar: Strip, carpet: UInt8Array) -> tuple[Strip, Strip] | None:
         Found in the transposed image: a bar lies there as a post stands here, and ends where the posts begin.
     carpet : (H, W) uint8
         See `carpet_mask`.
+    settings : StripSettings, optional
+        How much carpet is needed.
     """
     found = []
     for end, way in ((bar.top, -1), (bar.bottom, 1)):
@@ -257,7 +298,7 @@ def posts_under(bar: Strip, carpet: UInt8Array) -> tuple[Strip, Strip] | None:
         columns = carpet[max(0, round(middle + thick)) :, max(0, round(left)) : max(0, round(right)) + 1]
         if columns.size == 0:
             return None
-        green = (columns > 0).mean(axis=1) > _MOSTLY
+        green = (columns > 0).mean(axis=1) > settings.min_green_ratio
         stays = np.flatnonzero(green[:-2] & green[1:-1] & green[2:])
         if len(stays) == 0:
             return None

@@ -1,4 +1,4 @@
-"""Points in space from three images: correspondence, position and covariance (Ogawa et al. 2011, eqs. 3 to 6)."""
+"""Estimates points in space by three images: correspondence, position, covariance (Ogawa et al. 2011, eqs. 3 to 6)."""
 
 from __future__ import annotations
 
@@ -10,16 +10,29 @@ from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING, Features, match
 from robocup_vision.landmarks.mapping.rig import TrinocularRig
 
-# off the epipolar line, and between both disparities, in standard deviations of the difference
-_MAX_OFF = 3.0
-# "within one level of scale": neighbouring levels of an octave differ by 2^(1/3)
-_LEVEL = 2.0 ** (1.0 / 3.0) * 1.05
-_NEAREST_M = 0.25
+
+@dataclass(frozen=True, slots=True)
+class StereoSettings:
+    """Settings of the correspondence between three images.
+
+    Parameters
+    ----------
+    max_deviation : float
+        Distance from the epipolar line, and difference of both disparities, in standard deviations of the difference.
+    max_scale_ratio : float
+        Of two features' sizes: the paper's "within one level of scale"; levels of an octave differ by 2^(1/3).
+    min_depth_m : float
+        Nearest point: it bounds the search.
+    """
+
+    max_deviation: float = 3.0
+    max_scale_ratio: float = 2.0 ** (1.0 / 3.0) * 1.05
+    min_depth_m: float = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StereoPoints:
-    """Features of the right image that the other two see too.
+    """Features of the right image that are in the other two as well.
 
     Parameters
     ----------
@@ -28,7 +41,7 @@ class StereoPoints:
     features : Features
         Those, N of them.
     measured_px : (N, 4) float64
-        u and v in the right image, u in the left, v in the upper: what the position was worked out from.
+        u and v in the right image, u in the left, v in the upper: the measurements of the position.
     std_px : (N,) float64
         Of each of these numbers.
     points_m : (N, 3) float64
@@ -48,23 +61,29 @@ class StereoPoints:
         return len(self.points_m)
 
 
-def correspond(rig: TrinocularRig, right: Features, left: Features, top: Features) -> StereoPoints:
-    """Match the features of three images of one moment, and place them.
+def correspond(
+    rig: TrinocularRig,
+    right: Features,
+    left: Features,
+    top: Features,
+    settings: StereoSettings = StereoSettings(),
+) -> StereoPoints:
+    """Match the features of three simultaneous images, and locate them in space.
 
     A partner lies on the epipolar line, is within one level of scale and passes the ratio test, in the left and in the
     upper image; both disparities must agree.
     """
     std_r, std_l, std_t = (PIXEL_STD_PER_SPACING * f.spacing_px for f in (right, left, top))
     fx, fy = rig.right.focal_px
-    max_u, max_v = fx * rig.baseline_m / _NEAREST_M, fy * rig.baseline_m / _NEAREST_M
+    max_u, max_v = (focal_px * rig.baseline_m / settings.min_depth_m for focal_px in (fx, fy))
 
     def allowed(
         other: Features, std: FloatArray, along: int, most: float
     ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-        tolerance = _MAX_OFF * np.hypot(std_r[:, None], std[None, :])
+        tolerance = settings.max_deviation * np.hypot(std_r[:, None], std[None, :])
         shift = other.pixels[None, :, along] - right.pixels[:, None, along]
         off = np.abs(other.pixels[None, :, 1 - along] - right.pixels[:, None, 1 - along])
-        scale = np.abs(np.log(other.size_px[None, :] / right.size_px[:, None])) <= np.log(_LEVEL)
+        scale = np.abs(np.log(other.size_px[None, :] / right.size_px[:, None])) <= np.log(settings.max_scale_ratio)
         return np.asarray((off <= tolerance) & (shift > 0) & (shift <= most) & scale)
 
     in_left = np.full(len(right), -1)
@@ -77,7 +96,7 @@ def correspond(rig: TrinocularRig, right: Features, left: Features, top: Feature
     by_u = (left.pixels[in_left[both], 0] - right.pixels[both, 0]) / fx
     by_v = (top.pixels[in_top[both], 1] - right.pixels[both, 1]) / fy
     std = np.sqrt((std_r[both] ** 2 + std_l[in_left[both]] ** 2 + std_t[in_top[both]] ** 2) / 3)
-    agree = np.abs(by_u - by_v) <= _MAX_OFF * 2 * std / min(fx, fy)
+    agree = np.abs(by_u - by_v) <= settings.max_deviation * 2 * std / min(fx, fy)
     both, std = both[agree], std[agree]
     measured = np.column_stack([right.pixels[both], left.pixels[in_left[both], 0], top.pixels[in_top[both], 1]])
     points, covariances = place(rig, measured, std)

@@ -21,14 +21,14 @@ from robocup_vision.landmarks.landmark_map import LandmarkMap, direction_of, exp
 from robocup_vision.landmarks.mapping.draft import DraftMap
 from robocup_vision.landmarks.mapping.refinement import Observations, refine
 from robocup_vision.landmarks.mapping.rig import TrinocularRig
-from robocup_vision.landmarks.mapping.stereo import StereoPoints, correspond
+from robocup_vision.landmarks.mapping.stereo import StereoPoints, StereoSettings, correspond
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo
 from robocup_vision.landmarks.projection import to_world, world_to_camera
 
 
 @dataclass(frozen=True, slots=True)
 class MapperSettings:
-    """What `StereoMapper` can be tuned by. Pixels are those of an image 320 wide; they grow with the width.
+    """Settings of `StereoMapper`. Pixels are those of an image 320 wide; they grow with the width.
 
     Parameters
     ----------
@@ -45,15 +45,17 @@ class MapperSettings:
     known_ratio : float
         Ratio test in that window: few rivals are left in it.
     min_inliers : int
-        A pose has three unknowns and each landmark three numbers; eight leave enough over to tell a wrong pose.
+        A pose has three unknowns and each landmark three numbers; eight leave enough over to reject a wrong pose.
     min_inlier_ratio : float
         Of the matches.
     window, refine_every : int
         Moments whose poses and landmarks are adjusted together, and after how many moments.
     away_frames, min_returned : int
-        A loop closes where so many landmarks are seen again that were not seen for so many moments.
+        A loop closes where so many landmarks are in view again after so many moments out of view.
     same_place_m, same_look : float
         Landmarks no farther apart, with descriptors (unit vectors) no more different, may be one.
+    stereo : StereoSettings
+        Of the correspondence between the three images.
     """
 
     gate_px: tuple[float, float] = (40.0, 20.0)
@@ -70,6 +72,7 @@ class MapperSettings:
     min_returned: int = 12
     same_place_m: float = 0.15
     same_look: float = 0.45
+    stereo: StereoSettings = StereoSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +158,7 @@ class StereoMapper:
             If an image has another size or type.
         """
         seen = [self._extractor.extract(image) for image in (right, left, top)]
-        points = correspond(self.rig, *seen)
+        points = correspond(self.rig, *seen, self._settings.stereo)
         if not self._poses:
             self._poses.append(self._start.array)
             self._pose_covariances.append(np.zeros((3, 3)))

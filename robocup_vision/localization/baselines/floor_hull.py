@@ -1,8 +1,8 @@
 """Pose from the convex hull of the whole floor mask: Sekimori et al. 2001, section 4, as printed.
 
-The published reference to compare `localization.floor` with. Errata heeded: the two
-headings of eq. 23 are -psi' and pi - psi', and eqs. 20-21 turn by psi'. Left open by the paper and chosen here: blur,
-erosions and dilations of Step 1, what becomes of points at the end of the view, and the covariance.
+The published reference that `localization.floor` is compared with. Corrected errata: the two headings of eq. 23 are
+-psi' and pi - psi', and eqs. 20-21 turn by psi'. The paper leaves open, and this file chooses: blur, erosions and
+dilations of Step 1, the use of points at the end of the view, and the covariance.
 """
 
 from __future__ import annotations
@@ -23,22 +23,44 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import ColorTable, build_color_table, learn_colors
 from robocup_vision.perception.polar_view import PolarView
 
-# Step 1's blur and morphology and what an inlier is scale with 1/86 of the usable radius: a pixel of the paper's image
+# a pixel of the paper's 256 x 220 image is this fraction of the usable radius
 _UNITS = 86.0
-# pieces of floor with less than this fraction of it all are something green elsewhere
-_MIN_PIECE = 0.05
-_MIN_POINTS = 8
-_ROUNDS = 30
-_CONVERGED = 1e-9
-_INLIER = 1.5
-_MIN_INLIER_RATIO = 0.3
-_LARGEST_STD_M = 0.10
-# a principal axis says nothing where the moments along and across it are closer than this
-_MIN_ELONGATION = 1.05
-# nearest a point comes to the end of the view and still counts as floor's edge, pixels
-_MARGIN_PX = 2
-# floor may reach at most this many times as far as the field is long
-_FARTHEST = 1.2
+
+
+@dataclass(frozen=True, slots=True)
+class HullSettings:
+    """Settings of `HullFitter`; "units" are 1/86 of the usable image radius, a pixel of the paper's image.
+
+    Parameters
+    ----------
+    min_piece_ratio : float
+        Pieces of floor with less than this part of all floor are something green elsewhere.
+    min_points : int
+        Corners of the hull that must lie on walls.
+    iterations, converged : int, float
+        The paper's steps 6 and 7 are repeated so often, or until the pose changes by less.
+    inlier : float
+        Residual of an inlier, units.
+    min_inlier_ratio, max_std_m : float
+        A worse fit, or a less certain pose, is refused.
+    min_elongation : float
+        A floor's principal axis is undefined where the moments along and across it are closer than this.
+    margin_px : int
+        A point nearer to the end of the view is not taken for the floor's edge.
+    max_range_ratio : float
+        Floor reaches at most so many times as far as the field is long.
+    """
+
+    min_piece_ratio: float = 0.05
+    min_points: int = 8
+    iterations: int = 30
+    converged: float = 1e-9
+    inlier: float = 1.5
+    min_inlier_ratio: float = 0.3
+    max_std_m: float = 0.10
+    min_elongation: float = 1.05
+    margin_px: int = 2
+    max_range_ratio: float = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +76,9 @@ class HullFitter:
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     colors : ColorTable, optional
-        How floor looks; without it each frame's colours are learnt from the frame itself.
+        Classifies the floor; without it each frame's colours are learnt from the frame itself.
+    settings : HullSettings, optional
+        Of the fit.
 
     Raises
     ------
@@ -66,6 +90,7 @@ class HullFitter:
     camera: OmniCamera
     mask: UInt8Array | None = None
     colors: ColorTable | None = None
+    settings: HullSettings = HullSettings()
 
     def __post_init__(self) -> None:
         if not self.field.is_bounded:
@@ -75,7 +100,7 @@ class HullFitter:
         width, height = self.camera.size_px
         if self.mask is not None and self.mask.shape != (height, width):
             raise ArgumentError(f"mask must be ({height}, {width}), got {self.mask.shape}")
-        if self._model.elongation < _MIN_ELONGATION:
+        if self._model.elongation < self.settings.min_elongation:
             raise ArgumentError(f"method 'hull' needs a floor that is longer than wide, '{self.field.name}' is square")
 
     @cached_property
@@ -113,13 +138,15 @@ class HullFitter:
         radius = np.hypot(u - self.camera.center_px[0], v - self.camera.center_px[1])
         inner, outer = self.camera.usable_radius_px
         floor_m = self.camera.pixel_to_floor(np.stack([u, v], axis=-1))
-        farthest = _FARTHEST * float(np.ptp(self.field.floor_polygon, axis=0).max())
+        farthest = self.settings.max_range_ratio * float(np.ptp(self.field.floor_polygon, axis=0).max())
         usable = (radius >= inner) & (radius <= outer)
         if self.mask is not None:
             usable &= self.mask == 0
         near = np.hypot(floor_m[..., 0], floor_m[..., 1]) <= farthest
-        # beside the horizon floor ends by itself: only where the view ends is an edge no edge
-        inside = cv2.erode(usable.astype(np.uint8), _disc(_MARGIN_PX), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+        # floor beside the horizon has an end of its own; only at the end of the view there is no edge
+        inside = cv2.erode(
+            usable.astype(np.uint8), _disc(self.settings.margin_px), borderType=cv2.BORDER_CONSTANT, borderValue=0
+        )
         return (usable & near).astype(np.uint8), np.asarray(inside, dtype=np.uint8)
 
     def floor_mask(self, frame: UInt8Array, colors: ColorTable) -> UInt8Array:
@@ -130,9 +157,9 @@ class HullFitter:
         floor = (colors.floor_llr[colors.pack(smooth)] > 0).astype(np.uint8) & usable
         floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_CLOSE, _disc(2 * reach)), dtype=np.uint8)
         floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_OPEN, _disc(reach)), dtype=np.uint8)
-        # the blur mixed the wall into the outermost floor, which was refused for it: give it back
+        # the blur mixes the wall into the outermost floor, which is lost by it: add it again
         floor = np.asarray(cv2.dilate(floor, _disc(reach)), dtype=np.uint8)
-        return _without_specks(floor & usable)
+        return _without_specks(floor & usable, self.settings.min_piece_ratio)
 
     def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
         """Locate the robot by one frame (H, W, 3) uint8 BGR.
@@ -191,11 +218,11 @@ class HullFitter:
     ) -> _Fit | NotLocated:
         # the field's own centroid and axis seen from the robot's, eqs. 16-17; both frames are the paper's for its field
         pose = self._model.frame.compose(moments.frame.inverse())
-        for _ in range(_ROUNDS):
+        for _ in range(self.settings.iterations):
             places = pose.transform(points_m)
             normal, offset, counts = self._assign(places)
             counts &= is_edge & (weight > 0)
-            if np.count_nonzero(counts) < _MIN_POINTS:
+            if np.count_nonzero(counts) < self.settings.min_points:
                 return NotLocated(f"only {np.count_nonzero(counts)} corners of the floor's hull lie on walls")
             n, p, scale = normal[counts], places[counts], np.sqrt(weight[counts])
             # eq. 18 with sin zeta = zeta, cos zeta = 1: n.p + zeta (n_x y - n_y x) + n.(a, b) - d
@@ -207,16 +234,16 @@ class HullFitter:
             a, b, zeta = (-np.linalg.solve(information, jacobian.T @ residual)).tolist()
             # eqs. 20-22, as the pose of the robot instead of that of the floor
             pose = Pose2(a, b, -zeta).compose(pose)
-            if abs(a) + abs(b) + abs(zeta) < _CONVERGED:
+            if abs(a) + abs(b) + abs(zeta) < self.settings.converged:
                 break
         residual += jacobian @ (a, b, zeta)
         return _Fit(pose, residual, information)
 
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
         pose = fit.pose
-        is_inlier = np.abs(fit.residual_px) < _INLIER * self._unit_px
+        is_inlier = np.abs(fit.residual_px) < self.settings.inlier * self._unit_px
         ratio = float(np.mean(is_inlier))
-        if ratio < _MIN_INLIER_RATIO:
+        if ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {ratio:.0%} of the floor's hull agrees with the field's walls")
         if not self.field.is_on_floor(pose.x_m, pose.y_m):
             return NotLocated(f"the best fit puts the robot outside the field, at ({pose.x_m:.2f}, {pose.y_m:.2f}) m")
@@ -224,7 +251,7 @@ class HullFitter:
         motion = np.array([[1.0, 0.0, pose.y_m], [0.0, 1.0, -pose.x_m], [0.0, 0.0, -1.0]])
         variance = _variance(fit.residual_px)
         covariance = variance * (motion @ np.linalg.inv(fit.information) @ motion.T)
-        if math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1])) > _LARGEST_STD_M:
+        if math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1])) > self.settings.max_std_m:
             return NotLocated("the part of the floor's hull in view does not fix the pose in every direction")
         rms = float(np.sqrt(np.mean(fit.residual_px[is_inlier] ** 2)))
         return PoseEstimate(pose, covariance, ratio, rms, (pose, pose.half_turn()))
@@ -250,10 +277,10 @@ def _disc(radius_px: int) -> UInt8Array:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
 
 
-def _without_specks(floor: UInt8Array) -> UInt8Array:
+def _without_specks(floor: UInt8Array, min_ratio: float) -> UInt8Array:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(floor, connectivity=8)
     area = stats[:, cv2.CC_STAT_AREA].astype(np.float64)
-    keep = area >= _MIN_PIECE * area[1:].sum()
+    keep = area >= min_ratio * area[1:].sum()
     keep[0] = False
     return np.asarray(keep[labels], dtype=np.uint8)
 

@@ -26,11 +26,29 @@ from robocup_vision.localization.goal.geometry import (
 )
 
 FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
-# the floor in front of a foot is told by its greenness: brightness steps at sun patches and lines as well
-_FOOT_TOWARDS = np.array([0.5, -1.0, 0.5])
-_SPACING_PX = 2.0
-_MAX_SAMPLES = 40
-_PAINT_DEPTH_PX = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeSampleSettings:
+    """Where edges are sampled.
+
+    Parameters
+    ----------
+    spacing_px : float
+        Between samples on an edge: nearer ones share their noise.
+    max_samples : int
+        Of one edge: more cost time and hardly improve a fit.
+    paint_depth_px : float
+        How far inside an edge there must be paint of the goal's colour.
+    foot_towards : (float, float, float)
+        Colour difference (BGR) paint - carpet at a foot. Greenness finds the carpet: brightness steps at sun patches
+        and lines as well.
+    """
+
+    spacing_px: float = 2.0
+    max_samples: int = 40
+    paint_depth_px: float = 3.0
+    foot_towards: tuple[float, float, float] = (0.5, -1.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +201,7 @@ def measure(
     unknowns: FloatArray,
     reach_px: float,
     appearance: EdgeAppearance,
+    settings: EdgeSampleSettings = EdgeSampleSettings(),
 ) -> EdgeSamples | None:
     """Measure all silhouette edges and feet within `reach_px` of where `unknowns` put them.
 
@@ -195,11 +214,13 @@ def measure(
     shape : GoalShape
         The goal.
     unknowns : (8,) float64
-        Where to look, in the order of goal/geometry.py.
+        Places of the search, in the order of goal/geometry.py.
     reach_px : float
-        How far to both sides.
+        Length of the search to both sides.
     appearance : EdgeAppearance
         Of the paint.
+    settings : EdgeSampleSettings, optional
+        Where edges are sampled.
 
     Returns
     -------
@@ -211,7 +232,7 @@ def measure(
     if not goal_points(goal_scene(shape, view), unknowns, points):
         return None
     points = from_ideal(camera, points)
-    room = EDGES * _MAX_SAMPLES + feet
+    room = EDGES * settings.max_samples + feet
     places = EdgePlaces(
         np.empty((room, 2)),
         np.empty((room, 2)),
@@ -219,12 +240,12 @@ def measure(
         np.empty(room),
         np.empty(EDGES, np.int64),
     )
-    count = spread_samples(points, feet, camera.size_px, _SPACING_PX, _MAX_SAMPLES, places)
+    count = spread_samples(points, feet, camera.size_px, settings.spacing_px, settings.max_samples, places)
     start, normal, inside_px, expected = places.starts[:count], places.normals[:count], places.inside, places.expected
     n = count - feet
     edge = places.edge[:n]
     along = np.empty((count, 3))
-    along[:n], along[n:] = appearance.towards, _FOOT_TOWARDS
+    along[:n], along[n:] = appearance.towards, settings.foot_towards
     keep = np.ones(count)
     keep[:n] = appearance.grey
     offset, contrast, sigma = np.empty(count), np.empty(count), np.empty(count)
@@ -246,7 +267,7 @@ def measure(
         offset[again], contrast[again], sigma[again] = results
         found = np.isfinite(offset)
     if appearance.paint is not None:
-        inner = start - normal * np.clip(inside_px[:count], 1.0, _PAINT_DEPTH_PX)[:, None]
+        inner = start - normal * np.clip(inside_px[:count], 1.0, settings.paint_depth_px)[:, None]
         inner[found] += normal[found] * offset[found, None]
         found &= _is_painted(appearance.paint, inner * (appearance.paint.shape[1] / camera.size_px[0]))
     expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)

@@ -17,7 +17,14 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, NormalSystem, fit_goal, goal_residuals, normal_equations
 from robocup_vision.kernels.goal.picture import GoalScene
-from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, goal_scene, measure
+from robocup_vision.localization.goal.edges import (
+    FOOT_OFFSETS,
+    EdgeAppearance,
+    EdgeSamples,
+    EdgeSampleSettings,
+    goal_scene,
+    measure,
+)
 from robocup_vision.localization.goal.geometry import (
     BAR_BOTTOM,
     BAR_TOP,
@@ -49,7 +56,7 @@ class GoalFitSettings:
     min_other_ratio : float
         The same for the other five edges where one edge of a post is missing.
     min_score : float
-        Least score of a goal.
+        Lowest score of a goal.
     max_deviation : float
         Standard deviations that a prior may be off.
     edge_error_px, foot_error_px : float
@@ -62,11 +69,13 @@ class GoalFitSettings:
     known_angle_std_rad : float
         Tilt and roll of a camera whose file states them.
     reaches_px : (float, float)
-        How far edges are searched for in the second and the last round; `refine` is told the first.
+        Length of the search for edges in the second and the last round; the first one is an argument of `refine`.
     near_ratio : float
         Inliers after the first round from which the second is left out.
     bloom_std_white_px, bloom_std_hue_px : float
         How far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly.
+    edges : EdgeSampleSettings
+        Where edges are sampled.
     """
 
     inlier_px: float = 0.5
@@ -85,6 +94,7 @@ class GoalFitSettings:
     near_ratio: float = 0.95
     bloom_std_white_px: float = 0.7
     bloom_std_hue_px: float = 0.15
+    edges: EdgeSampleSettings = EdgeSampleSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,7 +354,7 @@ def refine(
         near = np.count_nonzero(np.abs(residual) < settings.inlier_px)
         if reach == second_px and near > settings.near_ratio * len(residual):
             continue  # near enough for the last one
-        measured = measure(image, camera, model.view, model.shape, p, reach, appearance)
+        measured = measure(image, camera, model.view, model.shape, p, reach, appearance, settings.edges)
         if measured is None or len(measured.edge) < 12:
             return None
         samples = weigh(measured, settings)
@@ -386,9 +396,8 @@ def _confirmed_edges(
     grey = np.full(3, 3**-0.5)
     again = ratio
     for towards in (grey, -grey, -appearance.towards):
-        samples = measure(
-            image, camera, model.view, model.shape, p, settings.inlier_px, EdgeAppearance(towards, math.inf, 1.0)
-        )
+        grey_edge = EdgeAppearance(towards, math.inf, 1.0)
+        samples = measure(image, camera, model.view, model.shape, p, settings.inlier_px, grey_edge, settings.edges)
         if samples is not None:
             seen = np.bincount(samples.edge, minlength=EDGES) / np.maximum(samples.expected, 4)
             again = np.where(weak & (seen >= settings.min_other_ratio), np.maximum(again, seen), again)

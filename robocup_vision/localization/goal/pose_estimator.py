@@ -235,9 +235,8 @@ class GoalPoseEstimator:
         fu, fv = self.camera.focal_px
         view = IdealView((fu * scale, fv * scale), self.camera.center_px)
         model = candidate.model
-        samples = measure(
-            frame, self.camera, view, model.shape, unknowns, self.settings.post_reach_px, candidate.appearance
-        )
+        reach_px, edges = self.settings.post_reach_px, self.settings.fit.edges
+        samples = measure(frame, self.camera, view, model.shape, unknowns, reach_px, candidate.appearance, edges)
         if samples is None:
             return False
         near = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)]) < self.settings.post_reach_px

@@ -32,6 +32,7 @@ from robocup_vision.localization.goal.fit import (
 from robocup_vision.localization.goal.geometry import BAR_TOP, X, goal_shape, project
 from robocup_vision.localization.goal.starts import bar_rows, rotated, starts, strip_samples, with_bar
 from robocup_vision.perception.goal_color import (
+    GoalColorSettings,
     halves,
     hue_families,
     hue_masks,
@@ -42,6 +43,7 @@ from robocup_vision.perception.goal_color import (
 )
 from robocup_vision.perception.goal_region import (
     Strip,
+    StripSettings,
     bright_runs,
     carpet_mask,
     enlarged,
@@ -68,7 +70,7 @@ class SearchSettings:
     clear_score : float
         Score from which nothing better will come: edges of clutter agree with a goal in half of their places at most.
     rival_ratio : float
-        Share of such a goal's score from which the other branch may be the right one.
+        Score, relative to such a goal's, from which the other branch may be the right one.
     obliquenesses : tuple of float
         Further starts, in units of the first fit's obliqueness.
     min_score : float
@@ -87,6 +89,8 @@ class SearchSettings:
         A robot may stand so far outside the carpet that the field file is sure of.
     white_pairs, hue_pairs, bar_pairs : int
         Pairs of posts that are tried: white ones among clutter, ones of a hue, and those below a bar.
+    colors, strips : GoalColorSettings, StripSettings
+        How paint and posts are found.
     """
 
     width_px: int = 208
@@ -105,6 +109,8 @@ class SearchSettings:
     white_pairs: int = 14
     hue_pairs: int = 6
     bar_pairs: int = 6
+    colors: GoalColorSettings = GoalColorSettings()
+    strips: StripSettings = StripSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,13 +251,15 @@ class GoalSearch:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""
         if self.families:
             small, factor = self.reduced(frame)
-            masks = hue_masks(small, self.families)
+            masks = hue_masks(small, self.families, self.settings.colors)
             carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
             for color, mask in masks.items():
                 yield self._colored(color, mask, carpet, factor)
         if self._has_white:
             carpet = carpet_mask(frame)
-            found = strips(white_runs(frame, 4), 4, carpet, certain=False)
+            found = strips(
+                white_runs(frame, 4, self.settings.strips), 4, carpet, certain=False, settings=self.settings.strips
+            )
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
             paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
             appearance = EdgeAppearance(np.full(3, 3**-0.5), math.inf, 1.0)
@@ -267,19 +275,21 @@ class GoalSearch:
         if not self.families or any(c.is_plain for c in found):
             return
         small, factor = self.reduced(frame)
-        whole = hue_masks(small, self.families)
+        whole = hue_masks(small, self.families, self.settings.colors)
         carpet = carpet_mask(small, np.bitwise_or.reduce(list(whole.values())))
         for color, mask in whole.items():
             hue, light = paint_channels(small, color)
-            by_hue, by_light = (strips(bright_runs(c, 2), 2, carpet, certain=True) for c in (hue, light))
-            seen = strips(mask_runs(mask, 2), 2, carpet, certain=True)
+            by_hue, by_light = (self._bright_strips(c, carpet) for c in (hue, light))
+            seen = self._mask_strips(mask, carpet)
             yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue)], factor)
             yield self._under_bars(color, mask, carpet, hue, factor)
-            for part in (*hue_modes(small, mask), *halves(self.families[color])):
+            for part in (*hue_modes(small, mask, self.settings.colors), *halves(self.families[color])):
                 # the outermost parts end where the hue's own family does: carpet and clutter lie beyond
-                only = np.asarray(cv2.bitwise_and(hue_masks(small, {color: part})[color], mask), np.uint8)
-                of_part = strips(mask_runs(only, 2), 2, carpet, certain=True)
-                apart = parting(small, only, np.asarray(cv2.subtract(mask, only), np.uint8))
+                only = np.asarray(
+                    cv2.bitwise_and(hue_masks(small, {color: part}, self.settings.colors)[color], mask), np.uint8
+                )
+                of_part = self._mask_strips(only, carpet)
+                apart = parting(small, only, np.asarray(cv2.subtract(mask, only), np.uint8), self.settings.colors)
                 yield self._pooled(color, only, carpet, of_part, factor, apart)
                 seen += of_part
             yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue), *_weakened(by_light)], factor)
@@ -288,12 +298,14 @@ class GoalSearch:
         """Propose posts where a bar ends, whether they are to be seen or not."""
         upside, nowhere = np.ascontiguousarray(hue.T), np.zeros_like(carpet.T)
         lying = [
-            *strips(mask_runs(np.ascontiguousarray(mask.T), 2), 2, nowhere, certain=True),
-            *_weakened(strips(bright_runs(upside, 2), 2, nowhere, certain=True)),
+            *self._mask_strips(np.ascontiguousarray(mask.T), nowhere),
+            *_weakened(self._bright_strips(upside, nowhere)),
         ]
         pairs = []
         for bar in sorted(lying, key=lambda s: -s.strength):
-            posts = posts_under(bar, carpet) if bar.height > 3 * bar.width_at(bar.bottom) else None
+            posts = (
+                posts_under(bar, carpet, self.settings.strips) if bar.height > 3 * bar.width_at(bar.bottom) else None
+            )
             if posts is not None:
                 pairs.append((enlarged(posts[0], factor), enlarged(posts[1], factor)))
         return self._pooled(color, mask, carpet, [], factor)._replace(pairs=pairs[: self.settings.bar_pairs])
@@ -306,8 +318,15 @@ class GoalSearch:
         small = cv2.resize(frame, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
         return np.asarray(small, np.uint8), factor
 
+    def _mask_strips(self, mask: UInt8Array, carpet: UInt8Array) -> list[Strip]:
+        return strips(mask_runs(mask, 2), 2, carpet, certain=True, settings=self.settings.strips)
+
+    def _bright_strips(self, channel: UInt8Array, carpet: UInt8Array) -> list[Strip]:
+        runs = bright_runs(channel, 2, self.settings.strips)
+        return strips(runs, 2, carpet, certain=True, settings=self.settings.strips)
+
     def _colored(self, color: str, mask: UInt8Array, carpet: UInt8Array, factor: int) -> Proposal:
-        return self._pooled(color, mask, carpet, strips(mask_runs(mask, 2), 2, carpet, certain=True), factor)
+        return self._pooled(color, mask, carpet, self._mask_strips(mask, carpet), factor)
 
     def _pooled(
         self,
