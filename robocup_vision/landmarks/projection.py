@@ -44,18 +44,6 @@ def project(camera: PinholeCamera, points_m: FloatArray) -> FloatArray:
     return project_ideal(camera.focal_px, camera.center_px, points_m)
 
 
-def pixel_by_point(camera: PinholeCamera, points_m: FloatArray) -> FloatArray:
-    """Return derivatives (N, 2, 3) of ideal pixels by points in the camera frame."""
-    depth = points_m[:, 0]
-    fx, fy = camera.focal_px
-    jacobian = np.zeros((len(points_m), 2, 3))
-    jacobian[:, 0, 0] = fx * points_m[:, 1] / depth**2
-    jacobian[:, 0, 1] = -fx / depth
-    jacobian[:, 1, 0] = fy * points_m[:, 2] / depth**2
-    jacobian[:, 1, 2] = -fy / depth
-    return jacobian
-
-
 def point_by_pose(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> FloatArray:
     """Return derivatives (N, 3, 3) of points in the camera frame by the pose, for points (N, 3) of the field frame."""
     c, s = math.cos(pose[2]), math.sin(pose[2])

@@ -56,8 +56,6 @@ class NarrowViewSettings:
 class GoalLocalizer:
     """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown."""
 
-    needs_floor = False
-
     def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
         self._goal = GoalPoseEstimator(field, camera)
 
@@ -86,8 +84,6 @@ class GoalLocalizer:
 
 class LineLocalizer:
     """Satisfies `Localizer`; method "field" of a pinhole camera whose tilt is known: by the field's lines."""
-
-    needs_floor = False
 
     def __init__(
         self,
@@ -142,8 +138,6 @@ class LineLocalizer:
 
 class WallLocalizer:
     """Satisfies `Localizer`; method "floor" of a pinhole camera whose tilt is known: by the feet of walls or boards."""
-
-    needs_floor = True
 
     def __init__(
         self,

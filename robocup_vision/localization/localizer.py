@@ -77,11 +77,6 @@ class Localization:
 class Localizer(Protocol):
     """Tells a robot's pose from one frame."""
 
-    @property
-    def needs_floor(self) -> bool:
-        """Whether the evidence must hold the floor's samples and colours before the pose can be told."""
-        ...
-
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """Locate the robot.
 

@@ -44,8 +44,6 @@ class MirrorLocalizer:
         If the method needs a bounded floor and the field has none.
     """
 
-    needs_floor = True
-
     def __init__(
         self,
         field: Field,

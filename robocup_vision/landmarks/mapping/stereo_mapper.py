@@ -157,8 +157,8 @@ class StereoMapper:
         FrameError
             If an image has another size or type.
         """
-        seen = [self._extractor.extract(image) for image in (right, left, top)]
-        points = correspond(self.rig, *seen, self._settings.stereo)
+        features = [self._extractor.extract(image) for image in (right, left, top)]
+        points = correspond(self.rig, features[0], features[1], features[2], self._settings.stereo)
         if not self._poses:
             self._poses.append(self._start.array)
             self._pose_covariances.append(np.zeros((3, 3)))

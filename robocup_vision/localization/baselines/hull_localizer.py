@@ -28,8 +28,6 @@ class HullLocalizer:
         Non-zero pixels are never looked at.
     """
 
-    needs_floor = True
-
     def __init__(self, field: Field, camera: OmniCamera, view: PolarView, mask: UInt8Array | None = None) -> None:
         self._hull = HullFitter(field, camera, mask)
         self._half = GoalSide(field, camera, mask)

@@ -27,8 +27,6 @@ _PAN_STD_RAD = math.radians(0.1)
 class EdgeLocalizer:
     """Method "edges": follows by a prior, or finds the robot by a bank of poses, and then by a goal."""
 
-    needs_floor = False
-
     def __init__(
         self,
         field: Field,

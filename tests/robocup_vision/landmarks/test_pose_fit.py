@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from landmark_twins import pixel_by_point
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
@@ -14,7 +15,6 @@ from robocup_vision.landmarks.mapping.rig import TrinocularRig
 from robocup_vision.landmarks.mapping.stereo import place
 from robocup_vision.landmarks.pose_fit import fit_stereo
 from robocup_vision.landmarks.projection import (
-    pixel_by_point,
     point_by_pose,
     project,
     to_camera,

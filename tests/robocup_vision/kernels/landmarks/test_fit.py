@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from landmark_twins import pixel_by_point
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
@@ -13,7 +14,6 @@ from robocup_vision.kernels.landmarks.fit import LandmarkPixels, Linearised, fit
 from robocup_vision.landmarks.index import pinhole_view
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF
 from robocup_vision.landmarks.projection import (
-    pixel_by_point,
     point_by_pose,
     project,
     to_camera,
