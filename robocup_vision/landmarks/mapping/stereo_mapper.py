@@ -172,7 +172,7 @@ class StereoMapper:
         self._lost_motion = Pose2(0.0, 0.0, 0.0)
         self._poses.append(fit.pose)
         self._pose_covariances.append(fit.covariance)
-        matched, returned = self._update(seen[0], points)
+        matched, returned = self._update(features[0], points)
         closes = (
             returned >= self._settings.min_returned
             and len(self._poses) - self._last_closure > self._settings.away_frames
