@@ -4,6 +4,8 @@ PYTHON := .venv/bin/python
 INSTALLED := .venv/installed
 # one process a core; neighbours stay together, so that fixtures of a file are seldom made twice
 PARALLEL := -n logical --dist worksteal
+# without files of bytecode each process would compile all tests again
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help .venv test slow docs demo match examples figures bench-check clean

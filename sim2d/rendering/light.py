@@ -136,10 +136,13 @@ def _carpet_texture(light: Light, x: Float32Array, y: Float32Array, patch_m: Flo
 def _noise(tile: Float32Array, x: Float32Array, y: Float32Array, cell_m: float) -> Float32Array:
     width = 1024  # OpenCV's maps may not be longer than 32767 along one side
     padding = -len(x) % width
-    columns, rows = (
-        np.mod(np.pad(v, (0, padding)) * np.float32(1 / cell_m), tile.shape[0]).reshape(-1, width) for v in (x, y)
-    )
-    found = cv2.remap(tile, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    maps: list[Float32Array] = []
+    for v in (x, y):
+        cells = np.pad(v, (0, padding)) * np.float32(1 / cell_m)
+        # the remainder, bit for bit because the size is a power of 2, and many times faster than np.mod
+        cells -= np.floor(cells * np.float32(1 / tile.shape[0])) * np.float32(tile.shape[0])
+        maps.append(cells.reshape(-1, width))
+    found = cv2.remap(tile, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     return np.asarray(found.ravel()[: len(x)])
 
 

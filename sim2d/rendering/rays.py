@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera
+from sim2d.kernels.ray_directions import FlatRays, flatten_rays
 
 # how far the mirror's edge lies outside the usable radius, in pixels of a 256 x 220 image
 RIM_MARGIN = 4.0 / 112.0
@@ -54,28 +55,14 @@ class RaySet:
     ) -> None:
         self.height_m = height_m
         self.samples = directions.shape[1]
-        bearing = np.arctan2(directions[..., 1], directions[..., 0])
-        first = bearing[:, 0]
-        spread = np.remainder(bearing - first[:, None] + math.pi, math.tau) - math.pi
-        low, high = np.minimum.reduce([*spread.T]), np.maximum.reduce([*spread.T])
-        middle = first + (high + low) / 2
-        middle = np.remainder(middle + math.pi, math.tau) - math.pi
-        order = np.argsort(middle, kind="stable")
+        bearing = np.arctan2(directions[:, 0, 1], directions[:, 0, 0])
+        order = np.argsort(bearing, kind="stable")
         self.pixel_index = pixel_index[order]
-        self._bearing = middle[order]
-        self._margin = float((high - low).max(initial=0.0)) / 2 + 1e-6
-
-        ray = directions[order].reshape(-1, 3)
-        run = np.maximum(np.hypot(ray[:, 0], ray[:, 1]), 1e-9)
-        slope = ray[:, 2] / run
-        with np.errstate(divide="ignore", invalid="ignore"):
-            floor = np.where(slope < -1e-7, height_m / -slope, np.inf)
-        self.cos = (ray[:, 0] / run).astype(np.float32)
-        self.sin = (ray[:, 1] / run).astype(np.float32)
-        self.slope = slope.astype(np.float32)
-        self.floor_m = floor.astype(np.float32)
-        self.radial_m = radial_m[order].reshape(-1).astype(np.float32)
-        self.tangential_m = tangential_m[order].reshape(-1).astype(np.float32)
+        self._bearing = bearing[order]
+        flat = FlatRays(*np.empty((len(FlatRays._fields), directions[..., 0].size), dtype=np.float32))
+        spread = flatten_rays(height_m, order, directions, radial_m, tangential_m, flat)
+        self._margin = spread + 1e-6
+        self.cos, self.sin, self.slope, self.floor_m, self.radial_m, self.tangential_m = flat
 
     def window(self, low_rad: float, high_rad: float) -> list[slice]:
         """Slices of the rays that can have bearings from `low_rad` counter-clockwise to `high_rad`."""
