@@ -31,6 +31,27 @@ _FLAT_VARIANCE = 1e-6
 _OPTICAL_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _UNKNOWN_CONFIDENCE = -1.0
 
+# topics without their prefix, and the types of their messages
+TOPIC_TYPES = {
+    "/camera/image": "sensor_msgs/msg/Image",
+    "/camera/image/compressed": "sensor_msgs/msg/CompressedImage",
+    "/camera/camera_info": "sensor_msgs/msg/CameraInfo",
+    "/odometry": "nav_msgs/msg/Odometry",
+    "/vision/pose_with_covariance": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "/pose_with_covariance": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "/scan": "sensor_msgs/msg/LaserScan",
+    "/map": "nav_msgs/msg/OccupancyGrid",
+    "/balls": "soccer_vision_3d_msgs/msg/BallArray",
+    "/obstacles": "soccer_vision_3d_msgs/msg/ObstacleArray",
+    "/field_boundary": "soccer_vision_3d_msgs/msg/FieldBoundary",
+    "/tracks": "soccer_model_msgs/msg/ObstacleArray",
+    "/cmd_vel": "geometry_msgs/msg/TwistStamped",
+    "/truth/pose": "geometry_msgs/msg/PoseStamped",
+    "/truth/ball": "geometry_msgs/msg/PointStamped",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+}
+
 
 class Outgoing(NamedTuple):
     """One message on its way: its topic, the message, and when what it tells of happened, seconds."""
@@ -114,24 +135,20 @@ class Topics:
         )
         return [self._out("/odometry", message, t_s)]
 
-    def of_look(self, view: View, frame: UInt8Array | None, t_s: float) -> list[Outgoing]:
-        """Tell a frame and what it shows.
+    def of_frame(self, frame: UInt8Array, t_s: float) -> list[Outgoing]:
+        """Tell a frame (H, W, 3) uint8 BGR, and its camera, with the time it was taken."""
+        image_format = self._settings.image_format
+        if image_format is None:
+            return []
+        topic = "/camera/image" if image_format == "raw" else "/camera/image/compressed"
+        return [
+            self._out(topic, image_message(frame, t_s, self._names.camera, image_format), t_s),
+            self._out("/camera/camera_info", camera_info(self._camera, t_s, self._names.camera), t_s),
+        ]
 
-        Parameters
-        ----------
-        view : View
-            What it shows.
-        frame : (H, W, 3) uint8 or None
-            BGR.
-        t_s : float
-            When it was taken.
-        """
+    def of_look(self, view: View, t_s: float) -> list[Outgoing]:
+        """Tell what a frame shows, with the time it was taken."""
         out: list[Outgoing] = []
-        if frame is not None and self._settings.image_format is not None:
-            message = image_message(frame, t_s, self._names.camera, self._settings.image_format)
-            topic = "/camera/image" if self._settings.image_format == "raw" else "/camera/image/compressed"
-            out.append(self._out(topic, message, t_s))
-            out.append(self._out("/camera/camera_info", camera_info(self._camera, t_s, self._names.camera), t_s))
         if isinstance(view.pose, PoseEstimate):
             out.append(self._out("/vision/pose_with_covariance", self._pose(view.pose, t_s), t_s))
         believed = view.pose if view.belief is None else view.belief.pose

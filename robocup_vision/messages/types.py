@@ -5,7 +5,7 @@ All functions share one type store, made at the first use; it takes 0.2 s. It ho
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -66,6 +66,12 @@ def added_types() -> Mapping[str, tuple[str, tuple[str, ...]]]:
             name, type_hash = line.split()
             types[name] = (type_hash, [])
     return {name: (type_hash, tuple(fields)) for name, (type_hash, fields) in types.items()}
+
+
+def prepare(names: Iterable[str]) -> None:
+    """Make the code that reads and writes types: else their first message pays for it, some 20 ms each."""
+    for name in names:
+        typestore().get_msgdef(name)
 
 
 def make(name: str, *values: Any, **fields: Any) -> Any:

@@ -25,8 +25,8 @@ from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.images import IMAGE_FORMATS, ImageFormat
-from robocup_vision.messages.topics import Outgoing, Topics, TopicSettings
-from robocup_vision.messages.types import CALL, header, make
+from robocup_vision.messages.topics import TOPIC_TYPES, Outgoing, Topics, TopicSettings
+from robocup_vision.messages.types import CALL, header, make, prepare
 from robocup_vision.perception.color_table import save_colors
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.recording.calls import FORGET, LOOK, PREDICT, STEER, look_outputs, steer_outputs
@@ -114,6 +114,7 @@ class CallWriter:
     ) -> None:
         self._settings = settings
         self._codec = ValueCodec(types)
+        prepare([CALL, *TOPIC_TYPES.values()])
         self.topics = Topics(run.field, run.camera, TopicSettings(settings.prefix, image_format=settings.image_format))
         self._log = LogWriter(
             path,
@@ -260,12 +261,12 @@ class Recorder:
         self._view = view
         at_s = self._at(t_s)
         inputs = {"t_s": t_s, "odometry": odometry, "prior": prior, "pan_rad": pan_rad}
-        kept = _kept(frame)
+        kept = own_frame(frame)
         topics = self._calls.topics
 
         def rest() -> tuple[dict[str, Any], list[Outgoing]]:
             moved = [] if odometry is None else topics.of_odometry(odometry, at_s)
-            return look_outputs(view), [*moved, *topics.of_look(view, kept, at_s)]
+            return look_outputs(view), [*moved, *topics.of_frame(kept, at_s), *topics.of_look(view, at_s)]
 
         self._calls.add_call(LOOK, at_s, inputs, rest, kept.nbytes)
 
@@ -348,8 +349,8 @@ class Recorder:
         return t_s
 
 
-def _kept(frame: UInt8Array) -> UInt8Array:
-    """Return the frame, or a copy where somebody else may write to it."""
+def own_frame(frame: UInt8Array) -> UInt8Array:
+    """Return a frame, or a copy of it where somebody else may write to it."""
     if frame.base is None and not frame.flags.writeable:
         return frame
     return np.array(frame)

@@ -20,6 +20,9 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     clock = parser.add_mutually_exclusive_group()
     clock.add_argument("--fast", action="store_true", help="play as fast as it goes (default)")
     clock.add_argument("--realtime", action="store_true", help="play no faster than a clock")
+    parser.add_argument(
+        "--record", action="store_true", help="write a recording of each robot, robot_0.mcap and so on (extra ros)"
+    )
     parser.set_defaults(run=run_match_command)
     return parser
 
@@ -35,7 +38,7 @@ def run_match_command(args: argparse.Namespace) -> int:
     from sim2d.match.run import run_match
 
     plan = match_plan(args)
-    summary = run_match(plan, args.out, realtime=args.realtime)
+    summary = run_match(plan, args.out, realtime=args.realtime, record=args.record)
     figures = summary.figures
     print(f"{args.field}, {args.players} against {args.players}, {figures.seconds:g} s, seed {args.seed}")
     print(f"score {figures.score[0]} : {figures.score[1]}")
@@ -59,6 +62,8 @@ def run_match_command(args: argparse.Namespace) -> int:
             print(f"robot {robot.robot} was stopped at {robot.stopped_s:.2f} s: {robot.stopped_reason}")
     for note in summary.notes:
         print(f"note: {note}")
+    for path in summary.recordings:
+        print(f"recording: {path}")
     print(f"report: {summary.report or summary.out}")
     return 0
 

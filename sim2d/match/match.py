@@ -76,8 +76,7 @@ class Match:
         self.seed = seed
         self._log = MatchLog(self.arena.state, self.arena.limits, field.ball_radius_m, faults)
         self._seats = [
-            _Seat(ours if robot.side > 0 else theirs, self.arena.setup(robot.index))
-            for robot in self.arena.state.robots
+            Seat(ours if robot.side > 0 else theirs, self.arena.setup(robot.index)) for robot in self.arena.state.robots
         ]
 
     def step(self) -> Moment:
@@ -107,7 +106,7 @@ def periods(seconds: float) -> int:
     return math.ceil(seconds / CONTROL_PERIOD_S - 1e-6)
 
 
-class _Seat:
+class Seat:
     """Holds one player, and stops it when it fails."""
 
     def __init__(self, make: PlayerFactory, setup: PlayerSetup) -> None:

@@ -12,6 +12,7 @@ from robocup_vision.evaluation.result_files import prepare_folder
 from robocup_vision.progress import progress
 from sim2d.match.arena import Camera
 from sim2d.match.match import Match, periods
+from sim2d.match.recorded import MatchRecorders
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import player_name
 from sim2d.report import html as match_report
@@ -80,16 +81,17 @@ class MatchPlan:
 
 @dataclass(frozen=True, slots=True)
 class MatchSummary:
-    """Result of a match: figures, folder of its files, video and report (None: not written), notes."""
+    """Result of a match: figures, folder of its files, video and report (None: not written), notes, recordings."""
 
     figures: MatchFigures
     out: Path
     video: Path | None
     report: Path | None
     notes: tuple[str, ...]
+    recordings: tuple[Path, ...] = ()
 
 
-def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> MatchSummary:
+def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False, record: bool = False) -> MatchSummary:
     """Play a match and write its files.
 
     Parameters
@@ -97,9 +99,12 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> Ma
     plan : MatchPlan
         What is played.
     out : str or Path
-        Folder for match.json, match.webm and report.html; made if missing. Files of an earlier match are replaced.
+        Folder for match.json, match.webm and report.html; made if missing. Files of an earlier match are replaced, its
+        recordings deleted.
     realtime : bool
         Play no faster than a clock; default: as fast as it goes.
+    record : bool
+        Write a recording of each robot, robot_0.mcap and so on; needs the extra `ros`.
 
     Raises
     ------
@@ -107,12 +112,13 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> Ma
         If the plan cannot be played, or the files cannot be written.
     """
     out = Path(out)
-    prepare_folder(out, OUTPUT_NAMES)
+    prepare_folder(out, (*OUTPUT_NAMES, *(path.name for path in sorted(out.glob("robot_*.mcap")))))
     match = plan.begin()
     arena = match.arena
     robots = arena.state.robots
     video = MatchVideo(out / "match.webm", arena.field, arena.camera, len(robots), arena.limits.radius_m)
     story, planning = MatchStory(len(robots)), PlanningStory(len(robots))
+    recorders = MatchRecorders(out, match, (player_name(plan.ours), player_name(plan.theirs))) if record else None
     started_s = time.monotonic()
     behind_s = 0.0
     try:
@@ -120,12 +126,16 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> Ma
             video.add(moment)
             story.add(moment)
             planning.add(moment)
+            if recorders is not None:
+                recorders.add(moment)
             if realtime:
                 early_s = done * CONTROL_PERIOD_S - (time.monotonic() - started_s)
                 behind_s = max(behind_s, -early_s)
                 time.sleep(max(early_s, 0.0))
     finally:
         video.close()
+        if recorders is not None:
+            recorders.close()
     figures = match.figures
     notes = [note for note in (video.problem,) if note]
     if behind_s > 1.0:
@@ -143,4 +153,5 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False) -> Ma
             report.write_text(text, encoding="utf-8")
         except OSError as error:
             raise FileError(report, f"cannot be written ({error.strerror or error})") from None
-    return MatchSummary(figures, out, video_path, report, tuple(notes))
+    recordings = () if recorders is None else recorders.paths
+    return MatchSummary(figures, out, video_path, report, tuple(notes), recordings)

@@ -15,6 +15,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.topics import (
+    TOPIC_TYPES,
     FrameNames,
     Outgoing,
     Topics,
@@ -32,7 +33,8 @@ from robocup_vision.messages.types import decode, encode, to_seconds
 
 def _by_topic(messages: list[Outgoing]) -> dict[str, object]:
     for outgoing in messages:
-        # every one can be sent
+        # every one can be sent, and is of the type that is announced
+        assert outgoing.message.__msgtype__ == TOPIC_TYPES[outgoing.topic.removeprefix("/robot1")]
         decode(encode(outgoing.message), outgoing.message.__msgtype__)
     return {outgoing.topic: outgoing.message for outgoing in messages}
 
@@ -72,7 +74,7 @@ def test_map_to_odom_to_robot_is_the_believed_pose() -> None:
         view = vision.look(now.frame, now.t_s, now.odometry)
         odometry = odometry.compose(now.odometry)
         topics.of_odometry(now.odometry, now.t_s)
-        sent = _by_topic(topics.of_look(view, now.frame, now.t_s))
+        sent = _by_topic(topics.of_look(view, now.t_s))
     assert view.belief is not None
     assert view.belief.pose
     transforms = {t.child_frame_id: t for t in sent["/tf"].transforms}  # type: ignore[attr-defined]
@@ -90,7 +92,7 @@ def test_map_to_odom_to_robot_is_the_believed_pose() -> None:
 def test_a_scan_has_the_free_ranges() -> None:
     now, vision = run_frames()[0], make_vision()
     view = vision.look(now.frame, now.t_s)
-    scan = _by_topic(Topics(FIELD, vision.camera).of_look(view, None, now.t_s))["/scan"]
+    scan = _by_topic(Topics(FIELD, vision.camera).of_look(view, now.t_s))["/scan"]
     bearing = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))  # type: ignore[attr-defined]
     assert bearing == pytest.approx(view.free_space.bearing_rad, abs=1e-9)
     reached = np.isinf(scan.ranges)  # type: ignore[attr-defined]
@@ -103,7 +105,7 @@ def test_what_is_not_seen_is_an_empty_array_and_an_unknown_pose_is_not_sent() ->
     dark = np.zeros_like(run_frames()[0].frame)
     view = vision.look(dark, 0.5)
     assert isinstance(view.pose, NotLocated)
-    sent = _by_topic(Topics(FIELD, vision.camera).of_look(view, dark, 0.5))
+    sent = _by_topic(Topics(FIELD, vision.camera).of_look(view, 0.5))
     assert sent["/balls"].balls == []  # type: ignore[attr-defined]
     assert sent["/field_boundary"].points == []  # type: ignore[attr-defined]
     assert to_seconds(sent["/obstacles"].header.stamp) == 0.5  # type: ignore[attr-defined]

@@ -1,0 +1,181 @@
+"""Makes the calls of a recording again, as they were or with other settings, and compares what they give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from field_models.errors import ArgumentError
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import wrap_angle
+from robocup_vision.perception.ball import Ball
+from robocup_vision.recording.loops import Changes, loop_kind
+from robocup_vision.recording.recording import Recording
+from robocup_vision.recording.values import ValueCodec
+
+_CODEC = ValueCodec()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReplayedCall:
+    """One call made again.
+
+    Parameters
+    ----------
+    number : int
+        0, 1, ... in the order of the run.
+    kind : str
+        What was called.
+    t_s : float
+        The time it was about.
+    recorded, replayed : mapping
+        What it gave then, and now.
+    """
+
+    number: int
+    kind: str
+    t_s: float
+    recorded: Mapping[str, Any]
+    replayed: Mapping[str, Any]
+
+    @property
+    def is_same(self) -> bool:
+        """Whether both agree in every bit."""
+        return _plain(self.recorded) == _plain(self.replayed)
+
+
+def replay(
+    recording: Recording, changes: Changes = Changes(), from_s: float | None = None, to_s: float | None = None
+) -> Iterator[ReplayedCall]:
+    """Make the calls of a recording again.
+
+    Parameters
+    ----------
+    recording : Recording
+        What ran.
+    changes : Changes
+        What is done otherwise.
+    from_s, to_s : float, optional
+        Only the calls between these times are yielded. Those before are made, too: what is remembered depends on them.
+
+    Yields
+    ------
+    ReplayedCall
+
+    Raises
+    ------
+    ArgumentError
+        If the span is empty, or the changes do not fit.
+    FileError
+        If a part of the file is damaged.
+    RobocupVisionError
+        If the loop cannot be made again.
+    """
+    if from_s is not None and to_s is not None and not from_s <= to_s:
+        raise ArgumentError(f"--to must not be before --from, got {to_s:g} before {from_s:g}")
+    loop = loop_kind(recording.run.loop).make(recording.run, changes)
+    for call in recording.calls(to_s=to_s):
+        replayed = loop.call(call)
+        if from_s is None or call.t_s >= from_s:
+            yield ReplayedCall(call.number, call.kind, call.t_s, call.outputs, replayed)
+
+
+@dataclass(slots=True)
+class Spread:
+    """How far a quantity of the replay lies from the recorded one: over the calls that have both."""
+
+    values: list[float] = field(default_factory=list)
+
+    def add(self, value: float) -> None:
+        """Take one difference, not negative."""
+        self.values.append(value)
+
+    @property
+    def median(self) -> float | None:
+        """Its median; None of none."""
+        ordered = sorted(self.values)
+        return ordered[len(ordered) // 2] if ordered else None
+
+    @property
+    def largest(self) -> float | None:
+        """The largest; None of none."""
+        return max(self.values, default=None)
+
+
+@dataclass(slots=True)
+class Differences:
+    """What a replay does otherwise than its recording.
+
+    Parameters
+    ----------
+    calls, same : int
+        How many calls were made, and how many of them gave the same in every bit.
+    first_s : float or None
+        When the first one differed.
+    located : (int, int)
+        Frames that were located, then and now.
+    seen : (int, int)
+        Frames that showed a ball, then and now.
+    pose_m, pose_rad, belief_m, belief_rad, ball_m, command_mps
+        Distances between both, where both know.
+    """
+
+    calls: int = 0
+    same: int = 0
+    first_s: float | None = None
+    located: tuple[int, int] = (0, 0)
+    seen: tuple[int, int] = (0, 0)
+    looks: int = 0
+    pose_m: Spread = field(default_factory=Spread)
+    pose_rad: Spread = field(default_factory=Spread)
+    belief_m: Spread = field(default_factory=Spread)
+    belief_rad: Spread = field(default_factory=Spread)
+    ball_m: Spread = field(default_factory=Spread)
+    command_mps: Spread = field(default_factory=Spread)
+
+    def add(self, call: ReplayedCall) -> None:
+        """Take one call."""
+        self.calls += 1
+        if call.is_same:
+            self.same += 1
+        elif self.first_s is None:
+            self.first_s = call.t_s
+        then, now = call.recorded, call.replayed
+        if then.get("pose") is not None or now.get("pose") is not None:
+            self.looks += 1
+            self.located = _counted(self.located, _pose(then, "pose"), _pose(now, "pose"))
+            self.seen = _counted(self.seen, then.get("ball"), now.get("ball"))
+        for name, position, heading in (
+            ("pose", self.pose_m, self.pose_rad),
+            ("belief", self.belief_m, self.belief_rad),
+        ):
+            a, b = _pose(then, name), _pose(now, name)
+            if a is not None and b is not None:
+                position.add(math.hypot(a.pose.x_m - b.pose.x_m, a.pose.y_m - b.pose.y_m))
+                heading.add(abs(wrap_angle(a.pose.theta_rad - b.pose.theta_rad)))
+        a_ball, b_ball = then.get("ball"), now.get("ball")
+        if isinstance(a_ball, Ball) and isinstance(b_ball, Ball):
+            self.ball_m.add(math.hypot(a_ball.x_m - b_ball.x_m, a_ball.y_m - b_ball.y_m))
+        a_mps, b_mps = then.get("velocity_mps"), now.get("velocity_mps")
+        if a_mps is not None and b_mps is not None:
+            self.command_mps.add(math.dist(a_mps, b_mps))
+
+    @property
+    def is_same(self) -> bool:
+        """Whether every call gave the same in every bit."""
+        return self.same == self.calls
+
+
+def _counted(counts: tuple[int, int], then: object, now: object) -> tuple[int, int]:
+    return counts[0] + (then is not None), counts[1] + (now is not None)
+
+
+def _pose(outputs: Mapping[str, Any], name: str) -> PoseEstimate | None:
+    pose = outputs.get(name)
+    return pose if isinstance(pose, PoseEstimate) else None
+
+
+def _plain(outputs: Mapping[str, Any]) -> bytes:
+    return _CODEC.pack(outputs)

@@ -1,0 +1,79 @@
+"""A match leaves one recording a robot: it replays bit for bit, and truth is a topic of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from sim2d_players import FailsAt
+
+from field_models import load_field
+from field_models.errors import ArgumentError, RobocupVisionError
+from robocup_vision.camera.files import load_camera
+from robocup_vision.recording import Recording
+from robocup_vision.recording.loops import Changes
+from robocup_vision.recording.replay import Differences, replay
+from sim2d.match.run import MatchPlan, MatchSummary, run_match
+from sim2d.players.catalog import PLAYERS
+from sim2d.sensors.faults import SenseFault
+
+PLAN = MatchPlan(
+    players=1,
+    seconds=1.0,
+    seed=4,
+    ours=PLAYERS["planning"],
+    faults=(SenseFault(0, "dropped", 0.0, amount=0.3), SenseFault(1, "delayed", 0.2, amount=0.1)),
+)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> MatchSummary:
+    return run_match(PLAN, tmp_path_factory.mktemp("match"), record=True)
+
+
+@pytest.mark.parametrize("robot", [0, 1])
+def test_a_robot_replays_bit_for_bit(recorded: MatchSummary, robot: int) -> None:
+    recording = Recording(recorded.recordings[robot])
+    differences = Differences()
+    for call in replay(recording):
+        differences.add(call)
+    assert differences.calls == 30
+    assert differences.is_same
+    assert differences.looks > 10
+
+
+def test_truth_and_frames_come_back(recorded: MatchSummary) -> None:
+    recording = Recording(recorded.recordings[1])
+    truth = recording.truth()
+    assert len(truth) == 30
+    frames = list(recording.frames())
+    assert frames[0].frame.shape == (220, 256, 3)
+    assert frames[0].odometry is not None
+    dropped = list(Recording(recorded.recordings[0]).frames())
+    assert 10 < len(dropped) < 30
+
+
+def test_another_field_or_camera_may_be_tried_but_no_method(recorded: MatchSummary, tmp_path: Path) -> None:
+    recording = Recording(recorded.recordings[1])
+    with pytest.raises(ArgumentError, match="has its own method"):
+        next(replay(recording, Changes(method="floor")))
+    (tmp_path / "camera.toml").write_bytes(recording._log.attachments["camera.toml"])
+    camera = load_camera(tmp_path / "camera.toml")
+    moved = dataclasses.replace(camera, center_px=(camera.center_px[0] + 2.0, camera.center_px[1]))
+    differences = Differences()
+    for call in replay(recording, Changes(camera=moved, field=load_field("ssl_2001")), to_s=0.5):
+        differences.add(call)
+    assert not differences.is_same
+    assert 0.0 < (differences.pose_m.largest or 0.0) < 0.2
+
+
+def test_a_player_that_is_not_built_in_is_recorded_but_not_replayed(tmp_path: Path) -> None:
+    plan = MatchPlan(players=1, seconds=0.1, ours=FailsAt, theirs=PLAYERS["plain"])
+    summary = run_match(plan, tmp_path, record=True)
+    recording = Recording(summary.recordings[0])
+    assert len(list(recording.frames())) == 3
+    with pytest.raises(RobocupVisionError, match="'FailsAt' is not one of plain, memory, planning"):
+        next(replay(recording))
+    run_match(plan, tmp_path)
+    assert not list(tmp_path.glob("*.mcap"))
