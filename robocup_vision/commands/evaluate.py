@@ -15,11 +15,13 @@ def add_parser(subparsers: Any) -> None:
     """Add the command `evaluate`."""
     evaluate = subparsers.add_parser(
         "evaluate",
-        help="score the localiser on a folder of images or a video",
-        description="Score the localiser on a dataset folder, any folder of images, or a video, and write results.csv, "
-        "summary.json, trajectory.tum and report.html.",
+        help="score the localiser on a folder of images, a video, a recording or a bag",
+        description="Score the localiser on a dataset folder, any folder of images, a video, a recording or a rosbag2 "
+        "bag, and write results.csv, summary.json, trajectory.tum and report.html.",
     )
-    evaluate.add_argument("dataset", help="folder with a dataset.toml, folder of images, or video file")
+    evaluate.add_argument(
+        "dataset", help="folder with a dataset.toml, folder of images, video file, recording, or bag (extra ros)"
+    )
     evaluate.add_argument("--field", metavar="F", help="built-in field or field file (needed without a dataset.toml)")
     evaluate.add_argument("--camera", metavar="C", help="camera file (needed without a dataset.toml)")
     evaluate.add_argument("--colors", metavar="K", help="colour file (default: learnt from the images)")
@@ -27,6 +29,9 @@ def add_parser(subparsers: Any) -> None:
         "--method", metavar="M", help="field, floor, edges, goal, landmarks or hull (default: by camera)"
     )
     evaluate.add_argument("--map", metavar="MAP", help="landmark map (.npz), for method landmarks")
+    evaluate.add_argument("--image-topic", metavar="T", help="topic of the images of a bag that has several")
+    evaluate.add_argument("--truth-topic", metavar="T", help="topic of a bag with true poses (default: /truth/pose)")
+    evaluate.add_argument("--odometry-topic", metavar="T", help="topic of the odometry of a bag that has several")
     evaluate.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
     evaluate.add_argument("--jobs", metavar="N", type=int, default=1, help="number of processes (default: 1)")
     evaluate.set_defaults(run=run_evaluate)
@@ -40,9 +45,24 @@ def run_evaluate(options: argparse.Namespace) -> int:
     RobocupVisionError
         If something in the files is wrong.
     """
+    from robocup_vision.recording.bag import is_bag
+
+    summary, name = _score_bag(options) if is_bag(options.dataset) else _score_dataset(options)
+    _print_summary(name, summary)
+    if summary.problem is None:
+        return 0
+    print(f"robocup-vision evaluate: {summary.problem}", file=sys.stderr)
+    return 2
+
+
+def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
+    from field_models.errors import ArgumentError
     from robocup_vision.evaluation.dataset import load_dataset
     from robocup_vision.evaluation.run import evaluate
 
+    for name in ("image_topic", "truth_topic", "odometry_topic"):
+        if getattr(options, name) is not None:
+            raise ArgumentError(f"--{name.replace('_', '-')} is for recordings and bags, {options.dataset} is none")
     dataset = load_dataset(
         options.dataset,
         field=options.field,
@@ -51,13 +71,31 @@ def run_evaluate(options: argparse.Namespace) -> int:
         method=options.method,
         landmark_map=options.map,
     )
-    out = Path(options.out) if options.out is not None else Path("out") / dataset.name
-    summary = evaluate(dataset, out, options.jobs)
-    _print_summary(dataset.name, summary)
-    if summary.problem is None:
-        return 0
-    print(f"robocup-vision evaluate: {summary.problem}", file=sys.stderr)
-    return 2
+    return evaluate(dataset, _out_folder(options, dataset.name), options.jobs), dataset.name
+
+
+def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
+    from field_models.errors import ArgumentError
+    from robocup_vision.evaluation.run import evaluate
+    from robocup_vision.recording.bag_dataset import BagTopics, PannedVision, draw_panned, load_bag
+
+    if options.map is not None:
+        raise ArgumentError("--map is for folders of images, a recording or bag is not located by landmarks")
+    dataset = load_bag(
+        options.dataset,
+        field=options.field,
+        camera=options.camera,
+        colors=options.colors,
+        method=options.method,
+        topics=BagTopics(options.image_topic, options.truth_topic, options.odometry_topic),
+    )
+    out = _out_folder(options, dataset.name)
+    summary = evaluate(dataset, out, options.jobs, make_vision=PannedVision, draw_overlay=draw_panned)
+    return summary, dataset.name
+
+
+def _out_folder(options: argparse.Namespace, name: str) -> Path:
+    return Path(options.out) if options.out is not None else Path("out") / name
 
 
 def _print_summary(name: str, summary: Summary) -> None:

@@ -1,0 +1,205 @@
+"""`evaluate` scores a recording and any rosbag2 bag alike: sqlite and MCAP, raw and compressed, whole and cut."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_runs import make_vision, record_run, run_frames
+
+from field_models.errors import ArgumentError, FileError
+from robocup_vision import cli
+from robocup_vision.camera.files import save_camera
+from robocup_vision.geometry import Pose2
+from robocup_vision.messages.types import decode, header, make, typestore
+from robocup_vision.recording.bag import Bag, is_bag
+from robocup_vision.recording.bag_dataset import BagTopics, load_bag, pose_at
+from robocup_vision.recording.log_reader import LogReader
+from robocup_vision.recording.recorder import RecorderSettings
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("bag") / "run.mcap"
+    record_run(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def camera(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("camera") / "camera.toml"
+    save_camera(make_vision().camera, path)
+    return path
+
+
+def write_bag(path: Path, recorded: Path, plugin: str, mode: str | None, skip: tuple[str, ...] = ()) -> None:
+    """Write the messages of a recording as a rosbag2 folder, as `ros2 bag record` would."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin[plugin])
+    if mode is not None:
+        writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    with writer:
+        connections = {}
+        for logged in LogReader(recorded).messages():
+            if logged.topic in skip or logged.type_name.startswith("robocup_vision_msgs"):
+                continue
+            if logged.topic not in connections:
+                connections[logged.topic] = writer.add_connection(logged.topic, logged.type_name, typestore=typestore())
+            writer.write(connections[logged.topic], logged.time_ns, logged.data)
+
+
+def _assert_scored(out: Path, frames: int = len(run_frames())) -> None:
+    figures = json.loads((out / "summary.json").read_text())
+    assert figures["images"] == frames
+    assert figures["located"] == frames
+    assert figures["within_5cm_3deg"] == 1.0
+    assert figures["median_error_m"] < 0.01
+
+
+def test_a_recording_is_scored_with_what_it_brings(recorded: Path, tmp_path: Path) -> None:
+    assert cli.main(["evaluate", str(recorded), "--out", str(tmp_path)]) == 0
+    _assert_scored(tmp_path)
+    times = [float(line.split()[0]) for line in (tmp_path / "trajectory.tum").read_text().splitlines()]
+    assert times == [now.t_s for now in run_frames()]
+
+
+@pytest.mark.parametrize(
+    ("plugin", "mode"),
+    [("SQLITE3", None), ("SQLITE3", "FILE"), ("SQLITE3", "MESSAGE"), ("MCAP", None), ("MCAP", "STORAGE")],
+)
+def test_a_bag_of_any_kind_is_scored(
+    plugin: str, mode: str | None, recorded: Path, camera: Path, tmp_path: Path
+) -> None:
+    write_bag(tmp_path / "bag", recorded, plugin, mode)
+    dataset = load_bag(tmp_path / "bag", field="ssl_2001", camera=camera)
+    assert dataset.times is not None
+    frames = list(dataset.read_frames())
+    for name, frame, now in zip(dataset.image_names, frames, run_frames(), strict=True):
+        assert isinstance(frame, np.ndarray)
+        assert np.array_equal(frame, now.frame)
+        odometry = dataset.times[name].odometry
+        assert (odometry is None) == (now.t_s == 0.0)
+        if odometry is not None:
+            assert odometry.array == pytest.approx(now.odometry.array, abs=1e-9)
+        truth = dataset.truth[name]
+        assert (truth.x_m, truth.y_m) == pytest.approx((now.truth.x_m, now.truth.y_m), abs=1e-9)
+
+
+def test_the_command_scores_a_bag_by_its_topics(recorded: Path, camera: Path, tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", recorded, "SQLITE3", None)
+    out = tmp_path / "out"
+    chosen = ["--field", "ssl_2001", "--camera", str(camera), "--truth-topic", "/truth/pose"]
+    topics = ["--image-topic", "/camera/image", "--odometry-topic", "/odometry"]
+    assert cli.main(["evaluate", str(tmp_path / "bag"), *chosen, *topics, "--out", str(out)]) == 0
+    _assert_scored(out)
+
+
+def test_a_belief_may_stand_for_the_truth(recorded: Path) -> None:
+    by_belief = load_bag(recorded, topics=BagTopics(truth="/pose_with_covariance"))
+    assert len(by_belief.truth) == len(run_frames())
+    by_odometry = load_bag(recorded, topics=BagTopics(truth="/odometry"))
+    assert len(by_odometry.truth) == len(run_frames())
+
+
+def test_jpeg_images_are_read(tmp_path: Path) -> None:
+    record_run(tmp_path / "run.mcap", RecorderSettings("jpeg"))
+    assert cli.main(["evaluate", str(tmp_path / "run.mcap"), "--out", str(tmp_path / "out")]) == 0
+    _assert_scored(tmp_path / "out")
+
+
+def test_a_cut_recording_and_a_cut_bag_are_read_as_far_as_they_go(recorded: Path, camera: Path, tmp_path: Path) -> None:
+    data = recorded.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    dataset = load_bag(tmp_path / "cut.mcap")
+    by_topics = load_bag(tmp_path / "cut.mcap", topics=BagTopics(image="/camera/image"))
+    assert 0 < len(dataset.image_names) < len(run_frames())
+    assert len(by_topics.image_names) == len(dataset.image_names)
+    assert any("was cut off" in note for note in dataset.notes)
+    assert any("was cut off" in note for note in by_topics.notes)
+
+
+@pytest.mark.parametrize(
+    ("topics", "problem"),
+    [
+        (BagTopics(image="/no"), r"has no topic for --image-topic, only /balls, .*, got '/no'"),
+        (BagTopics(image="/odometry"), r"--image-topic /odometry must be of sensor_msgs/msg/Image or"),
+        (BagTopics(truth="/scan"), r"--truth-topic /scan must be of geometry_msgs/msg/PoseStamped or"),
+    ],
+)
+def test_a_topic_that_does_not_fit_is_named(recorded: Path, topics: BagTopics, problem: str) -> None:
+    with pytest.raises(FileError, match=problem):
+        load_bag(recorded, topics=topics)
+
+
+def test_what_is_missing_is_named(recorded: Path, camera: Path, tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", recorded, "MCAP", None, skip=("/camera/image",))
+    with pytest.raises(ArgumentError, match="so --field must be given"):
+        load_bag(tmp_path / "bag")
+    with pytest.raises(ArgumentError, match="so --camera must be given"):
+        load_bag(tmp_path / "bag", field="ssl_2001")
+    with pytest.raises(FileError, match=r"has no topic of sensor_msgs/msg/Image or"):
+        load_bag(tmp_path / "bag", field="ssl_2001", camera=camera)
+    with pytest.raises(FileError, match="does not exist"):
+        load_bag(tmp_path / "none.db3", field="ssl_2001", camera=camera)
+    (tmp_path / "text.db3").write_text("no bag")
+    with pytest.raises(FileError, match="is no bag that can be read"):
+        load_bag(tmp_path / "text.db3", field="ssl_2001", camera=camera)
+    assert is_bag(tmp_path / "bag")
+    assert not is_bag(tmp_path)
+
+
+def test_a_folder_of_images_has_no_topics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["evaluate", str(tmp_path), "--truth-topic", "/x"]) == 2
+    assert "--truth-topic is for recordings and bags" in capsys.readouterr().err
+
+
+def test_an_image_of_another_size_or_encoding_is_an_unreadable_row(
+    recorded: Path, camera: Path, tmp_path: Path
+) -> None:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    image = next(m for m in LogReader(recorded).messages() if m.topic == "/camera/image")
+    store = typestore()
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/image", image.type_name, typestore=store)
+        grey = make(image.type_name, header(2.0, "c"), 4, 4, "mono8", 0, 4, np.zeros(16, dtype=np.uint8))
+        small = make(image.type_name, header(3.0, "c"), 4, 4, "bgr8", 0, 12, np.zeros(48, dtype=np.uint8))
+        good = decode(image.data, image.type_name)
+        for second, message in enumerate((good, grey, small, good)):
+            writer.write(connection, second * 10**9 + 10**9, store.serialize_cdr(message, image.type_name))
+    out = tmp_path / "out"
+    chosen = ["--field", "ssl_2001", "--camera", str(camera)]
+    assert cli.main(["evaluate", str(tmp_path / "bag"), *chosen, "--out", str(out)]) == 2
+    rows = (out / "results.csv").read_text().splitlines()[1:]
+    assert "encoding 'mono8' cannot be read" in rows[1]
+    assert "is 4x4, the camera file says 256x220" in rows[2]
+    # the stamp of the good image is 0: the time it was logged counts
+    assert len(rows) == 4
+
+
+def test_a_damaged_message_is_its_frames_error(recorded: Path, tmp_path: Path) -> None:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    image = next(m for m in LogReader(recorded).messages() if m.topic == "/camera/image")
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connection = writer.add_connection("/image", image.type_name, typestore=typestore())
+        writer.write(connection, 1, image.data[:40])
+    messages = [message for _, message in Bag(tmp_path / "bag").messages("/image")]
+    assert "no sensor_msgs/msg/Image" in str(messages[0])
+
+
+def test_poses_are_interpolated_between_near_neighbours_alone() -> None:
+    poses = [(0.0, Pose2(0.0, 0.0, 3.0)), (0.2, Pose2(1.0, 2.0, -3.0)), (2.0, Pose2(5.0, 5.0, 0.0))]
+    middle = pose_at(poses, 0.1)
+    assert middle is not None
+    assert middle.array[:2] == pytest.approx((0.5, 1.0))
+    assert abs(middle.theta_rad) == pytest.approx(math.pi, abs=1e-9)
+    assert pose_at(poses, 1.0) is None
+    assert pose_at(poses, -0.1) is None
+    assert pose_at(poses, 2.1) is None
+    assert pose_at(poses, 2.00005) == poses[2][1]
+    assert pose_at([], 0.0) is None
