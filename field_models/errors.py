@@ -19,7 +19,7 @@ class RobocupVisionError(Exception):
 
 
 class FileError(RobocupVisionError):
-    """A file is missing, damaged or says something impossible.
+    """A file is missing, damaged or holds something impossible.
 
     Parameters
     ----------

@@ -152,12 +152,12 @@ class Field:
 
     @property
     def is_bounded(self) -> bool:
-        """Whether walls or boards end the floor, so that its outline tells the pose."""
+        """Whether walls or boards end the floor, so that its outline determines the pose."""
         return self.boundary != "carpet"
 
     @property
     def halves_differ(self) -> bool:
-        """Whether anything upright tells the field from itself turned by pi: goals or beacons of different colours."""
+        """Whether an upright thing separates the field's halves: goals or beacons of different colours."""
         if len({goal.color for goal in self.goals}) > 1:
             return True
         turned = {(-b.x_m, -b.y_m, b.colors) for b in self.beacons}
@@ -187,7 +187,7 @@ class Field:
         return np.vstack(pieces) if pieces else np.empty((0, 2))
 
     def contains(self, points_m: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Tell which points (..., 2), metres, lie on the floor (inside `floor_polygon`), by the even-odd rule."""
+        """Return which points (..., 2), metres, lie on the floor (inside `floor_polygon`), by the even-odd rule."""
         points = np.asarray(points_m, dtype=np.float64)
         x, y = points[..., 0], points[..., 1]
         inside = np.zeros(x.shape, dtype=bool)
@@ -197,7 +197,7 @@ class Field:
         return inside
 
     def is_on_floor(self, x_m: float, y_m: float) -> bool:
-        """Tell whether one point lies on the floor: `contains` without arrays, for once a frame."""
+        """Return whether one point lies on the floor: `contains` without arrays, for once a frame."""
         inside = False
         x0, y0 = self._corners[-1]
         for x1, y1 in self._corners:

@@ -71,7 +71,7 @@ def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
                 path, "is missing" if missing else "is unknown", key=f"{inside}{named[1]}", value=unknown_value
             ) from None
         if problem.startswith("Invalid enum value"):
-            problem = "is not a value this version knows"
+            problem = "is not a value that this version reads"
         value = _look_up(raw, key) if key else ...
         raise FileError(path, problem[0].lower() + problem[1:], key=key or None, value=value) from None
 

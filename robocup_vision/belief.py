@@ -1,4 +1,4 @@
-"""What is believed over time: pose hypotheses, tracked objects and the map, as plain values that pass between rooms."""
+"""The estimate over time: pose hypotheses, tracked objects and the map, as plain values that pass between rooms."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class MapPicture:
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """What is believed after a frame, from all frames so far.
+    """The estimate after a frame, from all frames so far.
 
     Parameters
     ----------

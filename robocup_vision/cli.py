@@ -14,7 +14,7 @@ from typing import NoReturn
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        """Say in one line what is wrong with the arguments."""
+        """Print in one line what is wrong with the arguments."""
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0, or 2 after one line on standard error about something the user can mend, or 130 if interrupted.
     """
     options = _parser().parse_args(arguments)
-    # decoders report a damaged file on standard error themselves; it is told once, in our own line
+    # decoders report a damaged file on standard error themselves; it is reported once, in our own line
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     from field_models.errors import RobocupVisionError

@@ -1,4 +1,4 @@
-"""What a localiser says: a pose with its covariance and rivals, or, falsy, why it does not know."""
+"""Result of a localiser: a pose with its covariance and candidates, or, falsy, the reason why there is none."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class PoseEstimate:
     covariance : (3, 3) float64
         Of (x_m, y_m, theta_rad), in m, m and rad.
     inlier_ratio : float
-        Share of the measurements that agree with the pose, 0 to 1.
+        Fraction of the measurements that agree with the pose, 0 to 1.
     residual_px : float
         Root mean square of the inliers' residuals, pixels.
     candidates : tuple of Pose2
-        All poses the frame allows, `pose` first; two on a point-symmetric field where nothing tells its halves apart.
+        All poses the frame allows, `pose` first; two on a point-symmetric field where nothing separates its halves.
     """
 
     pose: Pose2
@@ -74,7 +74,7 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True)
 class NotLocated:
-    """No pose could be told from this frame. Falsy, so `if view.pose:` reads as it should.
+    """This frame does not determine a pose. Falsy, so `if view.pose:` reads as it should.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class Pose2:
         return np.asarray(points @ np.array([[c, s], [-s, c]]) + (self.x_m, self.y_m))
 
     def half_turn(self) -> Pose2:
-        """Return the pose turned by pi about the field's centre: what a point-symmetric field cannot tell apart."""
+        """Return the pose turned by pi about the field's centre: on a point-symmetric field both look alike."""
         return Pose2(-self.x_m, -self.y_m, self.theta_rad + math.pi)
 
     def error_to(self, truth: Pose2, *, symmetric: bool = False) -> tuple[float, float]:

@@ -45,20 +45,20 @@ class View:
     marks : (K, M) uint8
         Polar samples: 0 blocked, 1 floor, 2 line, 3 ball.
     wall_radius_px : (K,) float64
-        Where the pose puts the walls; NaN where it does not say.
+        Where the pose predicts the walls; NaN where it predicts none.
     polar : PolarView, FloorView or None
         Where those samples lie; None where the camera's place over the floor is unknown: then free space, boundary and
-        marks are empty, and no ball or obstacle is told.
+        marks are empty, and there is no ball and no obstacle.
     camera : OmniCamera or PinholeCamera
         The camera as this frame shows it to be mounted on the robot: with the head's pan, tilt and roll as fitted.
     grid : FreeSpaceGrid or None
         The cells of the free space; None with `polar`.
     t_s : float or None
-        When the frame was taken, as `look` was told.
+        When the frame was taken, as passed to `look`.
     belief : Belief or None
-        What is believed over time, where `Vision` has a memory.
+        Estimate over time, where `Vision` has a memory.
     measurement : PoseEstimate or None
-        What the frame says of the robot without the prior, where `pose` has taken the prior in; None: `pose` has not.
+        Estimate by the frame without the prior, where `pose` includes the prior; None: `pose` does not.
     """
 
     pose: PoseEstimate | NotLocated

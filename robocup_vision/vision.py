@@ -49,14 +49,14 @@ class Vision:
     colors : Colors, optional
         Fixed colours. Without them they are learnt from the first frame, and again when the light has changed.
     method : str, optional
-        How the pose is told; need not be named. `robocup_vision.localization.methods.METHODS` lists them. "field", the
-        default of a mirror camera: by the floor's outline where walls or boards bound it, and by the white lines where
-        the outline leaves a choice, tells nothing, or is not bounded, with no prior; a pinhole camera, whose tilt must
-        be known, goes by the lines. "floor": by the outline alone; a pinhole camera sees too little of it to do without
-        a prior. "hull" (mirror): as Sekimori et al. print it, by the convex hull of the whole floor mask; a published
-        baseline. "edges", the default of a pinhole camera whose tilt is known: by everything in view that the field
-        file knows of, followed from frame to frame, or found anew. "goal", the default of one whose tilt is not: by the
-        posts and bar of a goal, with the lines around it.
+        How the pose is estimated; it need not be named. `robocup_vision.localization.methods.METHODS` lists the
+        methods. "field", the default of a mirror camera: by the floor's outline where walls or boards bound it, and by
+        the white lines where the outline leaves a choice, fails, or is not bounded, without a prior. For a pinhole
+        camera of known tilt "field" is by the lines. "floor": by the outline alone; a pinhole camera sees too little of
+        it and needs a prior. "hull" (mirror): as Sekimori et al. print it, by the convex hull of the whole floor mask,
+        a published baseline. "edges", the default of a pinhole camera of known tilt: by all edges of the field file in
+        view, followed from frame to frame, or found without a prior. "goal", the default of one of unknown tilt: by
+        the posts and bar of a goal, with the lines around it.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     directions : int
@@ -65,9 +65,9 @@ class Vision:
         Its rings, as in `FreeSpaceGrid`.
     online : CameraRefiner, optional
         An `OnlineCalibration`, which refines this mirror camera's centre and tilt while frames are looked at; `camera`
-        is then the one now in use, and `online.state` tells how far it has moved.
+        is then the one now in use, and `online.state` holds how far it has moved.
     memory : Memory, optional
-        Joins what the frames show: `view.belief` is then what is believed over time, and its pose the prior of the next
+        Joins the frames: `view.belief` is then the estimate over time, and its pose the prior of the next
         frame. Frames need `t_s`, and the robot's `odometry` between them, or a memory with `ego_motion`.
 
     Raises
@@ -132,11 +132,11 @@ class Vision:
         odometry : Pose2, optional
             The robot's motion since the frame before, in its frame then; with the last pose it makes a prior.
         prior : PoseEstimate or Pose2, optional
-            Where the robot probably is: saves time, and orders candidates that the frame itself cannot tell apart; a
+            Where the robot probably is: saves time, and orders candidates that the frame itself does not separate; a
             pinhole camera refines it where the frame alone would not do.
         pan_rad : float, optional
             Where a pinhole camera's head looked when the frame was taken, from straight ahead, positive to the left;
-            default: as the camera file says. A camera file without pan and offset is the robot itself.
+            default: the camera file's. A camera file without pan and offset is the robot itself.
 
         Raises
         ------
@@ -198,7 +198,7 @@ class Vision:
         return replace(view, belief=memory.update(view))
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Move what memory believes, at a control step without a frame.
+        """Predict the memory's belief, at a control step without a frame.
 
         Parameters
         ----------

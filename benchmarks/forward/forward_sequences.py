@@ -178,10 +178,10 @@ def cold(what: Walk, pitch: Field, frames: list[WalkFrame], table: Table, name: 
         goal = 0.75 if has_goal else 0.4
         ok = number == 0 or (right >= goal * number and wrong <= 0.005 * number)
         all_ok &= ok
-        share = percent(right / number) if number else None
+        fraction = percent(right / number) if number else None
         what_is_seen = "goal in view" if has_goal else "no whole goal"
         judged = verdict(ok) if number else None
-        table.row(f"{name}, {what_is_seen}", number, share, wrong, float(np.median(ratios)), percent(goal), judged)
+        table.row(f"{name}, {what_is_seen}", number, fraction, wrong, float(np.median(ratios)), percent(goal), judged)
     return all_ok
 
 
@@ -246,9 +246,9 @@ def main() -> None:
             goal = BASINS[size][2]
             ok = goal is None or tries == 0 or good >= goal * tries
             all_ok &= ok
-            share = percent(good / tries) if tries else None
+            fraction = percent(good / tries) if tries else None
             judged = verdict(ok) if goal and tries else None
-            table.row(f"{name} converges from {size}", share, tries, goal and percent(goal), judged)
+            table.row(f"{name} converges from {size}", fraction, tries, goal and percent(goal), judged)
         wrong, wrongs, right, rights = priors(what, pitch, some, arguments.seed)
         for label, value, number, ok, goal_text in (
             ("wrong priors accepted", wrong, wrongs, wrong <= 0.02 * wrongs, "at most 2"),

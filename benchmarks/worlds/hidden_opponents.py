@@ -35,14 +35,14 @@ _X, _Y = np.meshgrid(
 )
 
 
-def seen_share(range_m: FloatArray | float) -> FloatArray:
+def seen_ratio(range_m: FloatArray | float) -> FloatArray:
     """Probability that one look sees an opponent at this range."""
     return np.asarray(np.clip(0.9 - 0.2 * np.asarray(range_m), 0.35, 0.9))
 
 
 def free_gain(range_m: FloatArray) -> FloatArray:
     """By how much a look that finds a cell free lowers its log-odds."""
-    return np.asarray(np.log((1 - FALSE_ALARM) / (1 - seen_share(range_m))))
+    return np.asarray(np.log((1 - FALSE_ALARM) / (1 - seen_ratio(range_m))))
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class Robot:
         real = np.where(hits, away * np.cos(off) - depth, np.inf)
         nearest = real.argmin(axis=1)
         front = real[np.arange(BEARINGS), nearest]
-        noticed = self.rng.random(len(away)) < seen_share(away)
+        noticed = self.rng.random(len(away)) < seen_ratio(away)
         range_m = np.hypot(_X - place[0], _Y - place[1])
         ray = (np.arctan2(_Y - place[1], _X - place[0]) * (BEARINGS / math.tau)).astype(int) % BEARINGS
         # what is not noticed looks like floor, but hides what is behind it all the same
@@ -111,7 +111,7 @@ class Robot:
             under = np.hypot(_X - self.opponents[k, 0], _Y - self.opponents[k, 1]) <= self.opponents[k, 2]
             if away[k] > SIGHT_M:
                 continue
-            lower[under] = -math.log(float(seen_share(away[k])) / FALSE_ALARM) if noticed[k] else gain[under]
+            lower[under] = -math.log(float(seen_ratio(away[k])) / FALSE_ALARM) if noticed[k] else gain[under]
             self.found[k] += bool(noticed[k])
         lower[self.rng.random(_X.shape) < 1e-4] = -2.0
         self.log_odds = np.clip(self.log_odds - lower, -6.0, 6.0)

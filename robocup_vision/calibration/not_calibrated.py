@@ -1,4 +1,4 @@
-"""What a calibration says that cannot tell: falsy, with the reason, as `NotLocated` is for a pose."""
+"""Result of a calibration that the images do not determine: falsy, with the reason, as `NotLocated` is for a pose."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class NotCalibrated:
-    """The images do not determine what was asked. Falsy.
+    """The images do not determine the calibration. Falsy.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class OmniCamera:
 
     @cached_property
     def height_m(self) -> float | None:
-        """Height of the effective viewpoint over the floor, metres; None if nothing says it."""
+        """Height of the effective viewpoint over the floor, metres; None if it is unknown."""
         if self.viewpoint_height_m is not None:
             return self.viewpoint_height_m
         return self.floor_range.implied_height_m

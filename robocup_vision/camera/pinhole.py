@@ -49,7 +49,7 @@ class PinholeCamera:
     height_std_m, focal_std_px : float
         How well `height_m` and `focal_px` are known (one standard deviation).
     roll_std_rad : float or None
-        How upright the camera is held, about `roll_rad` (0 where that is None); None: nothing is known of it.
+        Standard deviation of the roll about `roll_rad` (0 where that is None); None: unknown.
     """
 
     size_px: tuple[int, int]

@@ -49,7 +49,7 @@ def _add_omni_parser(kinds: Any) -> None:
 
 
 def run_calibrate_omni(args: argparse.Namespace) -> int:
-    """Calibrate a mirror camera, write its file and overlays, and say how good it is; return the exit status.
+    """Calibrate a mirror camera, write its file and overlays, and print its uncertainty; return the exit status.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def _print_calibration(result: OmniCalibration, images: int) -> None:
             f"  {label:<12} {len(size)} points, {100 * len(good) / len(size):.0f} % agree: median "
             f"{np.median(good):.2f} px, 90 % within {np.percentile(good, 90):.2f} px"
         )
-    print("  held-back points, by kind of curve:")
+    print("  held-out points, by kind of curve:")
     for choice in result.choices:
         level = "tilted" if choice.tilted else "level"
         print(f"    {choice.curve:<12} {level:<7} median {choice.held_out_px:.2f} px, loss {choice.held_out_cost:.4f}")

@@ -31,14 +31,14 @@ def add_colors_parser(kinds: Any) -> None:
     add("images", nargs="+", metavar="IMAGES", help="image files, or folders of images")
     add("--field", default="ssl_2001", metavar="F", help="built-in field's name, or a field file (default: ssl_2001)")
     add("--out", required=True, metavar="COLORS", help="colour file to write (.toml)")
-    add("--camera", metavar="C", help="camera file: tells where the floor and, with the poses, the goals are")
+    add("--camera", metavar="C", help="camera file: locates the floor and, with the poses, the goals")
     add("--poses", metavar="CSV", help="the robot's poses: image,x_m,y_m,theta_rad (needs --camera)")
     add("--mask", metavar="PNG", help="image whose non-zero pixels are never looked at")
     colors.set_defaults(run=run_calibrate_colors)
 
 
 def run_calibrate_colors(args: argparse.Namespace) -> int:
-    """Learn colours, write their file and a preview, and say what was found; return the exit status.
+    """Learn colours, write their file and a preview, and print what was found; return the exit status.
 
     Raises
     ------
@@ -90,8 +90,8 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
     print(f"  line              R/G {line.red_ratio:.2f}, B/G {line.blue_ratio:.2f}")
     for name, count in result.pixels.items():
         paint = getattr(result.colors, name)
-        told = f"{count} pixels" if count else "not found: as the field file names it, under this light"
-        print(f"  {name:<17} R/G {paint.red_ratio:.2f}, B/G {paint.blue_ratio:.2f}  ({told})")
+        source = f"{count} pixels" if count else "not found: as the field file names it, under this light"
+        print(f"  {name:<17} R/G {paint.red_ratio:.2f}, B/G {paint.blue_ratio:.2f}  ({source})")
     print(f"colour file  {args.out}")
     print(f"preview      {preview}")
     return 0

@@ -26,7 +26,7 @@ def add_pinhole_parser(kinds: Any) -> None:
 
 
 def run_calibrate_pinhole(args: argparse.Namespace) -> int:
-    """Calibrate a pinhole camera, write its file, and say how good it is; return the exit status.
+    """Calibrate a pinhole camera, write its file, and print its uncertainty; return the exit status.
 
     Raises
     ------
@@ -63,8 +63,8 @@ def run_calibrate_pinhole(args: argparse.Namespace) -> int:
     camera, std = result.camera, result.std
     lines = sum(frame.with_lines for frame in result.frames)
     print(f"calibrated by {len(result.frames)} of {len(images)} images, {lines} of them with lines")
-    share = 100 * std["focal_px"] / camera.focal_px[0]
-    print(f"  focal length {camera.focal_px[0]:.1f} +- {std['focal_px']:.1f} px ({share:.1f} %)")
+    percent = 100 * std["focal_px"] / camera.focal_px[0]
+    print(f"  focal length {camera.focal_px[0]:.1f} +- {std['focal_px']:.1f} px ({percent:.1f} %)")
     print(f"  height       {camera.height_m:.3f} +- {std['height_m']:.3f} m")
     if camera.tilt_rad is not None:
         print(

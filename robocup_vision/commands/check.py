@@ -10,8 +10,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `check` to the subparsers of an argparse parser."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "check",
-        help="say what is wrong with a set-up: size, field, mirroring, centre, colours",
-        description="Look at some images of a dataset and say in plain words what is wrong with its files.",
+        help="find errors in a set-up: size, field, mirroring, centre, colours",
+        description="Use some images of a dataset to find errors in its files, and print each with its evidence.",
     )
     add = parser.add_argument
     add("dataset", help="folder with a dataset.toml, folder of images, or video file")

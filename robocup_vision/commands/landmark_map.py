@@ -19,7 +19,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     build.add_argument("run_folder", metavar="RUN", help="folder with run.toml, right/, left/ and top/")
     build.add_argument("--out", metavar="MAP", default="map.npz", help="map to write (default: map.npz)")
     build.add_argument("--no-drift-correction", action="store_true", help="as the paper: track only")
-    show = actions.add_parser("show", help="tell what a map holds, and draw it")
+    show = actions.add_parser("show", help="print what a map holds, and draw it")
     show.add_argument("map_file", metavar="MAP", help="map (.npz)")
     show.add_argument("--picture", metavar="PNG", help="draw it from above, with error ellipses")
     locate = actions.add_parser("locate", help="locate images on a map, each the next one's prior")

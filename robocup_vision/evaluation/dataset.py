@@ -2,7 +2,7 @@
 
 Frames stay on the disk until they are asked for, one at a time: a dataset may be larger than memory.
 
-dataset.toml says with `pose_of` whose poses truth.csv holds, and then results.csv: "robot" (default), or "camera", the
+The key `pose_of` of dataset.toml states whose poses truth.csv and results.csv hold: "robot" (default), or "camera", the
 camera's foot on the floor and the heading of its optical axis. The two are one where the camera file has neither
 pan_rad nor offset_m. frames.csv holds the robot's motion in either case.
 """
@@ -166,7 +166,7 @@ def load_dataset(
         A folder with a ``dataset.toml`` (or that file), a plain folder of images, or a video file. The latter two need
         `field` and `camera`.
     field : str or Path, optional
-        Name of a built-in field or path of a field file. This and the following go before what ``dataset.toml`` says.
+        Name of a built-in field or path of a field file. This and the following override ``dataset.toml``.
     camera, colors : str or Path, optional
         Paths of camera and colour file.
     method : str, optional
@@ -329,7 +329,7 @@ def _times(path: Path | None, image_names: tuple[str, ...]) -> dict[str, FrameTi
             raise FileError(path, "must name every image, does not name", value=image)
         row = rows[image]
         odometry = None
-        # all three empty: nobody knows how the robot moved, as before the first frame
+        # all three empty: the motion is unknown, as before the first frame
         if any(row.entries.get(column) for column in motion):
             odometry = Pose2(*(row.number(column) for column in motion))
         times[image] = FrameTime(row.number("t_s"), odometry)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 INK, BLUE, RED, GREY, FLOOR, LINE = "#1f2933", "#1f6feb", "#d1242f", "#8a94a0", "#eef4ee", "#b7c4b7"
 _MAP_CAPTION = (
-    "Where the robot was (grey rings) and where it was said to be (blue dots; red beyond 10 cm, with a line from the "
+    "True positions (grey rings) and estimated ones (blue dots; red beyond 10 cm, with a line from the "
     "truth). "
     "Crosses: not located."
 )
@@ -45,7 +45,7 @@ def draw_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
         plots.append(
             (
                 _error_cdf(rows),
-                "Share of all images, the not located ones included, up to each error (dashed: 5 cm, 3°).",
+                "Fraction of all images, the not located ones included, up to each error (dashed: 5 cm, 3°).",
             )
         )
         plots.append((_error_histogram(rows), _HISTOGRAM_CAPTION))

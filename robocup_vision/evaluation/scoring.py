@@ -58,7 +58,7 @@ def pose_error(estimate: PoseEstimate, truth: Truth, *, symmetric: bool) -> Pose
     estimate : PoseEstimate
         From the localiser.
     truth : Truth
-        True pose of the robot, or of the camera where the dataset says so.
+        True pose of the robot, or of the camera where `pose_of` is "camera".
     symmetric : bool
         Count modulo a half turn about the field's centre: the turn that `Pose2.error_to` takes, or, where the truth has
         no heading, the nearer one.
@@ -97,7 +97,7 @@ class Row:
     estimate : PoseEstimate or None
         None where it was not located.
     truth : Truth or None
-        None where nobody knows.
+        None where it is unknown.
     error : PoseError or None
         None where it was not located or there is no truth.
     time_s : float or None

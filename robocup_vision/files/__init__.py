@@ -1,1 +1,1 @@
-"""Reads and writes the files that other programs share with this one: images, videos, tables, folders."""
+"""Reads and writes files that other programs use as well: images, videos, tables, folders."""

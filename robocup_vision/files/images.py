@@ -98,7 +98,7 @@ def _damage(data: bytes) -> str | None:
         return "is neither a PNG, a JPEG nor a BMP file"
     try:
         with Image.open(io.BytesIO(data), formats=[kind]) as image:
-            # a PNG's checksums tell any damage; a JPEG or BMP must be decoded to its end
+            # a PNG's checksums reveal any damage; a JPEG or BMP must be decoded to its end
             image.verify() if kind == "PNG" else image.load()
     except Exception as error:  # Pillow's readers raise errors of many kinds
         return f"is a truncated or damaged {kind} ({_reason(error)})"

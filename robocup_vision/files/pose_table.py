@@ -1,4 +1,4 @@
-"""Poses that the user knows of some images, as a truth.csv gives them."""
+"""Reads known poses of some images from a file like truth.csv."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def read_poses(path: str | Path, names: Sequence[str]) -> dict[str, Pose2]:
     Raises
     ------
     FileError
-        If it cannot be read, or tells nothing of the images.
+        If it cannot be read, or names none of the images.
     """
     poses = {}
     for row in read_csv(Path(path), ("image", "x_m", "y_m", "theta_rad"), ignore_others=True):

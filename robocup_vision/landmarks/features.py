@@ -1,7 +1,7 @@
 """SIFT keypoints with what the map needs of them: place, contrast, scale; and matching by one matrix product.
 
 After Ogawa et al. (2011), section 2.1: contrast is |D| of the difference of Gaussians, and the spacing of the octave a
-keypoint was found in, d_s, says how precisely it is placed.
+keypoint was found in, d_s, gives its precision.
 """
 
 from __future__ import annotations

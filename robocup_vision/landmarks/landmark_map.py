@@ -38,9 +38,9 @@ class LandmarkMap:
     positions_m : (L, 3) float64
         Field frame, z up from the floor.
     covariances : (L, 3, 3) float64
-        Of the positions as seen from around there, m^2; what neighbours share is in `trajectory_cov`.
+        Of the positions as seen from around there, m^2; the error common to neighbours is in `trajectory_cov`.
     noise : (L,) float64
-        How precisely each is seen: noise of its pixels as a share of the paper's 0.5 * d_s.
+        How precisely each is seen: noise of its pixels, in units of the paper's 0.5 * d_s.
     seen, missed : (L,) int64
         How often each was expected and observed (the paper's m), and expected but not observed (l).
     view_landmark : (V,) int64
@@ -126,7 +126,7 @@ class LandmarkMap:
 
     @cached_property
     def success(self) -> FloatArray:
-        """(L,) float64: smoothed share of expectations that came true, (m + 0.5) / (m + l + 2).
+        """(L,) float64: smoothed rate of detection where it was expected, (m + 0.5) / (m + l + 2).
 
         The paper prints m / (m + n) and means m / (m + l); unsmoothed, landmarks seen once would all come first.
         """

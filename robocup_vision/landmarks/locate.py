@@ -258,7 +258,7 @@ class LandmarkPoseEstimator:
         return self._find(features, pose, expected, time.perf_counter() - started)
 
     def _expect(self, pose: FloatArray, rng: np.random.Generator | None) -> Expected:
-        """Landmarks to look for from this pose, as the selection says."""
+        """Landmarks that the selection takes for this pose."""
         if self.selection.choice in ("informative", "cells"):
             expected = self._index.expect(self.camera, pose)
         else:
@@ -281,7 +281,7 @@ class LandmarkPoseEstimator:
         started = time.perf_counter()
         matching_s, settings = 0.0, self._settings
         fit, rows, partners = None, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-        # the first few say where the others must be: these then need no wide gate
+        # the first few predict the others, which then need no wide gate
         for first in (settings.scouts, len(expected)) if self._in_order(expected) else (len(expected),):
             started_s = time.perf_counter()
             scouts = expected.take(np.arange(first))

@@ -1,4 +1,4 @@
-"""Which landmarks to look for: one of each cell of the view frustum, then those that tell the pose most.
+"""Selects landmarks to search for: one of each cell of the view frustum, then the most informative ones.
 
 Ogawa et al. (2011), section 3.2, with the success rate smoothed; the greedy choice by information is ours.
 """
@@ -36,7 +36,7 @@ class Selection:
     at_most : int
         How many landmarks, but for "cells" and "all".
     alpha, beta, gamma : float
-        Size of a cell along u, v and depth, as shares of the landmarks' spread (eq. 23).
+        Size of a cell along u, v and depth, as fractions of the landmarks' spread (eq. 23).
     by_contrast : bool
         Of equally successful landmarks of a cell take that of the highest contrast.
     """
@@ -79,14 +79,14 @@ def select(
     prior_cov : (3, 3) float64
         How well the pose is known.
     at_most : int, optional
-        In place of what `how` says.
+        Overrides `how`.
     rng : numpy.random.Generator, optional
         For "random".
 
     Returns
     -------
     (K,) int64
-        Int64Array into `expected`; of "informative", the most telling first.
+        Int64Array into `expected`; of "informative", the most informative first.
     """
     count = how.at_most if at_most is None else at_most
     everything = np.arange(len(expected))

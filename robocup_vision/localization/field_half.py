@@ -47,7 +47,7 @@ class GoalSide:
     Parameters
     ----------
     field : Field
-        Says where the goals are and which colours they have.
+        Has the places and colours of the goals.
     camera : OmniCamera
         Its height must be known, since goals are upright.
     mask : (H, W) uint8, optional

@@ -1,4 +1,4 @@
-"""Pose from the floor's outline: sub-pixel edges of the floor, fitted to the walls the field file knows.
+"""Estimates the pose by the floor's outline: sub-pixel edges of the floor, fitted to the walls in the field file.
 
 The paper's hull and principal axis (Sekimori et al. 2001, section 4) give the start. The fit is in image radius, where
 the measurement's error is uniform, written in q = 1/range, where every wall is straight.
@@ -193,14 +193,14 @@ class OutlineFitter:
             Where the robot probably is: a start, and, if the outline agrees with it, the only one.
         arbiter : callable, optional
             Takes the index of the right one of several poses that explain the outline about equally well, the best
-            first, from other evidence; None: it cannot tell. Without it the best is taken.
+            first, by other evidence; None: undecided. Without it the best is taken.
 
         Returns
         -------
         PoseEstimate or NotLocated
-            With both half-turn candidates, since the outline alone cannot tell which is right.
+            With both half-turn candidates, since the outline alone does not separate them.
         (K,) float64
-            Image radius at which the pose expects the walls; NaN where it does not say.
+            Image radius at which the pose predicts the walls; NaN where it predicts none.
         """
         known = int(np.count_nonzero(radius_px > 0))
         if known < self.settings.min_bearings:
@@ -223,10 +223,10 @@ class OutlineFitter:
         return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
 
     def _is_good(self, fit: _Fit, good_cost: float) -> bool:
-        """Whether a fit need not be doubted.
+        """Whether a fit needs no search.
 
-        Most of the outline agrees, hardly any floor shows beyond a wall, and what agrees fixes the pose: a fit that has
-        lost an end of the field slides along its sides.
+        Most of the outline agrees, hardly any floor shows beyond a wall, and the inliers fix the pose: a fit without an
+        end of the field slides along its sides.
         """
         if fit.along_m > self.settings.sliding_std_m:
             return False

@@ -1,4 +1,4 @@
-"""Localises a robot with a pinhole camera: by one picture of a goal, by the field's lines, or by the walls' feet."""
+"""Localises a robot by a pinhole camera: by a picture of a goal, by the field's lines, or by the walls' feet."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from robocup_vision.perception.line_points import LinePoints
 
 @dataclass(frozen=True, slots=True)
 class NarrowViewSettings:
-    """When lines, or the floor's edge, place a camera with a narrow view.
+    """Settings of the methods "field" and "floor" of a camera with a narrow view.
 
     Parameters
     ----------
     min_inlier_ratio : float
-        Share of the line points that must agree without a prior: few lines are in view, and other poses explain them
+        Of the line points, those that must agree without a prior: few lines are in view, and other poses explain them
         nearly as well.
     min_lines : int
         Lines that must agree without a prior: two lines are any corner of the field.
     min_ratio_on_line : float
-        Share of the points that makes a line count.
+        Of the points, those that make a line count.
     on_line_widths : float
         So near to a line, in line widths, a point is on it.
     min_edge_contrast : float
@@ -71,7 +71,7 @@ class GoalLocalizer:
         p = [float(value) for value in placed.unknowns]
         fu, fv = camera.focal_px
         scale = math.exp(p[LOG_FOCAL])
-        held = replace(
+        oriented = replace(
             camera,
             focal_px=(fu * scale, fv * scale),
             height_m=p[HEIGHT],
@@ -79,7 +79,7 @@ class GoalLocalizer:
             tilt_rad=p[TILT],
             roll_rad=p[ROLL],
         )
-        return Localization(placed.estimate(near).seen_from(held.camera_in_robot.inverse()), held)
+        return Localization(placed.estimate(near).seen_from(oriented.camera_in_robot.inverse()), oriented)
 
 
 class LineLocalizer:

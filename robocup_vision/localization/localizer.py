@@ -19,7 +19,7 @@ Camera = OmniCamera | PinholeCamera
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameEvidence:
-    """What a frame holds for a localiser.
+    """Evidence of one frame for a localiser.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class FrameEvidence:
     floor_column : (K,) int64
         Each bearing's outermost floor sample; -1 where none.
     marks : (K, M) uint8 or None
-        What the samples show: 0 blocked, 1 floor, 2 line; None where that is not worked out before the pose.
+        Class of each sample: 0 blocked, 1 floor, 2 line; None where it is not computed before the pose.
     t_s : float or None
         When the frame was taken.
     """
@@ -62,10 +62,10 @@ class Localization:
     camera : OmniCamera or PinholeCamera
         The camera as this frame shows it to be mounted on the robot: tilt and roll refined where they were fitted.
     wall_px : (K,) float64 or None
-        Where the pose puts the walls, as `edge_px`; None where the localiser does not say.
+        Where the pose puts the walls, as `edge_px`; None where the localiser does not give it.
     measurement : PoseEstimate or None
-        What the frame says without the prior, where `pose` has taken the prior in as a factor: the filter takes this
-        one, so that it does not count the prior twice. None where `pose` is that already.
+        Estimate by the frame without the prior, where `pose` includes the prior as a factor. The filter uses this one,
+        so that the prior does not count twice. None where `pose` does not include the prior.
     """
 
     pose: PoseEstimate | NotLocated
@@ -75,7 +75,7 @@ class Localization:
 
 
 class Localizer(Protocol):
-    """Tells a robot's pose from one frame."""
+    """Estimates a robot's pose from one frame."""
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """Locate the robot.

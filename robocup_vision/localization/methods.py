@@ -1,6 +1,6 @@
-"""The one place that says which localisation methods exist, what each needs, and which is the default.
+"""The list of all localisation methods, of what each needs, and of the defaults.
 
-Users need not name a method. Published baselines stand here by name alone: they are loaded when somebody asks for them.
+Users need not name a method. Published baselines are listed by name: they are loaded when they are chosen.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _HULL = "robocup_vision.localization.baselines.hull_localizer"
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A way to tell the pose from one frame.
+    """A method that estimates the pose from one frame.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""Colours kept from frame to frame, and followed as the light changes, without learning what stands on the floor.
+"""Keeps colours from frame to frame, and follows changes of the light without learning things on the floor.
 
-Each frame's surest floor says how bright and of what colour the light on it is. When that has moved on, the floor's
-colour is learnt anew from just these samples. Where the old colours tell next to nothing (the light was switched), the
-frame is learnt from as if it were the first, and believed only if floor and white have changed alike, as a change of
-light does and a robot parked at the camera does not.
+Each frame's most certain floor gives the brightness and the colour of the light. When these have changed, the floor's
+colour is learnt again from just these samples. Where the old colours hardly apply (the light was switched), colours are
+learnt as from a first frame. They are accepted only if floor and white have changed alike: a change of light does that,
+a robot parked at the camera does not.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class ColorMemorySettings:
         Light is followed when log brightness or log hue has moved so far since it was learnt: less than a step of the
         model.
     min_sure_ratio : float
-        Surely floor, by what was when learnt: less tells nothing of the light.
+        Of the certain floor when learnt, the part that must be left: less does not determine the light.
     kept_sure_ratio : float
         New colours must keep this ratio of what was surely floor.
     same_color : float

@@ -1,8 +1,7 @@
-"""The floor a pinhole camera sees, unrolled about the camera's foot: bearings down, distances across.
+"""Unrolls the floor that a pinhole camera sees about the camera's foot: bearings down, distances across.
 
-The sibling of `PolarView` for a camera that looks forward: whatever stands on the floor hides what lies behind it along
-a row here, too. The rows cover only what is in view; some that see nothing follow them, so that nothing is ever joined
-from the last bearing to the first.
+It is the `PolarView` of a camera that looks forward: here, too, a thing on the floor hides what lies behind it along a
+row. The rows cover the view only. Some empty rows follow them, so that the last bearing is never joined to the first.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _UNCHANGED_BY_PAN = (
 
 
 def down_in_picture(camera: PinholeCamera) -> tuple[float, float]:
-    """Tell the unit direction in the picture in which the floor comes nearer."""
+    """Return the unit direction in the picture in which the floor comes nearer."""
     _, y, z = (float(v) for v in camera.camera_to_robot[2])
     length = math.hypot(y, z)
     # image u grows to the camera's right, v downwards; its own down is minus the robot's up
@@ -80,7 +79,7 @@ class FloorView:
         return np.remainder(bearing + math.pi, math.tau) - math.pi, slope
 
     def panned(self, pan_rad: float) -> FloorView:
-        """Return the view of the same head at another pan; nothing is worked out anew but what the pan changes.
+        """Return the view of the same head at another pan; only what the pan changes is computed again.
 
         Only for a camera whose foot is the robot's centre: else its rings about the robot change, too.
         """
@@ -93,7 +92,7 @@ class FloorView:
 
     @cached_property
     def sees_floor(self) -> bool:
-        """Whether any floor is in view that is near enough to tell anything of it."""
+        """Whether floor is in view that is near enough to be measured."""
         return float(self._rim[1].min()) < -1.0 / _FARTHEST_HEIGHTS
 
     @cached_property

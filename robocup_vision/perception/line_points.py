@@ -73,7 +73,7 @@ class LineSettings:
     slack : float
         Grey levels a channel may leave the tone's ratios by: sensor noise, which weighs more the darker the floor is.
     min_samples : int
-        Fewer samples of a tone tell nothing.
+        Samples of a tone that determine it.
     """
 
     width_px: tuple[float, float] = (0.6, 60.0)

@@ -1,7 +1,7 @@
-"""One frame unrolled about the mirror axis: bearings down, radii across, the same size at every image resolution.
+"""Unrolls a frame about the mirror axis: bearings down, radii across, the same size at every image resolution.
 
-Everything the main job needs from a frame of any resolution is in these some 13,000 samples; only sub-pixel edges, line
-points and the ball go back to the frame itself.
+These some 13,000 samples replace the frame in most steps. Only sub-pixel edges, line points and the ball are measured
+in the frame itself.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robocup_vision.camera.omni import OmniCamera
 
 BEARINGS = 160
 RADII = 72
-# the 3 x 3 blur and the lens mix the robot's own body into the innermost columns: no obstacle is told from them
+# the 3 x 3 blur and the lens mix the robot's own body into the innermost columns: they show no obstacle
 BODY_COLUMNS = 2
 # farther than this the floor is at most a few pixels from the horizon, whatever the mirror
 _FARTHEST_HEIGHTS = 40.0
@@ -27,7 +27,7 @@ _FARTHEST_HEIGHTS = 40.0
 
 @dataclass(frozen=True, eq=False)
 class PolarView:
-    """Where a frame's polar samples lie; one per camera.
+    """Places of a frame's polar samples; one view for each camera.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class PolarView:
     bearings : int
         Number K of bearings.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Pixels where it is not zero are not used.
     """
 
     camera: OmniCamera

@@ -1,4 +1,4 @@
-"""The steps that every camera's pipeline shares: check and mask the frame, learn and keep the floor's colour."""
+"""The steps common to every camera's pipeline: check and mask the frame, learn and keep the floor's colour."""
 
 from __future__ import annotations
 

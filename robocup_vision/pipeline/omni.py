@@ -131,7 +131,7 @@ class OmniPipeline(FramePipeline):
         shape = self.polar.valid.shape
         free_space = FreeSpace(self.grid.bearing_rad, np.full(len(self.grid.bearing_rad), self.grid.ring_bounds_m[0]))
         return View(
-            NotLocated("no floor can be told around the robot: too dark, or nothing of it in view"),
+            NotLocated("no floor is found around the robot: too dark, or none in view"),
             free_space,
             None,
             {"total": perf_counter() - begin},

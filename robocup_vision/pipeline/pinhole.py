@@ -1,6 +1,6 @@
 """The pipeline of a pinhole camera: pose, and the floor over the bearings in view.
 
-Where the camera file does not know the tilt, the pose tells it frame by frame, and with it where the floor is.
+Where the camera file has no tilt, the pose gives it frame by frame, and with it the place of the floor.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _WARM_UP_TILT_RAD = -0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Floor:
-    """What looks at the floor, for one camera as it is held.
+    """The parts that measure the floor, for one orientation of the camera.
 
     `finder` and `marking` were made for `pan_rad`; `view` and `grid` are turned to the head's pan of the frame.
     """
@@ -104,7 +104,7 @@ class PinholePipeline(FramePipeline):
         return None if self._floor is None else self._floor.grid
 
     def _floor_for(self, camera: PinholeCamera) -> _Floor | None:
-        """Return what looks at the floor for a camera as it is held now: kept, turned, or made anew."""
+        """Return the parts that measure the floor in the camera's present orientation: kept, turned, or made again."""
         floor = self._floor
         if floor is not None:
             if floor.camera == camera or _same_mounting(floor.camera, camera, with_pan=True):
@@ -158,7 +158,7 @@ class PinholePipeline(FramePipeline):
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
         answer = self._localizer.locate(self._evidence(frame, camera, samples, t_s), prior)
-        pose, told = answer.pose, answer.measurement
+        pose, measured = answer.pose, answer.measurement
         self._last_pose = pose.pose if pose else None
         timings["pose"] = perf_counter() - start
         if not camera.known_orientation:
@@ -168,8 +168,9 @@ class PinholePipeline(FramePipeline):
             nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
             timings["total"] = perf_counter() - begin
             free_space = FreeSpace(nothing, np.empty(0))
+            camera = answer.camera
             return View(
-                pose, free_space, None, timings, nothing, none, np.empty(0), None, answer.camera, None, t_s, None, told
+                pose, free_space, None, timings, nothing, none, np.empty(0), None, camera, None, t_s, None, measured
             )
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
@@ -191,7 +192,7 @@ class PinholePipeline(FramePipeline):
             floor.grid,
             t_s,
             None,
-            told,
+            measured,
         )
 
     def _evidence(
@@ -221,7 +222,7 @@ class PinholePipeline(FramePipeline):
         frame : (H, W, 3) uint8
             BGR.
         floor : _Floor
-            For the camera as it is held.
+            Of the camera's present orientation.
         samples : _FloorSamples
             Of this frame.
         robot : Pose2 or None

@@ -1,4 +1,4 @@
-"""A field as a vision system tells it, as this project's `Field`, and the other way round."""
+"""Converts the field that a vision system sends into this project's `Field`, and back."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from robocup_vision.ssl.values.geometry import (
     LineKind,
 )
 
-# where a geometry does not say: the league's rules
+# what a geometry leaves out: the league's rules
 GOAL_HEIGHT_M, BOARD_HEIGHT_M, BALL_RADIUS_M, ROBOT_RADIUS_M, LINE_WIDTH_M = 0.155, 0.10, 0.0215, 0.09, 0.010
 
 
 def field_from_geometry(geometry: Geometry, name: str = "ssl_network") -> Field:
-    """Return the field that a vision system tells of.
+    """Return the field that a vision system sends.
 
     Lines, arcs, goals, boundary and the radii of ball and robots are the message's; where it has none, the heights of
     goals and boards, the radii and the lines' width are those of the league's rules.
@@ -79,7 +79,7 @@ def field_from_geometry(geometry: Geometry, name: str = "ssl_network") -> Field:
 def geometry_from_field(
     field: Field, cameras: tuple[CameraCalibration, ...] = (), models: BallModels | None = None
 ) -> Geometry:
-    """Return what a vision system would tell of a field.
+    """Return the geometry that a vision system would send of a field.
 
     Lines that the league has a name for are called so; others are numbered.
 
@@ -98,7 +98,7 @@ def geometry_from_field(
         If it has no goals.
     """
     if not field.goals:
-        raise PacketError(f"the field {field.name} has no goals, and a geometry must tell of them")
+        raise PacketError(f"the field {field.name} has no goals, which a geometry must hold")
     goal = field.goals[0]
     reach_x_m, reach_y_m = np.abs(field.floor_polygon).max(axis=0).tolist()
     lines = [_line(field, index, row) for index, row in enumerate(field.lines.tolist())]

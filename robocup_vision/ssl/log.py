@@ -73,7 +73,7 @@ class LogEntry:
 
     @property
     def value(self) -> LogValue | None:
-        """What it says.
+        """The decoded message.
 
         None for a blank entry, an index, and vision of 2010, whose layout is another. An entry of unknown kind is the
         first of vision, referee and tracker packet that its bytes fit.
@@ -81,7 +81,7 @@ class LogEntry:
         Raises
         ------
         PacketError
-            If it is not what its kind says, or its kind is not known.
+            If it is not of its kind, or its kind is unknown.
         """
         if self.kind in (LogKind.BLANK, LogKind.INDEX, LogKind.VISION_2010):
             return None
@@ -296,7 +296,7 @@ def _guess(data: bytes) -> LogValue:
             value = decode(_VALUES[kind], data)
         except PacketError:
             continue
-        # a message of optional fields alone takes any bytes: one that knows none of them is not it
+        # a message of optional fields alone takes any bytes: a message without known fields is rejected
         if not (isinstance(value, VisionPacket) and value.detection is None and value.geometry is None):
             return value
     raise PacketError(f"{len(data)} bytes are neither a vision packet nor a referee's nor a tracker's")

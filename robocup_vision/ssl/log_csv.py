@@ -57,7 +57,7 @@ def write_tables(log: SslLog, folder: Path) -> dict[str, int]:
     FileError
         If the log is damaged, or the tables cannot be written.
     PacketError
-        If an entry is not what its kind says.
+        If an entry is not of its kind.
     """
     rows = dict.fromkeys(FILES, 0)
     try:

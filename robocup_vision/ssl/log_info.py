@@ -38,7 +38,7 @@ class LogInfo:
     score : (int, int) or None
         Goals of yellow and blue in the last referee packet.
     unreadable : int
-        Entries that are not what their kind says.
+        Entries that are not of their kind.
     first_problem : str
         What is wrong with the first of them; empty if none is.
     damage : str
@@ -68,7 +68,7 @@ class LogInfo:
 
 
 def log_info(log: SslLog) -> LogInfo:
-    """Read a log through; what cannot be read is told in the result, and stops nothing."""
+    """Read a whole log; the result counts what cannot be read."""
     info = LogInfo()
     counter = None
     try:

@@ -1,4 +1,4 @@
-"""How good a tracker is on a log: ours beside the last detection, against what the log's tracker packets say.
+"""Scores a tracker on a log: ours and the last detection against the log's tracker packets.
 
 At each tracker packet both may use what was received before it. The packets of sim2d are the truth; those of another
 tracker are its opinion.
@@ -17,11 +17,11 @@ from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot, TrackerPacket
 
-# a ball of which no frame of any camera tells for so long is hidden
+# a ball that is in no camera's frame for so long is hidden
 _HIDDEN_S = 0.1
 # found again: nearer than a robot's radius to where it is
 _FOUND_M = 0.09
-# what the first frames tell of velocity is little
+# the first frames hardly determine the velocity
 _SETTLING_S = 0.5
 
 

@@ -115,7 +115,7 @@ class _Client(Generic[T]):
         try:
             self._socket.send(data)
         except ConnectionRefusedError:
-            # tells of the datagram before this one: nobody listened then
+            # is about the datagram before this one: nobody listened then
             self._socket.send(data)
         except OSError as error:
             raise ArgumentError(f"cannot send to {self._host}:{self._port}: {error.strerror or error}") from None

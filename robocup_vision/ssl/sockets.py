@@ -1,4 +1,4 @@
-"""The league's addresses, and sockets for them that reach no farther than they are told to.
+"""The league's addresses, and sockets for them that reach no farther than asked.
 
 Without an interface everything stays on the loopback: it is bound to 127.0.0.1, and multicast has a time to live of 0.
 """

@@ -140,7 +140,7 @@ class VisionClient(Subscription[VisionPacket]):
 
 
 class TrackerClient(Subscription[TrackerPacket]):
-    """Listens to trackers. Several may send; a packet's `uuid` tells them apart."""
+    """Listens to trackers. Several may send; a packet's `uuid` identifies the sender."""
 
     def __init__(self, port: int = TRACKER_PORT, interface: str = "loopback", group: str = TRACKER_GROUP) -> None:
         super().__init__(TrackerPacket, group, port, interface)

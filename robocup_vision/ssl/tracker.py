@@ -2,7 +2,7 @@
 
 Each coordinate of a thing is filtered as one that moves with constant velocity and is disturbed by accelerations. A
 frame counts at the time of its exposure, so that delays cost nothing but a prediction. A detection far from where it
-should be is doubted until the next ones say the same.
+should be is not used until the next ones agree with it.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class TrackerSettings:
     start_speed_mps, start_turn_rps : float
         How fast something new may be, as a standard deviation.
     max_robot_jump_m, max_ball_jump_m : float
-        A detection farther from where it should be is not believed at once: at 60 Hz no robot goes so far between two
+        A detection farther from its prediction is not used at once: at 60 Hz no robot goes so far between two
         frames, and no ball does unless it was kicked.
     believed_after : int
-        So many detections in a row that agree with each other, and not with the track, are believed.
+        So many detections in a row that agree with each other, and not with the track, are used.
     max_lost_s : float
         What has not been seen for so long is gone.
     """
@@ -98,11 +98,11 @@ class _Track:
         self.x = _Coordinate(x, std_m, 0.0, s.start_speed_mps)
         self.y = _Coordinate(y, std_m, 0.0, s.start_speed_mps)
         self.angle = None if angle is None else _Coordinate(angle, s.robot_std_rad, 0.0, s.start_turn_rps)
-        # the detections in a row that were not believed
+        # the detections in a row that were not used
         self.doubted: list[tuple[float, float, float]] = []
 
     def doubt(self, t_s: float, x: float, y: float, jump_m: float, believed_after: int) -> bool:
-        """Note a detection that is not where it should be; tell whether enough of them agree."""
+        """Note a detection that is not where it was predicted; return whether enough of them agree."""
         if self.doubted:
             before_s, bx, by = self.doubted[-1]
             # another place, or one so old that nothing links the two

@@ -221,8 +221,8 @@ def _set_geometry(simulator: Controlled, geometry: Geometry) -> None:
     flight = simulator.world.flight
     bouncing = None if geometry.models is None else geometry.models.bouncing
     if bouncing is not None:
-        ratios = (bouncing.first_floor_share, bouncing.later_floor_share, bouncing.up_share)
-        if not all(0 <= ratio <= 1 for ratio in ratios) or bouncing.up_share > 0.95:
+        ratios = (bouncing.first_floor_ratio, bouncing.later_floor_ratio, bouncing.up_ratio)
+        if not all(0 <= ratio <= 1 for ratio in ratios) or bouncing.up_ratio > 0.95:
             raise _Refused(
                 "GEOMETRY", f"what a bounce keeps must be from 0 to 1 and upwards at most 0.95, got {ratios}"
             )

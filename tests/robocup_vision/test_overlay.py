@@ -19,7 +19,7 @@ def vision(ssl_field, paper_camera):
     return Vision(ssl_field, paper_camera)
 
 
-def share_of(picture, color):
+def fraction_of(picture, color):
     return float((np.abs(picture.astype(int) - color).max(axis=-1) <= 12).mean())
 
 
@@ -32,9 +32,9 @@ def test_everything_seen_is_drawn_over_an_enlarged_copy(vision, nominal_samples)
     assert picture.shape == (660, 768, 3)
     assert picture.dtype == np.uint8
     for color in (FIELD_COLOR, BOUNDARY_COLOR, FREE_COLOR):
-        assert share_of(picture, color) > 3e-4
-    assert share_of(picture, (255, 255, 255)) > 2e-5  # text; how bold depends on OpenCV's version  # the text
-    assert (share_of(picture, BALL_COLOR) > 0) == (view.ball is not None)
+        assert fraction_of(picture, color) > 3e-4
+    assert fraction_of(picture, (255, 255, 255)) > 2e-5  # text; how bold depends on OpenCV's version  # the text
+    assert (fraction_of(picture, BALL_COLOR) > 0) == (view.ball is not None)
     assert not np.shares_memory(picture, one.frame)
 
 
@@ -46,9 +46,9 @@ def test_the_field_lies_where_the_pose_puts_it(vision, nominal_samples):
         draw(dataclasses.replace(view, pose=pose), np.zeros((220, 256, 3), np.uint8), vision)
         for pose in (view.pose, elsewhere)
     )
-    assert share_of(np.abs(here.astype(int) - there), (0, 0, 0)) < 0.999
+    assert fraction_of(np.abs(here.astype(int) - there), (0, 0, 0)) < 0.999
     nowhere = draw(dataclasses.replace(view, pose=NotLocated("too dark")), nominal_samples[0].frame, vision)
-    assert share_of(nowhere, FIELD_COLOR) < 1e-4
+    assert fraction_of(nowhere, FIELD_COLOR) < 1e-4
 
 
 def test_a_blind_view_is_drawn_with_its_reason(vision):
@@ -57,7 +57,7 @@ def test_a_blind_view_is_drawn_with_its_reason(vision):
     view = vision.look(frame)
     assert isinstance(view.pose, NotLocated)
     picture = draw(view, frame, vision)
-    assert share_of(picture, (255, 255, 255)) > 2e-5  # text; how bold depends on OpenCV's version
+    assert fraction_of(picture, (255, 255, 255)) > 2e-5  # text; how bold depends on OpenCV's version
 
 
 def test_a_large_frame_keeps_its_size_and_is_not_drawn_into(ssl_field):
@@ -77,8 +77,8 @@ def test_a_carpet_field_shows_its_lines_and_arcs(mirror_camera, paint_field):
     view = vision.look(frame)
     assert view.pose
     picture = draw(view, frame, vision)
-    assert share_of(picture, FIELD_COLOR) > 1e-4
-    assert share_of(picture, LINE_POINT_COLOR) > 1e-4
+    assert fraction_of(picture, FIELD_COLOR) > 1e-4
+    assert fraction_of(picture, LINE_POINT_COLOR) > 1e-4
 
 
 def test_a_table_that_ends_within_the_free_floor_is_drawn(ssl_field, paper_camera):

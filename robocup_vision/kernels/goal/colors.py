@@ -1,4 +1,4 @@
-"""Compiled vote on which goal is which: whether the frame shows the right colour where a pose says a goal must be."""
+"""Compiled vote on which goal is which: whether the frame shows the right colour where a pose predicts a goal."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class MarkLimits(NamedTuple):
     min_width_px : float
         Lines that look thinner are left out.
     clear_px : float
-        Between the edges of two lines: where they come nearer, neither is told from the other, and both are left out.
+        Between the edges of two lines: where they come nearer, they cannot be separated, and both are left out.
         Minus infinity: lines may cross.
     """
 
@@ -271,8 +271,8 @@ def measure_ridges(
             while 0 < i + sign < count - 1 and bright[i] > level:
                 i += sign
             before = bright[i - sign]
-            share = (before - level) / (before - bright[i]) if before > bright[i] else 0.5
-            ends[way] = first + (i - sign + sign * share) * step
+            part = (before - level) / (before - bright[i]) if before > bright[i] else 0.5
+            ends[way] = first + (i - sign + sign * part) * step
         seen = ends[1] - ends[0]
         if 0.35 * width[n] - 0.5 < seen < 1.8 * width[n] + 2.0:
             offset[n] = 0.5 * (ends[0] + ends[1])

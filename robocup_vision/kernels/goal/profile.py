@@ -96,14 +96,14 @@ class ProfilePixels(NamedTuple):
 
 
 class ProfileUnknowns(NamedTuple):
-    """The unknowns: those that all profiles share (SHARED,), and each segment's own (segments, OWN), float64."""
+    """The unknowns: those common to all profiles (SHARED,), and each segment's own (segments, OWN), float64."""
 
     shared: FloatArray
     own: FloatArray
 
 
 @njit(cache=True, nogil=True)
-def normal_share(z: float) -> tuple[float, float]:
+def normal_cdf(z: float) -> tuple[float, float]:
     """Cumulative normal distribution, to 1e-7 (Abramowitz and Stegun, 7.1.26), and its density."""
     if z > 5.0:
         return 1.0, 0.0
@@ -163,7 +163,7 @@ def _gather_member(
                         free_from = m + 3
             if j < free_from:
                 continue
-            # deep inside a wide member every fourth pixel tells its brightness as well
+            # deep inside a wide member every fourth pixel is enough for its brightness
             if j - a > 4.0 and b - j > 4.0 and j % 4 != 0:
                 continue
             if n >= values.shape[0]:
@@ -275,7 +275,7 @@ def pixel_model(
     sharp = 1.0 / blur
     if is_foot:
         z = (place[2] + own[segment, 0]) * sharp
-        lower, pf = normal_share(z)
+        lower, pf = normal_cdf(z)
         step = (ground_b - ground_a) * pf * sharp
         slopes[0], slopes[1], slopes[2], slopes[3] = step, 0.0, 1.0 - lower, lower
         slopes[4], slopes[5], slopes[6], slopes[7], slopes[8] = -step * z, 0.0, 0.0, 0.0, 0.0
@@ -283,8 +283,8 @@ def pixel_model(
     da, db = place[0] + own[segment, 0], place[1] + own[segment, 1]
     half, x = 0.5 * (da + db), 0.5 * (da - db)
     thin = 1.0 / half
-    ca, pa = normal_share(da * sharp)
-    cb, pb = normal_share(db * sharp)
+    ca, pa = normal_cdf(da * sharp)
+    cb, pb = normal_cdf(db * sharp)
     cover = ca + cb - 1.0
     first = (x * cover + blur * (pa - pb)) * thin
     second = ((x * x + blur * blur) * cover + blur * ((x - half) * pa - (x + half) * pb)) * thin * thin

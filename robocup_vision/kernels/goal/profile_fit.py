@@ -1,4 +1,4 @@
-"""All profiles of a goal in one fit: where each piece of edge lies, and the blur, light and noise they share."""
+"""Fits all profiles of a goal at once: the place of each piece of edge, and their common blur, light and noise."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ class _System(NamedTuple):
 
 
 class _Noise(NamedTuple):
-    """What the residuals (N, 2) say of the noise.
+    """Estimate the noise by the residuals (N, 2).
 
     Parameters
     ----------
     residual : (N, 2) float64
         Of each pixel and channel.
     variance, inflation : (2,) float64
-        Of each channel: of single pixels, and how much pixels one behind the other share, as a factor.
+        Of each channel: of single pixels, and the part common to pixels one behind the other, as a factor.
     weights, squares : (2,) float64
         Sums of weights and of weighted squares.
     excess, seen : (S, 2) float64
@@ -189,7 +189,7 @@ def _add_sums(sums: _Sums, s: int, base: int, c: int, system: _System) -> None:
 
 @njit(cache=True, nogil=True)
 def _update_noise(pixels: ProfilePixels, is_robust: bool, noise: _Noise) -> None:
-    """Noise of single pixels, and how much of it those one behind the other share, channel by channel."""
+    """Noise of single pixels, and the part common to those one behind the other, channel by channel."""
     lanes, residual = noise.lanes, noise.residual
     for c in range(CHANNELS):
         square = noise.squares[c] / max(noise.weights[c], 1e-9) / (_CUT_BIAS if is_robust else 1.0)
@@ -305,8 +305,8 @@ def fit_profiles(
 ) -> bool:
     """Gauss-Newton on all unknowns, the segments' own eliminated first; Cauchy's weights at the noise's own scale.
 
-    Noise that pixels one behind the other share (compression, clutter along an edge) is told from noise that they do
-    not, channel by channel, and a segment side that is not what the model says counts for as much less.
+    Noise common to pixels one behind the other (compression, clutter along an edge) is separated from independent
+    noise, channel by channel. A segment side that does not fit the model gets a lower weight.
 
     Parameters
     ----------

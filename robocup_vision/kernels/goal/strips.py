@@ -102,8 +102,8 @@ def foot_row(line: FloatArray, bottom: float, carpet: UInt8Array) -> float:
     for i in range(count):
         v = first + i
         left, right = line[0] + line[1] * v, line[2] + line[3] * v
-        for share in _ACROSS:
-            u = left + (right - left) * share
+        for part in _ACROSS:
+            u = left + (right - left) * part
             if 0.0 <= u <= carpet.shape[1] - 1 and carpet[v, int(round(u))] > 0:
                 green[i] += 1.0 / _ACROSS.shape[0]
     # the foot splits the rows into paint above and carpet below with the fewest rows on the wrong side
@@ -181,9 +181,9 @@ def mean_along(paint: UInt8Array, start: FloatArray, end: FloatArray, mean: Floa
     """Mean of `paint` (H, W) between the pixels `start` and `end` (N, 2); 0 where most of it is outside the image."""
     for n in range(start.shape[0]):
         total, count = 0.0, 0
-        for share in _ALONG:
-            u = int(round(start[n, 0] + (end[n, 0] - start[n, 0]) * share))
-            v = int(round(start[n, 1] + (end[n, 1] - start[n, 1]) * share))
+        for part in _ALONG:
+            u = int(round(start[n, 0] + (end[n, 0] - start[n, 0]) * part))
+            v = int(round(start[n, 1] + (end[n, 1] - start[n, 1]) * part))
             if 0 <= u < paint.shape[1] and 0 <= v < paint.shape[0]:
                 total += paint[v, u]
                 count += 1

@@ -25,7 +25,7 @@ def draw_lines(
     first_row: int,
     drawing: Float32Array,
 ) -> None:
-    """Draw lines into a picture of shares of paint, 1 where a pixel would be all paint.
+    """Draw lines into a picture of the fraction of paint in each pixel, 0 to 1.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def draw_lines(
         wide = abs(across_u * (v - last_v) - across_v * (u - last_u)) / length * line_width_m
         steps = int(length / _STEP_PX) + 1
         strokes = int(wide / _STEP_PX) + 1
-        share = wide / strokes * length / steps / (2.0 * math.pi * blur_px * blur_px)
+        weight = wide / strokes * length / steps / (2.0 * math.pi * blur_px * blur_px)
         for s in range(strokes):
             off = ((s + 0.5) / strokes - 0.5) * line_width_m
             for i in range(steps):
@@ -102,8 +102,8 @@ def draw_lines(
                 # a normal curve at neighbouring pixels: one of three factors is the same everywhere, one a power
                 peak_u, ratio_u = math.exp(-curve * (iu - cu) ** 2), math.exp(-2.0 * curve * (iu - cu))
                 peak_v, ratio_v = math.exp(-curve * (iv - cv) ** 2), math.exp(-2.0 * curve * (iv - cv))
-                side_u[_REACH], side_v[_REACH] = peak_u, share * peak_v
-                up_u, up_v, down_u, down_v = peak_u, share * peak_v, peak_u, share * peak_v
+                side_u[_REACH], side_v[_REACH] = peak_u, weight * peak_v
+                up_u, up_v, down_u, down_v = peak_u, weight * peak_v, peak_u, weight * peak_v
                 for j in range(1, _REACH + 1):
                     up_u, up_v = up_u * ratio_u, up_v * ratio_v
                     down_u, down_v = down_u / ratio_u, down_v / ratio_v

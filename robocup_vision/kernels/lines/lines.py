@@ -14,7 +14,7 @@ from robocup_vision.kernels.algebra.three import solve_3x3
 
 @njit(cache=True, nogil=True)
 def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, tone: Float32Array) -> UInt8Array:
-    """Tell which pixels have the floor's tone. Returns (H, W) uint8 of 0 and 1.
+    """Mark the pixels that have the floor's tone. Returns (H, W) uint8 of 0 and 1.
 
     tone is (7,): least and greatest R/G, B/G and G, then the slack of each channel in grey levels.
     """

@@ -57,7 +57,7 @@ class Bank(NamedTuple):
 def upright_bins(
     image: UInt8Array, lens: FloatArray, horizon_row: float, paints: FloatArray, bank_half: float, seen: FloatArray
 ) -> None:
-    """Tell at which bearings something of a paint stands about the horizon.
+    """Find the bearings at which a thing of a paint stands about the horizon.
 
     Parameters
     ----------
@@ -165,9 +165,9 @@ def score_bank(
     bank : Bank
         The bank.
     rows : (N, 3) float64
-        As `floor_places` tells, `number` of them.
+        As `floor_places` returns them, `number` of them.
     seen : (K, BINS + 1) float64
-        As `upright_bins` tells.
+        As `upright_bins` returns.
     upright_weight : float
         Of a bearing bin that is wrong, in line points.
     scores : (P, H) float64

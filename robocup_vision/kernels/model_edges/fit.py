@@ -29,7 +29,7 @@ def _nearest(found: Findings, n: int, expected: float) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def msac(rows: FloatArray, count: int, found: Findings, z: FloatArray, gate_px: float, prior_share: float) -> float:
+def msac(rows: FloatArray, count: int, found: Findings, z: FloatArray, gate_px: float, prior_ratio: float) -> float:
     """Cost a hypothesis: squared residuals in gates, at most 1 a sample, and the distance from the prior."""
     cost = 0.0
     for n in range(count):
@@ -43,7 +43,7 @@ def msac(rows: FloatArray, count: int, found: Findings, z: FloatArray, gate_px: 
     far = 0.0
     for j in range(UNKNOWNS):
         far += z[j] * z[j]
-    return cost + prior_share * far
+    return cost + prior_ratio * far
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
@@ -59,7 +59,7 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
     draws : (H, 6) float64
         Numbers in [0, 1): which samples and candidates each hypothesis takes.
     settings : FollowSettings
-        `gate_px`, `prior_share` and `enough` count.
+        `gate_px`, `prior_ratio` and `enough` count.
     modes : (K, 7) float64
         The best hypothesis and the next best that differ from all before by more than two gates.
 
@@ -68,7 +68,7 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
     int
         How many modes there are.
     """
-    rows, found, gate_px, prior_share = room.rows, room.found, settings.gate_px, settings.prior_share
+    rows, found, gate_px, prior_ratio = room.rows, room.found, settings.gate_px, settings.prior_ratio
     sigma_px = 0.5 * gate_px
     usable = np.empty(count, dtype=np.int64)
     number = 0
@@ -81,7 +81,7 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
     pick, at = np.empty(3, dtype=np.int64), np.empty(3)
     costs = np.empty(draws.shape[0] + 1)
     tried = np.zeros((draws.shape[0] + 1, UNKNOWNS))
-    costs[0] = msac(rows, count, found, z, gate_px, prior_share)
+    costs[0] = msac(rows, count, found, z, gate_px, prior_ratio)
     made, first = 1, 0
     if number >= 3:
         for h in range(draws.shape[0]):
@@ -102,7 +102,7 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
             substitute(small, 3, right)
             for j in range(UNKNOWNS):
                 z[j] = rows[pick[0], j] * right[0] + rows[pick[1], j] * right[1] + rows[pick[2], j] * right[2]
-            costs[made] = msac(rows, count, found, z, gate_px, prior_share)
+            costs[made] = msac(rows, count, found, z, gate_px, prior_ratio)
             for j in range(UNKNOWNS):
                 tried[made, j] = z[j]
             if costs[made] < costs[first]:
@@ -143,7 +143,7 @@ def robust_fit(
 ) -> tuple[int, float, bool]:
     """Tukey-weighted Gauss-Newton steps under narrowing gates.
 
-    Neighbours on one edge share what the lens, the paint and the tape got wrong: a sample's variance is `sigma_px`
+    Neighbours on one edge have common errors of lens, paint and tape: a sample's variance is `sigma_px`
     squared and, for each inlier of its edge, `shared_px` squared; all of it grows where residuals are greater.
 
     Parameters
@@ -193,7 +193,7 @@ def robust_fit(
                 inliers += 1
                 total += r * r
         rms = math.sqrt(total / inliers) if inliers else 0.0
-        # what agrees worse than its noise says knows less than that says
+        # samples that agree worse than their noise predicts are less certain than it
         excess = max(1.0, (rms / (RMS_OF_SIGMA * sigma_px)) ** 2)
         for i in range(UNKNOWNS):
             gradient[i] = 0.0

@@ -45,7 +45,7 @@ class Prior(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """What `follow` tells.
+    """Results of `follow`.
 
     Parameters
     ----------
@@ -130,12 +130,12 @@ def _refine(
 def prepare(
     pose: FloatArray,
     covariance: FloatArray,
-    held: FloatArray,
+    camera_prior: FloatArray,
     keep: FloatArray,
     sway: FloatArray,
     into: Prior,
 ) -> bool:
-    """Join the prior of the pose with how the camera is held.
+    """Join the prior of the pose with that of the camera's orientation.
 
     Parameters
     ----------
@@ -143,10 +143,10 @@ def prepare(
         x, y, heading.
     covariance : (3, 3) float64
         Of these.
-    held : (2, 4) float64
+    camera_prior : (2, 4) float64
         Tilt, roll, height and logarithm of focal length at rest, and their standard deviations.
     keep : (4,) float64
-        Share of what they were off by that is left since the last frame.
+        Fraction of the last frame's deviation that is left.
     sway : (2, 4) float64
         What they were off by in the last frame, and its variance; then, what is expected now.
     into : Prior
@@ -170,8 +170,8 @@ def prepare(
     for i in range(4):
         k = keep[i]
         sway[0, i] *= k
-        sway[1, i] = held[1, i] ** 2 * (1.0 - k * k) + k * k * sway[1, i]
-        prior[3 + i] = held[0, i] + sway[0, i]
+        sway[1, i] = camera_prior[1, i] ** 2 * (1.0 - k * k) + k * k * sway[1, i]
+        prior[3 + i] = camera_prior[0, i] + sway[0, i]
         root[3 + i, 3 + i] = math.sqrt(max(sway[1, i], 0.0))
     return True
 
@@ -259,7 +259,7 @@ def _assess(
         step[j] = fit.unknowns[j]
     seen, missing, upright, hidden = judge(image, fit.carpet, settings, room, count, step)
     _moved(prior, z, fit.unknowns)
-    least = 0.5 * settings.min_share * scene.field.channels[0, 3] * brightness(fit.carpet)
+    least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * brightness(fit.carpet)
     look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, settings.point_stride)
     number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, room.points)
     right = explained(room, number, count, step, settings)
@@ -288,7 +288,7 @@ def _assess(
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _conclude(root: FloatArray, z: FloatArray, information: FloatArray, gradient: FloatArray, fit: Fit) -> bool:
-    """Tell the covariance with the prior, and information and gradient without it, in the unknowns' own units."""
+    """Return the covariance with the prior, and information and gradient without it, in the unknowns' own units."""
     size = UNKNOWNS
     system, column = np.empty((size, size)), np.empty(size)
     for i in range(size):
@@ -359,7 +359,7 @@ def _conclude(root: FloatArray, z: FloatArray, information: FloatArray, gradient
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _position_std(information: FloatArray) -> float:
-    """Tell the greatest standard deviation of x and y, heading open, by an information matrix (3, 3); at most 9."""
+    """Return the greatest standard deviation of x and y, heading open, by an information matrix (3, 3); at most 9."""
     turn = max(information[2, 2], 1e-9)
     a = information[0, 0] - information[0, 2] * information[0, 2] / turn
     b = information[0, 1] - information[0, 2] * information[1, 2] / turn

@@ -124,7 +124,7 @@ def _emit(
     s, c = frame[14], frame[15]
     by_tilt = jx * (c * dz) + jy * (s * dz) + jz * (-s * dy - c * dx)
     by_roll = (nu * uc1 + nv * vc1) * up - (nu * uc2 + nv * vc2) * left
-    # a line that is a ridge when narrow has two edges when wide; each knows its own inside
+    # a line that is a ridge when narrow has two edges when wide, each with its own inside
     for k in range(edges):
         side = 0.0 if edges == 1 else 1.0 - 2.0 * k
         if count >= out.width_px.shape[0] - 1:
@@ -168,7 +168,7 @@ def _emit(
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _clip(frame: FloatArray, lens: FloatArray, ends: FloatArray, part: FloatArray) -> float:
-    """Clip a segment (6,) to what the camera sees; part takes the ends' shares and depths; returns its length in px."""
+    """Clip a segment (6,) to what the camera sees; part takes the ends' fractions, depths; returns the length in px."""
     c = np.empty((2, 3))
     for e in range(2):
         dx, dy, dz = ends[3 * e] - frame[9], ends[3 * e + 1] - frame[10], ends[3 * e + 2] - frame[11]
@@ -223,7 +223,7 @@ def _segment(
     tx, ty, tz = row[3] - row[0], row[4] - row[1], row[5] - row[2]
     for k in range(number):
         t = (k + 0.5) / number
-        # evenly in the image: shares weigh with the other end's depth
+        # evenly in the image: fractions are weighted with the other end's depth
         s = t * part[2] / ((1.0 - t) * part[3] + t * part[2])
         s = part[0] + s * (part[1] - part[0])
         place[0], place[1], place[2] = row[0] + s * tx, row[1] + s * ty, row[2] + s * tz

@@ -29,7 +29,7 @@ ONE, TWO = np.uintp(1), np.uintp(2)
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None:
-    """Tell the carpet's colour and the picture's noise from a grid of pixels below the horizon.
+    """Estimate the carpet's colour and the picture's noise from a grid of pixels below the horizon.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
         Where the floor may begin.
     carpet : (5,) float64
         Result: blue, green, red of the commonest tone, the noise of a channel (grey levels), how many pixels had that
-        tone as a share.
+        tone as a fraction.
     """
     height, width = image.shape[0], image.shape[1]
     top = min(max(horizon_row + 2, 1), height - 12)
@@ -97,7 +97,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def is_carpet(b: float, g: float, r: float, carpet: FloatArray) -> bool:
-    """Tell whether a colour is the carpet's, somewhat brighter or darker."""
+    """Return whether a colour is the carpet's, somewhat brighter or darker."""
     light, known = b + g + r, carpet[0] + carpet[1] + carpet[2]
     if light < 0.45 * known or light > 1.6 * known or light < 1.0 or known < 1.0:
         return False
@@ -124,17 +124,17 @@ def search(
     channels : (K, 4) float64
         See `FieldEdges`.
     carpet : (5,) float64
-        As `carpet_look` tells.
+        As `carpet_look` returns.
     brightness : float
         Light of this picture, relative to that of `channels`.
     settings : FollowSettings
-        `min_share` counts.
+        `min_ratio` counts.
     room : Room
         Its samples, `count` of them, and their reach; `found` takes offsets, strengths and counts.
     count : int
         Samples.
     """
-    samples, reach_px, found, least_share = room.samples, room.reach_px, room.found, settings.min_share
+    samples, reach_px, found, least_ratio = room.samples, room.reach_px, room.found, settings.min_ratio
     height, width = image.shape[0], image.shape[1]
     flat = image.reshape(-1)
     sums, response = np.empty(261), np.empty(260)
@@ -168,20 +168,20 @@ def search(
             flank = FLANK_PX
             gap = 1
             margin = inner // 2 + gap + flank + 2
-            noise_share = 1.0 / inner + 1.0 / flank
+            noise_ratio = 1.0 / inner + 1.0 / flank
         else:
             inner = min(max(int(wide), 1), 3)
             fill = min(1.0, 0.8 * wide / inner)
             flank, gap = inner, 0
             margin = inner + 2
-            noise_share = 2.0 / inner
+            noise_ratio = 2.0 / inner
         norm = math.sqrt(wb * wb + wg * wg + wr * wr)
-        noise = carpet[3] * norm * math.sqrt(3.0 * noise_share)
+        noise = carpet[3] * norm * math.sqrt(3.0 * noise_ratio)
         expected = samples.expected[n] * brightness * fill
         found.candidates[n] = -1
         if expected < 4.0 * noise:
             continue
-        least = max(least_share * expected, 3.5 * noise)
+        least = max(least_ratio * expected, 3.5 * noise)
         reach = min(int(math.ceil(reach_px[n] / size_axis_px)), 110)
         low, high = -reach - margin, reach + margin
         # keep within the picture, with the neighbours' shift
@@ -265,7 +265,7 @@ def whiten(samples: Samples, count: int, root: FloatArray, rows: FloatArray) -> 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def reaches(rows: FloatArray, count: int, settings: FollowSettings, reach_px: FloatArray) -> None:
-    """Tell how far from its prediction each sample may lie, by the prior."""
+    """Return how far from its prediction each sample may lie, by the prior."""
     for n in range(count):
         total = 0.0
         for j in range(UNKNOWNS):

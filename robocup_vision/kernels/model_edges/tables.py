@@ -1,4 +1,4 @@
-"""What the loops share: the field's edges, the lens, the samples predicted and what was found there, as named tuples.
+"""Data of the loops as named tuples: the field's edges, the lens, the predicted samples and what was found there.
 
 Unknowns are numbered alike everywhere: x and y of the camera's foot (m), heading of its axis, tilt, roll (rad), height
 (m) and the logarithm of the focal length's scale.
@@ -30,7 +30,7 @@ X, Y, HEADING, TILT, ROLL, HEIGHT, LOG_FOCAL = range(UNKNOWNS)
 RIDGE, EDGE = 0, 1
 # where a feature is: painted on the floor, or standing on it
 ON_FLOOR, UPRIGHT = 0, 1
-# what the verdict says of a sample
+# classes of a sample in the verdict
 UNSEEN, FOUND, HIDDEN, MISSING = 0, 1, 2, 3
 
 PEAKS = 3  # candidates kept for a sample
@@ -69,7 +69,7 @@ class FieldEdges(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Places on predicted edges, as many as a count beside it says.
+    """Places on predicted edges, as many as a count beside it.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Findings(NamedTuple):
 
 
 class FollowSettings(NamedTuple):
-    """Numbers of the loops; `localization.model_edges.settings.EdgeSettings` says why each is as it is.
+    """Numbers of the loops; `localization.model_edges.settings.EdgeSettings` gives the reason for each.
 
     Parameters
     ----------
@@ -131,16 +131,16 @@ class FollowSettings(NamedTuple):
         Between samples, in the fit and where the mode is chosen.
     reach_sigmas, extra_px, max_reach_px : float
         How far from its prediction a sample is searched for, along the normal.
-    min_share : float
+    min_ratio : float
         Of the expected step, that a candidate must show.
     sigma_px, shared_px : float
         Noise of a sample, and of an edge as a whole.
     gate_px : float
         Of an inlier.
-    prior_share : float
+    prior_ratio : float
         Weight of the squared distance from the prior where modes are chosen, in samples.
     enough : float
-        Share of the samples that a hypothesis may fail and still end the search for modes.
+        Fraction of the samples that a hypothesis may fail and still end the search for modes.
     again_px : float
         How far candidates are searched for around a fit.
     line_width_m : float
@@ -150,7 +150,7 @@ class FollowSettings(NamedTuple):
     odds : (6,) float64
         Weights of the verdict.
     clear_missing, clear_unexplained : float
-        Shares up to which no other mode is looked at.
+        Fractions up to which no other mode is examined.
     coarse_gates_px, fine_gates_px : (G,) float64
         Of the fit's steps.
     """
@@ -160,11 +160,11 @@ class FollowSettings(NamedTuple):
     reach_sigmas: float
     extra_px: float
     max_reach_px: float
-    min_share: float
+    min_ratio: float
     sigma_px: float
     shared_px: float
     gate_px: float
-    prior_share: float
+    prior_ratio: float
     enough: float
     again_px: float
     line_width_m: float

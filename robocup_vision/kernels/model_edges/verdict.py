@@ -1,4 +1,4 @@
-"""Whether a picture bears a pose out: samples found, hidden or missing, and line points that the pose must explain."""
+"""Decides whether a picture confirms a pose: samples found, hidden or missing, and line points left unexplained."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class LineLook(NamedTuple):
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _patch(image: UInt8Array, u: float, v: float, carpet: FloatArray) -> bool:
-    """Tell whether plain carpet lies at a pixel: the mean of three by three pixels is the carpet's colour."""
+    """Return whether plain carpet lies at a pixel: the mean of three by three pixels is the carpet's colour."""
     x, y = int(round(u)), int(round(v))
     if x < 1 or y < 1 or x > image.shape[1] - 2 or y > image.shape[0] - 2:
         return False
@@ -55,7 +55,7 @@ def _patch(image: UInt8Array, u: float, v: float, carpet: FloatArray) -> bool:
 def judge(
     image: UInt8Array, carpet: FloatArray, settings: FollowSettings, room: Room, count: int, z: FloatArray
 ) -> tuple[int, int, int, int]:
-    """Say of each sample what became of it.
+    """Classify each sample.
 
     A sample without a candidate speaks against a pose only where plain carpet shows in place of the paint; anything
     else there may stand before it. A line thinner than a pixel is easily overlooked: it speaks against nothing.
@@ -117,9 +117,9 @@ def line_points(
     lens : (18,) float64
         See `prediction.predict`.
     p : (7,) float64
-        Tilt, roll, height and focal length count: they tell how wide a line shows.
+        Tilt, roll, height and focal length count: they determine the width of a line.
     carpet : (5,) float64
-        As `carpet_look` tells.
+        As `carpet_look` returns.
     look : LineLook
         What counts as a line.
     points : (P, 3) float64

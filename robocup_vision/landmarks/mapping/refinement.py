@@ -59,9 +59,9 @@ class Refined:
     pose_covariances : (F, 3, 3) float64
         Of the poses: how far the map may have drifted there. 0 for fixed ones.
     covariances : (L, 3, 3) float64
-        Of the landmarks as seen from these poses, whose own uncertainty neighbours share.
+        Of the landmarks as seen from these poses, whose own uncertainty is common to neighbours.
     noise : (L,) float64
-        How large each landmark's residuals are as a share of what `std_px` lets expect.
+        How large each landmark's residuals are in units of `std_px`.
     """
 
     poses: FloatArray
@@ -94,7 +94,7 @@ def refine(
     observations : Observations
         Int64Array are into `poses` and `landmarks_m`.
     fixed : (F,) bool
-        Poses that stay. At least one must, or nothing says where the map lies.
+        Fixed poses. At least one must be fixed, or the map has no place.
     iterations : int
         At most.
     tolerance_m : float

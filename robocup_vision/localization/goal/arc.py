@@ -1,8 +1,8 @@
 """The arc of cameras that see a goal nearly alike, and how likely each of them is.
 
-A goal far off says how far away the camera is, but hardly how obliquely it looks: its picture stays the same to a
+A goal far off fixes the distance of the camera, but hardly its angle to the goal: its picture stays the same to a
 fraction of a pixel while the camera rotates about the goal, from one branch of a plane's picture to the other. No
-covariance at one point tells that; a fit at each heading does, for the heading turns with the camera.
+covariance at one point describes that; a fit at each heading does, for the heading turns with the camera.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ class ConstrainedArc:
         return found[0] + off @ self._loosest[: len(off)], found[1] + float(off @ off)
 
     def rest(self, place: FloatArray) -> FloatArray:
-        """Covariance (8, 8) at a place, less what its directions say."""
+        """Covariance (8, 8) at a place, less that along its directions."""
         found = self._fit(float(place[0]))
         if found is None:
             return np.zeros((UNKNOWNS, UNKNOWNS))

@@ -50,7 +50,7 @@ class ColoredLineSettings:
     ----------
     marks : MarkSettings
         Places along lines. The goal is certain, so that even lines thinner than a pixel count, averaged along
-        themselves; lines that run into each other are told from neither.
+        themselves; lines that run into each other are left out.
     reaches_px, scales_px : tuple of float
         How far from its predicted place a line is searched for, at most, and the loss's scale, round by round.
     reach_stds, min_reach_px : float, float
@@ -62,7 +62,7 @@ class ColoredLineSettings:
     paint_error_m : float
         How exactly lines are painted.
     min_marks : int
-        Fewer places, predicted or seen, say nothing.
+        Places, predicted or found, that are needed.
     seen_ratio, full_width_px : float, float
         Where a line is due, a ridge is seen this often; less often where it looks thinner than this.
     spread_px : float
@@ -148,7 +148,7 @@ class ColoredGoalLines:
     def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit) -> tuple[float, LineFit] | None:
         """Fit goal and lines together; None where the lines that should be in view are not.
 
-        What comes first says how much likelier such lines are to be seen here than clutter, as a logarithm.
+        The first value is the log-likelihood ratio of such lines against clutter.
 
         Parameters
         ----------

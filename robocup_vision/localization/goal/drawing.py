@@ -201,7 +201,7 @@ class LineDrawing:
         length = 2 * np.diag(axes)
         along = (cameras[1::2] - cameras[::2]).T / length
         motion = self._motion(model, cameras) / np.outer(length, length)
-        # a faint drawing is placed as badly as noise lets it, a plain one as well as it knows the picture
+        # a faint drawing is located as well as noise allows, a plain one as well as the model describes the picture
         off_px2 = (len(axes) * self._settings.drawn_to_px) ** 2 + self._settings.blur_px**2 / likelihood
         spread = np.linalg.inv(motion / off_px2 + np.diag([1e-9] + (len(axes) - 1) * [1.0]))
         return np.asarray(arc.rest(at) + along @ spread @ along.T, np.float64)

@@ -1,4 +1,4 @@
-"""Sub-pixel silhouette edges of posts, bar and feet, measured where a pose says they should be."""
+"""Measures silhouette edges of posts, bar and feet where a pose predicts them, to a fraction of a pixel."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class EdgeSampleSettings:
     Parameters
     ----------
     spacing_px : float
-        Between samples on an edge: nearer ones share their noise.
+        Between samples on an edge: nearer ones have common noise.
     max_samples : int
         Of one edge: more cost time and hardly improve a fit.
     paint_depth_px : float
@@ -53,7 +53,7 @@ class EdgeSampleSettings:
 
 @dataclass(frozen=True, slots=True)
 class EdgeAppearance:
-    """How the edges of paint look beside what surrounds it.
+    """Appearance of the edges between paint and its surroundings.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ class EdgeAppearance:
         The same as `towards` where that finds no edge: paint in the shade has less of its colour than a wall of a
         neighbouring hue in the light.
     paint : (H, W) uint8 or None
-        Where the paint is, reduced in size as the image may be to find it: edges and feet count only where it is just
-        inside. None: anywhere.
+        Mask of the paint, perhaps of reduced size: edges and feet count only where paint is just inside. None:
+        anywhere.
     """
 
     towards: FloatArray
@@ -84,7 +84,7 @@ def _none() -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class EdgeSamples:
-    """What was measured, in ideal pixels (distortion taken out), ready for `kernels.goal.fit.fit_goal`.
+    """Measured edges in ideal pixels (without distortion), for `kernels.goal.fit.fit_goal`.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class EdgeSamples:
 
 
 def no_samples() -> EdgeSamples:
-    """Nothing measured: what lines alone are fitted with."""
+    """Return empty samples: lines alone are fitted with them."""
     index = np.empty(0, np.int64)
     return EdgeSamples(index, _none(), index, index, _none(), _none(), np.empty(0), np.zeros(EDGES, np.int64))
 

@@ -49,7 +49,7 @@ class GoalFitSettings:
     inlier_px : float
         An edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that.
     foot_worth : float
-        What a foot sample counts beside an edge sample: feet alone tell the two branches of a plane's picture apart,
+        What a foot sample counts beside an edge sample: feet alone separate the two branches of a plane's picture,
         and are few.
     min_element_ratio, min_edge_ratio : float
         Inliers among the expected samples that each post and the bar, and each edge of a post, must have.
@@ -385,7 +385,7 @@ def _confirmed_edges(
     """Inlier ratios (6,) in which weak edges count by any step of colour or light that lies exactly there.
 
     Paint washed white, or before something of its own hue, has edges of another kind. They are too often somebody
-    else's to be fitted to; but where half of the edges say that a goal stands there, they tell that it does.
+    else's to be fitted to; but where half of the edges agree with a goal, they confirm it.
     """
     settings = model.settings
     weak = ratio < settings.min_element_ratio

@@ -97,7 +97,7 @@ def _fit_one_post(
 ) -> GoalFit | None:
     samples = strip_samples(search.camera, ((post, strip),))
     start = constrained.prior.copy()
-    # the strip's foot tells the tilt, and where the post stands the heading
+    # the strip's foot gives the tilt, and the post's place the heading
     distance = math.hypot(constrained.shape.line_x_m - start[X], constrained.shape.post_y_m[post] - start[Y])
     low = strip.foot if math.isfinite(strip.foot) else strip.bottom
     start[TILT] = -math.atan(search.camera.height_m / distance) + math.atan(

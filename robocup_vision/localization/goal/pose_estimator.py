@@ -189,7 +189,7 @@ class GoalPoseEstimator:
         )
 
     def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> CameraEstimate:
-        """Make a goal of a hue, which is certain, exact by its profiles, and by the lines where they bear it out."""
+        """Make a goal of a hue, which is certain, exact by its profiles, and by the lines where they confirm it."""
         best = candidates[0]
         rivals = [
             c

@@ -64,9 +64,9 @@ class ProfileSettings:
     move_std_px : float
         Prior on an edge's move: the edges' fit is right to a pixel.
     max_std_px : float
-        Noise from which a segment's edge is left out: it says less than the edges' fit.
+        Noise from which a segment's edge is left out: it is less certain than the edges' fit.
     edge_error_px, foot_error_px : float
-        What edges and feet are off as a whole, beside what their noise says.
+        Error that whole edges and feet have in common, beside their noise.
     min_samples : int
         Edges that must be measured: more than the unknowns.
     max_shift : float
@@ -100,7 +100,7 @@ class ProfileSettings:
 def expected_profile(
     settings: ProfileSettings = ProfileSettings(),
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the prior (SHARED,) on what all profiles share: values, and inverse variances."""
+    """Return the prior (SHARED,) on the unknowns common to all profiles: values, and inverse variances."""
     expected, weight = np.zeros(SHARED), np.full(SHARED, 1e-6)
     expected[:CHANNELS], weight[:CHANNELS] = settings.blur_px, settings.blur_std_px**-2
     for base in range(CHANNELS, SHARED, PER_MEMBER):
@@ -256,7 +256,7 @@ def polish(
     if not math.isfinite(cost) or shift @ found.information @ shift > settings.max_shift**2:
         return found
     residual = residuals(model, samples, p)
-    # the fit's own misfit says what every edge is off as a whole
+    # the residuals of the fit estimate the error of each whole edge
     square = np.minimum((residual / samples.sigma) ** 2, 9 * single / samples.sigma**2).sum()
     due = max(float((single / samples.sigma**2).sum()) - settings.freedom, 1.0)
     excess = (float(square) + settings.trusted) / (due + settings.trusted)

@@ -364,7 +364,7 @@ class GoalSearch:
             # the posts' distance is at most as many post widths as in the goal, and fewer seen from the side
             if not 0.25 * wide * min(width_a, width_b) < apart < 1.5 * wide * max(width_a, width_b):
                 continue
-            # posts as near as their widths say are no farther from each other in depth than in the goal
+            # posts as near as their widths suggest are no farther from each other in depth than in the goal
             depth_m = 2 * self.shape.radius_m * focal_px * abs(1 / width_a - 1 / width_b)
             unlike = not 0.45 < width_a / width_b < 2.2 and depth_m > self.shape.width_m
             if unlike or abs(a.bottom - b.bottom) > apart:

@@ -1,6 +1,6 @@
-"""Field lines around a white goal: the goal says roughly where the camera is, the lines how exactly.
+"""Fits field lines around a white goal: the goal gives a rough pose of the camera, the lines an exact one.
 
-Seen from afar a goal alone hardly tells how obliquely it is seen, and its distance stands and falls with focal length
+From afar a goal alone hardly fixes the angle to it, and its distance stands and falls with focal length
 and bar height. The lines around the camera do not, but fit in several places. Together tilt, roll, height and focal
 length are unknowns under priors, and what is left is centimetres.
 """

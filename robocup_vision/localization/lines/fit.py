@@ -32,7 +32,7 @@ class LineFitSettings:
         A wrong centre or tilt shifts whole stretches of line together. The pose takes up most of such a shift, the
         residuals keep the rest: the shift is taken to be this many times what the stretches are off by on average.
     correlation_m : float
-        Neighbours along a line share the errors of lens, carpet and paint over about this length of floor.
+        Length of floor over which neighbours along a line have common errors of lens, carpet and paint.
     max_steps, max_halvings : int
         Gauss-Newton steps, and how often one is halved.
     inlier_px : float
@@ -186,7 +186,7 @@ def fit_line_rows(
     expected : (P,) float64, optional
         What is expected; `start` unless given.
     shared_px : (N,) float64, optional
-        What each point may be off for reasons that its neighbours share, times the square root of their number: so many
+        Error of each point that its neighbours have in common, times the square root of their number: so many
         of them then weigh together no more than one that has that error alone.
     settings : LineFitSettings, optional
         Of the fit.
@@ -238,7 +238,7 @@ def _loss(residual: FloatArray, weight: FloatArray, scale_px: float) -> float:
 def stretches(
     index: npt.NDArray[np.int64], floor_m: FloatArray, settings: LineFitSettings = LineFitSettings()
 ) -> npt.NDArray[np.int64]:
-    """Tell which stretch of line each point lies on, (N,): one line, one patch of floor."""
+    """Return the stretch of line that each point lies on, (N,): one line, one patch of floor."""
     patch = np.floor(floor_m / settings.correlation_m).astype(np.int64)
     _, member = np.unique((index * 40_009 + patch[:, 0]) * 40_009 + patch[:, 1], return_inverse=True)
     return np.asarray(member.ravel(), dtype=np.int64)

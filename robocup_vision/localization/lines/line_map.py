@@ -42,7 +42,7 @@ class LineMap:
     cell_m : float
         Cell of the distance table; the quarter of a metre a coarse search steps by should be many of them.
     truncate_m : float
-        Distance beyond which the table says no more.
+        Distance at which the table is cut off.
     """
 
     def __init__(self, field: Field, cell_m: float = 0.05, truncate_m: float = 0.4) -> None:

@@ -44,7 +44,7 @@ class NearbySettings:
     Parameters
     ----------
     sway_std_rad : float
-        Of tilt and roll about what the camera file says, where it gives no `roll_std_rad`: robots nod and lean by half
+        Of tilt and roll about those of the camera file, where it gives no `roll_std_rad`: robots nod and lean by half
         a degree.
     gate_stds, narrow_ratio : float, float
         Standard deviations of the prior within which a line is searched for; points nearer than this fraction of it
@@ -103,8 +103,8 @@ def locate_nearby(
     prior : PoseEstimate
         Its covariance counts.
     camera : PinholeCamera
-        What took the frame. Its tilt and roll are refined with the pose, from where the file says they are, known to
-        `roll_std_rad` or else as `settings` say.
+        What took the frame. Its tilt and roll are refined with the pose, from the file's values, with the standard
+        deviation `roll_std_rad` or else that of `settings`.
     settings : NearbySettings, optional
         Of the refinement.
 
@@ -186,7 +186,7 @@ def _spread(rivals: list[tuple[float, FloatArray, FloatArray]]) -> FloatArray:
 
 
 def _shared_px(rows: LineRows, points: LinePoints, settings: NearbySettings) -> FloatArray:
-    """Tell what whole stretches of line may be off, (N,), as `fit_line_rows` takes it: by the lens, and as painted."""
+    """Return the error (N,) of whole stretches of line for `fit_line_rows`: by the lens, and by the paint."""
     member = stretches(rows.index, points.floor_m, settings.fit)
     px_per_m = np.hypot(rows.jacobian[:, 0], rows.jacobian[:, 1])
     return np.asarray(
@@ -195,7 +195,7 @@ def _shared_px(rows: LineRows, points: LinePoints, settings: NearbySettings) -> 
 
 
 class _SwayingView:
-    """Line points seen by a camera whose tilt and roll are not quite what its file says."""
+    """Line points of a camera whose tilt and roll differ a little from its file's."""
 
     def __init__(self, camera: PinholeCamera, points: LinePoints, line_map: LineMap) -> None:
         self._camera = camera

@@ -67,7 +67,7 @@ class LinePoseEstimator:
     field : Field
         The pitch.
     camera : FloorCamera
-        What takes the frames.
+        Takes the frames.
     mask : (H, W) array, optional
         Non-zero pixels are never looked at.
     settings : LineSettings, optional
@@ -137,7 +137,7 @@ class LinePoseEstimator:
         return self._with_candidates(refined, prior)
 
     def choose(self, frame: npt.NDArray[np.uint8], poses: list[Pose2]) -> int | None:
-        """Tell which of several poses the lines in a frame (H, W, 3) uint8 confirm; None if none of them.
+        """Return the index of the pose that the lines in a frame (H, W, 3) uint8 confirm; None if none of them.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ class LinePoseEstimator:
         return best if self.settings.clear_ratio * loss[best] < loss[0] else None
 
     def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
-        """Refine the candidates that the search cannot tell apart in pixels, and take the best if it stands alone."""
+        """Refine in pixels the candidates that the search does not separate, and take the best if it is alone."""
         doubtful = [
             c.pose for c in found if c.cost <= self.settings.rival_ratio * found[0].cost + self.settings.rival_excess
         ]

@@ -133,7 +133,7 @@ def search_by_lines(
 
 
 def same_pose(pose: Pose2, other: Pose2, symmetric: bool, settings: LineSearchSettings = LineSearchSettings()) -> bool:
-    """Tell whether two poses are one mode; `symmetric`: modulo a half turn about the field's centre."""
+    """Return whether two poses are one mode; `symmetric`: modulo a half turn about the field's centre."""
     distance, angle = pose.error_to(other, symmetric=symmetric)
     return distance < settings.same_m and angle < settings.same_rad
 

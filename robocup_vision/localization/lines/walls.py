@@ -1,7 +1,7 @@
-"""A pinhole camera's pose from where the floor ends: the feet of walls and boards, taken for lines of the field.
+"""Refines a pinhole camera's pose by the end of the floor: the feet of walls and boards, taken for lines of the field.
 
 A mirror camera sees the whole outline at once and has a fit of its own (`localization.floor`). A pinhole camera sees a
-stretch of it, from a height and tilt that sway: that refines a prior, as a few lines do, and tells no place alone.
+stretch of it, from a height and tilt that sway: that refines a prior, as a few lines do, but gives no pose alone.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def wall_points(
     frame : (H, W, 3) uint8
         BGR.
     view : FloorView
-        Of the camera as it is held.
+        Of the camera in its present orientation.
     columns : (K,) int64
         The outermost floor sample of each bearing, -1 where there is none.
     hidden : (H, W) uint8, or (0, 0)

@@ -1,1 +1,1 @@
-"""A pinhole camera's pose by everything that the field file knows of: followed from frame to frame, or found anew."""
+"""A pinhole camera's pose by all edges in the field file: followed from frame to frame, or found without a prior."""

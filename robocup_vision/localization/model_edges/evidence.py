@@ -1,4 +1,4 @@
-"""Whether what a frame shows bears a pose out.
+"""Decides whether a frame confirms a pose.
 
 Hidden is neutral on the floor, where robots stand before lines, and counts a little against it higher up; missing
 counts against it. The pose must explain the line points that are there, and the measurements alone must fix it: a pose
@@ -32,7 +32,7 @@ class Evidence(NamedTuple):
 
     @property
     def found_ratio(self) -> float:
-        """Share of what should show and is not hidden."""
+        """Fraction of the samples predicted that are not hidden."""
         return self.found / max(self.found + self.missing, 1.0)
 
     def log_odds(self, settings: EdgeSettings) -> float:
@@ -41,7 +41,7 @@ class Evidence(NamedTuple):
 
 
 def reject(evidence: Evidence, settings: EdgeSettings) -> str | None:
-    """Say why a fit is not believed, None where it is."""
+    """Return why a fit is rejected, None where it is accepted."""
     s, e = settings, evidence
     if e.inliers < s.min_inliers:
         return f"only {e.inliers:.0f} places on edges agree"
@@ -53,5 +53,5 @@ def reject(evidence: Evidence, settings: EdgeSettings) -> str | None:
         return "what is in view lies too far from where the prior puts it"
     odds = e.log_odds(s)
     if odds < s.min_log_odds:
-        return f"what is in view does not bear the pose out: odds {math.exp(odds):.2g} to 1"
+        return f"the picture does not confirm the pose: odds {math.exp(odds):.2g} to 1"
     return None

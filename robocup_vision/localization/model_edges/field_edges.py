@@ -14,7 +14,7 @@ from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UPRIGHT, FieldEd
 
 Bgr = tuple[float, float, float]
 
-# a paint this colourful (greatest less least channel) is told from any grey background by its colour alone
+# a paint this colourful (largest minus smallest channel) differs from any grey background by its colour alone
 _MIN_CHROMA = 60.0
 # of white, grey and black things before an unknown background: their step is seldom all of it
 _PLAIN_STEP = 0.5

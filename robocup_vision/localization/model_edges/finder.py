@@ -83,7 +83,7 @@ class EdgeFinder:
         carpet_look(frame, int(horizon), carpet)
         p[TILT], p[ROLL], p[HEIGHT] = tilt, camera.roll_rad or 0.0, camera.height_m
         lens, numbers = follower.lens, follower.numbers
-        step = 0.5 * numbers.min_share * float(follower.edges.channels[0, 3]) * brightness(carpet)
+        step = 0.5 * numbers.min_ratio * float(follower.edges.channels[0, 3]) * brightness(carpet)
         look = LineLook(max(step, 5 * float(carpet[3])), numbers.line_width_m, max(numbers.point_stride // 2, 2))
         count = line_points(frame, lens, p, carpet, look, self._points)
         upright_bins(frame, lens, horizon, self._bank.paints, self._bank.half_view_rad, self._seen)
@@ -120,7 +120,7 @@ class EdgeFinder:
         return self.judge(frame, self.propose(frame))
 
     def judge(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> FollowedCamera | NotLocated:
-        """Fit every proposed pose of the camera, and return the one that the frame bears out, if it is alone in that.
+        """Fit every proposed pose of the camera, and return the one that the frame confirms, if it is the only one.
 
         Parameters
         ----------

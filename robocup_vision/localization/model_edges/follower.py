@@ -31,7 +31,7 @@ _OPEN_STD_M, _LEVER_M = 1.0, 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseLikelihood:
-    """What one frame alone says of a pose, as a Gaussian in information form.
+    """Evidence of one frame alone on a pose, as a Gaussian in information form.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ class FollowedCamera:
     likelihood : PoseLikelihood
         Of the same, without the prior.
     file_camera : PinholeCamera
-        As its file says.
-    held : (float, float, float, float)
+        As in its file.
+    camera_unknowns : (float, float, float, float)
         Tilt and roll (rad), height (m) and logarithm of the focal length's scale in this frame.
     evidence : Evidence
         What the verdict was based on.
@@ -69,14 +69,14 @@ class FollowedCamera:
     estimate: PoseEstimate
     likelihood: PoseLikelihood
     file_camera: PinholeCamera
-    held: tuple[float, float, float, float]
+    camera_unknowns: tuple[float, float, float, float]
     evidence: Evidence
 
     @property
     def measurement(self) -> PoseEstimate:
-        """What the frame alone says of the camera's pose: in directions that it leaves open, nearly nothing.
+        """Estimate of the camera's pose by the frame alone; almost none in directions that it leaves open.
 
-        In a direction that the frame knows to no better than `_OPEN_STD_M` the fit stands as it is, with that error.
+        In a direction in which the frame is less certain than `_OPEN_STD_M` the fit stays as it is, with that error.
         """
         scale = np.array([1.0, 1.0, _LEVER_M])
         value, vector = np.linalg.eigh(self.likelihood.information / np.outer(scale, scale))
@@ -87,8 +87,8 @@ class FollowedCamera:
         covariance = (vector / value) @ vector.T / np.outer(scale, scale)
         about = self.likelihood.about
         pose = Pose2(about.x_m + step[0], about.y_m + step[1], about.theta_rad + step[2])
-        share, rms = self.estimate.inlier_ratio, self.estimate.residual_px
-        measured = PoseEstimate(pose, (covariance + covariance.T) / 2, share, rms)
+        ratio, rms = self.estimate.inlier_ratio, self.estimate.residual_px
+        measured = PoseEstimate(pose, (covariance + covariance.T) / 2, ratio, rms)
         return measured if len(self.estimate.candidates) == 1 else _with_twin(measured)
 
     def with_twin(self) -> FollowedCamera:
@@ -97,8 +97,8 @@ class FollowedCamera:
 
     @property
     def camera(self) -> PinholeCamera:
-        """The camera as this frame shows it to be held, its pan and offset 0."""
-        tilt, roll, height, log_focal = self.held
+        """The camera in the orientation fitted to this frame, its pan and offset 0."""
+        tilt, roll, height, log_focal = self.camera_unknowns
         (fu, fv), scale = self.file_camera.focal_px, math.exp(log_focal)
         return replace(
             self.file_camera,
@@ -123,7 +123,7 @@ class EdgeFollower:
     field : Field
         The pitch.
     camera : PinholeCamera
-        As its file says.
+        As in its file.
     settings : EdgeSettings
         How.
     """
@@ -145,19 +145,19 @@ class EdgeFollower:
         self.sway_std_rad = sway
         focal_std = camera.focal_std_px / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         at_rest = [camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m, 0.0]
-        self._held = np.array([at_rest, [sway, sway, camera.height_std_m, focal_std]])
+        self._camera_prior = np.array([at_rest, [sway, sway, camera.height_std_m, focal_std]])
         self._sway = np.zeros((2, 4))
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
         self._keep, self._dt_s = np.zeros(4), -1.0
         self.forget()
 
     def forget(self) -> None:
-        """Forget how the camera was held in the last frame."""
-        self._sway[0], self._sway[1] = 0.0, self._held[1] ** 2
+        """Forget the camera's orientation in the last frame."""
+        self._sway[0], self._sway[1] = 0.0, self._camera_prior[1] ** 2
 
     def resume(self, answer: FollowedCamera) -> None:
-        """Go on from an answer: the camera is held as it says."""
-        self._sway[0] = np.array(answer.held) - self._held[0]
+        """Continue from an answer: take its orientation of the camera."""
+        self._sway[0] = np.array(answer.camera_unknowns) - self._camera_prior[0]
 
     def _pass_time(self, dt_s: float) -> None:
         s = self.settings
@@ -184,16 +184,16 @@ class EdgeFollower:
             self._pass_time(dt_s)
         pose, fit = prior.pose, self._fit
         at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
-        if not prepare(at, prior.covariance, self._held, self._keep, self._sway, self._prior):
+        if not prepare(at, prior.covariance, self._camera_prior, self._keep, self._sway, self._prior):
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
         if not follow(frame, self._scene, self._prior, self.numbers, self._room, fit, modes):
-            return NotLocated("nothing that the field file knows of is in view")
+            return NotLocated("no edge of the field file is in view")
         evidence = Evidence(*fit.figures.tolist())
         reason = reject(evidence, self.settings)
         if reason is not None:
             return NotLocated(reason)
         p = fit.unknowns.tolist()
-        self._sway[0] = fit.unknowns[3:] - self._held[0]
+        self._sway[0] = fit.unknowns[3:] - self._camera_prior[0]
         self._sway[1] = fit.covariance.diagonal()[3:]
         pose = Pose2(p[0], p[1], p[2])
         estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)

@@ -18,7 +18,7 @@ from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
-# between frames where nobody says when they were taken
+# between frames without times
 _USUAL_STEP_S = 1 / 30
 # a head's pan is known to no less, and a prior's heading never better than that
 _PAN_STD_RAD = math.radians(0.1)
@@ -63,7 +63,7 @@ class EdgeLocalizer:
         if isinstance(answer, NotLocated):
             return Localization(answer, camera)
         back = camera.camera_in_robot.inverse()
-        held = replace(
+        oriented = replace(
             camera,
             focal_px=answer.camera.focal_px,
             height_m=answer.camera.height_m,
@@ -72,7 +72,7 @@ class EdgeLocalizer:
             roll_rad=answer.camera.roll_rad,
         )
         measurement = answer.measurement.seen_from(back)
-        return Localization(answer.estimate.seen_from(back), held, measurement=measurement)
+        return Localization(answer.estimate.seen_from(back), oriented, measurement=measurement)
 
     def _find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
         return self._made_finder().find(frame)
@@ -83,7 +83,7 @@ class EdgeLocalizer:
         return self._finder
 
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
-        """Search for a goal: its pose fitted by all edges where they bear it out, else as the goal alone tells it.
+        """Search for a goal: its pose fitted by all edges where they confirm it, else by the goal alone.
 
         Glare whitens posts, and a goal before an unknown wall shows little else: the edges then do not know, while
         the goal's own verdict is made for that.

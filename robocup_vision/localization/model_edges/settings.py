@@ -13,9 +13,9 @@ _DESIGN_WIDTH_PX = 208.0
 
 @dataclass(frozen=True, slots=True)
 class EdgeSettings:
-    """How a frame is followed. Lengths in pixels are those of a picture 208 wide unless said otherwise."""
+    """Settings of the follower. Lengths are pixels of a picture 208 wide, unless a line says otherwise."""
 
-    # between samples, 208 and 640 pixels wide: neighbours tell little new, and time goes with their number
+    # between samples, 208 and 640 pixels wide: neighbours add little, and time grows with their number
     spacing_px: float = 5.0
     wide_spacing_px: float = 12.0
     # the mode is chosen by fewer, so many times as far apart: they are searched for farther
@@ -25,14 +25,14 @@ class EdgeSettings:
     extra_px: float = 2.0
     max_reach_px: float = 45.0
     # of the expected step: carpets and paints differ, shadows halve the light
-    min_share: float = 0.4
+    min_ratio: float = 0.4
     # noise of one sample, and of an edge as a whole: lens, paint and tape measure; pixels of any picture
     sigma_px: float = 0.4
     shared_px: float = 0.3
     # of an inlier, pixels of any picture
     gate_px: float = 2.5
     # weight of the squared distance from the prior where modes are chosen, in samples
-    prior_share: float = 0.3
+    prior_ratio: float = 0.3
     # a mode that fails so few of the samples is not doubted
     enough: float = 0.2
     # how far candidates are looked for anew around a fit, pixels of any picture
@@ -41,7 +41,7 @@ class EdgeSettings:
     point_stride_px: float = 8.0
     # hypotheses of which the mode is chosen
     hypotheses: int = 100
-    # verdict: least number of inliers, their least share of what should show, least share of line points explained
+    # verdict: smallest number of inliers, their fraction of the visible samples, fraction of line points explained
     min_inliers: int = 12
     min_found_ratio: float = 0.5
     min_explained_ratio: float = 0.7
@@ -57,7 +57,7 @@ class EdgeSettings:
     odds_against_distance: float = 0.36
     odds_against_std: float = 9.0
     min_log_odds: float = 0.7
-    # shares of missing samples and unexplained line points up to which no other mode is looked at
+    # fractions of missing samples and unexplained line points up to which no other mode is examined
     clear_missing: float = 0.08
     clear_unexplained: float = 0.06
     # tilt and roll are forgotten with this time constant: a step takes about half a second
@@ -81,11 +81,11 @@ class EdgeSettings:
             reach_sigmas=self.reach_sigmas,
             extra_px=self.extra_px,
             max_reach_px=self.max_reach_px * max(1.0, 0.65 * scale),
-            min_share=self.min_share,
+            min_ratio=self.min_ratio,
             sigma_px=self.sigma_px,
             shared_px=self.shared_px,
             gate_px=self.gate_px,
-            prior_share=self.prior_share,
+            prior_ratio=self.prior_ratio,
             enough=self.enough,
             again_px=self.again_px,
             line_width_m=line_width_m,

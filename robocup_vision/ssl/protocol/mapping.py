@@ -1,7 +1,7 @@
-"""From messages to frozen values in metres and radians and back, by what a value's class says of its fields.
+"""Converts messages to frozen values in metres and radians and back, by the annotations of a value's class.
 
 A class names its message with `message_value`; each of its fields is the message's field of the same name unless a
-`Wire` says otherwise. A field that may be absent is None then, so that a value written again is the message that was
+`Wire` states another. A field that may be absent is None then, so that a value written again is the message that was
 read, byte for byte. What this project's tables do not know of stays in `unknown`, as bytes.
 """
 
@@ -58,7 +58,7 @@ _MAPPINGS: dict[type, _Mapping] = {}
 
 
 def message_value(name: str) -> Callable[[type[T]], type[T]]:
-    """Return a class decorator that says which message a frozen value is, e.g. ``vision.SSL_DetectionBall``."""
+    """Return a class decorator that names the message of a frozen value, e.g. ``vision.SSL_DetectionBall``."""
 
     def decorate(cls: type[T]) -> type[T]:
         _NAMES[cls] = name

@@ -1,7 +1,7 @@
 """The league's messages as classes of google's protobuf runtime, in a pool of their own.
 
 A team's program may load its own compiled modules of the same messages into the runtime's default pool: these here
-never meet them. Bytes become a message, or a `PacketError` that says what is wrong with them.
+never meet them. Bytes become a message, or a `PacketError` with what is wrong with them.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What the league's messages say, as frozen values in metres, radians and seconds."""
+"""Content of the league's messages, as frozen values in metres, radians and seconds."""

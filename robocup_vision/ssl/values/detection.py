@@ -37,7 +37,7 @@ class DetectionBall:
     area_px : int or None
         Pixels.
     z_m : float or None
-        Height, where the sender knows it.
+        Height, where the sender gives it.
     unknown : bytes
         Fields that the tables do not have.
     """

@@ -1,4 +1,4 @@
-"""The field and the cameras above it, as vision systems tell them."""
+"""The field and the cameras above it, as vision systems send them."""
 
 from __future__ import annotations
 
@@ -143,22 +143,22 @@ class CameraCalibration:
 @message_value("vision.SSL_BallModelStraightTwoPhase")
 @dataclass(frozen=True, slots=True)
 class RollingBall:
-    """How a kicked ball slows down: sliding, then rolling from `switch_share` of its first speed on."""
+    """How a kicked ball slows down: sliding, then rolling from `switch_ratio` of its first speed on."""
 
     slide_mps2: Annotated[float, Wire("acc_slide")]
     roll_mps2: Annotated[float, Wire("acc_roll")]
-    switch_share: Annotated[float, Wire("k_switch")]
+    switch_ratio: Annotated[float, Wire("k_switch")]
     unknown: bytes = b""
 
 
 @message_value("vision.SSL_BallModelChipFixedLoss")
 @dataclass(frozen=True, slots=True)
 class BouncingBall:
-    """Which shares of its velocity a chipped ball keeps at a bounce: along the floor at the first, later, and up."""
+    """Fractions of its velocity that a chipped ball keeps at a bounce: along the floor at the first, later, and up."""
 
-    first_floor_share: Annotated[float, Wire("damping_xy_first_hop")]
-    later_floor_share: Annotated[float, Wire("damping_xy_other_hops")]
-    up_share: Annotated[float, Wire("damping_z")]
+    first_floor_ratio: Annotated[float, Wire("damping_xy_first_hop")]
+    later_floor_ratio: Annotated[float, Wire("damping_xy_other_hops")]
+    up_ratio: Annotated[float, Wire("damping_z")]
     unknown: bytes = b""
 
 

@@ -1,4 +1,4 @@
-"""What the game controller says: stage, command, teams. Its whole microseconds stay whole, so that none is lost."""
+"""Messages of the game controller: stage, command, teams. Its whole microseconds stay whole, so that none is lost."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ class ControllerInput:
 @message_value("referee.CiInput")
 @dataclass(frozen=True, slots=True)
 class CiInput:
-    """What a simulator tells a game controller that runs at the simulator's speed; `time_ns` is simulated time."""
+    """Message of a simulator to a game controller that runs at the simulator's speed; `time_ns` is simulated time."""
 
     time_ns: Annotated[int | None, Wire("timestamp")] = None
     tracker: Annotated[TrackerPacket | None, Wire("tracker_packet")] = None

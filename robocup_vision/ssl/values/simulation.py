@@ -117,7 +117,7 @@ class RealismConfig:
 @message_value("simulation.RealismConfigErForce")
 @dataclass(frozen=True, slots=True)
 class ErForceRealism:
-    """The realism settings that teams know from the ER-Force simulator; losses are shares, times nanoseconds."""
+    """The realism settings of the ER-Force simulator; losses are fractions, times nanoseconds."""
 
     ball_std_m: Annotated[float | None, Wire("stddev_ball_p")] = None
     robot_std_m: Annotated[float | None, Wire("stddev_robot_p")] = None
@@ -140,7 +140,7 @@ class ErForceRealism:
 @message_value("simulation.RobotSpecErForce")
 @dataclass(frozen=True, slots=True)
 class ErForceRobotSpec:
-    """What the ER-Force simulator knows of a robot beyond the league's fields."""
+    """A robot's data of the ER-Force simulator beyond the league's fields."""
 
     shoot_radius_m: Annotated[float | None, Wire("shoot_radius")] = None
     dribbler_width_m: Annotated[float | None, Wire("dribbler_width")] = None

@@ -1,4 +1,4 @@
-"""What a tracker says: one world over all cameras, with velocities. The message is in metres already."""
+"""A tracker's estimate: one world over all cameras, with velocities. The message is in metres already."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class TrackedFrame:
 @message_value("tracked.TrackerWrapperPacket")
 @dataclass(frozen=True, slots=True)
 class TrackerPacket:
-    """One datagram of a tracker; `uuid` tells one running tracker from another."""
+    """One datagram of a tracker; `uuid` identifies the running tracker."""
 
     uuid: str
     source_name: str | None = None

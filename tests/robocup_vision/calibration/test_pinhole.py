@@ -33,8 +33,8 @@ def samples(field):
     return list(sample_goal(field, CONDITION, seed=21, count=len(PLACES), places=PLACES, supersample=3))
 
 
-def off(share, height_m):
-    return replace(TRUE, focal_px=(TRUE.focal_px[0] * share, TRUE.focal_px[1] * share), height_m=height_m)
+def off(ratio, height_m):
+    return replace(TRUE, focal_px=(TRUE.focal_px[0] * ratio, TRUE.focal_px[1] * ratio), height_m=height_m)
 
 
 @pytest.mark.slow

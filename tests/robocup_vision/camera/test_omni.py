@@ -44,9 +44,9 @@ def test_pixel_to_ray_to_pixel_is_identity_and_rays_are_unit(camera: OmniCamera)
 
 @given(cameras(), bearings, numbers(0.05, 10.0))
 @settings(deadline=None)
-def test_floor_lies_where_the_ray_meets_it(camera: OmniCamera, bearing: float, share: float):
+def test_floor_lies_where_the_ray_meets_it(camera: OmniCamera, bearing: float, ratio: float):
     inner, outer = camera.usable_radius_px
-    pixel = camera.polar_to_pixel(bearing, inner + (outer - inner) * share / 10.1)
+    pixel = camera.polar_to_pixel(bearing, inner + (outer - inner) * ratio / 10.1)
     ray, floor = camera.pixel_to_ray(pixel), camera.pixel_to_floor(pixel)
     if ray[2] >= -1e-6:
         return
@@ -91,9 +91,9 @@ def test_turning_the_heading_turns_the_image(camera: OmniCamera, by_rad: float):
 
 @given(cameras(level=True), bearings, numbers(0.05, 0.9))
 @settings(deadline=None)
-def test_point_above_the_floor_appears_farther_out_than_its_foot(camera: OmniCamera, bearing: float, share: float):
+def test_point_above_the_floor_appears_farther_out_than_its_foot(camera: OmniCamera, bearing: float, ratio: float):
     inner, outer = camera.usable_radius_px
-    foot = camera.pixel_to_floor(camera.polar_to_pixel(bearing, inner + share * (outer - inner)))
+    foot = camera.pixel_to_floor(camera.polar_to_pixel(bearing, inner + ratio * (outer - inner)))
     heights = np.array([0.0, 0.2, 0.4]) * camera.height_m
     pixels = camera.point_to_pixel(np.column_stack([np.tile(foot, (3, 1)), heights]))
     radii = np.hypot(*(pixels - camera.center_px).T)

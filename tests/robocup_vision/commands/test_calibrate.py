@@ -34,7 +34,7 @@ def test_camera_file_overlays_and_figures_are_written(folder, capsys, true_camer
         "curve        hyperboloid: A ",
         "floor's edge",
         "white lines",
-        "held-back points",
+        "held-out points",
         "hard to separate",
         "camera_overlays",
     ):

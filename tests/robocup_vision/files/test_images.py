@@ -31,11 +31,11 @@ def test_reads_what_was_written(tmp_path: Path, kind: str) -> None:
 
 
 @settings(deadline=None, max_examples=60)
-@given(kind=st.sampled_from([".png", ".bmp", ".jpg"]), share=st.floats(0.0, 0.999))
-def test_any_truncation_is_refused(tmp_path_factory: pytest.TempPathFactory, kind: str, share: float) -> None:
+@given(kind=st.sampled_from([".png", ".bmp", ".jpg"]), ratio=st.floats(0.0, 0.999))
+def test_any_truncation_is_refused(tmp_path_factory: pytest.TempPathFactory, kind: str, ratio: float) -> None:
     data = encode(kind)
     path = tmp_path_factory.mktemp("cut") / f"a{kind}"
-    path.write_bytes(data[: min(int(len(data) * share), len(data) - 2)])
+    path.write_bytes(data[: min(int(len(data) * ratio), len(data) - 2)])
     with pytest.raises(FrameError, match=r"^a\.\w+: is (a truncated or damaged|empty|neither)"):
         read_image(path, (WIDTH, HEIGHT))
 

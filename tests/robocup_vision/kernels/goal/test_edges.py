@@ -19,10 +19,10 @@ def half_plane(angle_rad, at, inside, outside, size=48):
     """Anti-aliased picture: `inside` where u cos + v sin < at."""
     v, u = np.mgrid[: size * 4, : size * 4]
     u, v = (u - 1.5) / 4, (v - 1.5) / 4
-    share = (u * math.cos(angle_rad) + v * math.sin(angle_rad) < at).astype(np.float64)
-    share = cv2.resize(share, (size, size), interpolation=cv2.INTER_AREA)
-    share = cv2.GaussianBlur(share, (0, 0), 0.6)[..., None]
-    return np.rint(inside * share + outside * (1 - share)).astype(np.uint8)
+    fraction = (u * math.cos(angle_rad) + v * math.sin(angle_rad) < at).astype(np.float64)
+    fraction = cv2.resize(fraction, (size, size), interpolation=cv2.INTER_AREA)
+    fraction = cv2.GaussianBlur(fraction, (0, 0), 0.6)[..., None]
+    return np.rint(inside * fraction + outside * (1 - fraction)).astype(np.uint8)
 
 
 def edges(image, starts, normal, grey=0.0, glare=300.0, reach=4.0):
@@ -89,9 +89,10 @@ def test_grey_clutter_beside_paint_does_not_pull():
 @given(st.floats(-4.0, 4.0), st.floats(1.5, 9.0))
 def test_ridge_lies_where_it_was_drawn(shift, width):
     v = np.mgrid[:240, :240][0] / 4.0 - 0.375
-    share = (np.abs(v - 30 - shift) < width / 2).astype(np.float64)
-    share = cv2.GaussianBlur(cv2.resize(share, (60, 60), interpolation=cv2.INTER_AREA), (0, 0), 0.5)[..., None]
-    image = np.rint(np.array([220.0, 225, 220]) * share + np.array([50.0, 130, 45]) * (1 - share)).astype(np.uint8)
+    fraction = (np.abs(v - 30 - shift) < width / 2).astype(np.float64)
+    fraction = cv2.GaussianBlur(cv2.resize(fraction, (60, 60), interpolation=cv2.INTER_AREA), (0, 0), 0.5)[..., None]
+    paint, carpet = np.array([220.0, 225, 220]), np.array([50.0, 130, 45])
+    image = np.rint(paint * fraction + carpet * (1 - fraction)).astype(np.uint8)
     offset, contrast = np.empty(1), np.empty(1)
     start, normal = np.array([[30.0, 30.0]]), np.array([[0.0, 1.0]])
     measure_ridges(image, start, normal, np.array([8.0]), np.array([width]), 0.0, offset, contrast)

@@ -17,7 +17,7 @@ from robocup_vision.kernels.goal.profile import (
     ProfileSpread,
     ProfileUnknowns,
     gather_profiles,
-    normal_share,
+    normal_cdf,
     pixel_model,
 )
 from robocup_vision.kernels.goal.profile_fit import ProfilePriors, fit_profiles
@@ -29,9 +29,9 @@ SEGMENTS = 3 * PIECES + 2
 
 @settings(deadline=None)
 @given(st.floats(-8, 8))
-def test_normal_share_agrees_with_the_error_function(z):
-    share, density = normal_share(z)
-    assert share == pytest.approx(0.5 * math.erfc(-z / math.sqrt(2)), abs=4e-7)
+def test_normal_cdf_agrees_with_the_error_function(z):
+    fraction, density = normal_cdf(z)
+    assert fraction == pytest.approx(0.5 * math.erfc(-z / math.sqrt(2)), abs=4e-7)
     assert density == pytest.approx(math.exp(-z * z / 2) / math.sqrt(2 * math.pi), abs=2e-6)
 
 
@@ -124,8 +124,8 @@ def drawn(rng, noise, left=20.3, width=7.0, slope=0.02, shine=False):
                       (u - a, a + width - u))  # fmt: skip
             down = np.vectorize(lambda x: 0.5 * math.erfc(-x / math.sqrt(2)))((foot - v) / blur[c])
             s = np.clip((u - a) / width * 2 - 1, -1, 1)
-            share = (sa + sb - 1) * down
-            light += share * (paint * (1 - 0.2 * s) - ground)
+            fraction = (sa + sb - 1) * down
+            light += fraction * (paint * (1 - 0.2 * s) - ground)
         image[..., c] = light + noise * rng.standard_normal(u.shape)
     lit = np.zeros((80, 100), np.uint8)
     if shine:

@@ -25,9 +25,9 @@ def planted(seed, z, outliers=0.3, noise=0.2):
     return room
 
 
-def plain_msac(room, z, gate, share):
+def plain_msac(room, z, gate, fraction):
     off = np.abs(room.found.offset_px[:, :2] - (room.rows @ z)[:, None]).min(axis=1) / gate
-    return np.minimum(off**2, 1.0).sum() + share * z @ z
+    return np.minimum(off**2, 1.0).sum() + fraction * z @ z
 
 
 def test_the_cost_of_a_hypothesis_is_the_plain_one():
@@ -48,9 +48,9 @@ def test_the_planted_mode_is_chosen_and_fitted(seed):
     draws, modes = np.random.default_rng(0).random((400, 6)), np.zeros((3, UNKNOWNS))
     kept = choose_mode(room, COUNT, draws, NUMBERS, modes)
     assert 1 <= kept <= 3
-    costs = [plain_msac(room, mode, NUMBERS.gate_px, NUMBERS.prior_share) for mode in modes[:kept]]
+    costs = [plain_msac(room, mode, NUMBERS.gate_px, NUMBERS.prior_ratio) for mode in modes[:kept]]
     assert costs == sorted(costs)
-    assert costs[0] <= plain_msac(room, np.zeros(UNKNOWNS), NUMBERS.gate_px, NUMBERS.prior_share)
+    assert costs[0] <= plain_msac(room, np.zeros(UNKNOWNS), NUMBERS.gate_px, NUMBERS.prior_ratio)
 
 
 def test_the_fit_solves_the_weighted_normal_equations_with_the_prior():

@@ -20,7 +20,7 @@ from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 COUNT = 80
 NUMBERS = EdgeSettings().for_width(208, 0.025)
-# blue, green, red, noise, share
+# blue, green, red, noise, fraction
 CARPET = np.array([45.0, 125.0, 42.0, 2.0, 0.8])
 
 
@@ -48,8 +48,8 @@ def plain_patch(image, u, v):
         return False
     color, known = image[y - 1 : y + 2, x - 1 : x + 2].mean(axis=(0, 1)), CARPET[:3]
     ratio = color.sum() / known.sum()
-    share = np.abs(color / color.sum() - known / known.sum())[[0, 2]]
-    return bool(0.45 <= ratio <= 1.6 and (share < 0.05 + 2.0 * CARPET[3] / color.sum()).all())
+    difference = np.abs(color / color.sum() - known / known.sum())[[0, 2]]
+    return bool(0.45 <= ratio <= 1.6 and (difference < 0.05 + 2.0 * CARPET[3] / color.sum()).all())
 
 
 def plain_status(image, room, n, expected):

@@ -191,11 +191,11 @@ def test_bad_arguments_are_named(estimator):
 
 
 @pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
-@pytest.mark.parametrize("focal_share", [1.0, 0.97, 1.03])
-def test_photographs_of_a_white_goal(focal_share):
+@pytest.mark.parametrize("focal_ratio", [1.0, 0.97, 1.03])
+def test_photographs_of_a_white_goal(focal_ratio):
     camera = load_camera(PHOTOS / "camera.toml")
     fu, fv = camera.focal_px
-    camera = PinholeCamera(camera.size_px, (fu * focal_share, fv * focal_share), camera.center_px, camera.height_m)
+    camera = PinholeCamera(camera.size_px, (fu * focal_ratio, fv * focal_ratio), camera.center_px, camera.height_m)
     estimator = GoalPoseEstimator(WHITE_FIELD, camera)
     errors = []
     for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
