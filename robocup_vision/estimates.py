@@ -74,7 +74,7 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True)
 class NotLocated:
-    """This frame does not determine a pose. Falsy, so `if view.pose:` reads as it should.
+    """No pose is determined by this frame. Falsy, so `if view.pose:` reads as it should.
 
     Parameters
     ----------
