@@ -168,9 +168,9 @@ class PinholePipeline(FramePipeline):
             nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
             timings["total"] = perf_counter() - begin
             free_space = FreeSpace(nothing, np.empty(0))
-            camera = answer.camera
+            shown = answer.camera
             return View(
-                pose, free_space, None, timings, nothing, none, np.empty(0), None, camera, None, t_s, None, measured
+                pose, free_space, None, timings, nothing, none, np.empty(0), None, shown, None, t_s, None, measured
             )
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
