@@ -1,4 +1,4 @@
-"""Obstacles that move: where they will be while the robot drives, and the floor that is seen past them."""
+"""Describes moving obstacles to steering, and fills the free ranges that they hide."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def moving_table(
     Parameters
     ----------
     moving : sequence of Disc
-        What moves.
+        Moving obstacles.
     robot_radius_m : float
         Added to their own.
     settings : SteeringSettings, optional
@@ -41,14 +41,14 @@ def moving_table(
 def ranges_past(
     bearing_rad: FloatArray, range_m: FloatArray, moving: Sequence[Disc], margin_m: float = 0.05
 ) -> FloatArray:
-    """Free ranges (J,) without the returns of what moves: as far as is free on the nearer of both sides of it.
+    """Return free ranges (J,) without the returns of moving obstacles: there the smaller range beside each counts.
 
     Parameters
     ----------
     bearing_rad, range_m : (J,) float64
         Directions, ascending, and free ranges; robot frame.
     moving : sequence of Disc
-        What moves.
+        Moving obstacles.
     margin_m : float
         A range that ends so near to a disc's rim is one of its returns.
     """

@@ -1,6 +1,6 @@
-"""Free floor over three frames: what noise blocks in one of them, or opens, does not count.
+"""Filters the free floor over three frames, so that noise in one of them has no effect.
 
-Steering remembers its detours, so a single speck in its way would lead it off.
+Steering remembers its detours, so a single wrong cell in its way would lead it astray.
 """
 
 from __future__ import annotations
@@ -9,25 +9,29 @@ import math
 
 import numpy as np
 
+from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
-# a pixel, to which an edge is seen, and a period's lag are some such share of the range
-_DOUBT_SHARE = 0.02
-
 
 class SteadyFreeSpace:
-    """The middle of the last three frames' ranges, carried to the newest, less what is in doubt.
+    """The median of the last three frames' ranges, moved to the newest frame, less a margin; for mirror cameras.
 
-    For a camera that sees all around.
+    Parameters
+    ----------
+    margin_ratio : float
+        Fraction of the range that is taken off: about the error of an edge by one pixel and by the delay of a period.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, margin_ratio: float = 0.02) -> None:
+        if not 0.0 <= margin_ratio < 1.0:
+            raise ArgumentError(f"margin_ratio must be from 0 to below 1, got {margin_ratio!r}")
+        self._margin_ratio = margin_ratio
         self._last: tuple[FreeSpace, ...] = ()
 
     def update(self, free_space: FreeSpace, motion: Pose2) -> FreeSpace:
-        """Take in a frame's free space, and return the steady one: the newest alone until there are three.
+        """Update with a frame's free space; return the filtered one, which is the newest until there are three.
 
         Parameters
         ----------
@@ -41,20 +45,20 @@ class SteadyFreeSpace:
         middle = free_space.range_m
         if len(carried) == 2:
             middle = np.sort([middle, *(before.range_m for before in carried)], axis=0)[1]
-        middle = (1 - _DOUBT_SHARE) * middle
+        middle = (1 - self._margin_ratio) * middle
         middle.flags.writeable = False
         return FreeSpace(free_space.bearing_rad, middle)
 
 
 def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
-    """Free space as seen from where the robot is by now.
+    """Return the free space from where the robot is now.
 
     Parameters
     ----------
     free_space : FreeSpace
         All around, at evenly spaced bearings.
     motion : Pose2
-        Motion since it was seen, in the robot's frame of then.
+        Motion since its frame, in the robot's frame of then.
     """
     if math.hypot(motion.x_m, motion.y_m) < 1e-3 and abs(motion.theta_rad) < 1e-3:
         return free_space
@@ -68,7 +72,7 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
     turned, away = np.arctan2(moved[:, 1], moved[:, 0]), np.hypot(moved[:, 0], moved[:, 1])
     order = np.argsort(turned)
     seen = np.interp(bearing, turned[order], away[order], period=math.tau)
-    # what lies before something else hides it; a mean between the two would not
+    # a nearer obstacle hides a farther one; interpolation between the two would not
     index = np.rint((turned - bearing[0]) / (2 * half)).astype(int) % len(bearing)
     np.minimum.at(seen, index, away)
     seen.flags.writeable = False

@@ -43,7 +43,7 @@ class FreeRanges(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SteeringCommand:
-    """What the robot is told to do, and why.
+    """A velocity command, and its reason.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Steering:
     -----
     Each measured bearing stands for its whole sector, halfway to its neighbours, blocked from its range on, so nothing
     slips between bearings. A measured range below the robot's radius counts as contact: away from it is free. An
-    unmeasured bearing (NaN range, or outside what the camera sees) is blocked at range 0: the robot's centre may not
+    unmeasured bearing (NaN range, or outside the camera's view) is blocked at range 0: the robot's centre may not
     enter it, but nothing is known to stand there, so it is not grown.
 
     The detour is one signed angle, as in the Pledge algorithm for mazes. The direction wanted is the target's bearing

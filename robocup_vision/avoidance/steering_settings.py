@@ -32,7 +32,7 @@ class SteeringSettings:
     keep_side : bool
         Remember the detour: by how much, and to which side, obstacles have turned the robot from the target's bearing.
         Two equally good ways round then do not make it waver between them, and pockets do not hold it. `forget` drops
-        the memory. False where a `Wayfinder`, which remembers more than one view, says where to head.
+        the memory. False where a `Wayfinder`, which remembers more than one view, gives the direction.
     stop_ratio : float
         The slowest of the speeds tried is one from which the robot stops within this ratio of its radius: any gap that
         it fits through can then be entered.

@@ -1,15 +1,15 @@
-"""Where to head next, so that a robot that sees only what is around it gets round what stands before its target.
+"""Finds the direction to head in, so that a robot gets round obstacles that it measures on its way to a target.
 
 Steering uses one view. A robot that heads straight for its target by one view alone stops in a pocket, shuttles between
-two obstacles, or comes to a corner too fast to turn. Here the floor seen lately is kept in a small grid that moves with
-the odometry. What was never seen counts as free, and the cheapest way over the grid gives the direction.
+two obstacles, or comes to a corner too fast to turn. Here a small grid remembers the floor of the last views and moves
+with the odometry. Unknown cells count as free. The cheapest way over the grid gives the direction.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import cv2
 import numpy as np
@@ -40,10 +40,27 @@ class WayfinderSettings:
     try_ratio : float
         A place ahead within this much of another one counts as the same that was tried.
     sure_ratio : float
-        A view tells something of the floor where its sectors are narrower than the robot's radius, and surely where
-        they are narrower than this.
+        A view measures the floor where its sectors are narrower than the robot's radius, and surely where they are
+        narrower than this.
     strip_cells : float
         The strip that is marked as blocked behind a free range, cells.
+    fading : float
+        Factor of the distance from which a free cell was measured, with each view that shows it free from farther away:
+        others may enter it.
+    overrule_ratio : float
+        A blocked cell measured from this many times as far does not overrule a free one: far sectors are wide.
+    tight_price : float
+        Extra price of a cell at the very edge of open floor, so that ways keep clear where there is room.
+    shut_price : float
+        Price of a cell where the robot just does not fit: more than any way round over open floor nearby.
+    maybe_barred_price, barred_price : float
+        Extra price of the middle of a blocked strip: measured from afar it may be an error of a wide sector, from near
+        it is not.
+    tries, tried_price : float
+        A place headed for more often than this without getting through is dearer by the second with each further try.
+        Passing by slowly takes fewer.
+    remembered_ratio : float
+        Fraction of the tries that is remembered with each new way.
 
     Raises
     ------
@@ -59,9 +76,18 @@ class WayfinderSettings:
     try_ratio: float = 0.5
     sure_ratio: float = 0.4
     strip_cells: float = 2.5
+    fading: float = 1.03
+    overrule_ratio: float = 1.5
+    tight_price: float = 2.0
+    shut_price: float = 5.0
+    maybe_barred_price: float = 50.0
+    barred_price: float = 1000.0
+    tries: float = 15.0
+    tried_price: float = 1.0
+    remembered_ratio: float = 0.995
 
     def __post_init__(self) -> None:
-        for name in ("window_m", "cell_ratio", "spare_ratio", "soft_ratio", "try_ratio", "sure_ratio", "strip_cells"):
+        for name in (field.name for field in fields(self) if field.name != "every"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
                 raise ArgumentError(f"{name} must be positive, got {value!r}")
@@ -71,14 +97,14 @@ class WayfinderSettings:
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Where to head.
+    """A direction to head in.
 
     Parameters
     ----------
     bearing_rad : float
         Robot frame, radians.
     distance_m : float
-        To where a robot that slows down to stop there is never too fast for a turn or for the target, metres.
+        A robot that slows down to stop at this distance is never too fast for a turn or for the target, metres.
     straight : bool
         Whether this leads straight to the target.
     """
@@ -94,7 +120,7 @@ class Wayfinder:
     Parameters
     ----------
     robot_radius_m : float
-        As that of `Steering`: what it does not drive through is no way.
+        As that of `Steering`, so that a way is never narrower than steering allows.
     settings : WayfinderSettings, optional
         How the floor is remembered and priced.
 
@@ -105,13 +131,13 @@ class Wayfinder:
 
     Notes
     -----
-    A view marks cells free up to each direction's range and blocked over a strip behind it; the newest view counts,
-    except that what was lately seen to be free from much nearer stays so. What seems blocked from afar is dear to
-    cross, since sectors are wide there, what was seen from near far dearer, and dearest in its middle; nothing is
-    impassable, so there is always a way. A place that the robot heads for again and again without getting through
-    becomes dearer each time, as in learning real-time A*, so that in the end it tries all others.
+    A view marks cells free up to each direction's range and blocked over a strip behind it. The newest view counts, but
+    a cell that was measured free from much nearer stays free. Cells blocked from afar have a high price, since sectors
+    are wide there, cells blocked from near a much higher one, highest in the middle of a strip. No cell is impassable,
+    so there is always a way. A place that the robot heads for again and again without getting through becomes dearer
+    each time, as in learning real-time A*, so that in the end it tries all others.
 
-    The distance handed on makes a robot slow down before a turn. Turning by an angle a at a speed v changes the
+    The returned distance makes a robot slow down before a turn. Turning by an angle a at a speed v changes the
     velocity by 2 v sin(a/2), for which it travels about 2 v^2 sin(a/2) / alpha: twice the robot's radius R at a speed
     v^2 = alpha R / sin(a/2), which is the speed that a stop from R / (2 sin(a/2)) farther on still has at the turn.
     """
@@ -122,6 +148,16 @@ class Wayfinder:
         if not settings.window_m >= 8.0 * robot_radius_m:
             raise ArgumentError(f"window_m must be at least 8 radii of the robot, got {settings.window_m!r}")
         self._settings = settings
+        self._mark_rules = way_grid.MarkRules(settings.fading, settings.overrule_ratio)
+        self._price_rules = way_grid.PriceRules(
+            settings.tight_price,
+            settings.shut_price,
+            settings.maybe_barred_price,
+            settings.barred_price,
+            settings.tries,
+            settings.tried_price,
+            settings.remembered_ratio,
+        )
         self._cell_m = settings.cell_ratio * robot_radius_m
         self._size = math.ceil(settings.window_m / self._cell_m)
         shape = (self._size, self._size)
@@ -133,7 +169,7 @@ class Wayfinder:
         self.forget()
 
     def forget(self) -> None:
-        """Drop all that was seen."""
+        """Forget all views."""
         self._state: UInt8Array = np.full((self._size, self._size), way_grid.UNSEEN, np.uint8)
         self._seen_from: Float32Array = np.zeros((self._size, self._size), np.float32)
         self._tried: Float32Array = np.zeros((self._size, self._size), np.float32)
@@ -146,7 +182,7 @@ class Wayfinder:
         self._is_due = True
 
     def update(self, free_space: FreeRanges, motion: Pose2) -> None:
-        """Take in a view.
+        """Update the grid with a view.
 
         Parameters
         ----------
@@ -176,7 +212,9 @@ class Wayfinder:
             radius = 1.0 / self._settings.cell_ratio
             self._reach = radius / float(bearing[1] - bearing[0])
             view = way_grid.RangesInGrid(self._x, self._y, self._theta, bearing, range_cells)
-            way_grid.mark_view(self._state, self._seen_from, view, radius, self._reach, self._settings.strip_cells)
+            way_grid.mark_view(
+                self._state, self._seen_from, view, radius, self._reach, self._settings.strip_cells, self._mark_rules
+            )
             self._is_due = True
         self._views += 1
 
@@ -223,7 +261,7 @@ class Wayfinder:
             bearing = math.remainder(towards - self._theta, math.tau)
             distance_m = math.hypot(x - self._x, y - self._y) * self._cell_m + self._room_to_turn_m(after - towards)
         if is_new and distance_m > self._cell_m / self._settings.cell_ratio:
-            # what lies a radius ahead is to be passed next
+            # the place a radius ahead is passed next
             angle, radius = bearing + self._theta, 1.0 / self._settings.cell_ratio
             x, y = self._x + radius * math.cos(angle), self._y + radius * math.sin(angle)
             way_grid.note_try(self._tried, self._price, x, y, self._settings.try_ratio * radius)
@@ -237,7 +275,7 @@ class Wayfinder:
         return 0.5 * radius_m / max(abs(math.sin(0.5 * angle_rad)), 1e-3)
 
     def _in_grid(self, bearing_rad: float, distance_m: float) -> tuple[float, float]:
-        """Cell of a place; of one outside, that on the grid's rim towards it."""
+        """Return the cell of a place; of one outside, the cell on the grid's rim towards it."""
         unit_x, unit_y = math.cos(bearing_rad + self._theta), math.sin(bearing_rad + self._theta)
         far = distance_m / self._cell_m
         for unit, place in ((unit_x, self._x), (unit_y, self._y)):
@@ -256,7 +294,7 @@ class Wayfinder:
             for seen in (self._open_any, self._open_sure)
         )
         spare, soft = self._settings.spare_ratio * radius, self._settings.soft_ratio * radius
-        way_grid.price_cells(away_any, away_sure, self._tried, radius, spare, soft, self._price)
+        way_grid.price_cells(away_any, away_sure, self._tried, radius, spare, soft, self._price_rules, self._price)
         self._turn = None
         start = int(self._y + 0.5) * size + int(self._x + 0.5)
         target = int(target_y + 0.5) * size + int(target_x + 0.5)

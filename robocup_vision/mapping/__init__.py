@@ -1,7 +1,7 @@
-"""What is remembered over frames: the robot's own motion, and a map of the free floor."""
+"""Estimates over several frames: the robot's own motion, and a map of the free floor."""
 
 from robocup_vision.mapping.ego_motion import EgoMotion, EgoMotionSettings, Motion
-from robocup_vision.mapping.occupancy import FreeSpaceMap
+from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.range_profile import RangeProfile, floor_profile
 from robocup_vision.mapping.view_motion import ViewMotion, ViewMotionSettings
 
@@ -9,6 +9,7 @@ __all__ = [
     "EgoMotion",
     "EgoMotionSettings",
     "FreeSpaceMap",
+    "FreeSpaceMapSettings",
     "Motion",
     "RangeProfile",
     "ViewMotion",

@@ -1,14 +1,15 @@
-"""A map of the free floor around the robot from two sensors that see different parts of things (Miura 2004, 2.2).
+"""Maps the free floor around the robot from two sensors that measure different parts of things (Miura 2004, 2.2).
 
-A camera that tells the floor by its colour is fooled by glare; a range sensor looks over a ball or a fallen robot. As
-they may see different parts of the same thing, their readings must not be added up: each sensor keeps a grid of its
-own, and what their grids say is put together afterwards.
+Glare looks like floor of another colour to a camera. A range sensor measures above a ball or a fallen robot. Both may
+measure different parts of one thing, so their evidence must not be added. Each sensor has its own grid, and the states
+of the grids are combined.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -26,37 +27,71 @@ FREE, NO_GO, UNDECIDED = 0, 1, 2
 _NO_DISCS = np.empty((0, 3))
 
 
-class FreeSpaceMap:
-    """Where the floor around the robot is free, from what its sensors have said on the way.
+@dataclass(frozen=True, slots=True)
+class FreeSpaceMapSettings:
+    """Size and thresholds of a `FreeSpaceMap`.
 
-    A square window of cells moves with the robot in whole cells; its axes stay those of the frame in which the robot's
-    pose is given, so nothing is ever resampled. What leaves the window is forgotten.
+    Parameters
+    ----------
+    cells : int
+        Cells N along each side of the window: 80 of 4 cm reach as far as a mirror camera measures the floor.
+    cell_m : float
+        Side of a cell, metres: under half a robot's radius, so that a gap for a robot has free cells.
+    free_below, no_go_above : float
+        A cell with a smaller probability of being occupied than the first is free, one with a larger than the second is
+        blocked (Miura's values).
+    clip : float
+        Probabilities stay between this and 1 - clip, so that a few later measurements can change the state.
+
+    Raises
+    ------
+    ArgumentError
+        A size or probability is out of its range.
+    """
+
+    cells: int = 80
+    cell_m: float = 0.04
+    free_below: float = 0.1
+    no_go_above: float = 0.9
+    clip: float = 0.02
+
+    def __post_init__(self) -> None:
+        if self.cells < 3:
+            raise ArgumentError(f"cells must be at least 3, got {self.cells}")
+        if not 0 < self.cell_m < math.inf:
+            raise ArgumentError(f"cell_m must be positive, got {self.cell_m}")
+        if not 0 < self.clip < self.free_below < 0.5 < self.no_go_above < 1 - self.clip:
+            raise ArgumentError(
+                "probabilities must be 0 < clip < free_below < 0.5 < no_go_above < 1 - clip, got "
+                f"clip {self.clip}, free_below {self.free_below}, no_go_above {self.no_go_above}"
+            )
+
+
+class FreeSpaceMap:
+    """Free floor around the robot, from the evidence of its sensors so far.
+
+    A square window of cells moves with the robot in whole cells. Its axes are those of the frame in which the robot's
+    pose is given, so the cells are never resampled. Cells that leave the window are forgotten.
 
     Parameters
     ----------
     sensors : mapping of str to SensorModel, optional
         By name; the project's own ``floor`` and ``range`` unless given.
-    cells : int
-        Cells N along each side of the window.
-    cell_m : float
-        Side of a cell, metres.
-    free_below, no_go_above : float
-        A cell less probably occupied than the first is free, more probably than the second an obstacle.
-    clip : float
-        No cell is held for less probably occupied than this, nor for more than 1 - clip, so that it can be unlearnt.
+    settings : FreeSpaceMapSettings, optional
+        Size and thresholds.
 
     Raises
     ------
     ArgumentError
-        If there is no sensor, or a size or probability is out of its range.
+        If there is no sensor.
 
     Notes
     -----
-    P(E|O) and P(E|not O) by Bayes' rule, P0 = 0.5, as log-odds. The measured cell of a bearing is O, nearer ones are
-    not O, farther ones untold. A bearing is a cone that widens with range: not O is told only of cells that the cones
-    cross as a whole. A cell is `FREE` if one sensor at least holds it for free, and every other does so too or, after
-    n_req observations or more, is undecided about it. All else must not be entered: `NO_GO` where a sensor holds it
-    for an obstacle, `UNDECIDED` where none does, and looking again may yet free it.
+    P(E|O) and P(E|not O) by Bayes' rule, P0 = 0.5, as log-odds. The measured cell of a bearing gives the event O,
+    nearer cells the event not O, farther ones none. A bearing is a cone that widens with range: only cells that the
+    cones cross as a whole give not O. A cell is `FREE` if it is free by at least one sensor, and by every other sensor
+    it is free too or, after n_req observations or more, undecided. Other cells must not be entered: `NO_GO` where a
+    sensor has it blocked, `UNDECIDED` where none has; there another look may decide.
 
     The poses should be of one smooth frame. After a jump (a robot carried off, the other half of the field), `forget`.
     """
@@ -64,29 +99,17 @@ class FreeSpaceMap:
     def __init__(
         self,
         sensors: Mapping[str, SensorModel] | None = None,
-        *,
-        cells: int = 80,
-        cell_m: float = 0.04,
-        free_below: float = 0.1,
-        no_go_above: float = 0.9,
-        clip: float = 0.02,
+        settings: FreeSpaceMapSettings = FreeSpaceMapSettings(),
     ) -> None:
         self.sensors = dict(default_sensors() if sensors is None else sensors)
         if not self.sensors:
             raise ArgumentError("sensors must name at least one sensor")
-        if cells < 3:
-            raise ArgumentError(f"cells must be at least 3, got {cells}")
-        if not 0 < cell_m < math.inf:
-            raise ArgumentError(f"cell_m must be positive, got {cell_m}")
-        if not 0 < clip < free_below < 0.5 < no_go_above < 1 - clip:
-            raise ArgumentError(
-                "probabilities must be 0 < clip < free_below < 0.5 < no_go_above < 1 - clip, got "
-                f"clip {clip}, free_below {free_below}, no_go_above {no_go_above}"
-            )
-        self.cells, self.cell_m = cells, cell_m
-        self.free_below, self.no_go_above, self.clip = free_below, no_go_above, clip
-        self._free_odds, self._no_go_odds, self._max_odds = (_logit(p) for p in (free_below, no_go_above, 1 - clip))
-        self._needed = {name: model.observations_needed(free_below) for name, model in self.sensors.items()}
+        cells = settings.cells
+        self.settings, self.cells, self.cell_m = settings, cells, settings.cell_m
+        self._free_odds, self._no_go_odds, self._max_odds = (
+            _logit(p) for p in (settings.free_below, settings.no_go_above, 1 - settings.clip)
+        )
+        self._needed = {name: model.observations_needed(settings.free_below) for name, model in self.sensors.items()}
         self._log_odds = {name: np.zeros((cells, cells), dtype=np.float32) for name in self.sensors}
         self._counts = {name: np.zeros((cells, cells), dtype=np.int32) for name in self.sensors}
         self._robot = Pose2(0.0, 0.0, 0.0)
@@ -95,11 +118,11 @@ class FreeSpaceMap:
 
     @property
     def looks_to_free(self) -> int:
-        """Looks after which a cell that nothing was known of is free, if all find it so."""
+        """Looks after which an unknown cell is free, if each look finds it free."""
         return max(self._needed.values())
 
     def forget(self) -> None:
-        """Forget all that was seen."""
+        """Forget all evidence."""
         for name in self.sensors:
             self._log_odds[name][:] = 0.0
             self._counts[name][:] = 0
@@ -107,7 +130,7 @@ class FreeSpaceMap:
 
     @property
     def robot(self) -> Pose2:
-        """The robot, as `move` was last told."""
+        """The robot's pose of the last `move`."""
         return self._robot
 
     @property
@@ -122,14 +145,14 @@ class FreeSpaceMap:
         return self.corner_m[0] + half, self.corner_m[1] + half
 
     def move(self, robot: Pose2 | None = None, *, odometry: Pose2 | None = None) -> None:
-        """Tell where the robot is by now; the window follows in whole cells.
+        """Move the robot; the window follows in whole cells.
 
         Parameters
         ----------
         robot : Pose2, optional
             Its pose in the map's frame: the field's, or that of odometry.
         odometry : Pose2, optional
-            Or its motion since it was last told, in its frame then.
+            Or its motion since the last call, in its frame then.
 
         Raises
         ------
@@ -154,7 +177,7 @@ class FreeSpaceMap:
         self._state = None
 
     def evidence(self, sensor: str, profile: RangeProfile, *, mask: npt.ArrayLike | None = None) -> Int8Array:
-        """Return what a profile seen from where the robot is says of each cell.
+        """Return the evidence of each cell by a profile measured from the robot's pose.
 
         Returns
         -------
@@ -181,17 +204,17 @@ class FreeSpaceMap:
         return out
 
     def update(self, sensor: str, profile: RangeProfile, *, mask: npt.ArrayLike | None = None) -> None:
-        """Take in what a sensor sees from where the robot is.
+        """Update the map with a profile that a sensor measures from the robot's pose.
 
         Parameters
         ----------
         sensor : str
-            Which.
+            Its name.
         profile : RangeProfile
-            What it sees.
+            Its measurement.
         mask : (D, 3) array_like, optional
-            Discs x, y, radius in the map's frame, metres: moving robots, as tracked. Nothing is learnt of the cells
-            they touch, and what is met at them is no evidence of anything that stays; up to them it is still free.
+            Discs x, y, radius in the map's frame, metres: tracked robots. Cells that they touch get no evidence, and
+            hits at them are no evidence of fixed obstacles; cells before them still count as free.
 
         Raises
         ------
@@ -205,17 +228,17 @@ class FreeSpaceMap:
         self._state = None
 
     def probability(self, sensor: str) -> FloatArray:
-        """(N, N) float64: P(E) of each cell by one sensor."""
+        """Return (N, N) float64: P(E) of each cell by one sensor."""
         self._model(sensor)
         return np.asarray(1 / (1 + np.exp(-self._log_odds[sensor].astype(np.float64))))
 
     def observations(self, sensor: str) -> Int32Array:
-        """(N, N) int32: how often one sensor has told something of each cell."""
+        """Return (N, N) int32: number of observations of each cell by one sensor."""
         self._model(sensor)
         return self._counts[sensor].copy()
 
     def sensor_state(self, sensor: str) -> UInt8Array:
-        """(N, N) uint8: FREE, NO_GO or UNDECIDED by one sensor alone."""
+        """Return (N, N) uint8: FREE, NO_GO or UNDECIDED by one sensor alone."""
         self._model(sensor)
         odds = self._log_odds[sensor]
         free, no_go = odds < self._free_odds, odds > self._no_go_odds
@@ -238,10 +261,9 @@ class FreeSpaceMap:
         return self._state
 
     def free_space(self, robot: Pose2, bearing_rad: npt.ArrayLike, *, nearest_m: float = 0.0) -> FreeSpace:
-        """Free ranges around a pose, for steering: in each bearing's cone up to the first cell that is not FREE.
+        """Return free ranges around a pose, for steering: in each bearing's cone up to the first cell that is not FREE.
 
-        Moving robots that were masked stand in their tracks, not in here: steer by the smaller of this and what the
-        present frame shows.
+        Masked robots are in their tracks, not in the map. Steer by the smaller of these ranges and the present frame's.
 
         Parameters
         ----------
@@ -250,7 +272,7 @@ class FreeSpaceMap:
         bearing_rad : (J,) array_like
             In the robot frame, ascending within one turn, radians.
         nearest_m : float
-            Cells that reach nearer than this are not asked: where the robot stands, or its sensors see nothing.
+            Cells that reach nearer than this are ignored: the robot stands there, or its sensors measure nothing.
 
         Raises
         ------
@@ -288,7 +310,7 @@ class FreeSpaceMap:
         return np.ascontiguousarray(discs)
 
     def _on_disc(self, profile: RangeProfile, discs: FloatArray) -> BoolArray:
-        """(J,) bool: bearings whose end lies on a disc, as far as cells and depth can tell."""
+        """Return (J,) bool: bearings whose end lies on a disc, to within a cell and the depth."""
         turn = profile.bearing_rad + self._robot.theta_rad
         c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
         x, y = discs[:, 0] - self._robot.x_m, discs[:, 1] - self._robot.y_m
@@ -303,7 +325,7 @@ def _logit(probability: float) -> float:
 
 
 def _scroll(grid: npt.NDArray[np.float32] | Int32Array, shift: tuple[int, int]) -> None:
-    """Move a grid's content against a shift of its window; what comes in is 0."""
+    """Move a grid's content against a shift of its window; new cells are 0."""
     size = len(grid)
     kept = np.zeros_like(grid)
     if abs(shift[0]) < size and abs(shift[1]) < size:

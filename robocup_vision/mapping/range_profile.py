@@ -1,4 +1,4 @@
-"""The nearest thing in every direction: what a sensor tells a map, whatever sensor it is."""
+"""A range profile: the range to the first obstacle in every direction, of any sensor; the input of the map."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from robocup_vision.arrays import BoolArray, FloatArray, read_only
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.view import View
 
-# a gap between bearings of more than this many times their smallest spacing belongs to nobody
+# a gap between bearings of more than this many times their smallest spacing belongs to no cone
 _GAP = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RangeProfile:
-    """Ranges all around, or over what the sensor sees.
+    """Ranges all around, or over the sensor's field of view.
 
     Parameters
     ----------
@@ -26,11 +26,11 @@ class RangeProfile:
         Directions in the robot frame, ascending within one turn, radians. Each stands for a cone halfway to its
         neighbours; a wide gap between two belongs to neither.
     range_m : (J,) float64
-        Free distance from the robot's centre, metres; NaN where the sensor tells nothing.
+        Free distance from the robot's centre, metres; NaN where the sensor measures nothing.
     hit : (J,) bool
-        Whether something ends it; else it is free so far, and nothing is known beyond.
+        Whether an obstacle ends it; else the floor is free so far, and unknown beyond.
     depth_m : (J,) float64 or float
-        What ends it stands between range and range + depth.
+        The obstacle stands between range and range + depth.
 
     Raises
     ------
@@ -67,7 +67,7 @@ class RangeProfile:
 
 
 def cones(bearing_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper edges (J,) of bearings' cones, radians: halfway to the neighbours, but not into a gap."""
+    """Return lower and upper edges (J,) of bearings' cones, radians: halfway to the neighbours, but not into a gap."""
     ahead = np.append(np.diff(bearing_rad), bearing_rad[0] + math.tau - bearing_rad[-1])
     least = float(ahead.min())
     half = 0.5 * np.where(ahead <= _GAP * least, ahead, least)
@@ -75,12 +75,12 @@ def cones(bearing_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def floor_profile(view: View) -> RangeProfile:
-    """Where the floor's colour ends in each direction, a ball's foot among them.
+    """Return where the floor's colour ends in each direction; a ball ends it, too.
 
     Parameters
     ----------
     view : View
-        What a frame shows; best of a `Vision` with as many directions as cells at the sensor's reach call for.
+        Of a frame; best of a `Vision` whose directions are no farther apart than a cell at the sensor's reach.
 
     Raises
     ------
@@ -89,8 +89,8 @@ def floor_profile(view: View) -> RangeProfile:
 
     Notes
     -----
-    `view.free_space` leaves out the ball, which a robot may drive to; a map of what stands where does not. What ends
-    the floor stands in the first ring that is not free.
+    `view.free_space` leaves out the ball, which a robot may drive to; the map does not. The obstacle stands in the
+    first ring that is not free.
     """
     grid = view.grid
     if grid is None:

@@ -1,4 +1,4 @@
-"""How far a sensor's word can be relied on: P(O|E) and P(O|not E), learnt from runs with truth, kept in a file."""
+"""Models a sensor's reliability: P(O|E) and P(O|not E), learnt from runs with truth, read from a file."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ DEFAULT_FILE = Path(__file__).parent / "sensors.toml"
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """One sensor as the map sees it (Miura 2004, section 2.2.3).
+    """The map's model of one sensor (Miura 2004, section 2.2.3).
 
     Parameters
     ----------
     hit_if_occupied : float
-        P(O|E): of the occupied cells that it tells anything of, the share in which it meets something.
+        P(O|E): fraction of the occupied cells with evidence in which it measures a hit.
     hit_if_free : float
-        P(O|not E): the same of the free cells.
+        P(O|not E): the same fraction of the free cells.
     nearest_m, reach_m : float
-        Ranges between which it tells anything, from the robot's centre.
+        Ranges between which it measures, from the robot's centre.
 
     Raises
     ------
@@ -58,16 +58,16 @@ class SensorModel:
 
     @property
     def hit_step(self) -> float:
-        """What the event O adds to a cell's log-odds."""
+        """Change of a cell's log-odds by the event O."""
         return math.log(self.hit_if_occupied / self.hit_if_free)
 
     @property
     def crossed_step(self) -> float:
-        """What the event not O adds to a cell's log-odds; negative."""
+        """Change of a cell's log-odds by the event not O; negative."""
         return math.log((1 - self.hit_if_occupied) / (1 - self.hit_if_free))
 
     def observations_needed(self, free_probability: float) -> int:
-        """Return n_req: so many correct observations take a cell from 0.5 to this probability of being occupied."""
+        """Return n_req, the correct observations that take a cell from 0.5 to this probability of being occupied."""
         return math.ceil(-math.log(free_probability / (1 - free_probability)) / -self.crossed_step)
 
 
@@ -153,7 +153,7 @@ def default_sensors() -> dict[str, SensorModel]:
 
 
 class SensorTally:
-    """Counts what a sensor says of cells whose truth is known, and so learns its probabilities."""
+    """Counts the evidence of a sensor over cells of known truth, to learn its probabilities."""
 
     def __init__(self) -> None:
         self._counts = np.zeros((2, 2), dtype=np.int64)
@@ -169,8 +169,8 @@ class SensorTally:
             The truth; cells that are neither do not count.
         """
         for row, cells in enumerate((occupied, free)):
-            said = evidence[cells]
-            self._counts[row] += np.count_nonzero(said == kernel.HIT), np.count_nonzero(said == kernel.CROSSED)
+            kinds = evidence[cells]
+            self._counts[row] += np.count_nonzero(kinds == kernel.HIT), np.count_nonzero(kinds == kernel.CROSSED)
 
     def merge(self, other: SensorTally) -> None:
         """Add another tally's counts."""
@@ -182,17 +182,17 @@ class SensorTally:
         return self._counts.copy()
 
     def model(self, nearest_m: float, reach_m: float) -> SensorModel:
-        """Return the sensor's model: shares with one count of each kind more, so that none is 0 or 1.
+        """Return the sensor's model: ratios with one count of each kind added, so that none is 0 or 1.
 
         Raises
         ------
         ArgumentError
-            If the sensor tells nothing: it meets something in free cells as often as in occupied ones.
+            If the sensor gives no information: it has hits in free cells as often as in occupied ones.
         """
         occupied, free = ((self._counts[:, 0] + 1) / (self._counts.sum(axis=1) + 2)).tolist()
         if not free < occupied:
             raise ArgumentError(
-                f"the sensor tells nothing: it meets something in {occupied:.1%} of the occupied cells it tells of "
+                f"the sensor gives no information: it has hits in {occupied:.1%} of the occupied cells with evidence "
                 f"and in {free:.1%} of the free ones"
             )
         return SensorModel(occupied, free, nearest_m, reach_m)

@@ -72,7 +72,7 @@ def run_sensors(args: argparse.Namespace) -> int:
     write_sensors(args.out, models, _command(args))
     for name, model in models.items():
         print(
-            f"{name}: meets something in {model.hit_if_occupied:.1%} of the occupied cells it tells of, in "
+            f"{name}: has hits in {model.hit_if_occupied:.1%} of the occupied cells with evidence, in "
             f"{model.hit_if_free:.1%} of the free ones; from {model.nearest_m:.2f} to {model.reach_m:.2f} m"
         )
     print(f"learnt from {total} runs, written to {args.out}")

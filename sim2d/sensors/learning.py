@@ -9,7 +9,7 @@ import numpy as np
 
 from field_models import Field
 from robocup_vision.camera import OmniCamera
-from robocup_vision.mapping.occupancy import FreeSpaceMap
+from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.sensor_model import SensorModel, SensorTally
 from robocup_vision.vision import Vision
 from sim2d.sensors.cell_truth import CellTruth
@@ -71,7 +71,8 @@ def learn_sensors(
     scanner = scanner or RangeSensor()
     vision = map_vision(field, camera)
     reach = sensor_reach(vision, scanner, cell_m)
-    grid = FreeSpaceMap({name: SensorModel(*_UNLEARNT, *span) for name, span in reach.items()}, cell_m=cell_m)
+    unlearnt = {name: SensorModel(*_UNLEARNT, *span) for name, span in reach.items()}
+    grid = FreeSpaceMap(unlearnt, FreeSpaceMapSettings(cell_m=cell_m))
     tallies = {name: SensorTally() for name in reach}
     for run in range(runs):
         for number, kind in enumerate(KINDS_LEARNT):

@@ -1,4 +1,4 @@
-"""Compiled loops over the grid of ways: what a view shows of it, what crossing a cell costs, the cheapest way."""
+"""Compiled loops over the grid of ways: mark the cells of a view, price each cell, find the cheapest way."""
 
 from __future__ import annotations
 
@@ -12,17 +12,6 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Arr
 
 UNSEEN, FREE, BLOCKED = 0, 1, 2
 
-# how much less surely a free cell is known with every view that shows it again from farther away
-FADING = 1.03
-# what is seen from this many times as far does not overrule
-MUCH_FARTHER = 1.5
-# crossing what is shut, per cell: where it is just so, and what its middle costs more when seen from afar and from near
-SHUT, MAYBE_BARRED, BARRED = 5.0, 50.0, 1000.0
-# Heading for a place again and again tells that it cannot be got through: each time beyond the first so many, which
-# passing by slowly takes, makes it so much dearer. Of what was tried, so much is remembered the next time.
-TRIES, TRIED, REMEMBERED = 15.0, 1.0, 0.995
-# extra price of a cell at the very edge of what is open
-_TIGHT = 2.0
 _DIAGONAL = math.sqrt(2.0)
 
 
@@ -41,6 +30,34 @@ class RangesInGrid(NamedTuple):
     range_cells: FloatArray
 
 
+class MarkRules(NamedTuple):
+    """How a view marks cells; `WayfinderSettings` has the reasons.
+
+    fading, overrule_ratio : factor of a free cell's distance with each view that shows it again; a cell measured from
+    this many times as far does not overrule.
+    """
+
+    fading: float
+    overrule_ratio: float
+
+
+class PriceRules(NamedTuple):
+    """How cells are priced; `WayfinderSettings` has the reasons.
+
+    tight, shut, maybe_barred, barred : extra price at the very edge of open floor; price of a cell that is just shut;
+    extra price of the middle of what is shut, measured from afar and from near.
+    tries, tried, remembered : tries without a price; price of each more; fraction remembered the next time.
+    """
+
+    tight: float
+    shut: float
+    maybe_barred: float
+    barred: float
+    tries: float
+    tried: float
+    remembered: float
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def mark_view(
     state: UInt8Array,
@@ -49,21 +66,24 @@ def mark_view(
     least: float,
     reach: float,
     thickness: float,
+    rules: MarkRules,
 ) -> None:
-    """Mark what a view shows: free up to each direction's range, blocked over a strip beyond it, the rest as it was.
+    """Mark the cells of a view: free up to each direction's range, blocked over a strip beyond it, the rest as before.
 
     Parameters
     ----------
     state : (N, N) uint8, changed
         UNSEEN, FREE or BLOCKED; rows along y, columns along x.
     seen_from : (N, N) float32, changed
-        Distance from which each cell was judged, cells.
+        Distance from which each cell was measured, cells.
     view : RangesInGrid
-        What is free, and from where.
+        The free ranges, and the robot.
     least, reach : float
-        Nothing is judged from nearer, or at all from farther, cells.
+        Smallest distance that is stored, and distance up to which cells are marked, cells.
     thickness : float
         Of the blocked strip, cells.
+    rules : MarkRules
+        How cells fade and overrule.
     """
     robot_x, robot_y, robot_theta, bearing, range_cells = view
     size = state.shape[0]
@@ -94,10 +114,10 @@ def mark_view(
             r = max(r, least)
             before = state[row, column]
             if before == now:
-                # what is shut stays as sure as it ever was; what is free may be entered by others
-                known = seen_from[row, column] * (FADING if now == FREE else 1.0)
+                # a blocked cell stays as certain as it was; other robots may enter a free one
+                known = seen_from[row, column] * (rules.fading if now == FREE else 1.0)
                 seen_from[row, column] = min(known, r)
-            elif now == FREE or before == UNSEEN or r <= MUCH_FARTHER * seen_from[row, column]:
+            elif now == FREE or before == UNSEEN or r <= rules.overrule_ratio * seen_from[row, column]:
                 state[row, column] = now
                 seen_from[row, column] = r
 
@@ -106,7 +126,7 @@ def mark_view(
 def split_blocked(
     state: UInt8Array, seen_from: Float32Array, sure: float, open_any: UInt8Array, open_sure: UInt8Array
 ) -> None:
-    """Write 0 where something blocks, else 1: whatever seems to, and only what was seen from nearer than `sure`."""
+    """Write 0 for blocked cells, else 1: of all blocked cells, and of those measured from nearer than `sure`."""
     size = state.shape[0]
     for row in range(size):
         for column in range(size):
@@ -123,43 +143,46 @@ def price_cells(
     radius: float,
     spare: float,
     soft: float,
+    rules: PriceRules,
     price: Float32Array,
 ) -> None:
-    """Price every cell for a disc of a radius: 1 on open floor, more close to what blocks, much more where it is shut.
+    """Price every cell for a disc: 1 on open floor, more close to blocked cells, much more where the disc does not fit.
 
     Parameters
     ----------
     away_any, away_sure : (N, N) float32
-        Distance of each cell from the nearest that seems blocked, and from the nearest that surely is, cells.
+        Distance of each cell from the nearest blocked one, and from the nearest that is surely blocked, cells.
     tried : (N, N) float32, changed
         How often each cell was headed for lately; fades.
     radius, spare, soft : float
         Of the disc; more than it that a sure gap must have on each side; width of the seam that is priced, cells.
+    rules : PriceRules
+        The prices.
     price : (N, N) float32, written
     """
     size = price.shape[0]
     wide = radius + spare
     for row in range(size):
         for column in range(size):
-            # half a cell: what blocks may reach to the rim of its cell
+            # half a cell: an obstacle may reach to the rim of its cell
             gap = away_any[row, column] - 0.5
             if gap < radius:
                 lack = (radius - gap) / radius
-                cost = SHUT + MAYBE_BARRED * lack * lack
+                cost = rules.shut + rules.maybe_barred * lack * lack
             else:
                 lack = max((radius + soft - gap) / soft, 0.0)
-                cost = 1.0 + _TIGHT * lack * lack
+                cost = 1.0 + rules.tight * lack * lack
             gap = away_sure[row, column] - 0.5
             if gap < wide:
                 lack = (wide - gap) / wide
-                cost = max(cost, SHUT + BARRED * lack * lack)
-            price[row, column] = cost + TRIED * max(tried[row, column] - TRIES, 0.0)
-            tried[row, column] *= REMEMBERED
+                cost = max(cost, rules.shut + rules.barred * lack * lack)
+            price[row, column] = cost + rules.tried * max(tried[row, column] - rules.tries, 0.0)
+            tried[row, column] *= rules.remembered
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def note_try(tried: Float32Array, price: Float32Array, x: float, y: float, radius: float) -> None:
-    """Count one more try in each cell of a disc, cells, that is not open floor (price 1): that is got through."""
+    """Count one more try in each cell of a disc, cells, that is not open floor (price 1): open floor is passed."""
     size = tried.shape[0]
     for row in range(max(int(y - radius), 0), min(int(y + radius) + 2, size)):
         for column in range(max(int(x - radius), 0), min(int(x + radius) + 2, size)):
@@ -269,7 +292,7 @@ def straight_part(
 ) -> tuple[int, int]:
     """Return the last cell of a way that can be reached straight, and the one so many cells beyond it.
 
-    Straight is no dearer than along the way: it comes no closer to anything.
+    Straight means no higher price than along the way, so no nearer to blocked cells.
     """
     size = price.shape[0]
     length = 1

@@ -12,7 +12,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.avoidance.steering import Steering
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.mapping.occupancy import CROSSED, HIT
-from robocup_vision.mapping.occupancy import FREE, NO_GO, UNDECIDED, FreeSpaceMap
+from robocup_vision.mapping.occupancy import FREE, NO_GO, UNDECIDED, FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.range_profile import RangeProfile
 from robocup_vision.mapping.sensor_model import SensorModel, default_sensors
 from robocup_vision.motion_limits import MotionLimits
@@ -28,7 +28,7 @@ def circle(range_m, *, hit=True, count=120, depth_m=0.0):
 
 
 def single(model=WEAK, **options):
-    made = FreeSpaceMap({"one": model}, cells=60, cell_m=0.05, **options)
+    made = FreeSpaceMap({"one": model}, FreeSpaceMapSettings(cells=60, cell_m=0.05, **options))
     made.move(HERE)
     return made
 
@@ -37,7 +37,7 @@ def away(grid):
     return np.linalg.norm(cell_centers_m(grid) - (grid.robot.x_m, grid.robot.y_m), axis=-1)
 
 
-def test_the_measured_cell_is_hit_nearer_ones_crossed_and_farther_ones_untold():
+def test_the_measured_cell_is_hit_nearer_ones_crossed_and_farther_ones_without_evidence():
     grid = single()
     evidence, distance = grid.evidence("one", circle(0.9)), away(grid)
     cell = grid.cell_m
@@ -48,7 +48,7 @@ def test_the_measured_cell_is_hit_nearer_ones_crossed_and_farther_ones_untold():
     assert (np.abs(distance[evidence == HIT] - 0.9) < cell).all()
 
 
-def test_what_ends_without_a_hit_tells_only_of_what_is_nearer():
+def test_a_range_without_a_hit_is_evidence_of_nearer_cells_alone():
     evidence = single().evidence("one", circle(0.9, hit=False))
     assert (evidence != HIT).all()
     assert (evidence == CROSSED).any()
@@ -60,7 +60,7 @@ def test_all_of_the_depth_may_hold_what_was_hit():
     assert (evidence[(distance > 0.7) & (distance < 1.0)] == HIT).all()
 
 
-def test_cells_that_a_cone_crosses_in_part_are_not_told_free():
+def test_cells_that_a_cone_crosses_in_part_are_not_free():
     # one wide cone that ends early between cones that reach far
     grid = single()
     count = 36
@@ -140,7 +140,7 @@ STORIES = {
 @pytest.mark.parametrize("first", STORIES)
 @pytest.mark.parametrize("second", STORIES)
 def test_the_rule_is_the_printed_one(first, second):
-    grid = FreeSpaceMap({"a": WEAK, "b": WEAK}, cells=60, cell_m=0.05)
+    grid = FreeSpaceMap({"a": WEAK, "b": WEAK}, FreeSpaceMapSettings(cells=60, cell_m=0.05))
     grid.move(HERE)
     cell = np.unravel_index(np.argmin(np.abs(away(grid) - 0.5)), (60, 60))
     for name, story in (("a", first), ("b", second)):
@@ -162,7 +162,7 @@ def test_what_is_seen_does_not_depend_on_where_on_the_field(dx, dy, seed):
     profile = circle(rng.uniform(0.2, 1.3, 120))
     states = []
     for shift in ((0.0, 0.0), (dx * cell, dy * cell)):
-        grid = FreeSpaceMap({"one": WEAK}, cells=48, cell_m=cell)
+        grid = FreeSpaceMap({"one": WEAK}, FreeSpaceMapSettings(cells=48, cell_m=cell))
         grid.move(Pose2(shift[0] + 0.02, shift[1] + 0.01, 0.3))
         for _ in range(6):
             grid.update("one", profile)
@@ -284,7 +284,6 @@ def test_the_models_that_come_with_the_project_are_the_default():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"sensors": {}}, "at least one sensor"),
         ({"cells": 2}, "cells must be at least 3, got 2"),
         ({"cell_m": 0.0}, r"cell_m must be positive, got 0\.0"),
         ({"free_below": 0.6}, r"free_below 0\.6"),
@@ -293,7 +292,9 @@ def test_the_models_that_come_with_the_project_are_the_default():
 )
 def test_impossible_maps_are_refused(options, message):
     with pytest.raises(ArgumentError, match=message):
-        FreeSpaceMap(**options)
+        FreeSpaceMapSettings(**options)
+    with pytest.raises(ArgumentError, match="at least one sensor"):
+        FreeSpaceMap({})
 
 
 def test_impossible_uses_are_refused():

@@ -87,7 +87,7 @@ def test_files_that_cannot_be_written_are_told(tmp_path):
         write_sensors(tmp_path / "sensors.toml", {"a b": SensorModel(0.8, 0.1)}, "")
 
 
-def test_a_tally_counts_shares_of_what_is_told():
+def test_a_tally_counts_ratios_of_cells_with_evidence():
     evidence = np.array([[HIT, HIT, HIT, CROSSED], [HIT, CROSSED, CROSSED, CROSSED], [0, 0, HIT, CROSSED]], np.int8)
     occupied = np.array([[1, 1, 1, 1], [0, 0, 0, 0], [1, 0, 0, 0]], dtype=bool)
     free = np.array([[0, 0, 0, 0], [1, 1, 1, 1], [0, 1, 0, 0]], dtype=bool)
@@ -99,6 +99,6 @@ def test_a_tally_counts_shares_of_what_is_told():
     assert model == SensorModel(7 / 10, 3 / 10, 0.1, 2.0)
 
 
-def test_a_sensor_that_tells_nothing_is_no_sensor():
-    with pytest.raises(ArgumentError, match="the sensor tells nothing: it meets something in 50"):
+def test_a_sensor_without_information_is_refused():
+    with pytest.raises(ArgumentError, match="the sensor gives no information: it has hits in 50"):
         SensorTally().model(0.0, 1.0)

@@ -8,17 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.motion.way_grid import (
-    BARRED,
     BLOCKED,
-    FADING,
     FREE,
-    MAYBE_BARRED,
-    MUCH_FARTHER,
-    REMEMBERED,
-    SHUT,
-    TRIED,
-    TRIES,
     UNSEEN,
+    MarkRules,
+    PriceRules,
     RangesInGrid,
     dearest_between,
     find_way,
@@ -31,6 +25,7 @@ from robocup_vision.kernels.motion.way_grid import (
 
 seeds = st.integers(0, 2**32 - 1)
 SIZE = 24
+MARK, PRICE = MarkRules(1.03, 1.5), PriceRules(2.0, 5.0, 50.0, 1000.0, 15.0, 1.0, 0.995)
 
 
 def mark_twin(state, seen_from, x, y, theta, bearing, ranges, least, reach, thickness):
@@ -47,8 +42,8 @@ def mark_twin(state, seen_from, x, y, theta, bearing, ranges, least, reach, thic
         again = where & (state == now)
         overruled = where & ~again
         if now == BLOCKED:
-            overruled &= (state == UNSEEN) | (far <= MUCH_FARTHER * seen_from)
-        seen_from[again] = np.minimum(seen_from * (FADING if now == FREE else 1.0), far)[again]
+            overruled &= (state == UNSEEN) | (far <= MARK.overrule_ratio * seen_from)
+        seen_from[again] = np.minimum(seen_from * (MARK.fading if now == FREE else 1.0), far)[again]
         seen_from[overruled] = far[overruled]
         state[overruled] = now
     return state, seen_from
@@ -67,7 +62,7 @@ def test_views_are_marked_as_numpy_marks_them(seed):
     seen_from = rng.uniform(0, 15, (SIZE, SIZE)).astype(np.float32)
     place = (*rng.uniform(4, 20, 2), rng.uniform(-4, 4))
     expected = mark_twin(state, seen_from, *place, bearing, ranges, 3.0, 11.0, 2.5)
-    mark_view(state, seen_from, RangesInGrid(*place, bearing, ranges), 3.0, 11.0, 2.5)
+    mark_view(state, seen_from, RangesInGrid(*place, bearing, ranges), 3.0, 11.0, 2.5, MARK)
     # in a cell on the very edge between two sectors rounding decides
     assert (state != expected[0]).sum() <= 1
     agree = state == expected[0]
@@ -76,11 +71,11 @@ def test_views_are_marked_as_numpy_marks_them(seed):
 
 def price_twin(away_any, away_sure, tried, radius, spare, soft):
     gap = away_any - 0.5
-    open_floor = 1 + 2 * np.clip((radius + soft - gap) / soft, 0, None) ** 2
-    price = np.where(gap < radius, SHUT + MAYBE_BARRED * (1 - gap / radius) ** 2, open_floor)
+    open_floor = 1 + PRICE.tight * np.clip((radius + soft - gap) / soft, 0, None) ** 2
+    price = np.where(gap < radius, PRICE.shut + PRICE.maybe_barred * (1 - gap / radius) ** 2, open_floor)
     lack = (radius + spare - away_sure + 0.5) / (radius + spare)
-    price = np.where(lack > 0, np.maximum(price, SHUT + BARRED * lack**2), price)
-    return price + TRIED * np.maximum(tried - TRIES, 0)
+    price = np.where(lack > 0, np.maximum(price, PRICE.shut + PRICE.barred * lack**2), price)
+    return price + PRICE.tried * np.maximum(tried - PRICE.tries, 0)
 
 
 @settings(deadline=None, max_examples=30)
@@ -89,14 +84,14 @@ def test_prices_are_those_numpy_reckons(seed):
     rng = np.random.default_rng(seed)
     away_any = rng.uniform(0, 12, (SIZE, SIZE)).astype(np.float32)
     away_sure = (away_any + rng.uniform(0, 4, (SIZE, SIZE))).astype(np.float32)
-    tried = rng.uniform(0, 2 * TRIES, (SIZE, SIZE)).astype(np.float32)
+    tried = rng.uniform(0, 2 * PRICE.tries, (SIZE, SIZE)).astype(np.float32)
     before, price = tried.copy(), np.empty((SIZE, SIZE), np.float32)
-    price_cells(away_any, away_sure, tried, 5.0, 0.5, 2.5, price)
+    price_cells(away_any, away_sure, tried, 5.0, 0.5, 2.5, PRICE, price)
     expected = price_twin(away_any.astype(float), away_sure.astype(float), before.astype(float), 5.0, 0.5, 2.5)
     # at the rim of what is shut the price jumps
     clear = np.abs(away_any - 5.5) > 1e-4
     np.testing.assert_allclose(price[clear], expected[clear], rtol=1e-4)
-    np.testing.assert_allclose(tried, REMEMBERED * before, rtol=1e-5)
+    np.testing.assert_allclose(tried, PRICE.remembered * before, rtol=1e-5)
     assert (price >= 1).all()
 
 
