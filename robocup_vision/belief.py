@@ -1,4 +1,4 @@
-"""The estimate over time: pose hypotheses, tracked objects and the map, as plain values that pass between rooms."""
+"""Estimates over time as plain values: pose hypotheses, tracked objects and the map."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """An object that has been followed for a while.
+    """A tracked object.
 
     Parameters
     ----------
     number : int
-        Its own number, for as long as it is followed.
+        Its number, the same for as long as it is tracked.
     x_m, y_m, vx_mps, vy_mps : float
         Place and velocity in the field frame.
     covariance : (4, 4) float64
         Of these, m and m/s.
     probability : float
-        That it is there, within two thirds of its width.
+        That it is there, to within two thirds of its width.
     frames : int
-        Number of frames it has been followed.
+        Number of frames for which it has been tracked.
     missed : int
-        Frames in a row, up to this one, in which it was not seen.
+        Frames in a row, up to this one, without a detection.
     """
 
     number: int
@@ -69,11 +69,11 @@ class Track:
         object.__setattr__(self, "covariance", read_only(self.covariance))
 
     def place_after(self, seconds: float) -> tuple[float, float]:
-        """Where it is so long after the track's frame if it goes on as it goes, field frame."""
+        """Return its position so long after the track's frame at constant velocity, field frame."""
         return self.x_m + seconds * self.vx_mps, self.y_m + seconds * self.vy_mps
 
     def as_disc(self, robot: Pose2, radius_m: float, seconds: float = 0.0) -> Disc:
-        """Return what `Steering.steer` takes: a disc in the robot's frame, with velocity and both covariances.
+        """Return a disc in the robot's frame, with velocity and both covariances, as `Steering.steer` takes it.
 
         Parameters
         ----------
@@ -115,20 +115,20 @@ class MapPicture:
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """The estimate after a frame, from all frames so far.
+    """The estimates after a frame, from all frames so far.
 
     Parameters
     ----------
     t_s : float
-        When.
+        Time of the frame.
     pose : PoseEstimate or NotLocated
         The robot on the field.
     hypotheses : tuple of Hypothesis
-        Where it may be, with probabilities, most probable first.
+        Poses that it may have, with probabilities, most probable first.
     tracks : tuple of Track
-        Who moves on the field; empty unless asked for.
+        Other robots; empty without tracking.
     free_map : MapPicture or None
-        Which floor is free; None unless asked for, or while the pose is not known.
+        Which floor is free; None without a map, or while the pose is unknown.
     """
 
     t_s: float

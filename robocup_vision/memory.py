@@ -1,12 +1,13 @@
-"""Memory: where the robot is, who moves where, and which floor is free, estimated from frames and odometry over time.
+"""Memory: estimates the robot's pose, other robots and the free floor over time, from frames and odometry.
 
-The parts stand alone in `localization.pose_filter`, `tracking` and `mapping`; here they work together: the tracks are
-masked from the map, and both are told from the pose that is believed, not from the one that a frame names.
+The parts are in `localization.filter`, `tracking` and `mapping`. Here they work together: the tracks are masked from
+the map, and both are updated from the filtered pose, not from the pose of a single frame.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,41 +17,84 @@ from robocup_vision.belief import Belief, MapPicture, Track
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
-from robocup_vision.mapping.occupancy import FreeSpaceMap
+from robocup_vision.localization.filter.settings import PoseFilterSettings
+from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.mapping.view_motion import ViewMotion
-from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
+from robocup_vision.tracking import KnownFreeSpace, MovingObjects, MovingObjectsSettings, ReturnDetector
 from robocup_vision.view import View
 
 _FLOOR = "floor"
-_NO_TIME = "memory needs to know when a frame was taken: hand t_s to look"
-# a return's range as a mirror camera of the small-size league measures it (metres, ratio), and to which range
-_RANGE_STD, _LONGEST_M = (0.01, 0.05), 1.3
-# tracks are masked with this much around them: a robot's place is known no better
-_MASK_MARGIN_M = 0.05
-# where the pose is off from where odometry has led to by more than corrections amount to, memory is of another place
-_JUMP_M, _JUMP_RAD = 0.25, 0.35
+_NO_TIME = "memory needs the time of a frame: hand t_s to look"
+
+
+@dataclass(frozen=True, slots=True)
+class MemorySettings:
+    """Settings of `Memory` and its parts.
+
+    Parameters
+    ----------
+    poses : PoseFilterSettings
+        Of the pose filter.
+    objects : MovingObjectsSettings
+        Of the tracking of other robots.
+    free_map : FreeSpaceMapSettings
+        Of the map of the free floor.
+    range_std : (float, float)
+        Standard deviation of an obstacle's range: metres, and fraction of the range, as a mirror camera of the
+        small-size league measures it.
+    longest_m : float
+        Obstacles farther away are not tracked: that camera measures them too badly.
+    mask_margin_m : float
+        Tracks are masked from the map with this margin: the error of a robot's position.
+    jump_m, jump_rad : float
+        A pose that differs from odometry by more is of another place: corrections are smaller. Tracks and map begin
+        anew.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    poses: PoseFilterSettings = PoseFilterSettings()
+    objects: MovingObjectsSettings = MovingObjectsSettings()
+    free_map: FreeSpaceMapSettings = FreeSpaceMapSettings()
+    range_std: tuple[float, float] = (0.01, 0.05)
+    longest_m: float = 1.3
+    mask_margin_m: float = 0.05
+    jump_m: float = 0.25
+    jump_rad: float = 0.35
+
+    def __post_init__(self) -> None:
+        for name in ("longest_m", "jump_m", "jump_rad"):
+            if not getattr(self, name) > 0.0:
+                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
+        if not 0.0 <= self.mask_margin_m < math.inf:
+            raise ArgumentError(f"mask_margin_m must not be negative, got {self.mask_margin_m!r}")
 
 
 class Memory:
-    """Joins what frames show; one object a robot.
+    """Joins the views of a robot's frames over time; one object a robot.
 
     Parameters
     ----------
     field : Field
         The pitch.
     poses : PoseFilter, optional
-        A pose filter of one's own settings.
+        A pose filter; default: one with the settings' values.
     objects : MovingObjects or None
-        Follows what moves on the field. None: nobody is followed.
+        Tracks other robots. None: none are tracked.
     free_map : FreeSpaceMap or None
-        Remembers the free floor, by the sensor ``floor`` of its models. None: no map is kept.
+        Maps the free floor, by the sensor ``floor`` of its models. None: no map is made.
     object_radius_m : float, optional
         Of the robots that move on the field; default: as its league's are.
     ego_motion : ViewMotion, optional
         Estimates the motion between the views of a mirror camera: the odometry where none is handed over, and fused
         with it where it is, as wheels may slip. Frames must then come in the order they were taken in.
+    settings : MemorySettings, optional
+        Of this object; those of its parts count for the parts that it makes.
 
     Raises
     ------
@@ -59,9 +103,9 @@ class Memory:
 
     Notes
     -----
-    Call `predict` at each control step and `update` for each frame, or hand the object to `Vision`, which does both. As
-    objects are followed in the field's frame, nobody is followed, and no map kept, while the pose is not known; both
-    begin anew when the robot turns out to be elsewhere.
+    Call `predict` at each control step and `update` for each frame, or hand the object to `Vision`, which does both.
+    Tracks and map are in the field frame, so there are none while the pose is unknown. Both begin anew when the robot
+    turns out to be elsewhere.
     """
 
     def __init__(
@@ -73,10 +117,12 @@ class Memory:
         free_map: FreeSpaceMap | None = None,
         object_radius_m: float | None = None,
         ego_motion: ViewMotion | None = None,
+        settings: MemorySettings = MemorySettings(),
     ) -> None:
         if free_map is not None and _FLOOR not in free_map.sensors:
             raise ArgumentError(f"the map needs a sensor {_FLOOR!r}, it has {', '.join(free_map.sensors)}")
-        self.poses = poses or PoseFilter()
+        self.settings = settings
+        self.poses = poses or PoseFilter(settings=settings.poses)
         self.objects, self.free_map = objects, free_map
         self.ego_motion = ego_motion
         # odometry handed over since the last view; None: none was
@@ -86,25 +132,30 @@ class Memory:
         self._detector = None
         if objects is not None:
             floor = KnownFreeSpace.of_field(field)
-            self._detector = ReturnDetector(floor, self.object_radius_m, _RANGE_STD, _LONGEST_M)
+            self._detector = ReturnDetector(floor, self.object_radius_m, settings.range_std, settings.longest_m)
         self._tracks: tuple[Track, ...] = ()
         self._last: tuple[float, Pose2] | None = None
 
     @classmethod
-    def of_everything(cls, field: Field) -> Memory:
-        """Return a memory that follows what moves, and keeps a map of what the camera alone tells of the floor."""
+    def of_everything(cls, field: Field, settings: MemorySettings = MemorySettings()) -> Memory:
+        """Return a memory that tracks other robots, and maps the free floor by the camera alone."""
         floor = {_FLOOR: default_sensors()[_FLOOR]}
-        return cls(field, objects=MovingObjects(), free_map=FreeSpaceMap(floor))
+        return cls(
+            field,
+            objects=MovingObjects(settings.objects),
+            free_map=FreeSpaceMap(floor, settings.free_map),
+            settings=settings,
+        )
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Move the belief: `PoseFilter.predict`."""
+        """Move the estimate by odometry: `PoseFilter.predict`."""
         self.poses.predict(odometry, t_s)
         if self.ego_motion is not None:
             self._predicted_s = t_s
             self._since_view = odometry if self._since_view is None else self._since_view.compose(odometry)
 
     def predict_by_view(self, view: View, odometry: Pose2 | None = None) -> None:
-        """Move the belief to a view by the motion that `ego_motion` finds in it.
+        """Move the estimate to a view by the motion that `ego_motion` finds in it.
 
         Parameters
         ----------
@@ -133,30 +184,30 @@ class Memory:
         before = self._since_view
         reported = odometry if before is None else before if odometry is None else before.compose(odometry)
         motion = self.ego_motion.update(view, reported).motion
-        # a part of it the belief has moved already, by `predict`
+        # `predict` has already moved the estimate by a part of it
         self.poses.predict(motion if before is None else before.inverse().compose(motion), t_s)
         self._since_view = None
 
     def prior(self, t_s: float) -> Pose2 | None:
-        """Where the robot was at a time, to look at a frame of then: `PoseFilter.prior`."""
+        """Return the pose at a time, a prior for its frame: `PoseFilter.prior`."""
         return self.poses.prior(t_s)
 
     def prior_estimate(self, t_s: float) -> PoseEstimate | None:
-        """Where the robot was at a time, and how well that is known: `PoseFilter.prior_estimate`."""
+        """Return the pose at a time, with its covariance: `PoseFilter.prior_estimate`."""
         return self.poses.prior_estimate(t_s)
 
     def update(self, view: View) -> Belief:
-        """Update the belief by what a frame shows.
+        """Update with the view of a frame.
 
         Parameters
         ----------
         view : View
-            What it shows; its `t_s` must be known. A view from before the last one updates the pose alone.
+            With its time `t_s`. A view from before the last one updates the pose alone.
 
         Raises
         ------
         ArgumentError
-            If the view does not say when its frame was taken.
+            If the view has no time.
         """
         t_s = view.t_s
         if t_s is None:
@@ -167,7 +218,7 @@ class Memory:
         return self.belief(t_s)
 
     def belief(self, t_s: float) -> Belief:
-        """Return what is believed now; `t_s` stands in it."""
+        """Return the estimates now, with the time `t_s`."""
         picture = None
         pose = self.poses.belief
         if pose and self.free_map is not None and self._last is not None:
@@ -175,7 +226,7 @@ class Memory:
         return Belief(t_s, pose, self.poses.hypotheses, self._tracks, picture)
 
     def forget(self) -> None:
-        """Forget everything: the next frame founds a new belief."""
+        """Forget everything: the next frame begins anew."""
         self.poses.forget()
         if self.ego_motion is not None:
             self.ego_motion.forget()
@@ -193,7 +244,7 @@ class Memory:
             self._update_around(view, t_s, then)
 
     def _pose_at(self, t_s: float) -> PoseEstimate | None:
-        """Where the robot was believed to be at a time."""
+        """Return the estimated pose at a time."""
         pose, motion = self.poses.belief, self.poses.motion_since(t_s)
         return pose.seen_from(motion.inverse()) if pose and motion is not None else None
 
@@ -203,14 +254,14 @@ class Memory:
         if motion is None or not now:
             return True
         away_m, away_rad = now.pose.error_to(before.compose(motion))
-        return away_m > _JUMP_M or away_rad > _JUMP_RAD
+        return away_m > self.settings.jump_m or away_rad > self.settings.jump_rad
 
     def _update_around(self, view: View, t_s: float, robot: PoseEstimate) -> None:
         if self._detector is not None and self.objects is not None:
-            seen = self._detector.in_obstacles(view.obstacles, robot.pose, robot.covariance)
-            self._tracks = self.objects.update(t_s, seen, robot.pose, robot.covariance)
+            detections = self._detector.in_obstacles(view.obstacles, robot.pose, robot.covariance)
+            self._tracks = self.objects.update(t_s, detections, robot.pose, robot.covariance)
         if self.free_map is not None:
-            around = self.object_radius_m + _MASK_MARGIN_M
+            around = self.object_radius_m + self.settings.mask_margin_m
             discs = np.array([(track.x_m, track.y_m, around) for track in self._tracks])
             self.free_map.move(robot.pose)
             if view.marks.any():

@@ -182,7 +182,7 @@ class Vision:
         pan_rad: float | None,
     ) -> View:
         if t_s is None:
-            raise ArgumentError("memory needs to know when a frame was taken: hand t_s to look")
+            raise ArgumentError("memory needs the time of a frame: hand t_s to look")
         by_view = memory.ego_motion is not None
         if odometry is not None and not by_view:
             memory.predict(odometry, t_s)

@@ -18,11 +18,12 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.pose_filter import PoseFilter
+from robocup_vision.localization.filter.settings import PoseFilterSettings
 from robocup_vision.mapping.ego_motion import EgoMotion, EgoMotionSettings
-from robocup_vision.mapping.occupancy import FreeSpaceMap
+from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.sensor_model import SensorModel
 from robocup_vision.mapping.view_motion import ViewMotion, ViewMotionSettings
-from robocup_vision.memory import Memory
+from robocup_vision.memory import Memory, MemorySettings
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.tracking.moving_objects import MovingObjects
@@ -35,28 +36,16 @@ class MapRun:
     """Arguments of a `FreeSpaceMap`."""
 
     sensors: Mapping[str, SensorModel]
-    cells: int
-    cell_m: float
-    free_below: float
-    no_go_above: float
-    clip: float
+    settings: FreeSpaceMapSettings
 
     @classmethod
     def of(cls, free_map: FreeSpaceMap) -> MapRun:
         """Describe a map."""
-        m = free_map
-        return cls(dict(m.sensors), m.cells, m.cell_m, m.free_below, m.no_go_above, m.clip)
+        return cls(dict(free_map.sensors), free_map.settings)
 
     def make(self) -> FreeSpaceMap:
         """Make such a map, empty."""
-        return FreeSpaceMap(
-            self.sensors,
-            cells=self.cells,
-            cell_m=self.cell_m,
-            free_below=self.free_below,
-            no_go_above=self.no_go_above,
-            clip=self.clip,
-        )
+        return FreeSpaceMap(self.sensors, self.settings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +84,8 @@ class MemoryRun:
     free_map: MapRun | None
     object_radius_m: float
     ego_motion: EgoMotionRun | None
+    poses: PoseFilterSettings
+    settings: MemorySettings
 
     @classmethod
     def of(cls, memory: Memory) -> MemoryRun:
@@ -108,11 +99,13 @@ class MemoryRun:
             None if memory.free_map is None else MapRun.of(memory.free_map),
             memory.object_radius_m,
             None if memory.ego_motion is None else EgoMotionRun.of(memory.ego_motion),
+            poses.settings,
+            memory.settings,
         )
 
     def make(self, pitch: Field) -> Memory:
         """Make such a memory, empty."""
-        poses = PoseFilter(odometry=self.odometry, frames=self.frames)
+        poses = PoseFilter(odometry=self.odometry, frames=self.frames, settings=self.poses)
         if self.expected is not None:
             poses.expect(self.expected)
         return Memory(
@@ -122,6 +115,7 @@ class MemoryRun:
             free_map=None if self.free_map is None else self.free_map.make(),
             object_radius_m=self.object_radius_m,
             ego_motion=None if self.ego_motion is None else self.ego_motion.make(),
+            settings=self.settings,
         )
 
 

@@ -42,7 +42,8 @@ class MatchPlan:
     seed : int
         The same plan gives the same match.json, byte for byte.
     ours, theirs : PlayerFactory
-        Make the players of the side that attacks the goal at +x, and of the other.
+        Make the players of the side that attacks the goal at +x, and of the other. `sim2d.players.catalog.BuiltInTeam`
+        makes built-in players with options and settings.
     camera : OmniCamera or PinholeCamera, optional
         On every robot; default: that of the field's league.
     faults : tuple of Fault

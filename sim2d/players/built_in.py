@@ -43,7 +43,7 @@ class BuiltInPlayer:
     Parameters
     ----------
     setup : PlayerSetup
-        What it knows before the match.
+        Its data before the match.
     remembers : bool
         Track other robots and keep a map of the floor: steering then keeps clear of where the others will be.
     plans : bool
@@ -65,10 +65,15 @@ class BuiltInPlayer:
         self._head: Head | None = None
         if isinstance(camera, PinholeCamera):
             self._head = Head(field, limits, camera, plans=plans, settings=settings.head)
-        self._memory = Memory.of_everything(setup.field) if remembers or plans else Memory(setup.field)
+        everything = remembers or plans
+        self._memory = (
+            Memory.of_everything(setup.field, settings.memory)
+            if everything
+            else Memory(setup.field, settings=settings.memory)
+        )
         self._vision = Vision(setup.field, camera, memory=self._memory)
         self._filter = self._memory.poses
-        # the rules say where it begins; a frame may say otherwise
+        # the rules fix where it begins; a frame may contradict
         self._filter.expect(
             kick_off_pose(setup.field, setup.attacks, setup.number, setup.players, setup.limits.radius_m)
         )
@@ -79,7 +84,7 @@ class BuiltInPlayer:
         self._hidden: HiddenBall | None = None
         self._view: View | None = None
         self._view_t_s = -math.inf
-        self._floor = SteadyFreeSpace()
+        self._floor = SteadyFreeSpace(settings.floor_margin_ratio)
         self._free_space: FreeSpace | None = None
         self._last_frame: UInt8Array | None = None
         self._last_t_s: float | None = None
@@ -168,7 +173,7 @@ class BuiltInPlayer:
         belief, motion = self._filter.belief, self._filter.motion_since(frame_t_s)
         before = self._filter.motion_since(self._view_t_s)
         if before is None or motion is None:
-            self._floor = SteadyFreeSpace()
+            self._floor = SteadyFreeSpace(self._settings.floor_margin_ratio)
         moved = _NO_MOTION if before is None or motion is None else before.compose(motion.inverse())
         self._free_space = view.free_space if self._head else self._floor.update(view.free_space, moved)
         self._view_t_s = frame_t_s

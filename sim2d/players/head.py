@@ -13,7 +13,7 @@ from robocup_vision.belief import Track
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze
+from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze, PoseGazeSettings
 from sim2d.robot_link import RobotLimits
 
 Point = tuple[float, float]
@@ -33,6 +33,8 @@ class HeadSettings:
         A planned gaze is computed anew after this time.
     drift_m, drift_rad : float
         Standard deviations by which a pose drifts in a second without frames.
+    gaze : PoseGazeSettings
+        Of the planned gaze.
     """
 
     watch_s: float = 1.5
@@ -41,6 +43,7 @@ class HeadSettings:
     replan_s: float = 0.1
     drift_m: float = 0.03
     drift_rad: float = 0.05
+    gaze: PoseGazeSettings = PoseGazeSettings()
 
 
 class Head:
@@ -78,14 +81,16 @@ class Head:
     ) -> None:
         self._limits, self._settings = limits, settings
         self._neck = Neck(min(settings.sweep_rad, limits.pan_limit_rad), limits.pan_rps)
-        self._planner = PoseGaze(field, camera, self._neck, detectors=GOAL_DETECTORS) if plans else None
+        self._planner = (
+            PoseGaze(field, camera, self._neck, detectors=GOAL_DETECTORS, settings=settings.gaze) if plans else None
+        )
         self._drift = np.diag([settings.drift_m**2, settings.drift_m**2, settings.drift_rad**2])
         self.pan_rad = 0.0
         self.gaze: Gaze | None = None
         self._planned_s = -math.inf
 
     def observe(self, located: bool) -> None:
-        """Tell the planner whether the last frame located the robot."""
+        """Let the planner observe whether the last frame located the robot."""
         if self._planner is not None:
             self._planner.observe(located, self.pan_rad)
 

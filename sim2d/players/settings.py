@@ -1,9 +1,10 @@
-"""All values of a built-in player that a benchmark can vary."""
+"""All values of a built-in player: a benchmark varies them by `BuiltInTeam(settings=...)` in its `MatchPlan`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robocup_vision.memory import MemorySettings
 from sim2d.players.ball_memory import BallMemorySettings
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.driving.travel import TravelSettings
@@ -20,6 +21,10 @@ class PlayerSettings:
     ----------
     tactics, ball, motion, travel, shot, head
         Of its parts.
+    memory : MemorySettings
+        Of its estimates over time: pose filter, tracks and map.
+    floor_margin_ratio : float
+        Margin of the filtered free floor, as `SteadyFreeSpace` takes it.
     max_frame_age_s : float
         It drives by a frame's free space for so long, then stops until the next: obstacles move on.
     lost_rps : float
@@ -32,5 +37,7 @@ class PlayerSettings:
     travel: TravelSettings = TravelSettings()
     shot: ShotSettings = ShotSettings()
     head: HeadSettings = HeadSettings()
+    memory: MemorySettings = MemorySettings()
+    floor_margin_ratio: float = 0.02
     max_frame_age_s: float = 0.4
     lost_rps: float = 1.0

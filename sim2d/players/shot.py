@@ -11,7 +11,7 @@ from field_models.field import Field
 from robocup_vision.belief import MapPicture
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
-from robocup_vision.planning import Disc, MotionLimits, ShotPlan, ShotPlanner
+from robocup_vision.planning import Disc, MotionLimits, ShotPlan, ShotPlanner, ShotPlannerSettings
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.surroundings import Surroundings
 from sim2d.players.tactics.keeper import KeeperSettings
@@ -34,6 +34,8 @@ class ShotSettings:
         Mean time for which a ball is held where an opponent can reach it, and where none can.
     keeper_std_m : float
         Of the position assumed for a keeper that is not seen.
+    planner : ShotPlannerSettings
+        Which kicks are compared.
     """
 
     kick_std_rad: float = 0.03
@@ -42,6 +44,7 @@ class ShotSettings:
     lost_s: float = 0.5
     slips_s: float = 8.0
     keeper_std_m: float = 0.1
+    planner: ShotPlannerSettings = ShotPlannerSettings()
 
 
 class Shooter:
@@ -94,6 +97,7 @@ class Shooter:
             motion.holding_rps,
             settings.lost_s,
             settings.slips_s,
+            settings.planner,
         )
 
     def plan(self, around: Surroundings, turn_rps: float) -> ShotPlan:

@@ -12,9 +12,6 @@ from sim2d.robot_link import RobotLimits
 
 Point = tuple[float, float]
 
-# two tracks whose centres are nearer than so many radii are of one robot: two robots would overlap
-_APART_RADII = 1.6
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
@@ -49,7 +46,7 @@ class Surroundings:
         """Position of the robot."""
         return self.robot.pose.x_m, self.robot.pose.y_m
 
-    def others(self, limits: RobotLimits, ahead_s: float) -> dict[int, Disc]:
+    def others(self, limits: RobotLimits, ahead_s: float, apart_radii: float) -> dict[int, Disc]:
         """Return the other robots by number, where they will be when this one gets there.
 
         Parameters
@@ -58,13 +55,15 @@ class Surroundings:
             Of all robots.
         ahead_s : float
             They are predicted at most so far ahead.
+        apart_radii : float
+            Two tracks whose centres are nearer than this, in robot radii, are of one robot.
         """
         robot, discs = self.robot.pose, {}
         taken = [self.here]
         for track in sorted(self.tracks, key=lambda track: -track.probability):
             place = (track.x_m, track.y_m)
             # the less probable of two tracks in one place is left out
-            if any(math.dist(place, other) < _APART_RADII * limits.radius_m for other in taken):
+            if any(math.dist(place, other) < apart_radii * limits.radius_m for other in taken):
                 continue
             taken.append(place)
             away = math.hypot(track.x_m - robot.x_m, track.y_m - robot.y_m)

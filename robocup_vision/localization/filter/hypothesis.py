@@ -1,7 +1,7 @@
-"""How odometry and frames err, and one guess at where the robot is: a Gaussian that the one moves, the other corrects.
+"""Error models of odometry and frames, and one mode of the pose: a Gaussian that odometry moves and frames update.
 
-Frames do not err anew each time: what a place, a wrong calibration or a shadow does to one it does to the next. So the
-Gaussian is over the pose and over the error that the frames now share.
+Errors of successive frames are correlated: a place, a wrong calibration or a shadow has the same effect on the next
+one. So the Gaussian is over the pose and over the present common error of the frames.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 _MIN_STD = 1e-6
 # a half turn about the field's centre, of the parts that have the field's axes; slip has the robot's
 _FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
-# a motion takes at least this share of the time that slip lasts
+# a motion takes at least this fraction of the time that slip lasts: keeps a quotient finite
 _MIN_TIMES = 1e-4
 _POSE, _BIAS, _SLIP = slice(0, 3), slice(3, 6), slice(6, 9)
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """How odometry errs: slip in proportion to the motion, and pushes that no wheel feels.
+    """Errors of odometry: slip in proportion to the motion, and pushes that no wheel measures.
 
-    Slip is a first-order Gauss-Markov process in time, followed as part of the state: what frames tell of it carries on
-    to the next moment. Its default is a little more than a robot with good wheels has, so that odometry that is a fifth
-    off for good (worn wheels, another carpet) is still followed with an honest covariance.
+    Slip is a first-order Gauss-Markov process in time and part of the state, so that frames correct it for the next
+    moment. Its default is a little more than that of good wheels: odometry with a lasting error of a fifth (worn
+    wheels, another carpet) is then still followed with a correct covariance.
 
     Parameters
     ----------
     slip_ratio : float
-        Standard deviation of the slip, as a share of the velocity and of the turning rate; and, radians a metre, of the
-        turn that driving adds.
+        Standard deviation of the slip, as a fraction of the velocity and of the turning rate; and, radians a metre, of
+        the turn that driving adds.
     slip_s : float
         How long slip lasts, seconds.
     push_m, push_rad : float
@@ -78,30 +78,30 @@ class OdometryNoise:
         return self.slip_ratio * np.diag([way, way, math.hypot(way, turn)])
 
     def push(self, seconds: float) -> FloatArray:
-        """(3, 3) float64: covariance of what no wheel feels, m, m and rad."""
+        """(3, 3) float64: covariance of pushes that no wheel measures, m, m and rad."""
         return seconds * np.diag([self.push_m**2, self.push_m**2, self.push_rad**2])
 
 
 @dataclass(frozen=True, slots=True)
 class FrameErrors:
-    """How single frames err.
+    """Errors of single frames.
 
-    The bias share was measured in the simulation as the correlation of the errors of frames a second apart, in their
+    The bias ratio was measured in the simulation as the correlation of the errors of frames a second apart, in their
     standard deviations: 0.02 to 0.1 (mirror camera, noise sigma 18), 0.1 to 0.7 (pinhole camera, goals), 0.2 to 0.9
     (mirror camera, lines, large field). Frames of the latter two state thrice the variance they have, which makes up
-    for a share that is set too low.
+    for a ratio that is set too low.
 
     Parameters
     ----------
     bias_ratio : float
-        Share of the variance a frame states that is an error which the next frames have too; it does not average out
-        while the robot stands, and is another error once it has driven `bias_distance_m`. 0 to 1, without 1.
+        Fraction of a frame's stated variance that is an error which the next frames have too. It does not average out
+        while the robot stands, and is another error once it has driven `bias_distance_m`. From 0 to under 1.
     bias_distance_m : float
         Metres.
     outlier_rate : float
-        Share of the frames that show a wrong place.
+        Fraction of the frames with a wrong pose.
     half_error_rate : float
-        Share of the frames with a single candidate that name the wrong half of the field; under a half.
+        Fraction of the frames with a single candidate whose half of the field is wrong; under a half.
     spell_s : float
         A wrong place or half lasts that long in the mean, seconds: frames close together err together.
 
@@ -139,7 +139,7 @@ class PoseMeasurement:
     pose : Pose2
         The robot in the field frame.
     bias : (3, 3) float64
-        M: the frame says pose + M b + white noise, b being the bias error in units of its standard deviation.
+        M: the frame measures pose + M b + white noise, b being the bias error in units of its standard deviation.
     white : (3, 3) float64
         Covariance of the white noise.
     half_known : bool
@@ -153,7 +153,7 @@ class PoseMeasurement:
 
     @classmethod
     def of(cls, pose: Pose2, covariance: FloatArray, half_known: bool, bias_ratio: float) -> PoseMeasurement | None:
-        """Split a frame's covariance; None if it is none."""
+        """Split a frame's covariance into bias and white noise; None if it is no covariance."""
         if np.abs(covariance - covariance.T).max() > 1e-6 * np.abs(covariance).max():
             return None
         values, vectors = np.linalg.eigh(covariance)
@@ -197,7 +197,7 @@ class PoseMode:
     agreed_s : float
         When a frame last agreed with it.
     reported_half : int
-        The last frame that told a half told this one (1) or the other (-1); 0: none has.
+        The half that the last frame with a known half measured: this one (1) or the other (-1); 0: none yet.
     half_reported_s : float
         When.
     inlier_ratio, residual_px : float
@@ -220,7 +220,7 @@ class PoseMode:
     def found(
         cls, measurement: PoseMeasurement, estimate: PoseEstimate, t_s: float, log_weight: float, slip_std: float
     ) -> PoseMode:
-        """Begin where a frame says, with nothing known of its half.
+        """Begin a mode at a frame's pose, in an unknown half.
 
         Parameters
         ----------
@@ -233,7 +233,7 @@ class PoseMode:
         log_weight : float
             As in the class.
         slip_std : float
-            How much slip there may be now, in its usual standard deviations.
+            Standard deviation of the slip now, in its usual standard deviations.
         """
         covariance = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, *[slip_std**2] * 3])
         covariance[_POSE, _POSE] = measurement.bias @ measurement.bias.T + measurement.white
@@ -254,12 +254,12 @@ class PoseMode:
         )
 
     def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, bias_distance_m: float) -> PoseMode:
-        """Carry it along.
+        """Move the mode by odometry.
 
         Parameters
         ----------
         motion : Pose2
-            In the robot's frame before, as odometry tells it.
+            In the robot's frame before, by odometry.
         seconds : float
             How long it took.
         odometry : OdometryNoise
@@ -268,7 +268,7 @@ class PoseMode:
             As in `FrameErrors`.
         """
         bias_decay = math.exp(-math.hypot(motion.x_m, motion.y_m) / bias_distance_m)
-        # slip as it goes on, exactly: its mean over the motion and its end, given its beginning
+        # the exact Gauss-Markov process: mean of the slip over the motion, and its end, given its beginning
         times = max(seconds / odometry.slip_s, _MIN_TIMES)
         slip_decay = math.exp(-times)
         mean = (1 - slip_decay) / times
@@ -298,7 +298,7 @@ class PoseMode:
         return float(offset @ np.linalg.solve(spread if more is None else spread + more, offset))
 
     def update(self, measurement: PoseMeasurement) -> PoseMode:
-        """Correct it by a measurement, as a Kalman filter does."""
+        """Update the mode with a measurement, as a Kalman filter does."""
         offset, seen, spread = self._innovation(measurement)
         gain = np.linalg.solve(spread, seen @ self.covariance).T
         change = gain @ offset
@@ -325,21 +325,21 @@ class PoseMode:
         )
 
     def merge(self, other: PoseMode) -> PoseMode:
-        """Join with a less probable place that is nearly the same, keeping mean and covariance of both together."""
+        """Merge with a less probable mode that is nearly the same, keeping mean and covariance of both together."""
         if sum(other.pose.error_to(self.pose)) > sum(other.pose.half_turn().error_to(self.pose)):
             other = other.half_turn()
         log_weight = float(np.logaddexp(self.log_weight, other.log_weight))
-        share = math.exp(other.log_weight - log_weight)
+        fraction = math.exp(other.log_weight - log_weight)
         apart = np.append(pose_offset(other.pose, self.pose), other.hidden - self.hidden)
-        x, y, theta = (self.pose.array + share * apart[:3]).tolist()
-        half = (1 - share) * _probability(self.half_log_odds) + share * _probability(other.half_log_odds)
+        x, y, theta = (self.pose.array + fraction * apart[:3]).tolist()
+        half = (1 - fraction) * _probability(self.half_log_odds) + fraction * _probability(other.half_log_odds)
         merged = replace(
             self,
             pose=Pose2(x, y, theta),
-            hidden=self.hidden + share * apart[3:],
-            covariance=(1 - share) * self.covariance
-            + share * other.covariance
-            + share * (1 - share) * np.outer(apart, apart),
+            hidden=self.hidden + fraction * apart[3:],
+            covariance=(1 - fraction) * self.covariance
+            + fraction * other.covariance
+            + fraction * (1 - fraction) * np.outer(apart, apart),
             log_weight=log_weight,
             half_log_odds=math.log(half / (1 - half)),
         )

@@ -1,7 +1,7 @@
-"""One belief from many frames: the poses single frames tell, joined by odometry.
+"""Filters the poses of single frames, joined by odometry, to one estimate over time.
 
-A Gaussian mixture over the pose, and the history of the last second, so that a late frame is taken in at its own time
-and all that came after it is gone through again.
+The state is a Gaussian mixture over the pose. The history of the last second is stored: a late frame is put in at its
+own time, and everything after it is computed again.
 """
 
 from __future__ import annotations
@@ -15,19 +15,16 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.mixture import Mixture
+from robocup_vision.localization.filter.settings import PoseFilterSettings
 
-__all__ = ["FrameErrors", "Hypothesis", "OdometryNoise", "PoseFilter"]
+__all__ = ["FrameErrors", "Hypothesis", "OdometryNoise", "PoseFilter", "PoseFilterSettings"]
 
-# frames later than this are of no use
-_HISTORY_S = 1.0
-# a hypothesis less probable than this is no candidate of the belief
-_MIN_CANDIDATE = 0.1
 _ORIGIN = Pose2(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moment:
-    """A step of odometry, or a frame, and what is believed after it; `place`: where odometry alone has led to."""
+    """A step of odometry, or a frame, and the mixture after it; `odometry_pose`: by odometry alone."""
 
     t_s: float
     odometry_pose: Pose2
@@ -36,14 +33,14 @@ class _Moment:
 
     @property
     def key(self) -> tuple[float, ...]:
-        """Puts frames of the same time in an order that does not depend on when they came."""
+        """Orders frames of the same time, whatever order they came in."""
         if self.estimate is None:
             return ()
         return tuple(value for pose in self.estimate.candidates for value in (pose.x_m, pose.y_m, pose.theta_rad))
 
 
 class PoseFilter:
-    """Joins frames and odometry to a belief about where the robot is; one object a robot.
+    """Estimates the robot's pose from frames and odometry; one object a robot.
 
     Parameters
     ----------
@@ -51,25 +48,34 @@ class PoseFilter:
         How the robot's odometry errs.
     frames : FrameErrors, optional
         How its frames err.
+    settings : PoseFilterSettings, optional
+        How modes are weighed and followed.
 
     Notes
     -----
-    Call `predict` at each control step, `update` whenever a frame has been looked at, with the time it was taken. A
-    late frame is put where it belongs in the history of the last second, and what came after is gone through again: the
-    order in which frames come does not matter.
+    Call `predict` at each control step, and `update` after each frame, with the time it was taken. A late frame is put
+    in its place in the history of the last second, and everything after it is computed again: the order in which frames
+    come does not matter.
 
-    The belief is a mixture of Gaussians. Each is over the pose, the slip (`OdometryNoise`) and the bias that frames now
-    share (`FrameErrors`). The bias follows a first-order Gauss-Markov process in the distance driven, so the covariance
-    does not shrink below what successive frames get wrong together. Each mode stands for both halves of a symmetric
-    field. A frame that allows both poses corrects it; a frame with a single candidate names the half, and Bayes' rule
-    weighs it by how often that is wrong. `hypotheses` lists them all.
+    The state is a mixture of Gaussians. Each is over the pose, the slip (`OdometryNoise`) and the bias that successive
+    frames have in common (`FrameErrors`). The bias follows a first-order Gauss-Markov process in the distance driven,
+    so the covariance does not shrink below the common error of successive frames. Each mode stands for both halves of a
+    symmetric field. A frame that allows both poses corrects it; a frame with a single candidate names the half, and
+    Bayes' rule weighs it by how often that is wrong. `hypotheses` lists them all.
 
     A frame that contradicts every mode starts a new one. Its prior weight is the chance of a shove or a kidnapping in
     the time since the last frame, against that of an outlier; the frames that follow decide which it was. A frame that
     comes near a mode corrects that mode too, with a weight that falls with the distance.
     """
 
-    def __init__(self, *, odometry: OdometryNoise | None = None, frames: FrameErrors | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        odometry: OdometryNoise | None = None,
+        frames: FrameErrors | None = None,
+        settings: PoseFilterSettings = PoseFilterSettings(),
+    ) -> None:
+        self.settings = settings
         self.odometry_noise = odometry or OdometryNoise()
         self.frame_errors = frames or FrameErrors()
         self._expected: Pose2 | None = None
@@ -78,21 +84,21 @@ class PoseFilter:
         self._now_s: float | None = None
 
     def expect(self, pose: Pose2) -> None:
-        """Say where the robot has probably been put: of what the first frame allows, the nearest is believed."""
+        """Name the pose where the robot probably begins: of the poses of the first frame, the nearest one counts."""
         self._expected = pose
 
     @property
     def expected(self) -> Pose2 | None:
-        """What `expect` was told last."""
+        """The pose that `expect` named last."""
         return self._expected
 
     @property
     def is_fresh(self) -> bool:
-        """Whether neither odometry nor a frame has been taken in yet."""
+        """Whether there has been neither odometry nor a frame yet."""
         return not self._moments
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Move the belief.
+        """Move the estimate by odometry.
 
         Parameters
         ----------
@@ -117,20 +123,22 @@ class PoseFilter:
         else:
             last = self._moments[-1]
             self._moments.append(self._after(last, t_s, last.odometry_pose.compose(odometry), None))
-            gone = next(index for index, moment in enumerate(self._moments) if moment.t_s >= t_s - _HISTORY_S)
+            gone = next(
+                index for index, moment in enumerate(self._moments) if moment.t_s >= t_s - self.settings.history_s
+            )
             del self._moments[:gone]
         self._now_s = t_s
 
     def update(self, estimate: PoseEstimate | NotLocated, t_s: float) -> None:
-        """Take in what a frame tells.
+        """Update with the pose of a frame.
 
         Parameters
         ----------
         estimate : PoseEstimate or NotLocated
-            Of the robot; the latter tells nothing.
+            Of the robot; the latter changes nothing.
         t_s : float
-            When the frame was taken; one from after the last odometry counts as of now, one from before the history (1
-            s) tells nothing any more.
+            When the frame was taken. One after the last odometry counts as of now; one before the history (1 s) changes
+            nothing.
         """
         if not isinstance(estimate, PoseEstimate) or not math.isfinite(t_s):
             return
@@ -154,7 +162,7 @@ class PoseFilter:
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """Where the robot may be now, most probable first; empty while nothing is known."""
+        """Poses that the robot may have now, most probable first; empty while it is not located."""
         return self._mixture.hypotheses
 
     @property
@@ -163,14 +171,17 @@ class PoseFilter:
         modes, hypotheses = self._mixture.modes, self.hypotheses
         if not hypotheses:
             if self._mixture.frame_s == -math.inf:
-                return NotLocated("no frame has told a pose yet")
+                return NotLocated("no frame has had a pose yet")
             return NotLocated("no frame has confirmed the pose for too long")
         best, *others = hypotheses
-        candidates = (best.pose, *(other.pose for other in others if other.probability >= _MIN_CANDIDATE))
+        candidates = (
+            best.pose,
+            *(other.pose for other in others if other.probability >= self.settings.min_candidate_probability),
+        )
         return PoseEstimate(best.pose, best.covariance, modes[0].inlier_ratio, modes[0].residual_px, candidates)
 
     def prior(self, t_s: float) -> Pose2 | None:
-        """Where the robot was at a time, to look at a frame of then; None where it is not known, or in doubt."""
+        """Return the pose at a time, a prior for its frame; None if unknown, or contradicted by the last frame."""
         motion = self.motion_since(t_s)
         if self._mixture.is_contradicted or motion is None:
             return None
@@ -185,7 +196,7 @@ class PoseFilter:
         return PoseEstimate(best.pose, best.covariance, 1.0, 0.0).seen_from(motion.inverse())
 
     def motion_since(self, t_s: float) -> Pose2 | None:
-        """Motion from a time to the present, in the robot's frame of then; None before what is remembered."""
+        """Return the motion from a time to the present, in the robot's frame of then; None before the history."""
         if not math.isfinite(t_s):
             return None
         if not self._moments:
@@ -194,16 +205,16 @@ class PoseFilter:
         return None if then is None else then.inverse().compose(self._moments[-1].odometry_pose)
 
     def forget(self) -> None:
-        """Forget everything: the next frame founds a new belief."""
+        """Forget everything: the next frame begins anew."""
         self._moments.clear()
         self._now_s = None
 
     @property
     def _mixture(self) -> Mixture:
-        return self._moments[-1].mixture if self._moments else Mixture(near=self._expected)
+        return self._moments[-1].mixture if self._moments else Mixture(near=self._expected, settings=self.settings)
 
     def _odometry_pose(self, t_s: float) -> Pose2 | None:
-        """Where odometry alone had led to at a time; None before what is remembered."""
+        """Return the pose by odometry alone at a time; None before the history."""
         later = self._moments[-1]
         if t_s >= later.t_s:
             return later.odometry_pose
@@ -218,7 +229,7 @@ class PoseFilter:
         return None
 
     def _after(self, before: _Moment, t_s: float, odometry_pose: Pose2, estimate: PoseEstimate | None) -> _Moment:
-        """Return the next moment: first the motion up to it, then what its frame tells."""
+        """Return the next moment: first the motion up to it, then the update with its frame."""
         mixture = before.mixture
         if t_s > before.t_s or odometry_pose != before.odometry_pose:
             motion = before.odometry_pose.inverse().compose(odometry_pose)

@@ -14,9 +14,12 @@ from robocup_vision.planning import (
     Disc,
     Gap,
     GatePlanner,
+    GatePlannerSettings,
+    PassageSettings,
     PathFollower,
     PoseNoise,
     SpeedPlanner,
+    SpeedPlannerSettings,
     WidthSensor,
 )
 from robocup_vision.planning.gaps.gap_choice import PassageTimes, choose_gap
@@ -50,6 +53,12 @@ class RouteSettings:
         Of a pose right after a frame.
     others_std_m : float
         Of the position of a tracked robot.
+    gate : GatePlannerSettings
+        Of looks and passing, where a gap may be too narrow.
+    passage : PassageSettings
+        Of the table of passage times.
+    speed : SpeedPlannerSettings
+        Of the search of a safe speed.
     """
 
     row: RowSettings = RowSettings()
@@ -63,6 +72,9 @@ class RouteSettings:
     pose_std_m: float = 0.01
     pose_std_rad: float = 0.01
     others_std_m: float = 0.015
+    gate: GatePlannerSettings = GatePlannerSettings()
+    passage: PassageSettings = PassageSettings()
+    speed: SpeedPlannerSettings = SpeedPlannerSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +138,7 @@ class RoutePlanner:
         rest = [k for k in range(len(row.gaps)) if k != straight]
         detour = rest[choose_gap(self._times, here, target, [row.gaps[k] for k in rest]).index]
         # wide enough is what can be passed at a safe speed
-        gates = GatePlanner(self._limits, WidthSensor(), needed_m)
+        gates = GatePlanner(self._limits, WidthSensor(), needed_m, self._settings.gate)
         plan = gates.plan(here, gap, target, [row.gaps[detour].center_m])
         if plan.action == "look" and plan.viewpoint_m is not None:
             self._taken = row.keys[straight]
@@ -166,10 +178,10 @@ def speed_planner(limits: RobotLimits, settings: RouteSettings) -> SpeedPlanner:
     """Return the planner of safe speeds of a robot."""
     frame = np.diag([settings.pose_std_m**2, settings.pose_std_m**2, settings.pose_std_rad**2])
     noise = PoseNoise(settings.odometry_error, settings.odometry_error, frame)
-    return SpeedPlanner(PathFollower(limits), limits.radius_m, noise, settings.replan_s)
+    return SpeedPlanner(PathFollower(limits), limits.radius_m, noise, settings.replan_s, settings.speed)
 
 
 @functools.lru_cache(maxsize=4)
 def _passage_times(limits: RobotLimits, settings: RouteSettings) -> PassageTimes:
     """Return the same table for all robots that are alike: it takes a second to make."""
-    return PassageTimes(speed_planner(limits, settings), limits.radius_m, settings.others_std_m)
+    return PassageTimes(speed_planner(limits, settings), limits.radius_m, settings.others_std_m, settings.passage)

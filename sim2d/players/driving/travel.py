@@ -46,6 +46,8 @@ class TravelSettings:
         A ball so near to another robot's rim is held by it.
     room_m : float
         That robot is left so much room.
+    apart_radii : float
+        Two tracks whose centres are nearer than this, in robot radii, are of one robot: two robots would overlap.
     creep_mps : float
         Where no speed is safe, the robot creeps on by steering; no plan makes it slower.
     """
@@ -58,6 +60,7 @@ class TravelSettings:
     stands_mps: float = 0.25
     taken_m: float = 0.04
     room_m: float = 0.06
+    apart_radii: float = 1.6
     creep_mps: float = 0.2
 
 
@@ -131,7 +134,7 @@ class TravelPlanner:
         here = around.here
         way = unit(here, target)
         self._forget()
-        others = list(around.others(self._limits, 0.0).values())
+        others = list(around.others(self._limits, 0.0, self._settings.apart_radii).values())
         holder = None if ball is None else self._holder(here, others, ball)
         if holder is not None:
             ring_m = holder.radius_m + self._limits.radius_m + self._settings.room_m
@@ -180,10 +183,10 @@ class TravelPlanner:
             self._routes.forget()
             full = Reason("speed", "full speed", "the way is short")
             return Travel(target, self._limits.speed_mps, None, (full,))
-        others = around.others(self._limits, self._settings.ahead_s)
+        others = around.others(self._limits, self._settings.ahead_s, self._settings.apart_radii)
         way = self._routes.plan(here, target, others)
         path = np.array([here, *way.points])
-        # the planner of speeds knows obstacles that stand; steering avoids those that move
+        # the planner of speeds takes obstacles that stand; steering avoids those that move
         moving = {t.number for t in around.tracks if math.hypot(t.vx_mps, t.vy_mps) > self._settings.stands_mps}
         speed, why = self._speed(path, around, [disc for number, disc in others.items() if number not in moving])
         if way.waits:

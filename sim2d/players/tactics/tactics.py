@@ -26,6 +26,8 @@ class TacticsSettings:
         Of each role.
     wall_clearance_m : float
         Targets leave so much room between robot and wall: less than steering keeps would stop it on the way.
+    kick_off_reaches : float
+        The player that kicks off waits so many reaches behind the ball: it does not touch it before.
     """
 
     keeper: KeeperSettings = KeeperSettings()
@@ -33,6 +35,7 @@ class TacticsSettings:
     fetch: FetchSettings = FetchSettings()
     field_player: FieldPlayerSettings = FieldPlayerSettings()
     wall_clearance_m: float = 0.015
+    kick_off_reaches: float = 2.0
 
 
 class Tactics:
@@ -72,7 +75,7 @@ class Tactics:
         self.is_keeper = number == 0 and players > 1
         self._number, self._players = number, players
         team = TeamField(field, limits, settings.wall_clearance_m)
-        self._kick_off = KickOff(field, team, number, players)
+        self._kick_off = KickOff(field, team, number, players, settings.kick_off_reaches)
         self._ball_holder = BallHolder(team, limits.kick_speed_mps, self.is_keeper, settings.ball_holder)
         self._fetch = Fetch(team, settings.fetch)
         self._keeper = Keeper(team, self._fetch, settings.keeper, ball)

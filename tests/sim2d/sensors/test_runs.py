@@ -86,7 +86,7 @@ def test_the_command_writes_what_a_map_reads(tmp_path, capsys):
     out = tmp_path / "sensors.toml"
     assert learn("--out", out, "--runs", 1, "--frames", 3, "--seed", 2) == 0
     printed = capsys.readouterr().out
-    assert "floor: meets something in" in printed
+    assert "floor: has hits in" in printed
     assert "learnt from 4 runs" in printed
     models = load_sensors(out)
     assert FreeSpaceMap(models).sensors == models

@@ -22,7 +22,7 @@ def test_nothing_is_believed_before_the_first_frame():
     filter_.predict(STILL, 0.0)
     filter_.update(NotLocated("dark"), 0.0)
     assert not filter_.belief
-    assert "no frame has told a pose yet" in filter_.belief.reason
+    assert "no frame has had a pose yet" in filter_.belief.reason
     assert filter_.prior(0.0) is None
 
 

@@ -1,0 +1,76 @@
+"""Settings of the pose filter: which measurements agree, which modes are followed, and how far back it remembers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from field_models.errors import ArgumentError
+
+
+@dataclass(frozen=True, slots=True)
+class PoseFilterSettings:
+    """How `PoseFilter` weighs and follows its modes. Errors of odometry and frames: `OdometryNoise`, `FrameErrors`.
+
+    Parameters
+    ----------
+    gate : float
+        Squared Mahalanobis distance of a measurement that agrees with a mode: chi-square with 3 degrees of freedom,
+        99.9 %.
+    near_miss, near_miss_rate : float
+        Up to this many gates a measurement may be less exact than its covariance; this fraction of them is. It then
+        counts for less.
+    merge_distance : float
+        Squared Mahalanobis distance below which two modes are merged: nearer than a standard deviation they are one.
+    min_probability : float
+        A mode of a smaller probability is not followed.
+    max_modes : int
+        Modes that are followed at most: bounds the time of an update.
+    max_half_odds : float
+        Largest odds of a field half. However many frames agree, somebody may have turned the robot round.
+    expected_odds : float
+        Odds that the robot is in the half of the pose that `expect` names: it stands there in 4 of 5 cases.
+    shove_mps, shove_rps : float
+        Standard deviations of the velocity of a shove or of spinning wheels.
+    lost_std_m : float
+        A mode whose position has a larger standard deviation is deleted: it is no position any more.
+    min_frame_s : float
+        Frames closer together than this count as taken at the same time.
+    history_s : float
+        A frame that is later than this is not used.
+    min_candidate_probability : float
+        A hypothesis of a smaller probability is no candidate of the estimate.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    gate: float = 16.27
+    near_miss: float = 9.0
+    near_miss_rate: float = 0.1
+    merge_distance: float = 1.0
+    min_probability: float = 1e-4
+    max_modes: int = 8
+    max_half_odds: float = 9999.0
+    expected_odds: float = 4.0
+    shove_mps: float = 0.5
+    shove_rps: float = 3.0
+    lost_std_m: float = 0.5
+    min_frame_s: float = 1e-3
+    history_s: float = 1.0
+    min_candidate_probability: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("gate", "merge_distance", "shove_mps", "shove_rps", "lost_std_m", "min_frame_s", "history_s"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
+        for name in ("near_miss_rate", "min_probability", "min_candidate_probability"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise ArgumentError(f"{name} must be above 0 and below 1, got {getattr(self, name)!r}")
+        for name in ("near_miss", "max_half_odds", "expected_odds"):
+            if not 1.0 <= getattr(self, name) < math.inf:
+                raise ArgumentError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+        if self.max_modes < 1:
+            raise ArgumentError(f"max_modes must be at least 1, got {self.max_modes!r}")
