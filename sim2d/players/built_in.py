@@ -26,7 +26,7 @@ from sim2d.kick_off import kick_off_pose
 from sim2d.players.ball_memory import BallMemory, HiddenBall, Point, block_ball, is_in_sight
 from sim2d.players.driving.motion import Motion
 from sim2d.players.driving.travel import Travel, TravelPlanner
-from sim2d.players.head import Head
+from sim2d.players.head import Head, HeadView
 from sim2d.players.plan import Plan, Situation
 from sim2d.players.settings import PlayerSettings
 from sim2d.players.shot import Shooter
@@ -48,6 +48,10 @@ class BuiltInPlayer:
         Track other robots and keep a map of the floor: steering then keeps clear of where the others will be.
     plans : bool
         Plan ways between others, speeds, shots and, for a head that turns, where to look. It remembers then, too.
+    asks : bool
+        With a head that turns: while the half of the field is not known, look for a goal that decides.
+    looks_again : bool
+        With plans and a head that turns: look at undecided floor on the way.
     settings : PlayerSettings
         See there.
     """
@@ -58,13 +62,17 @@ class BuiltInPlayer:
         *,
         remembers: bool = False,
         plans: bool = False,
+        asks: bool = False,
+        looks_again: bool = False,
         settings: PlayerSettings = PlayerSettings(),
     ) -> None:
         self._setup, self._settings = setup, settings
         field, limits, camera = setup.field, setup.limits, setup.camera
         self._head: Head | None = None
         if isinstance(camera, PinholeCamera):
-            self._head = Head(field, limits, camera, plans=plans, settings=settings.head)
+            self._head = Head(
+                field, limits, camera, plans=plans, asks=asks, looks_again=plans and looks_again, settings=settings.head
+            )
         everything = remembers or plans
         self._memory = (
             Memory.of_everything(setup.field, settings.memory)
@@ -107,6 +115,8 @@ class BuiltInPlayer:
                     keeper=settings.tactics.keeper,
                 )
         self._travel: Travel | None = None
+        # where the robot drives to, field frame
+        self._target: Point | None = None
 
     @property
     def status(self) -> PlayerStatus:
@@ -117,7 +127,7 @@ class BuiltInPlayer:
         if self._why is not None:
             reasons += (self._why,)
         if gaze is not None:
-            reasons += (Reason("gaze", "planned" if gaze.planned else "sweep", gaze.reason),)
+            reasons += (Reason("gaze", gaze.choice, gaze.reason),)
         return PlayerStatus(
             self._filter.belief,
             place,
@@ -132,7 +142,7 @@ class BuiltInPlayer:
 
     def act(self, senses: Senses) -> Command:
         """Return what the robot shall do until the next senses come."""
-        self._travel = self._why = None
+        self._travel = self._why = self._target = None
         self._update(senses)
         self._look(senses)
         command = self._decide(senses)
@@ -164,9 +174,10 @@ class BuiltInPlayer:
         self._last_frame = frame.copy()
         if self._head is not None and senses.frame_pan_rad is not None:
             self._head.pan_rad = senses.frame_pan_rad
+        hypotheses = self._filter.hypotheses
         view = self._vision.look(frame, frame_t_s, pan_rad=None if self._head is None else self._head.pan_rad)
         if self._head is not None:
-            self._head.observe(bool(view.pose))
+            self._head.observe(view, hypotheses)
         self._view = view
         if view.polar is None or not view.marks.any():
             return
@@ -227,6 +238,7 @@ class BuiltInPlayer:
             )
         )
         self._intent, self._why = plan.intent, plan.why
+        self._target = self._point_in_team(plan.target)
         if ball is not None and plan.avoid_ball:
             at = pose.inverse().transform(ball)
             free_space = block_ball(free_space, (float(at[0]), float(at[1])), self._setup.field.ball_radius_m)
@@ -311,4 +323,7 @@ class BuiltInPlayer:
 
     def _turn_head(self, head: Head, t_s: float) -> float:
         tracks, _ = self._tracks(t_s)
-        return head.turn(t_s, self._filter.belief, self._ball.place(t_s), tracks)
+        belief = None if self._view is None else self._view.belief
+        floor = None if belief is None else belief.free_map
+        filter_, ball = self._filter, self._ball.place(t_s)
+        return head.turn(t_s, HeadView(filter_.belief, filter_.hypotheses, ball, tracks, floor, self._target))

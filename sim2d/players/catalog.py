@@ -16,7 +16,7 @@ class BuiltInTeam:
 
     Parameters
     ----------
-    remembers, plans : bool
+    remembers, plans, asks, looks_again : bool
         As `BuiltInPlayer`.
     settings : PlayerSettings
         As `BuiltInPlayer`.
@@ -24,17 +24,28 @@ class BuiltInTeam:
 
     remembers: bool = False
     plans: bool = False
+    asks: bool = False
+    looks_again: bool = False
     settings: PlayerSettings = PlayerSettings()
 
     def __call__(self, setup: PlayerSetup) -> Player:
         """Make one player."""
-        return BuiltInPlayer(setup, remembers=self.remembers, plans=self.plans, settings=self.settings)
+        return BuiltInPlayer(
+            setup,
+            remembers=self.remembers,
+            plans=self.plans,
+            asks=self.asks,
+            looks_again=self.looks_again,
+            settings=self.settings,
+        )
 
 
 PLAYERS: dict[str, PlayerFactory] = {
     "plain": BuiltInPlayer,
     "memory": BuiltInTeam(remembers=True),
     "planning": BuiltInTeam(remembers=True, plans=True),
+    "asking": BuiltInTeam(remembers=True, plans=True, asks=True),
+    "looking": BuiltInTeam(remembers=True, plans=True, looks_again=True),
 }
 
 

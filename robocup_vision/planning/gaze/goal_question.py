@@ -165,6 +165,10 @@ class GoalQuestion:
         # pans of looks that found nothing
         self._missed: list[float] = []
 
+    def forget(self) -> None:
+        """Forget the missed goals: for the next question, or another place."""
+        self._missed.clear()
+
     @property
     def can_decide(self) -> bool:
         """Whether the field's goals differ in hue, by which the detector identifies them."""

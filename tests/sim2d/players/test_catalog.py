@@ -17,7 +17,9 @@ from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import PLAYERS, BuiltInTeam, player_factory, player_name
 from sim2d.players.settings import PlayerSettings
 
+KNOWN = "plain, memory, planning, asking, looking"
 LONE = PlayerSettings(lost_rps=2.0)
+OPTIONS = {"remembers": False, "plans": False, "asks": False, "looks_again": False, "settings": PlayerSettings()}
 
 
 @pytest.mark.parametrize("name", PLAYERS)
@@ -26,16 +28,20 @@ def test_a_name_survives_the_way_to_another_process(name):
     assert player_name(sent) == name
 
 
-def test_teams_have_the_options_their_names_say(monkeypatch):
+def test_teams_have_the_options_of_their_names(monkeypatch):
     made = []
     monkeypatch.setattr("sim2d.players.catalog.BuiltInPlayer", lambda setup, **options: made.append((setup, options)))
     player_factory("memory")("setup")
     player_factory("planning")("setup")
+    player_factory("asking")("setup")
+    player_factory("looking")("setup")
     BuiltInTeam(settings=LONE)("setup")
     assert made == [
-        ("setup", {"remembers": True, "plans": False, "settings": PlayerSettings()}),
-        ("setup", {"remembers": True, "plans": True, "settings": PlayerSettings()}),
-        ("setup", {"remembers": False, "plans": False, "settings": LONE}),
+        ("setup", {**OPTIONS, "remembers": True}),
+        ("setup", {**OPTIONS, "remembers": True, "plans": True}),
+        ("setup", {**OPTIONS, "remembers": True, "plans": True, "asks": True}),
+        ("setup", {**OPTIONS, "remembers": True, "plans": True, "looks_again": True}),
+        ("setup", {**OPTIONS, "settings": LONE}),
     ]
     assert player_factory("plain") is BuiltInPlayer
 
@@ -45,12 +51,14 @@ def test_players_of_ones_own_are_called_by_their_class():
     assert player_name(functools.partial(Sleeper)) == "Sleeper"
 
 
-def test_an_unknown_name_is_told_with_those_there_are():
-    with pytest.raises(ArgumentError, match="there is no player 'clever', only plain, memory, planning"):
+def test_an_unknown_name_is_refused_with_the_known_ones():
+    with pytest.raises(
+        ArgumentError, match="there is no player 'clever', only plain, memory, planning, asking, looking"
+    ):
         player_factory("clever")
 
 
-def test_a_match_says_who_played():
+def test_a_match_names_its_players():
     values = play_plan(MatchPlan(players=1, seconds=0.1, ours=Reckoner, theirs=Sleeper))
     assert (values["ours"], values["theirs"]) == ("Reckoner", "Sleeper")
     json.dumps(values)
@@ -58,8 +66,6 @@ def test_a_match_says_who_played():
 
 def test_the_command_takes_names(tmp_path, capsys):
     assert cli.main(["match", "--ours", "nobody", "--out", str(tmp_path)]) == 2
-    assert (
-        capsys.readouterr().err == "robocup-vision match: there is no player 'nobody', only plain, memory, planning\n"
-    )
+    assert capsys.readouterr().err == f"robocup-vision match: there is no player 'nobody', only {KNOWN}\n"
     assert cli.main(["tournament", "--theirs", "nobody", "--out", str(tmp_path)]) == 2
     assert "there is no player 'nobody'" in capsys.readouterr().err
