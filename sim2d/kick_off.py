@@ -1,4 +1,4 @@
-"""Where robots stand at a kick-off: both sides know it."""
+"""Computes where robots stand at a kick-off, for the rules and for the players."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class RobotLimits(MotionLimits):
 
 @dataclass(frozen=True, slots=True)
 class PlayerSetup:
-    """What a player knows before the match.
+    """A player's data before the match.
 
     Parameters
     ----------

@@ -127,8 +127,8 @@ def drive(job: tuple[str, int, int]) -> tuple[str, npt.NDArray[np.int64], npt.ND
         if truth is None:
             truth = CellTruth(frame.scene, own.cell_m)
             near, seen, glare = (np.zeros(truth.free.shape, dtype=np.bool_) for _ in range(3))
-        if frame.believed is not None:
-            own.move(frame.believed)
+        if frame.estimated is not None:
+            own.move(frame.estimated)
             summed.follow()
             for name, profile in profiles(frame):
                 own.update(name, profile)
@@ -137,7 +137,7 @@ def drive(job: tuple[str, int, int]) -> tuple[str, npt.NDArray[np.int64], npt.ND
         near |= here
         seen |= visible
         glare |= glaring(frame, truth.centers_m)
-        if index < FIRST_COUNTED or index % COUNTED_EVERY or frame.believed is None:
+        if index < FIRST_COUNTED or index % COUNTED_EVERY or frame.estimated is None:
             continue
         occupied, free = truth.window(own)
         occupied &= truth.cut(near, own)
@@ -148,7 +148,7 @@ def drive(job: tuple[str, int, int]) -> tuple[str, npt.NDArray[np.int64], npt.ND
             cells = (occupied & called, occupied, free & called, free, dazzled & called, dazzled)
             counts[row] += [np.count_nonzero(c) for c in cells]
         bearing = frame.floor.bearing_rad
-        reach = own.free_space(frame.believed, bearing, nearest_m=own.sensors["floor"].nearest_m).range_m
+        reach = own.free_space(frame.estimated, bearing, nearest_m=own.sensors["floor"].nearest_m).range_m
         true_m = true_ranges(frame, bearing)
         too_far = np.count_nonzero(reach > true_m + math.sqrt(2) * own.cell_m)
         sums = (1e3 * np.minimum(r, reach_m).sum() for r in (reach, true_m))
@@ -180,12 +180,12 @@ def smear(job: tuple[int, int]) -> npt.NDArray[np.int64]:
             truth = CellTruth(frame.scene, maps[0].cell_m)
             centers = truth.centers_m
             swept, seen = (np.zeros(truth.free.shape, dtype=np.bool_) for _ in range(2))
-        if frame.believed is None:
+        if frame.estimated is None:
             continue
         mask = frame.movers_m + np.array([0.0, 0.0, MASK_MARGIN_M])
         mask[:, :2] += TRACK_STD_M * tracks.standard_normal((len(mask), 2))
         for own, discs in zip(maps, (mask, None), strict=True):
-            own.move(frame.believed)
+            own.move(frame.estimated)
             for name, profile in profiles(frame):
                 own.update(name, profile, mask=discs)
         seen |= in_sight(frame, centers, reach_m)[1]

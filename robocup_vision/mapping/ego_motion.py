@@ -1,8 +1,8 @@
-"""How the robot has moved, from the range profiles of several frames (Miura 2004, section 2.3).
+"""Estimates the robot's motion from the range profiles of several frames (Miura 2004, section 2.3).
 
-A range profile is the inverse range of the nearest thing in every direction. The earlier ones are seen again from
-candidate poses around what odometry says; where they agree best with the present one, the robot is. No feature is
-looked for, and moving robots are the bearings that agree with nothing and are skipped.
+A range profile is the inverse range of the nearest thing in every direction. The earlier profiles are predicted from
+candidate poses around the odometry. The pose at which they agree best with the present profile is the estimate. It uses
+no features. Bearings of moving robots agree with no profile and are skipped.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class EgoMotionSettings:
         Gauss-Newton steps.
     min_inlier_ratio : float
         An earlier profile counts if at least this ratio of the directions that can be compared agrees: one that is
-        hidden, or shows nothing, says neither yes nor no.
+        hidden, or without a range, cannot be compared.
     search_below_ratio : float
         Where less than this ratio agrees around what odometry reports, the pose is searched for on a grid.
     mover_m, mover_mps : float
@@ -90,7 +90,7 @@ class EgoMotionSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """How the robot moved since the frame before.
+    """The robot's motion since the frame before.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class Motion:
 class _Profile:
     """What a frame shows, smoothed along things: the kernels' (3, J), which thing each direction is of, and its worth.
 
-    `worth`: independent measurements a direction, since neighbours share theirs.
+    `worth`: independent measurements a direction, since those of neighbours are the same in part.
     """
 
     present: FloatArray
@@ -179,9 +179,9 @@ class EgoMotion:
 
     - odometry is not only where the search begins, but a measurement like the others;
     - the pose is found by Gauss-Newton, and on a grid of candidates, as in the paper, only where less than half of the
-      directions agree around what odometry says: faster, and not to a grid's step;
-    - a profile counts if 30 % of the directions that can be compared agree: one that is hidden, or shows nothing, says
-      neither yes nor no;
+      directions agree around the odometry: faster, and not limited to a grid's step;
+    - a profile counts if 30 % of the directions that can be compared agree: one that is hidden, or without a range,
+      cannot be compared;
     - a thing less than 0.6 m wide may itself have moved, at some 0.3 m/s: slow movers pass the gate, and would take
       the pose with them;
     - the covariance is the inverse of the cost's curvature, but errors of directions side by side are not independent:
@@ -216,7 +216,7 @@ class EgoMotion:
         odometry_covariance: npt.ArrayLike,
         t_s: float,
     ) -> Motion:
-        """Take the profile of a frame.
+        """Update with the profile of a frame.
 
         Parameters
         ----------
@@ -225,7 +225,7 @@ class EgoMotion:
         std_per_m : float or (J,) float
             Its standard deviation, 1/m.
         odometry : Pose2
-            The motion since the frame before as the wheels tell it, in the robot frame then.
+            The motion since the frame before as the wheels measure it, in the robot frame then.
         odometry_covariance : (3, 3) float
             Of that, m, m, rad.
         t_s : float
@@ -323,12 +323,12 @@ class EgoMotion:
         return Motion(before.inverse().compose(now), turn.T @ np.linalg.inv(normal) @ turn, used, ratio, now)
 
     def _search(self, present: FloatArray, past: FloatArray, predicted: Pose2, covariance: FloatArray) -> FloatArray:
-        """(3,) float64: the best of a grid of candidates about what odometry says."""
+        """Return (3,) float64: the best of a grid of candidates about the odometry."""
         settings = self.settings
         axis = np.linspace(-settings.search_sigmas, settings.search_sigmas, settings.candidates)
         grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
         poses = predicted.array + grid @ np.linalg.cholesky(covariance).T
-        # what odometry says first: of equals, it stays
+        # odometry first: of equals, it stays
         poses = poses[np.argsort(np.sum(grid**2, axis=1), kind="stable")]
         points = past.reshape(-1, 4)
         points = points[np.isfinite(points[:, 0])]

@@ -104,9 +104,9 @@ class ViewMotion:
         """
         camera, t_s = view.camera, view.t_s
         if not isinstance(camera, OmniCamera):
-            raise ArgumentError("motion from views needs a mirror camera, which sees all around")
+            raise ArgumentError("motion from views needs a mirror camera, whose view is all around")
         if t_s is None:
-            raise ArgumentError("motion from views needs to know when a frame was taken: hand t_s to look")
+            raise ArgumentError("motion from views needs the time of a frame: hand t_s to look")
         seconds = 1.0 if self._t_s is None else t_s - self._t_s
         if not seconds > 0.0:
             raise ArgumentError(f"t_s must be later than that of the view before, got {t_s!r} after {self._t_s!r}")

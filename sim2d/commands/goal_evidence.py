@@ -13,7 +13,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "learn-goal-evidence",
         help="count on rendered pictures how often goals are found, for the planner of looks",
         description="Run the goal localiser on rendered pictures from all over a field, and write how often it finds "
-        "goals and tells them apart: what the planner of looks goes by.",
+        "goals and identifies them: the probabilities of the planner of looks.",
     )
     add = parser.add_argument
     add("--field", default="four_legged_2007", metavar="F", help="field with goals of posts of two colours")
@@ -54,7 +54,7 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
     command = ["robocup-vision", "learn-goal-evidence", "--field", args.field]
     command += ["--count", str(args.count), "--seed", str(args.seed), "OUT.toml"]
     lines = [
-        "# How often the goal localiser finds a goal and tells which it is, by what of it is in view.",
+        "# How often the goal localiser finds a goal and identifies it, by its parts in view.",
         "format = 1",
         f'command = "{shlex.join(command)}"',
         f"width_px = {list(WIDTHS_PX)}   # bounds between classes of the apparent distance of the posts",

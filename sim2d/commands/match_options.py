@@ -1,4 +1,4 @@
-"""Options that commands which play matches share, and the plan they make."""
+"""Common options of commands that play matches, and the plan that they make."""
 
 from __future__ import annotations
 

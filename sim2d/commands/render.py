@@ -18,7 +18,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "render",
         help="write a dataset folder of rendered mirror-camera images with truth",
         description="Write a dataset folder of rendered mirror-camera images with truth. "
-        "Options after --condition override what the condition says.",
+        "Options after --condition override its values.",
     )
     add = parser.add_argument
     add("--field", required=True, metavar="F", help="built-in field's name, or a field file (.toml)")
@@ -48,7 +48,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_render(args: argparse.Namespace) -> int:
-    """Render a dataset and say where it is; return the exit status.
+    """Render a dataset and print its folder; return the exit status.
 
     Raises
     ------

@@ -41,7 +41,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_render_goal(args: argparse.Namespace) -> int:
-    """Render a dataset and say where it is; return the exit status.
+    """Render a dataset and print its folder; return the exit status.
 
     Raises
     ------

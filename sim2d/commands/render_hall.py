@@ -24,14 +24,14 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--turns", type=float, default=1.0, metavar="T", help="rounds of 10 m through the hall (default: 1)")
     add("--seed", type=int, default=0, metavar="S", help="which hall (default: 0)")
     add("--level", type=float, default=0.5, metavar="L", help="light of the second run (default: 0.5 of the first)")
-    add("--moved", type=float, default=0.0, metavar="SHARE", help="posters moved or covered before it (default: 0)")
+    add("--moved", type=float, default=0.0, metavar="FRACTION", help="posters moved or covered before it (default: 0)")
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
     parser.set_defaults(run=run_render_hall)
     return parser
 
 
 def run_render_hall(args: argparse.Namespace) -> int:
-    """Render both runs and say where they are; return the exit status.
+    """Render both runs and print their folders; return the exit status.
 
     Raises
     ------

@@ -19,7 +19,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "learn",
         help="learn them from rendered runs with truth",
         description="Drive rendered runs under glare and shadows among things of all heights, count how often each "
-        "sensor meets something in occupied and in free cells, and write what FreeSpaceMap goes by.",
+        "sensor has hits in occupied and in free cells, and write the models of FreeSpaceMap.",
     )
     add = learn.add_argument
     add("--out", required=True, metavar="FILE", help="file of sensor models to write (.toml)")

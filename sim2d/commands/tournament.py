@@ -44,7 +44,7 @@ def run_tournament(args: argparse.Namespace) -> int:
     plan = match_plan(args)
     plans = plan_matches(plan, args.matches)
     workers = local_workers(args.jobs) if args.dask is None else dask_workers(args.dask)
-    # what is wrong with it is told here once, before any worker starts
+    # an error of the plan is reported here once, before any worker starts
     plan.begin()
     results = dict(progress(play_matches(plans, workers), len(plans), "tournament"))
     values = tournament_json(plan, [results[index] for index in range(len(plans))])

@@ -1,4 +1,4 @@
-"""Compiled: what a viewpoint sees along each bearing, as a stack of spans from steeply down to above the horizon.
+"""Compiled: the view along each bearing, as a stack of spans from steeply down to above the horizon.
 
 A ray of one bearing has a slope (rise over run). Things that stand on the floor hide what is behind them from the slope
 of their foot up to that of their upper edge, nearest first. A bearing's picture is therefore a list of spans of slope,

@@ -1,4 +1,4 @@
-"""The values that the compiled loops of a match camera's frame share: viewpoint, light, rays, spans."""
+"""Common values of the compiled loops of a match camera's frame: viewpoint, light, rays, spans."""
 
 from __future__ import annotations
 

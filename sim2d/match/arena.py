@@ -109,7 +109,7 @@ class Arena:
         return self.world.state
 
     def setup(self, index: int) -> PlayerSetup:
-        """Return what a robot's player knows before the match."""
+        """Return a robot's setup: its player's data before the match."""
         robot = self.world.state.robots[index]
         return PlayerSetup(
             self.field, self.camera, self.limits, robot.side, robot.number, self.players, self._player_seeds[index]

@@ -1,6 +1,6 @@
 """Random obstacle courses with a target behind, and drives through them by camera, localisation and steering.
 
-A planner that knows the truth decides whether a course has a route. The robot gets frames only.
+A planner with the truth decides whether a course has a route. The robot gets frames only.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A match as a PettingZoo ParallelEnv: every robot an agent that sees by its own camera (extra `rl`)."""
+"""A match as a PettingZoo ParallelEnv: every robot an agent with its own camera (extra `rl`)."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
     - ``frame_pan_rad``: Box (1,), pan of the head when the frame was exposed, rad, 0 if none came; only with a pinhole
       camera.
 
-    as percepts (``observation="percepts"``, mirror cameras only) with what `Vision` and `PoseFilter` tell from the
-    frames and the odometry, never the truth:
+    as percepts (``observation="percepts"``, mirror cameras only) with the estimates of `Vision` and `PoseFilter` from
+    the frames and the odometry, never the truth:
 
     - ``located``: Discrete(2), whether there is an estimated pose.
     - ``pose``: Box (4,), x m, y m, cos, sin of the estimated pose, in the side's own frame: x towards the goal it
@@ -209,7 +209,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
         return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
     def state(self) -> npt.NDArray[np.float32]:
-        """Return the truth, (14 players + 4,) float32, for critics that may know it.
+        """Return the truth, (14 players + 4,) float32, for critics that may have it.
 
         Of each robot x m, y m, cos, sin, velocity x and y m/s, turn rad/s; then the ball's x m, y m and velocity m/s;
         field frame.

@@ -1,4 +1,4 @@
-"""Overhead cameras that look straight down: which part of the field each sees, and where a ray meets the floor."""
+"""Overhead cameras that look straight down: the part of the field that each covers, and where a ray meets the floor."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class OverheadCamera:
     x_m, y_m, z_m : float
         Where it hangs, field frame.
     half_x_m, half_y_m : float
-        How far from there it sees the floor.
+        Distance from there to which it covers the floor.
     """
 
     camera_id: int
@@ -38,8 +38,8 @@ class OverheadCamera:
         """All that it shall see fits into its image."""
         return self.z_m * min(SIZE_PX[0] / 2 / self.half_x_m, SIZE_PX[1] / 2 / self.half_y_m)
 
-    def sees(self, x_m: float, y_m: float) -> bool:
-        """Tell whether a point of the floor is in its part of the field."""
+    def covers(self, x_m: float, y_m: float) -> bool:
+        """Return whether a point of the floor is in its part of the field."""
         return abs(x_m - self.x_m) <= self.half_x_m and abs(y_m - self.y_m) <= self.half_y_m
 
     def pixel(self, x_m: float, y_m: float, z_m: float = 0.0) -> tuple[float, float]:
@@ -54,7 +54,7 @@ class OverheadCamera:
 
     @property
     def calibration(self) -> CameraCalibration:
-        """What a vision system tells of it: turned by pi about x, so that it looks down."""
+        """The calibration that a vision system publishes: turned by pi about x, so that it looks down."""
         return CameraCalibration(
             camera_id=self.camera_id,
             focal_length_px=self.focal_length_px,

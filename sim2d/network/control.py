@@ -89,7 +89,7 @@ class _Refused(Exception):
 
 
 def apply_command(simulator: Controlled, command: SimulatorCommand) -> list[SimulatorError]:
-    """Do what a command says; return what was not done.
+    """Execute a command; return the parts that were not executed.
 
     Parameters
     ----------

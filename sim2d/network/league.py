@@ -157,7 +157,7 @@ class LeagueSimulator:
         Returns
         -------
         (bytes or None, list of (Channel, bytes))
-            The answer to its sender (None: nothing to say), and what was published on the way.
+            The answer to its sender (None: no answer), and the packets published on the way.
         """
         try:
             self._check_size(data)
@@ -191,7 +191,7 @@ class LeagueSimulator:
             errors += apply_command(self, request.command)
         if request.robot_control is not None:
             if team is None:
-                message = "send a robot_control to the port of its team: here nobody knows whose robots are meant"
+                message = "send a robot_control to the port of its team: this port does not name a team"
                 errors.append(SimulatorError("UNKNOWN_TEAM", message))
             else:
                 response = self._command_robots(team, request.robot_control)

@@ -17,7 +17,7 @@ from robocup_vision.ssl.values.tracked import (
 )
 from sim2d.network.world import LeagueState
 
-# the same in every run: a reader of a log knows truth by it
+# the same in every run, so that a reader of a log identifies the truth
 TRUTH_UUID, TRUTH_SOURCE = "sim2d-truth", "sim2d"
 REFEREE_SOURCE = "sim2d"
 _COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
@@ -51,7 +51,7 @@ def tracker_packet(state: LeagueState, frame_number: int, epoch_s: float) -> Tra
 
 
 def referee_packet(epoch_s: float, t_s: float) -> Referee:
-    """Return what a referee says who lets everybody play from the beginning: yellow towards +x."""
+    """Return the referee's message that lets everybody play from the beginning: yellow towards +x."""
     begin_us = round(epoch_s * _US_PER_S)
     return Referee(
         packet_time_us=begin_us + round(t_s * _US_PER_S),

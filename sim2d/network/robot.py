@@ -107,7 +107,7 @@ class LeagueRobot:
         self._kick_mps = self._kick_angle_rad = self._dribbler_rps = 0.0
         self._obeys_until_s = -math.inf
         self._kicks_again_s = -math.inf
-        # rolled along by its wheels: forward, left, turn as a wheel command says, worked out once
+        # rolled along by its wheels: forward, left, turn by a wheel command, computed once
         self._rolled = (0.0, 0.0, 0.0)
         self.place(pose)
 
@@ -191,11 +191,11 @@ class LeagueRobot:
         return self._mouth
 
     def touches(self, ball: BallBody) -> bool:
-        """Tell whether the ball interrupts the light barrier across its mouth."""
+        """Return whether the ball interrupts the light barrier across its mouth."""
         return self.mouth(ball).holds(self.body, ball)
 
     def handle(self, ball: BallBody, t_s: float, dt_s: float) -> None:
-        """Kick, chip or dribble the ball if it lies in the mouth and the command says so."""
+        """Kick, chip or dribble the ball, as commanded, if it lies in the mouth."""
         kicks = self._kick_mps > 0 and t_s >= self._kicks_again_s
         if not (kicks or self._dribbler_rps > 0) or not self.touches(ball):
             return

@@ -138,7 +138,7 @@ class LeagueServer:
             opened.close()
 
     def run(self, goes_on: Callable[[], bool]) -> None:
-        """Serve for as long as a function says, which is asked before every step."""
+        """Serve for as long as a function, which is called before every step, returns true."""
         self._anchor()
         while goes_on():
             self.turn()
@@ -192,7 +192,7 @@ class LeagueServer:
             try:
                 self._sender.sendto(data, addresses[channel])
             except (BlockingIOError, OSError):
-                # a full queue or an interface that has gone: the next packet says what this one would have
+                # a full queue or an interface that is down: the next packet replaces this one
                 continue
             if due_s is not None and channel is Channel.VISION:
                 self.lateness_s.append(time.monotonic() - due_s)

@@ -72,7 +72,7 @@ class OverheadVision:
 
     def _frame(self, index: int, state: LeagueState, t_s: float) -> DetectionFrame:
         camera, realism = self.cameras[index], self.realism
-        seen = [robot for robot in state.robots if camera.sees(robot.pose.x_m, robot.pose.y_m)]
+        seen = [robot for robot in state.robots if camera.covers(robot.pose.x_m, robot.pose.y_m)]
         noise = (
             self._rng.standard_normal((len(seen), 3)).tolist() if realism.robot_std_m + realism.robot_std_rad else ()
         )
@@ -104,7 +104,7 @@ class OverheadVision:
         missing = self._rng.random()
         dx, dy, da = self._rng.standard_normal(3).tolist()
         floor_x, floor_y = camera.on_floor(x, y, z)
-        if not camera.sees(floor_x, floor_y) or missing < realism.missing_ball_ratio:
+        if not camera.covers(floor_x, floor_y) or missing < realism.missing_ball_ratio:
             return None
         visible = visible_ratio(camera, state, self.field.ball_radius_m) if realism.hides_ball else 1.0
         if visible < realism.min_visible_ratio:
@@ -119,7 +119,7 @@ class OverheadVision:
 
 
 def visible_ratio(camera: OverheadCamera, state: LeagueState, ball_radius_m: float) -> float:
-    """Return how much of the ball's disc a camera sees past the robots, upright cylinders."""
+    """Return the visible fraction of the ball's disc past the robots, upright cylinders."""
     ball = state.ball
     # a robot hides what lies behind it as far as the ray over its rim takes to come down
     near = [
@@ -144,13 +144,13 @@ def visible_ratio(camera: OverheadCamera, state: LeagueState, ball_radius_m: flo
 
 
 def _is_behind(camera: OverheadCamera, robot: LeagueRobotState, x: float, y: float, z: float) -> bool:
-    """Tell whether the ray from a point to the camera meets a robot before it has risen above it."""
+    """Return whether the ray from a point to the camera meets a robot before it has risen above it."""
     along = min((robot.height_m - z) / (camera.z_m - z), 1.0)
     dx, dy = (camera.x_m - x) * along, (camera.y_m - y) * along
     off_x, off_y = robot.pose.x_m - x, robot.pose.y_m - y
     length2 = dx * dx + dy * dy
-    share = max(0.0, min(1.0, (off_x * dx + off_y * dy) / length2)) if length2 > 0 else 0.0
-    return math.hypot(off_x - share * dx, off_y - share * dy) < robot.radius_m
+    fraction = max(0.0, min(1.0, (off_x * dx + off_y * dy) / length2)) if length2 > 0 else 0.0
+    return math.hypot(off_x - fraction * dx, off_y - fraction * dy) < robot.radius_m
 
 
 def detection_packets(frame: DetectionFrame) -> list[bytes]:

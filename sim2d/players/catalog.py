@@ -1,4 +1,4 @@
-"""The built-in players by name: for command lines and for the files that say who played."""
+"""The built-in players by name, for command lines and for the files that name the players."""
 
 from __future__ import annotations
 

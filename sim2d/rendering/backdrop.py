@@ -1,4 +1,4 @@
-"""What stands behind a field as a camera near the floor sees it: curtains, people, furniture, windows, lamps.
+"""Draws the surroundings of a field for a camera near the floor: curtains, people, furniture, windows, lamps.
 
 Finer than the panorama that a mirror camera needs, and with white and coloured uprights in it, which are what a goal
 can be mistaken for.

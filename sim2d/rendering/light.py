@@ -80,12 +80,12 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
 
     light = np.take(np.array(hits.colors, dtype=np.float32), hits.surface, axis=0)
     floor = np.flatnonzero(hits.surface == FLOOR)
-    where, share = _line_paint(scene.field).coverage(
+    where, covered_ratio = _line_paint(scene.field).coverage(
         hit_x[floor], hit_y[floor], cos[floor], sin[floor], rays.radial_m[floor], rays.tangential_m[floor]
     )
     painted = floor[where]
     step = np.subtract(COLOR_NAMES[scene.field.line_color], COLOR_NAMES["green"]).astype(np.float32)
-    light[painted] += share[:, None] * step
+    light[painted] += covered_ratio[:, None] * step
     if scene.light.texture and len(floor):
         patch = np.maximum(rays.radial_m[floor], rays.tangential_m[floor])
         light[floor] *= _carpet_texture(scene.light, hit_x[floor], hit_y[floor], patch)[:, None]

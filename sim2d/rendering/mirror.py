@@ -1,4 +1,4 @@
-"""The mirror camera's picture of a scene, ray by ray, as linear light before the sensor sees it."""
+"""The mirror camera's picture of a scene, ray by ray, as linear light before the sensor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SPIN_POSES = 5
 
 
 class MirrorRenderer:
-    """Renders what one camera sees.
+    """Renders the pictures of one camera.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ class MirrorRenderer:
         if not spin_rad:
             return self._image(self._rays, self._trace(self._rays, scene, pose))
         rays = self._coarse_rays
-        shares = (np.arange(SPIN_POSES) + 0.5) / SPIN_POSES - 0.5
-        poses = [Pose2(pose.x_m, pose.y_m, pose.theta_rad + share * spin_rad) for share in shares]
+        fractions = (np.arange(SPIN_POSES) + 0.5) / SPIN_POSES - 0.5
+        poses = [Pose2(pose.x_m, pose.y_m, pose.theta_rad + fraction * spin_rad) for fraction in fractions]
         total = self._trace(rays, scene, poses[0])
         for turned in poses[1:]:
             total += self._trace(rays, scene, turned)

@@ -69,8 +69,10 @@ class LinePaint:
         near = self._near[row, column]
         near |= radial_m > self._cell_m
         where = np.flatnonzero(near)
-        share = self._coverage(x_m[where], y_m[where], cos[where], sin[where], radial_m[where], tangential_m[where])
-        return where, share
+        covered_ratio = self._coverage(
+            x_m[where], y_m[where], cos[where], sin[where], radial_m[where], tangential_m[where]
+        )
+        return where, covered_ratio
 
     def _coverage(
         self,
@@ -81,7 +83,7 @@ class LinePaint:
         radial: Float32Array | np.float32,
         tangential: Float32Array | np.float32,
     ) -> Float32Array:
-        share = np.zeros(len(x), dtype=np.float32)
+        covered_ratio = np.zeros(len(x), dtype=np.float32)
         half = np.float32(self._half)
         for x0, y0, x1, y1 in self._lines.astype(np.float32):
             length = np.float32(math.hypot(x1 - x0, y1 - y0))
@@ -92,7 +94,7 @@ class LinePaint:
             along = (x - x0) * tx + (y - y0) * ty - length / 2
             covered = _overlap(across, half, radial_across * radial + radial_along * tangential)
             covered *= _overlap(along, length / 2 + half, radial_along * radial + radial_across * tangential)
-            np.maximum(share, covered, out=share)
+            np.maximum(covered_ratio, covered, out=covered_ratio)
         for x0, y0, radius, start, sweep in self._arcs:
             dx, dy = x - np.float32(x0), y - np.float32(y0)
             from_center = np.maximum(np.hypot(dx, dy), np.float32(1e-6))
@@ -105,8 +107,8 @@ class LinePaint:
                 middle = start + sweep / 2
                 aim_x, aim_y = np.float32(math.cos(middle)), np.float32(math.sin(middle))
                 covered[dx * aim_x + dy * aim_y < from_center * np.float32(math.cos(sweep / 2))] = 0
-            np.maximum(share, covered, out=share)
-        return share
+            np.maximum(covered_ratio, covered, out=covered_ratio)
+        return covered_ratio
 
 
 def _overlap(offset: Float32Array, half: np.float32, size: Float32Array) -> Float32Array:

@@ -1,4 +1,4 @@
-"""The pinhole camera's picture of a scene, ray by ray, as linear light before the sensor sees it."""
+"""The pinhole camera's picture of a scene, ray by ray, as linear light before the sensor."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def smear(image: Float32Array, length_px: float) -> Float32Array:
         return image
     # a mixture of the two nearest boxes of an odd number of cells, so that the variance is exactly that of the motion
     inner = 2 * int((math.sqrt(length_px**2 + 1) - 1) / 2) + 1
-    share = (length_px**2 - (inner**2 - 1)) / ((inner + 2) ** 2 - inner**2)
-    kernel = np.full(inner + 2, share / (inner + 2))
-    kernel[1:-1] += (1 - share) / inner
+    inner_ratio = (length_px**2 - (inner**2 - 1)) / ((inner + 2) ** 2 - inner**2)
+    kernel = np.full(inner + 2, inner_ratio / (inner + 2))
+    kernel[1:-1] += (1 - inner_ratio) / inner
     return np.asarray(cv2.filter2D(image, -1, kernel[None, :], borderType=cv2.BORDER_REPLICATE))

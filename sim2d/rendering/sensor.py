@@ -25,7 +25,7 @@ class Sensor:
     blur_px : float
         Standard deviation of the Gaussian blur, pixels.
     vignette : float
-        Share of light lost in the image's corners; it grows with the squared distance from the image's middle.
+        Fraction of the light lost in the image's corners; it grows with the squared distance from the image's middle.
     cast_bgr : (float, float, float)
         White balance gains.
     gain : float
@@ -81,7 +81,7 @@ class Sensor:
 
 @lru_cache(maxsize=16)
 def vignette_gain(height: int, width: int, strength: float) -> npt.NDArray[np.float32]:
-    """Share of light (H, W) float32 that a lens lets through: 1 in the middle, 1 - `strength` in the corners."""
+    """Return the transmission (H, W) float32 of a lens: 1 in the middle, 1 - `strength` in the corners."""
     v, u = np.mgrid[:height, :width].astype(np.float32)
     squared = (u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2
     return np.asarray(1 - strength * squared / max(float(squared.max()), 1.0), dtype=np.float32)

@@ -262,5 +262,5 @@ class FirstHits:
 
 
 def face_light(normal_rad: float) -> float:
-    """Share of the light that an upright face gets, by the field-frame direction it looks to."""
+    """Return the fraction of the light on an upright face, by the field-frame direction of its normal."""
     return 0.78 + 0.14 * math.cos(normal_rad - LAMP_DIRECTION_RAD)

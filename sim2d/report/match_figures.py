@@ -29,7 +29,7 @@ class MatchFigures:
     goals : tuple of (float, int)
         Time and scoring side, +1 or -1, of each.
     possession : (float or None, float or None)
-        Share of each side in the time in which a robot had the ball; None if none ever had.
+        Fraction of each side of the time in which a robot had the ball; None if none ever had.
     robots : tuple of RobotFigures
         In order of their index.
     faults : tuple of FaultFigures

@@ -21,7 +21,7 @@ from robocup_vision.geometry import Pose2
 from sim2d.robot_link import Command
 from sim2d.sensors.faults import Fault
 
-# a robot can tell the two halves of the field apart only after some frames
+# a robot needs some frames to decide between the two halves of the field
 SETTLING_S = 2.0
 # stuck: within this of one place for so long, though commanded to drive, faster than that, for at least half of the
 # time; and less than half as far as free wheels would have come, because a keeper sways on purpose

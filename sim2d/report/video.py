@@ -38,7 +38,7 @@ _PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
 
 
 class MatchVideo:
-    """Writes a match as VP8 in a webm file; `problem` says in a line why it cannot, and then nothing is written.
+    """Writes a match as VP8 in a webm file; `problem` is the reason why it cannot; then nothing is written.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class MatchPictures:
         self.size_px = (_TOP_WIDTH + self._columns * self._panel_width, height)
 
     def draw(self, moment: Moment) -> UInt8Array:
-        """Return the picture (H, W, 3) of a moment, W and H as `size_px` says."""
+        """Return the picture (H, W, 3) of a moment, with W and H of `size_px`."""
         width, height = self.size_px
         canvas = np.full((height, width, 3), _PAPER, dtype=np.uint8)
         canvas[self._head_height :, :_TOP_WIDTH] = self._top.draw(moment.state, moment.robots)

@@ -74,7 +74,7 @@ def count_evidence(field: Field, camera: PinholeCamera, seed: int, indices: Iter
     """
     if len({goal.color for goal in field.goals}) < 2:
         raise ArgumentError(
-            f"the goals of field '{field.name}' do not differ in colour: looks would not tell the sides apart"
+            f"the goals of field '{field.name}' do not differ in colour, so looks cannot decide between the sides"
         )
     estimator = GoalPoseEstimator(field, camera)
     total = Counts(np.zeros((CORNERS + 1, len(WIDTHS_PX) + 1, 3), dtype=np.int64), 0, 0)

@@ -1,4 +1,4 @@
-"""Renders the frames of a match: what each robot's camera sees of one world state."""
+"""Renders the frames of a match: the picture of each robot's camera of one world state."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class MatchCamera:
             self._noise = np.rint(drawn).astype(np.int16)
 
     def scene(self, state: WorldState, index: int) -> Scene:
-        """Return the world as one robot sees it: everything but itself."""
+        """Return the world around one robot: everything but itself."""
         return self._scene(self._robots(state, index), self._ball(state))
 
     def _robots(self, state: WorldState, index: int) -> tuple[Robot, ...]:

@@ -90,7 +90,7 @@ class SensorFrame:
     ----------
     t_s : float
         When.
-    believed : Pose2 or None
+    estimated : Pose2 or None
         The robot by camera and odometry, field frame; None while it is lost.
     floor, scan : RangeProfile
         What camera and range sensor see.
@@ -103,7 +103,7 @@ class SensorFrame:
     """
 
     t_s: float
-    believed: Pose2 | None
+    estimated: Pose2 | None
     floor: RangeProfile
     scan: RangeProfile
     pose: Pose2
@@ -176,7 +176,7 @@ def sensor_run(
             others = tuple(Robot(m.pose.x_m, m.pose.y_m, limits.radius_m, limits.height_m) for m in movers)
             seen = dataclasses.replace(lit, robots=(*lit.robots, *others))
             frame = _CAMERA_SENSOR.expose(renderer.render(seen, pose), rng)
-            # at the start the robot knows its pose
+            # at the start the pose is known
             view = vision.look(frame, state.t_s, prior=None if period else pose)
             assert view.belief is not None
             known = view.belief.pose
@@ -265,8 +265,8 @@ class _Layout:
             length = math.dist(start, (x, y))
             if length < _MIN_LEG_M:
                 continue
-            shares = np.linspace(0.0, 1.0, 2 + int(length / 0.06))[1:]
-            way = [(start[0] + s * (x - start[0]), start[1] + s * (y - start[1])) for s in shares.tolist()]
+            fractions = np.linspace(0.0, 1.0, 2 + int(length / 0.06))[1:]
+            way = [(start[0] + s * (x - start[0]), start[1] + s * (y - start[1])) for s in fractions.tolist()]
             if all(self._clearance_m(point) > self.radius_m + _ROOM_M for point in reversed(way)):
                 return x, y
         return start
@@ -287,9 +287,9 @@ class _Layout:
             clearance = min(clearance, math.dist(point, (ball.x_m, ball.y_m)) - ball.radius_m)
         for (ax, ay), (bx, by) in self._lanes:
             dx, dy = bx - ax, by - ay
-            share = ((point[0] - ax) * dx + (point[1] - ay) * dy) / (dx * dx + dy * dy)
-            share = min(max(share, 0.0), 1.0)
-            clearance = min(clearance, math.dist(point, (ax + share * dx, ay + share * dy)) - self.radius_m)
+            fraction = ((point[0] - ax) * dx + (point[1] - ay) * dy) / (dx * dx + dy * dy)
+            fraction = min(max(fraction, 0.0), 1.0)
+            clearance = min(clearance, math.dist(point, (ax + fraction * dx, ay + fraction * dy)) - self.radius_m)
         return clearance
 
 
@@ -317,9 +317,9 @@ def _with_reflections(
     """Scene with each lamp mirrored in the floor: where a ray from the viewpoint would be thrown to the lamp."""
     if not lamps or camera.height_m is None:
         return scene
-    share = camera.height_m / (camera.height_m + _LAMP_HEIGHT_M)
+    fraction = camera.height_m / (camera.height_m + _LAMP_HEIGHT_M)
     mirrored = tuple(
-        Highlight(pose.x_m + share * (x - pose.x_m), pose.y_m + share * (y - pose.y_m), sigma, amplitude)
+        Highlight(pose.x_m + fraction * (x - pose.x_m), pose.y_m + fraction * (y - pose.y_m), sigma, amplitude)
         for x, y, sigma, amplitude in lamps
     )
     return dataclasses.replace(

@@ -11,7 +11,7 @@ import pymunk
 from field_models import Field
 from sim2d.rendering.scene import Box, Scene
 
-WALL_THICKNESS_M = 0.05  # outwards: the inner face stands where the field file says
+WALL_THICKNESS_M = 0.05  # outwards: the inner face stands at the place in the field file
 PANEL_HALF_THICKNESS_M = 0.005
 
 

@@ -36,7 +36,7 @@ class Mouth:
     grip_mps2: float = 6.0
 
     def holds(self, robot: pymunk.Body, ball: BallBody) -> bool:
-        """Tell whether the ball interrupts the light barrier across the mouth of a robot; one in the air does not."""
+        """Return whether the ball interrupts the light barrier across the mouth of a robot; one in the air does not."""
         if ball.height_m > ball.radius_m:
             return False
         along, aside = in_robot(robot, ball)

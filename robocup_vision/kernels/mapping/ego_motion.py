@@ -17,7 +17,7 @@ VALUE, VARIANCE, SLOPE = range(3)
 # columns of an earlier profile, (M, 4): the points (NaN where none) in the frame of the pose sought, m; the variance of
 # their range as measured then, and of how far what stands there may have moved since, along each axis; m^2
 X, Y, RANGE_VARIANCE, MOVED_VARIANCE = range(4)
-# with so few blocks, the three numbers of a pose explain whatever they say
+# fewer blocks than this cannot contradict a pose of three unknowns
 _MIN_BLOCKS = 4
 # neighbours are of one thing if they differ by less than this ratio of their inverse range, beyond their noise
 _STEP_RATIO = 0.1
@@ -107,7 +107,7 @@ def smooth(
                 c += cos * near
                 s += sin * near
         size = cc * ss - cs * cs
-        # one direction alone tells no slope: it is mostly an edge, half of one thing and half of another
+        # one direction alone has no slope: it is mostly an edge between two things
         if ss > 0.0:
             value[j] = (ss * c - cs * s) / size
             slope[j] = (cc * s - cs * c) / size * step_rad
@@ -164,7 +164,7 @@ def _add_block(
     slope: FloatArray,
     scatter: FloatArray,
 ) -> None:
-    """Add what one block of neighbouring bearings says of the pose, when the thing there may have moved.
+    """Add the information of one block of neighbouring bearings on the pose; the thing there may have moved.
 
     A thing that moves looks like a robot that moves the other way, so its own displacement, of variance
     `moved_variance` (m^2) along x and along y, has the columns of the pose's x and y; integrated out, it leaves
@@ -279,10 +279,10 @@ def compare(
 
 @njit(cache=True, nogil=True)
 def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blocks: int) -> float:
-    """How many times larger than told the errors are, as the blocks' disagreement shows; at least 1.
+    """Return how many times larger than stated the errors are, by the blocks' disagreement; at least 1.
 
-    normal, information : (3, 3) what the bearings claim to know of the pose, and what is known without them.
-    scatter : (3, 3) the blocks' slopes squared and added up: as large as `normal` if their errors are as told and
+    normal, information : (3, 3) information on the pose by the bearings, and without them.
+    scatter : (3, 3) the blocks' slopes squared and added up: as large as `normal` if their errors are as stated and
     independent of each other.
     """
     whole, claims, shows = np.empty((3, 3)), np.empty(3), np.empty(3)
@@ -318,7 +318,7 @@ def difference(
 
     information : (3, 3) what is known of the pose without the profiles.
     normal, slope : (3, 3) and (3,); overwritten. They are the mean over profiles of the mean over bearings, each
-    profile by its `excess`, times the largest number of bearings that one of them gave: all share the noise of the
+    profile by its `excess`, times the largest number of bearings that one of them gave: all have the same noise of the
     present profile, and together weigh as one of them does.
 
     Returns Diff, how many profiles were used, and the ratio of all that could be compared which agrees.

@@ -1,4 +1,4 @@
-"""Compiled loops of the free-space map: what one range profile says of each cell, and how far cells are free."""
+"""Compiled loops of the free-space map: the evidence of each cell by a range profile, and the free ranges."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numba import njit
 
 from robocup_vision.arrays import BoolArray, Float32Array, FloatArray, Int8Array, Int32Array
 
-# what a profile says of a cell: nothing; something is there (the paper's event O); nothing is there (not O)
+# evidence of a cell: none; a hit (the paper's event O); crossed (not O)
 SILENT, HIT, CROSSED = 0, 1, 2
 _TURN = 2.0 * math.pi
 # bearings closer together than this join without a gap, radians
@@ -36,8 +36,8 @@ class ProfileArrays(NamedTuple):
     """A range profile in the sensor's frame.
 
     bearing, lower, upper : (J,) float64, middle and edges of each bearing's cone, ascending within one turn, radians.
-    range_m, depth_m : (J,) float64; what is met stands between range and range + depth; a NaN range tells nothing.
-    hit : (J,) bool, whether something is met; else it is free as far as the range.
+    range_m, depth_m : (J,) float64; an obstacle stands between range and range + depth; a NaN range is no measurement.
+    hit : (J,) bool, whether there is an obstacle; else the floor is free as far as the range.
     """
 
     bearing: FloatArray
@@ -86,7 +86,7 @@ def _first_cone(direction: float, lower: FloatArray, upper: FloatArray) -> tuple
 def gather_evidence(
     sensor: SensorInGrid, profile: ProfileArrays, nearest_m: float, reach_m: float, discs: FloatArray, out: Int8Array
 ) -> None:
-    """Say of each cell what one range profile tells: HIT, CROSSED or, where it tells nothing, SILENT.
+    """Write the evidence of each cell by one range profile: HIT, CROSSED or, without evidence, SILENT.
 
     A cell is hit by a bearing whose ray has its end in it, or in whose cone its middle lies at that range; it is
     crossed if the cones of all bearings that touch it end beyond its farthest corner.
@@ -96,9 +96,9 @@ def gather_evidence(
     sensor : SensorInGrid
         Where the cells and the sensor are.
     profile : ProfileArrays
-        What the sensor measured.
+        Its measurement.
     nearest_m, reach_m : float
-        Ranges between which the sensor tells anything.
+        Ranges between which the sensor measures.
     discs : (D, 3) float64
         x, y, radius in the map's frame: cells that touch one are left out.
     out : (N, N) int8, written
@@ -189,17 +189,17 @@ def add_evidence(
     evidence: Int8Array,
     hit_step: float,
     crossed_step: float,
-    most: float,
+    max_odds: float,
     log_odds: Float32Array,
     observations: Int32Array,
 ) -> None:
-    """Bayes' rule in each cell that a profile tells of: add to its log-odds, within +-`most`, and count it."""
+    """Apply Bayes' rule in each cell with evidence: add to its log-odds, within +-`max_odds`, and count it."""
     for i in range(evidence.shape[0]):
         for j in range(evidence.shape[1]):
             if evidence[i, j] == SILENT:
                 continue
             step = hit_step if evidence[i, j] == HIT else crossed_step
-            log_odds[i, j] = min(max(log_odds[i, j] + step, -most), most)
+            log_odds[i, j] = min(max(log_odds[i, j] + step, -max_odds), max_odds)
             observations[i, j] += 1
 
 
@@ -216,7 +216,7 @@ def free_ranges(
     lower, upper : (J,) float64
         Edges of each cone, sensor frame, ascending within one turn, radians.
     nearest_m : float
-        Cells that reach nearer than this are not asked.
+        Cells that reach nearer than this are ignored.
     is_free : (N, N) bool
     out : (J,) float64, written
         Metres.

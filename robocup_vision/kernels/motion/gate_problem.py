@@ -1,4 +1,4 @@
-"""Compiled search of the gate problem's AND/OR tree (Miura 2004, section 5): which viewpoint next, by branch and bound.
+"""Compiled search of the gate problem's AND/OR tree (Miura 2004, section 5) by branch and bound: the next viewpoint.
 
 Beliefs are joint masses over the gap's width, not normalised: a branch's probability is the sum of its masses, so costs
 are sums and no division is needed.
@@ -14,7 +14,7 @@ from numba import njit
 
 from robocup_vision.arrays import FloatArray
 
-# what is done at a node, besides the viewpoints' numbers
+# actions at a node, besides the viewpoints' numbers
 DETOUR = -1
 PASS = -2
 
@@ -68,15 +68,15 @@ def search(
     depth, place : int
         Looks taken so far, of H; the viewpoint the robot is at.
     limit : float
-        A cost that is known to be reachable otherwise: what is not below it need not be exact.
+        A cost that can be had otherwise: results not below it need not be exact.
     problem : GateProblem
-        What is asked.
+        The problem.
     counted : (1,) int64, written
-        Grows by the beliefs that were reckoned with: one for each reading at each viewpoint tried.
+        Grows by the number of beliefs evaluated: one for each class of measurement at each viewpoint tried.
 
-    Whoever knew the width after the next look would pay m = move + look + the better of gap and detour if it is wide,
-    the detour if not: no branch costs less, so viewpoints are tried in the order of that bound, and readings are given
-    up as soon as what they have cost, and the bounds of those to come, exceed the best.
+    With the width known after the next look, the cost would be m = move + look + the better of gap and detour if it is
+    wide, the detour if not. No branch costs less. So viewpoints are tried in the order of that bound, and one is given
+    up as soon as the costs of its classes so far and the bounds of the others exceed the best.
     """
     first_wide, likelihood, move, look, passing, failing, detour, confirmed = problem
     width_count = belief.shape[1]

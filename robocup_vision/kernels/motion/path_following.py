@@ -1,4 +1,4 @@
-"""Compiled path following: the controller's command, and what clearance is left where it leads from a pose in doubt."""
+"""Compiled path following: the controller's command, and the clearance on its way from an uncertain pose."""
 
 from __future__ import annotations
 
@@ -114,7 +114,8 @@ def drive(
 def spread(covariance: FloatArray, odometry: Pair, moved: Pair) -> tuple[float, float, float]:
     """Return the covariance (xx, xy, yy), square metres, of the place after a move by odometry.
 
-    covariance : (3, 3) float64 of the pose before; odometry : shares of the way, along and aside; moved : m.
+    covariance : (3, 3) float64 of the pose before; odometry : errors as fractions of the way, along and aside; moved :
+    m.
     """
     dx, dy = moved
     along, aside = odometry[0] * odometry[0], odometry[1] * odometry[1]

@@ -209,7 +209,7 @@ def _latest_contact(
         latest = dead_time + contact_time(position, velocity, here, acceleration, stop, step_m, profile, smallest)
         meets = moving_contact_time(position, velocity, here, acceleration, dead_time, stop, step_m, moving)
         latest = min(latest, dead_time + meets)
-    # Later by less than contacts are told apart is no later, and braking then touches more softly.
+    # Contacts closer together than the resolution count as one; braking then touches more softly.
     latest += 0.1 * step_m / max(speed, math.hypot(motion.velocity[0], motion.velocity[1]), step_m)
     chosen = -1
     for j in range(directions.angles.shape[0]):

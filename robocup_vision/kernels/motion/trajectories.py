@@ -92,12 +92,12 @@ def contact_time(
     # where it begins is no contact yet: a robot that touches may still leave
     t = min(max((smallest - math.sqrt(start[0] * start[0] + start[1] * start[1])) * slowness, least), horizon)
     while True:
-        # predict_position, written out to share what does not change along a trajectory, and with the velocity.
+        # predict_position, written out so that constant terms are computed once a trajectory, and for the velocity too.
         if t < settle:
-            share = push * t
-            gained = 0.5 * share * t
+            change = push * t
+            gained = 0.5 * change * t
             x, y = start[0] + velocity[0] * t + gained * dv_x, start[1] + velocity[1] * t + gained * dv_y
-            v_x, v_y = velocity[0] + share * dv_x, velocity[1] + share * dv_y
+            v_x, v_y = velocity[0] + change * dv_x, velocity[1] + change * dv_y
         else:
             x, y = (
                 start[0] + velocity[0] * lag + target[0] * (t - lag),

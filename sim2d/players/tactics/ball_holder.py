@@ -14,7 +14,7 @@ from sim2d.robot_link import Reason
 
 @dataclass(frozen=True, slots=True)
 class BallHolderSettings:
-    """Values of `BallHolder`; lengths in radii are robot radii unless the line says ball radii.
+    """Values of `BallHolder`; lengths in radii are robot radii unless the line names ball radii.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class BallHolder:
         return min(free, key=lambda p: abs(p[1])), True
 
     def _follow(self, now: Situation, ball: Point, shot: ShotPlan) -> Plan | None:
-        """Kick, turn or go nearer, whichever the plan says is best; None where it promises little."""
+        """Kick, turn or go nearer, whichever the shot plan chose; None where its probability is small."""
         if shot.chance < self._settings.min_chance or now.held_s > self._settings.max_held_s:
             return None
         why = Reason("shot", shot.action, shot.reason)

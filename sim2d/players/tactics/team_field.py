@@ -12,7 +12,7 @@ Point = tuple[float, float]
 
 
 class TeamField:
-    """Lengths and places that all roles share.
+    """Lengths and places for all roles.
 
     Parameters
     ----------

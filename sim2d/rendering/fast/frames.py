@@ -38,12 +38,12 @@ from sim2d.rendering.sensor import Sensor, vignette_gain
 from sim2d.rendering.surfaces import LAMP_DIRECTION_RAD, face_light
 
 ENTRIES, SPANS = 12, 32  # most things along a bearing, and most spans they make
-MARKER_SHARE = 0.3  # of a robot's radius
+MARKER_RATIO = 0.3  # of a robot's radius
 SHADE_REACH = 3.0  # of a ball, in its radii
 
 
 class FastFrames:
-    """Draws what one make of camera sees of one field and what stands fixed on it.
+    """Draws one field and all fixed objects on it for one type of camera.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ class FastFrames:
         """Return all rows and colours, with robots of given radius, height, colour and marker."""
         rows, colors = [list(row) for row in self._rows], list(self._colors)
         for radius, height, color, marker in robots:
-            gap = radius**2 * (1 - MARKER_SHARE**2)
+            gap = radius**2 * (1 - MARKER_RATIO**2)
             rows.append([height, 1, len(colors), len(colors), len(colors) + 1, gap, 0.0])
             colors += [color, marker]
         return Things(np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast)

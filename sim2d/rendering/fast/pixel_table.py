@@ -25,7 +25,7 @@ class PixelTable:
     height_m : float
         Of the viewpoint.
     rays : PixelRays
-        Of every pixel that sees the scene.
+        Of every pixel that shows the scene.
     bearings : Bearings
         Over a full turn.
     floor : (3, H * W) float32

@@ -29,7 +29,7 @@ class Glare:
     member : {"positive_y", "negative_y", "bar"}
         Which post, or the bar.
     middle, half_length : float
-        Along the member, as shares of its length; 0 is its foot (bar: the end at negative y).
+        Along the member, as fractions of its length; 0 is its foot (bar: the end at negative y).
     turn_rad, half_width_rad : float
         About its axis, 0 where it faces the camera; pi/2 is its silhouette.
     amplitude : float

@@ -37,7 +37,7 @@ View = Literal["goal", "no_goal", "half_goal", "goal_behind_robot", "orange_wall
 NEGATIVE_VIEWS: tuple[View, ...] = ("no_goal", "half_goal", "goal_behind_robot", "orange_wall")
 
 ERS7_FIELD_OF_VIEW_RAD = math.radians(56.9)
-FRAME_MARGIN = 0.03  # share of the image's width that a whole goal keeps from its border
+FRAME_MARGIN = 0.03  # distance that a whole goal keeps from the image's border, as a fraction of its width
 AIM_SPREAD_RAD = (0.12, 0.10)  # how far the axis strays from the goal's middle, pan and tilt
 ROLL_STD_RAD = 0.03
 TRIES = 200

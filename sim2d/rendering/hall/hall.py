@@ -1,4 +1,4 @@
-"""A hall with walls, posters and furniture around a field, as a pinhole camera or a rig of three sees it.
+"""Renders a hall with walls, posters and furniture around a field, for a pinhole camera or a rig of three.
 
 Everything is a textured rectangle that hides what is behind it. Field frame, metres; the hall is centred on the field.
 """
@@ -48,7 +48,7 @@ class HallLight:
     level : float
         Overall brightness.
     ambient : float
-        Share of light that comes from everywhere.
+        Fraction of the light that comes from everywhere.
     lamps : tuple of (x_m, y_m, z_m, strength)
         Strength: light on a surface that faces the lamp 1 m away.
     """
@@ -106,12 +106,12 @@ class Hall:
                 picture = np.asarray(reduced, dtype=np.float32).reshape(*smaller[::-1], 3)
         return Pyramids(np.concatenate(texels), levels)
 
-    def rearranged(self, share: float, rng: np.random.Generator) -> Hall:
-        """Return the hall with this share of its posters moved along their wall or covered with a sheet, by turns."""
-        if not 0 <= share <= 1:
-            raise ArgumentError(f"share must be within 0 to 1, got {share}")
+    def rearranged(self, fraction: float, rng: np.random.Generator) -> Hall:
+        """Return the hall with this fraction of its posters moved along their wall or covered by a sheet, by turns."""
+        if not 0 <= fraction <= 1:
+            raise ArgumentError(f"fraction must be within 0 to 1, got {fraction}")
         posters = [i for i, panel in enumerate(self.panels) if panel.is_poster]
-        chosen = rng.permutation(posters)[: math.ceil(share * len(posters))]
+        chosen = rng.permutation(posters)[: math.ceil(fraction * len(posters))]
         panels, textures = list(self.panels), list(self.textures)
         for turn, index in enumerate(chosen):
             panel = panels[index]

@@ -27,7 +27,7 @@ SUPERSAMPLE = 2
 
 @dataclass(frozen=True, slots=True)
 class HallFrame:
-    """One moment: where the robot was and what each camera saw, (H, W, 3) uint8 BGR."""
+    """One moment: the robot's pose and the picture of each camera, (H, W, 3) uint8 BGR."""
 
     pose: Pose2
     images: tuple[UInt8Array, ...]

@@ -70,10 +70,10 @@ def _grain(rng: np.random.Generator, drawn: UInt8Array, sigma: float) -> UInt8Ar
     """Add unevenness from the size of a texel to a tenth of the picture."""
     picture = drawn.astype(np.float32)
     rows, columns = picture.shape[:2]
-    for cell, share in ((1, 0.5), (8, 0.6), (max(rows // 8, 2), 1.0)):
+    for cell, fraction in ((1, 0.5), (8, 0.6), (max(rows // 8, 2), 1.0)):
         noise = rng.standard_normal((rows // cell + 2, columns // cell + 2)).astype(np.float32)
         spread = np.asarray(cv2.resize(noise, (columns, rows), interpolation=cv2.INTER_CUBIC), dtype=np.float32)
-        picture = picture + spread[..., None] * np.float32(share * sigma)
+        picture = picture + spread[..., None] * np.float32(fraction * sigma)
     return np.asarray(np.clip(picture, 0, 255), dtype=np.uint8)
 
 

@@ -65,7 +65,7 @@ def test_every_place_of_the_field_is_seen_and_seams_twice():
     rig = camera_rig(FIELD, 2, 2, 1.0)
     rng = np.random.default_rng(3)
     for x, y in rng.uniform([-4.8, -3.3], [4.8, 3.3], (500, 2)).tolist():
-        seen = sum(camera.sees(x, y) for camera in rig)
+        seen = sum(camera.covers(x, y) for camera in rig)
         assert seen == (1 + (abs(x) <= 0.5)) * (1 + (abs(y) <= 0.5))
 
 

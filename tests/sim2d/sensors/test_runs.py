@@ -39,8 +39,8 @@ def test_the_robot_drives_clear_of_everything_and_knows_where_it_is(vision):
     frames = drive("glare", vision, frames=15)
     for frame in frames:
         assert frame.scene.clearance_m(frame.pose.x_m, frame.pose.y_m) > FIELD.robot_radius_m
-        assert frame.believed is not None
-        assert frame.pose.error_to(frame.believed)[0] < 0.03
+        assert frame.estimated is not None
+        assert frame.pose.error_to(frame.estimated)[0] < 0.03
     assert np.diff([frame.t_s for frame in frames]) == pytest.approx(0.1)
     assert np.hypot(*(frames[-1].pose.array - frames[0].pose.array)[:2]) > 0.1
 

@@ -91,7 +91,7 @@ def test_posters_move_along_their_wall_or_are_covered():
             assert np.linalg.norm(shift) == pytest.approx(abs(shift @ before.along))
         else:
             assert after.origin_m == before.origin_m
-    with pytest.raises(ArgumentError, match="share must be"):
+    with pytest.raises(ArgumentError, match="fraction must be"):
         hall.rearranged(1.5, np.random.default_rng(0))
 
 
