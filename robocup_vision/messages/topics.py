@@ -111,7 +111,7 @@ class Topics:
     ) -> None:
         self._field, self._camera, self._settings = field, camera, settings
         self._names = settings.frames
-        self._odom = _STILL
+        self._odom, self._is_own_odom = _STILL, True
         self._odom_s: float | None = None
         self._map_s = -math.inf
         self._static_sent = False
@@ -134,6 +134,10 @@ class Topics:
             ),
         )
         return [self._out("/odometry", message, t_s)]
+
+    def at_odometry(self, odom: Pose2) -> None:
+        """Note where somebody else's odometry has the robot, odom frame: map -> odom is then relative to that."""
+        self._odom, self._is_own_odom = odom, False
 
     def of_frame(self, frame: UInt8Array, t_s: float) -> list[Outgoing]:
         """Tell a frame (H, W, 3) uint8 BGR, and its camera, with the time it was taken."""
@@ -197,7 +201,8 @@ class Topics:
         if believed is not None:
             map_to_odom = believed.pose.compose(self._odom.inverse())
             transforms.append(_transform(map_to_odom, self._names.map, self._names.odom, t_s))
-        transforms.append(_transform(self._odom, self._names.odom, self._names.robot, t_s))
+        if self._is_own_odom:
+            transforms.append(_transform(self._odom, self._names.odom, self._names.robot, t_s))
         out = []
         camera = camera_transform(view.camera, self._names, t_s)
         if camera is not None and self._pans:
@@ -205,7 +210,8 @@ class Topics:
         elif camera is not None and not self._static_sent:
             self._static_sent = True
             out.append(Outgoing("/tf_static", make("tf2_msgs/msg/TFMessage", [camera]), t_s))
-        out.append(Outgoing("/tf", make("tf2_msgs/msg/TFMessage", transforms), t_s))
+        if transforms:
+            out.append(Outgoing("/tf", make("tf2_msgs/msg/TFMessage", transforms), t_s))
         return out
 
     @property

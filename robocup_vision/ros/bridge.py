@@ -1,0 +1,158 @@
+"""Connects the node with ROS 2 by rclpy, as installed with ROS or from wheels. All else of the node is in `node`.
+
+Messages pass as CDR bytes: only the types must be installed. One that is not is left out, and named in the log and in
+the diagnostics.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
+from typing import Any
+
+from field_models.errors import ArgumentError, PacketError, RobocupVisionError
+from robocup_vision.messages.topics import Outgoing
+from robocup_vision.messages.types import decode, encode, prepare
+from robocup_vision.ros.node import VisionNode
+from robocup_vision.ros.settings import NodeSettings
+
+NODE_NAME = "robocup_vision"
+_DIAGNOSTICS_S = 1.0
+# what late listeners need, too
+_LATCHED = ("/map", "/tf_static")
+_ABSOLUTE = ("/tf", "/tf_static", "/diagnostics")
+
+Handler = Callable[[Any, float], list[Outgoing]]
+
+
+def run_node(settings: NodeSettings, arguments: Sequence[str] = ()) -> None:
+    """Run the node until it is interrupted.
+
+    Parameters
+    ----------
+    settings : NodeSettings
+        Its options; parameters of the same names go before them.
+    arguments : sequence of str
+        ROS' own, such as ``--ros-args -p camera:=camera.toml``.
+
+    Raises
+    ------
+    RobocupVisionError
+        If rclpy or the standard messages are not installed, or an option is wrong.
+    """
+    try:
+        import rclpy
+        from rclpy.executors import ExternalShutdownException
+    except ImportError as error:
+        raise RobocupVisionError(
+            "the node needs rclpy: source a ROS 2 installation, or install wheels such as"
+            f" ros-kilted-rclpy[fastrtps] ({error})"
+        ) from None
+    rclpy.init(args=list(arguments))
+    try:
+        node = rclpy.create_node(NODE_NAME)
+        try:
+            _Bridge(node, _with_parameters(node, settings))
+            rclpy.spin(node)
+        finally:
+            node.destroy_node()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+
+
+def _with_parameters(node: Any, settings: NodeSettings) -> NodeSettings:
+    """Declare every option as a parameter; return the settings with what was set."""
+    values = {}
+    for name in NodeSettings.names():
+        default = getattr(settings, name)
+        try:
+            values[name] = node.declare_parameter(name, default).value
+        except Exception as error:  # rclpy raises errors of its own for another type
+            kind = type(default).__name__
+            raise ArgumentError(f"parameter '{name}' must be of type {kind} ({' '.join(str(error).split())})") from None
+    return dataclasses.replace(settings, **values)
+
+
+class _Bridge:
+    """Subscribes, publishes, and passes messages on."""
+
+    def __init__(self, node: Any, settings: NodeSettings) -> None:
+        self._node, self._settings = node, settings
+        self._vision = VisionNode(settings)
+        self._publishers: dict[str, Any] = {}
+        self._missing: set[str] = set()
+        image = "CompressedImage" if settings.image_topic.endswith("/compressed") else "Image"
+        # the newest image alone: what waits is old
+        self._listen(settings.image_topic, f"sensor_msgs/msg/{image}", self._vision.on_image, depth=1)
+        info = "sensor_msgs/msg/CameraInfo"
+        self._listen(settings.camera_info_topic, info, self._vision.on_camera_info, depth=1)
+        self._listen(settings.odometry_topic, "nav_msgs/msg/Odometry", self._vision.on_odometry, depth=50)
+        pose = "geometry_msgs/msg/PoseWithCovarianceStamped"
+        self._listen("initialpose", pose, self._vision.on_initial_pose, depth=1)
+        if settings.cmd_vel:
+            self._listen("goal_pose", "geometry_msgs/msg/PoseStamped", self._vision.on_goal, depth=1)
+        node.create_timer(_DIAGNOSTICS_S, self._tell_diagnostics)
+        node.get_logger().info(f"listening to {settings.image_topic}; field {settings.field}, camera {settings.camera}")
+
+    def _listen(self, topic: str, name: str, handler: Handler, depth: int) -> None:
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+        kind = _message_class(name)
+        if kind is None:
+            raise RobocupVisionError(f"message type {name} is not installed, topic {topic} cannot be listened to")
+        prepare([name])
+        # best effort hears reliable publishers, too
+        quality = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+        def on_bytes(data: bytes) -> None:
+            try:
+                message = decode(data, name)
+            except PacketError as error:
+                self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
+                return
+            self._send(handler(message, self._now_s()))
+
+        self._node.create_subscription(kind, topic, on_bytes, quality, raw=True)
+
+    def _send(self, messages: Iterable[Outgoing]) -> None:
+        for topic, message, _ in messages:
+            publisher = self._publisher(topic, message.__msgtype__)
+            if publisher is not None:
+                publisher.publish(encode(message))
+
+    def _publisher(self, topic: str, name: str) -> Any:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        if topic not in self._publishers:
+            kind = _message_class(name)
+            if kind is None:
+                self._missing.add(name)
+                self._node.get_logger().warning(f"message type {name} is not installed: {topic} is left out")
+                self._publishers[topic] = None
+            else:
+                is_latched = topic.endswith(_LATCHED)
+                durability = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
+                quality = QoSProfile(depth=1 if is_latched else 10, durability=durability)
+                # relative names, so that namespaces and remappings hold
+                public = topic if topic in _ABSOLUTE or self._settings.prefix else topic.removeprefix("/")
+                self._publishers[topic] = self._node.create_publisher(kind, public, quality)
+        return self._publishers[topic]
+
+    def _tell_diagnostics(self) -> None:
+        notes = tuple(f"{name} is not installed" for name in sorted(self._missing))
+        self._send(self._vision.diagnostics(self._now_s(), notes))
+
+    def _now_s(self) -> float:
+        return 1e-9 * float(self._node.get_clock().now().nanoseconds)
+
+
+def _message_class(name: str) -> Any:
+    """Return the installed class of a message type; None where its package is not installed."""
+    package, _, kind = name.split("/")
+    try:
+        return getattr(import_module(f"{package}.msg"), kind, None)
+    except ImportError:
+        return None

@@ -1,0 +1,240 @@
+"""What the ROS 2 node does with each message, without ROS: messages in, messages out.
+
+REP-103 (units and axes), REP-105 (map -> odom), REP-120 (base_footprint). A message that cannot be used changes
+nothing: the diagnostics say what was wrong with it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from field_models.catalog import load_field
+from field_models.errors import FrameError, RobocupVisionError
+from robocup_vision.avoidance.steering import Steering
+from robocup_vision.camera.files import load_camera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.memory import Memory
+from robocup_vision.messages.images import frame_of
+from robocup_vision.messages.topics import FrameNames, Outgoing, Topics, TopicSettings, covariance_3x3, pose_of
+from robocup_vision.messages.types import header, make, to_seconds
+from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.perception.color_table import load_colors
+from robocup_vision.ros.settings import NodeSettings
+from robocup_vision.view import View
+from robocup_vision.vision import Vision
+
+# a focal length or centre that differs from the camera file's by more than this ratio is another camera's
+_SAME_CAMERA = 0.05
+# without an image for so long the diagnostics warn
+_SILENT_S = 1.0
+_OK, _WARN, _ERROR = 0, 1, 2
+
+
+class VisionNode:
+    """One robot's vision as a node.
+
+    Parameters
+    ----------
+    settings : NodeSettings
+        Its options.
+
+    Raises
+    ------
+    RobocupVisionError
+        If field, camera or colours cannot be loaded or do not fit.
+    """
+
+    def __init__(self, settings: NodeSettings) -> None:
+        settings.require_files()
+        self.settings = settings
+        field, camera = load_field(settings.field), load_camera(settings.camera)
+        colors = load_colors(settings.colors) if settings.colors else None
+        self._memory = Memory.of_everything(field) if settings.memory else None
+        self.vision = Vision(field, camera, colors, method=settings.method or None, memory=self._memory)
+        names = FrameNames(settings.map_frame, settings.odom_frame, settings.robot_frame, settings.camera_frame)
+        # the image is there already
+        self._topics = Topics(field, camera, TopicSettings(settings.prefix, names, image_format=None))
+        limits = MotionLimits(settings.speed_mps, settings.acceleration_mps2, settings.dead_time_s)
+        self._steering = Steering(settings.robot_radius_m or field.robot_radius_m, limits)
+        self._odometry: Pose2 | None = None
+        self._velocity_mps = (0.0, 0.0)
+        self._at_last_frame: Pose2 | None = None
+        self._initial: PoseEstimate | None = None
+        self._goal: Pose2 | None = None
+        self._last_s: float | None = None
+        self._last_image_s: float | None = None
+        self._problems: dict[str, str] = {}
+        self._frames = self._located = 0
+        self._reason, self._took_s = "", 0.0
+
+    def on_image(self, message: Any, now_s: float) -> list[Outgoing]:
+        """Look at an Image or CompressedImage; return what is to be published.
+
+        Parameters
+        ----------
+        message
+            The message.
+        now_s : float
+            The clock; stands in for a stamp that is zero.
+        """
+        self._last_image_s = now_s
+        t_s = _time_of(message, now_s)
+        self._note_time(t_s)
+        try:
+            frame = frame_of(message)
+            view = self._look(frame, t_s)
+        except (FrameError, RobocupVisionError) as error:
+            self._problems["image"] = str(error)
+            return []
+        self._problems.pop("image", None)
+        self._frames += 1
+        self._located += bool(view.pose)
+        self._reason = "" if isinstance(view.pose, PoseEstimate) else view.pose.reason
+        self._took_s = float(view.timings_s["total"])
+        out = self._topics.of_look(view, t_s)
+        if not self.settings.publish_tf:
+            out = [outgoing for outgoing in out if outgoing.topic != "/tf"]
+        return [*out, *self._steer(view, t_s)]
+
+    def on_odometry(self, message: Any, now_s: float) -> list[Outgoing]:
+        """Take nav_msgs/Odometry in: the pose moves with it."""
+        t_s = _time_of(message, now_s)
+        pose, twist = pose_of(message.pose.pose), message.twist.twist
+        values = (*pose.array.tolist(), twist.linear.x, twist.linear.y)
+        if not all(map(math.isfinite, values)):
+            self._problems["odometry"] = "an odometry message is not finite: left out"
+            return []
+        self._note_time(t_s)
+        motion = Pose2(0.0, 0.0, 0.0) if self._odometry is None else self._odometry.inverse().compose(pose)
+        self._odometry, self._velocity_mps = pose, (float(twist.linear.x), float(twist.linear.y))
+        try:
+            if self._memory is not None:
+                self.vision.predict(motion, t_s)
+        except RobocupVisionError as error:
+            self._problems["odometry"] = str(error)
+            return []
+        self._problems.pop("odometry", None)
+        self._topics.at_odometry(pose)
+        return []
+
+    def on_camera_info(self, message: Any, now_s: float) -> list[Outgoing]:
+        """Compare sensor_msgs/CameraInfo with the camera file; the diagnostics say where they differ."""
+        camera, problem = self.vision.camera, ""
+        size = (int(message.width), int(message.height))
+        if size != tuple(camera.size_px):
+            problem = f"camera_info says {size[0]}x{size[1]}, the camera file {camera.size_px[0]}x{camera.size_px[1]}"
+        elif isinstance(camera, PinholeCamera) and message.k[0] > 0.0:
+            said = (message.k[0], message.k[4], message.k[2], message.k[5])
+            ours = (*camera.focal_px, *camera.center_px)
+            if not np.allclose(said, ours, rtol=_SAME_CAMERA):
+                texts = [", ".join(f"{value:.1f}" for value in values) for values in (said, ours)]
+                problem = f"camera_info says focal length and centre {texts[0]}, the camera file {texts[1]}"
+        if problem:
+            self._problems["camera_info"] = problem
+        else:
+            self._problems.pop("camera_info", None)
+        return []
+
+    def on_initial_pose(self, message: Any, now_s: float) -> list[Outgoing]:
+        """Take geometry_msgs/PoseWithCovarianceStamped for where the robot is: what was believed is forgotten."""
+        frame = message.header.frame_id
+        if frame not in ("", self.settings.map_frame):
+            self._problems["initialpose"] = f"initialpose is in frame {frame!r}, must be in {self.settings.map_frame!r}"
+            return []
+        pose, covariance = pose_of(message.pose.pose), covariance_3x3(message.pose.covariance)
+        if not (np.isfinite(pose.array).all() and np.isfinite(covariance).all()):
+            self._problems["initialpose"] = "initialpose is not finite: left out"
+            return []
+        self._problems.pop("initialpose", None)
+        self._initial = PoseEstimate(pose, covariance, 1.0, 0.0)
+        if self._memory is not None:
+            self._memory.poses.forget()
+            self._memory.poses.expect(pose)
+        return []
+
+    def on_goal(self, message: Any, now_s: float) -> list[Outgoing]:
+        """Take geometry_msgs/PoseStamped, map frame, for where to drive, with `cmd_vel`."""
+        frame = message.header.frame_id
+        if frame not in ("", self.settings.map_frame):
+            self._problems["goal_pose"] = f"goal_pose is in frame {frame!r}, must be in {self.settings.map_frame!r}"
+            return []
+        goal = pose_of(message.pose)
+        if not np.isfinite(goal.array).all():
+            self._problems["goal_pose"] = "goal_pose is not finite: left out"
+            return []
+        self._problems.pop("goal_pose", None)
+        self._goal = goal
+        return []
+
+    def diagnostics(self, now_s: float, notes: tuple[str, ...] = ()) -> list[Outgoing]:
+        """Return diagnostic_msgs/DiagnosticArray on what came in since the last call.
+
+        Parameters
+        ----------
+        now_s : float
+            The clock.
+        notes : tuple of str
+            What else is to be said, such as message types that are not installed.
+        """
+        problems = list(self._problems.values())
+        if self._last_image_s is None:
+            problems.append(f"no image has come on {self.settings.image_topic} yet")
+        elif now_s - self._last_image_s > _SILENT_S:
+            problems.append(f"no image for {now_s - self._last_image_s:.1f} s")
+        level = _ERROR if "image" in self._problems else _WARN if problems else _OK
+        text = "; ".join(problems) if problems else f"{self._located} of {self._frames} frames located"
+        values = {
+            "frames": str(self._frames),
+            "located": str(self._located),
+            "last not located because": self._reason,
+            "time per frame": f"{1e3 * self._took_s:.2f} ms",
+            "notes": "; ".join(notes),
+        }
+        self._frames = self._located = 0
+        pairs = [make("diagnostic_msgs/msg/KeyValue", key, value) for key, value in values.items()]
+        status = make("diagnostic_msgs/msg/DiagnosticStatus", level, "robocup_vision", text, "", pairs)
+        message = make("diagnostic_msgs/msg/DiagnosticArray", header(now_s, ""), [status])
+        return [Outgoing("/diagnostics", message, now_s)]
+
+    def _look(self, frame: Any, t_s: float) -> View:
+        initial, self._initial = self._initial, None
+        motion = None
+        if self._memory is None and self._odometry is not None:
+            if self._at_last_frame is not None:
+                motion = self._at_last_frame.inverse().compose(self._odometry)
+            self._at_last_frame = self._odometry
+        return self.vision.look(frame, t_s, motion, initial)
+
+    def _note_time(self, t_s: float) -> None:
+        """Forget all where time goes back, as when a bag is played again: filters cannot go back."""
+        # a camera's stamps may lie behind the odometry's
+        if self._last_s is not None and t_s < self._last_s - _SILENT_S:
+            self.vision.forget()
+            self._steering.forget()
+            self._odometry = self._at_last_frame = None
+            self._problems["time"] = f"time went back from {self._last_s:.3f} s to {t_s:.3f} s: all is forgotten"
+            self._last_s = t_s
+        else:
+            self._last_s = t_s if self._last_s is None else max(self._last_s, t_s)
+
+    def _steer(self, view: View, t_s: float) -> list[Outgoing]:
+        if not self.settings.cmd_vel or self._goal is None:
+            return []
+        believed = view.pose if view.belief is None else view.belief.pose
+        if not isinstance(believed, PoseEstimate) or len(view.free_space.range_m) < 3:
+            # not knowing where it is, the robot stands
+            return self._topics.of_command((0.0, 0.0, 0.0), t_s)
+        there = believed.pose.inverse().compose(self._goal)
+        distance_m, bearing_rad = math.hypot(there.x_m, there.y_m), math.atan2(there.y_m, there.x_m)
+        command = self._steering.steer(view.free_space, self._velocity_mps, bearing_rad, distance_m)
+        return self._topics.of_command(command, t_s)
+
+
+def _time_of(message: Any, now_s: float) -> float:
+    stamp = message.header.stamp
+    return to_seconds(stamp) if stamp.sec or stamp.nanosec else now_s

@@ -1,0 +1,91 @@
+"""What the ROS 2 node can be told: its options and, by the same names, its parameters."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from field_models.errors import ArgumentError
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSettings:
+    """Options of the node; each is a ROS parameter, too.
+
+    Parameters
+    ----------
+    field : str
+        Built-in field or field file.
+    camera : str
+        Camera file.
+    colors : str
+        Colour file; empty: colours are learnt.
+    method : str
+        How the pose is found; empty: the camera's default.
+    memory : bool
+        Join frames over time: tracks, map, and a pose that odometry carries on.
+    image_topic, camera_info_topic, odometry_topic : str
+        What is listened to. An image topic that ends in ``/compressed`` has compressed images.
+    prefix : str
+        Before every published topic, such as ``/robot1``; remappings do, too.
+    map_frame, odom_frame, robot_frame, camera_frame : str
+        Names of the coordinate frames.
+    publish_tf : bool
+        Whether map -> odom is published; odom -> robot_frame is whoever publishes the odometry's.
+    cmd_vel : bool
+        Drive to ``goal_pose`` (geometry_msgs/PoseStamped, map frame): commands are published on ``cmd_vel``.
+    robot_radius_m : float
+        Of the robot, with the clearance that is wanted; 0: as the field's league has it.
+    speed_mps, acceleration_mps2, dead_time_s : float
+        How the robot moves, for `cmd_vel`.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    field: str = ""
+    camera: str = ""
+    colors: str = ""
+    method: str = ""
+    memory: bool = True
+    image_topic: str = "camera/image"
+    camera_info_topic: str = "camera/camera_info"
+    odometry_topic: str = "odometry"
+    prefix: str = ""
+    map_frame: str = "map"
+    odom_frame: str = "odom"
+    robot_frame: str = "base_footprint"
+    camera_frame: str = "camera_optical_frame"
+    publish_tf: bool = True
+    cmd_vel: bool = False
+    robot_radius_m: float = 0.0
+    speed_mps: float = 0.4
+    acceleration_mps2: float = 0.3
+    dead_time_s: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.robot_radius_m) and self.robot_radius_m >= 0.0):
+            raise ArgumentError(f"robot_radius_m must not be negative, got {self.robot_radius_m!r}")
+        for name in ("image_topic", "camera_info_topic", "odometry_topic"):
+            if not getattr(self, name):
+                raise ArgumentError(f"{name} must not be empty")
+
+    def require_files(self) -> None:
+        """Refuse settings without a field or a camera.
+
+        Raises
+        ------
+        ArgumentError
+            If one is missing.
+        """
+        for name in ("field", "camera"):
+            if not getattr(self, name):
+                raise ArgumentError(f"the node needs --{name} (parameter '{name}')")
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of all options, in order."""
+        return tuple(f.name for f in dataclasses.fields(cls))
