@@ -8,12 +8,13 @@ PARALLEL := -n logical --dist worksteal
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help .venv test slow docs demo match examples figures bench-check clean
+.PHONY: help .venv test slow ros-test docs demo match examples figures bench-check clean
 
 help:
 	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
 	@echo "make test      ruff, mypy and pytest"
 	@echo "make slow      the tests that take longer than a few seconds each"
+	@echo "make ros-test  the tests of the ROS 2 node with rclpy, in an environment of its own (.venv-ros), on loopback alone"
 	@echo "make docs      the documentation: out/docs/index.html"
 	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"
 	@echo "make examples  run every program in examples/"
@@ -48,6 +49,19 @@ test: $(INSTALLED)
 slow: $(INSTALLED)
 	$(PYTHON) -m pytest $(PARALLEL) -m slow
 
+# rclpy from wheels pins packages that the rest need not share. Without a network but loopback no other machine hears it
+ros-test: .venv-ros/installed
+	@if unshare --map-root-user --net true 2>/dev/null; then apart="unshare --map-root-user --net"; \
+	else apart=""; echo "no network namespaces here: discovery is limited to this machine alone"; fi; \
+	$$apart sh -c 'if [ -n "$$1" ]; then ip link set lo up; fi; exec env RMW_IMPLEMENTATION=rmw_fastrtps_cpp \
+	ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST .venv-ros/bin/python -m pytest tests/ros -s' sh "$$apart"
+
+.venv-ros/installed: $(INSTALLED)
+	$(PYTHON) -m venv .venv-ros
+	.venv-ros/bin/python -m pip install -qq --disable-pip-version-check --editable '.[ros,report]' pytest hypothesis evo \
+		'ros-kilted-rclpy[fastrtps]' ros-sensor-msgs ros-nav-msgs ros-geometry-msgs
+	touch $@
+
 docs: .venv/installed-docs
 	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs
 	@echo "out/docs/index.html"
@@ -75,5 +89,5 @@ bench-check: $(INSTALLED)
 	$(PYTHON) -m benchmarks --quick --check --jobs 2
 
 clean:
-	rm -rf .venv out build dist .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
+	rm -rf .venv .venv-ros out build dist .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

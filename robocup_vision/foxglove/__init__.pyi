@@ -1,0 +1,3 @@
+from .server import FoxgloveServer
+
+__all__ = ["FoxgloveServer"]

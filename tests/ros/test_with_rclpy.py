@@ -1,0 +1,161 @@
+"""The node over real ROS 2: rclpy reads every standard message, images arrive, commands drive, evo agrees.
+
+Run by `make ros-test` in an environment of its own, in a network namespace without any network but loopback.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed: make ros-test")
+
+from recorded_runs import make_vision, record_run  # noqa: E402
+
+from robocup_vision import cli  # noqa: E402
+from robocup_vision.camera.files import save_camera  # noqa: E402
+from robocup_vision.messages.images import image_message  # noqa: E402
+from robocup_vision.messages.types import decode, encode  # noqa: E402
+from robocup_vision.recording.log_reader import LogReader  # noqa: E402
+
+HERE = Path(__file__).parent
+_PATIENCE_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recorded") / "run.mcap"
+    record_run(path)
+    return path
+
+
+@pytest.fixture
+def ros() -> Iterator[None]:
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@contextlib.contextmanager
+def program(*command: object) -> Iterator[subprocess.Popen[str]]:
+    """Run a program; end it at the end."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    arguments = [sys.executable, *map(str, command)]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def test_rclpys_own_deserialiser_reads_every_standard_message(recorded: Path) -> None:
+    from rclpy.serialization import deserialize_message, serialize_message
+
+    read: set[str] = set()
+    for logged in LogReader(recorded).messages():
+        package, _, name = logged.type_name.split("/")
+        try:
+            kind = getattr(import_module(f"{package}.msg"), name)
+        except ImportError:
+            continue
+        message = deserialize_message(logged.data, kind)
+        # what rclpy writes of it is what we wrote, but for padding, which it leaves as it is
+        again = encode(decode(serialize_message(message), logged.type_name))
+        assert again == logged.data, logged.type_name
+        read.add(logged.type_name)
+    assert read >= {
+        "sensor_msgs/msg/Image",
+        "sensor_msgs/msg/CameraInfo",
+        "sensor_msgs/msg/LaserScan",
+        "nav_msgs/msg/Odometry",
+        "nav_msgs/msg/OccupancyGrid",
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        "geometry_msgs/msg/PoseStamped",
+        "geometry_msgs/msg/PointStamped",
+        "geometry_msgs/msg/TwistStamped",
+    }
+
+
+def test_a_second_process_receives_the_images_that_are_sent(ros: None, tmp_path: Path) -> None:
+    from rclpy.qos import QoSProfile
+    from sensor_msgs.msg import Image
+
+    out, count = tmp_path / "seen.json", 100
+    frame = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    node = rclpy.create_node("image_sender")
+    sender = node.create_publisher(Image, "camera/image", QoSProfile(depth=20))
+    with program(HERE / "image_listener.py", out, _PATIENCE_S) as listener:
+        assert listener.stdout is not None
+        assert listener.stdout.readline() == "ready\n"
+        until_s = time.monotonic() + _PATIENCE_S
+        while not sender.get_subscription_count() and time.monotonic() < until_s:
+            rclpy.spin_once(node, timeout_sec=0.1)
+        assert sender.get_subscription_count() == 1
+        for number in [*range(count), 999]:
+            sender.publish(encode(image_message(frame, 1e-9 * number, "camera")))
+            rclpy.spin_once(node, timeout_sec=0.001)
+            time.sleep(1 / 30)
+        listener.wait(_PATIENCE_S)
+    node.destroy_node()
+    seen = [image for image in json.loads(out.read_text()) if image[0] != 999]
+    expected = int(frame.reshape(-1)[:3000:7].astype(np.int64).sum())
+    assert all(image[1:] == [640 * 480, expected] for image in seen)
+    received = len({image[0] for image in seen}) / count
+    print(f"received {100 * received:.0f} % of {count} images of 640x480")
+    assert received >= 0.95
+
+
+def test_commands_drive_the_simulated_robot_round_a_square(tmp_path: Path) -> None:
+    save_camera(make_vision().camera, tmp_path / "camera.toml")
+    half = 0.5
+    square = [(-half, -half), (half, -half), (half, half), (-half, half), (-half, -half)]
+    options = ["--field", "ssl_2001", "--camera", tmp_path / "camera.toml", "--cmd-vel"]
+    drive = [HERE / "simulated_robot.py", json.dumps(square), tmp_path / "path.json"]
+    with program("-m", "robocup_vision.cli", "ros", *options), program(*drive) as robot:
+        robot.wait(4 * _PATIENCE_S)
+    result = json.loads((tmp_path / "path.json").read_text())
+    assert [tuple(goal) for goal in result["reached"]] == square[1:]
+    off = [abs(max(abs(x), abs(y)) - half) for x, y in result["path"]]
+    print(f"largest distance from the square: {1e3 * max(off):.0f} mm in {len(off)} steps")
+    assert max(off) < 0.05
+    assert result["steps_without_a_command"] <= 0.02 * len(off)
+
+
+def test_evo_reports_the_same_trajectory_error(recorded: Path, tmp_path: Path) -> None:
+    evo = shutil.which("evo_ape", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
+    if evo is None:
+        pytest.skip("evo is not installed: make ros-test")
+    assert cli.main(["evaluate", str(recorded), "--out", str(tmp_path / "out")]) == 0
+    from robocup_vision.recording import Recording
+
+    lines = []
+    for t_s, pose in Recording(recorded).truth():
+        qz, qw = math.sin(pose.theta_rad / 2), math.cos(pose.theta_rad / 2)
+        lines.append(f"{t_s!r} {pose.x_m!r} {pose.y_m!r} 0 0 0 {qz!r} {qw!r}\n")
+    (tmp_path / "truth.tum").write_text("".join(lines))
+    command = [evo, "tum", tmp_path / "truth.tum", tmp_path / "out" / "trajectory.tum"]
+    environment = {**os.environ, "HOME": str(tmp_path)}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    [rmse] = re.findall(r"rmse\s+([\d.eE+-]+)", done.stdout)
+    figures: dict[str, Any] = json.loads((tmp_path / "out" / "summary.json").read_text())
+    ours = math.hypot(figures["rms_x_m"], figures["rms_y_m"])
+    print(f"evo: {float(rmse):.6f} m, evaluate: {ours:.6f} m")
+    assert float(rmse) == pytest.approx(ours, abs=2e-6)
