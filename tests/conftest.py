@@ -20,8 +20,9 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 # with --import-mode=importlib pytest puts no test folder on the path
 sys.path.insert(0, str(Path(__file__).parent))
 
-# fixtures that tests of several folders use: calibrated and miscalibrated frames, and a short run for landmark maps
-pytest_plugins = ["miscalibrated_frames", "short_landmark_run"]
+# fixtures that tests of several folders use: calibrated and miscalibrated frames, and a short run for landmark maps;
+# modules that need protobuf are skipped without it
+pytest_plugins = ["miscalibrated_frames", "needs_protobuf", "short_landmark_run"]
 
 settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)

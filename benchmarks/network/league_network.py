@@ -3,8 +3,8 @@
 Speed: 11 against 11 on division B, every robot commanded 60 times a second by encoded commands; simulated seconds over
 the processor's seconds of one thread, sockets left out, making the commands included. Punctuality: the same on the
 loopback (multicast with a time to live of 0) at the clock's speed, commanded by another process; how late a vision
-packet leaves against the moment its step was due, and the processor's share. It says something on an undisturbed
-machine only: the load is told. Decoders: damaged messages of every kind, read or refused; anything else is a fault.
+packet leaves against the moment its step was due, and the processor's share. Shared with other programs that says
+something of an undisturbed machine only; where it is allowed, the simulator is served before all others, too. Decoders: damaged messages of every kind, read or refused; anything else is a fault.
 Tracker: robots drive to random places and one follows the ball and kicks it, vision as real as `rc2021`; errors at the
 moment of each true frame, by what was received until then, as vectors' RMS; beside the last detection. Robots as quick
 as sim2d's own players are (1 m/s, 1.2 m/s^2), and as quick as the league's.
@@ -20,6 +20,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
@@ -104,30 +105,60 @@ with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as team:
 
 
 def measure_punctuality(seconds: float) -> bool:
-    """Print how late vision packets leave; return whether the 99th percentile is early enough."""
+    """Print how late vision packets leave; return whether the 99th percentile is early enough where undisturbed."""
+    columns = ("machine", "served for", "median ms", "p99 ms", "processor", "load", "target", "verdict")
+    table = Table(columns, "Punctuality at the clock's speed", name="punctuality")
+    shared = served(seconds)
+    ahead = served(seconds, before_others=True) if may_go_before_others() else None
+    for name, found, judged in (("shared with others", shared, ahead is None), ("served before others", ahead, True)):
+        if found is None:
+            table.row(name, "-", "-", "-", "-", "-", "-", "not allowed here")
+            continue
+        late_ms, used = found
+        p99 = float(np.percentile(late_ms, 99))
+        ok = p99 < MAX_LATE_MS and used < 1
+        table.row(
+            name,
+            f"{seconds:g} s",
+            round(float(np.median(late_ms)), 2),
+            round(p99, 2),
+            f"{100 * used:.0f} %",
+            f"{os.getloadavg()[0]:.1f}",
+            f"< {MAX_LATE_MS:g}" if judged else "",
+            verdict(ok) if judged else "",
+        )
+    return ok
+
+
+def may_go_before_others() -> bool:
+    """Return whether this process may be given the processor before all others, as if it had the machine to itself."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    except OSError:
+        return False
+    return True
+
+
+def served(seconds: float, *, before_others: bool = False) -> tuple[npt.NDArray[np.float64], float]:
+    """Return how late each vision packet left (N,) milliseconds, and the processor's share."""
     made = LeagueSimulator(FIELD, 11, REALISMS["none"], epoch_s=time.time())
     made.vision_port = VISION_PORT
-    columns = ("served for", "median ms", "p99 ms", "processor", "load", "target", "verdict")
-    table = Table(columns, "Punctuality at the clock's speed", name="punctuality")
     program = _TEAM.format(root=os.getcwd(), seconds=seconds + 2)
     with LeagueServer(made, ports=PORTS) as server, subprocess.Popen([sys.executable, "-c", program]) as team:
-        end_s, begin_s = time.monotonic() + seconds, time.process_time()
-        server.run(lambda: time.monotonic() < end_s)
-        used = (time.process_time() - begin_s) / seconds
-        team.kill()
-        late_ms = 1000 * np.array(server.lateness_s)
-    p99 = float(np.percentile(late_ms, 99))
-    ok = p99 < MAX_LATE_MS and used < 1
-    table.row(
-        f"{seconds:g} s",
-        round(float(np.median(late_ms)), 2),
-        round(p99, 2),
-        f"{100 * used:.0f} %",
-        f"{os.getloadavg()[0]:.1f}",
-        f"< {MAX_LATE_MS:g}",
-        verdict(ok),
-    )
-    return ok
+        # the team's program has started by then
+        time.sleep(1.0)
+        if before_others:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        try:
+            end_s, begin_s = time.monotonic() + seconds, time.process_time()
+            server.run(lambda: time.monotonic() < end_s)
+            used = (time.process_time() - begin_s) / seconds
+        finally:
+            if before_others:
+                os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+            team.kill()
+    return 1000 * np.array(server.lateness_s), used
 
 
 def measure_decoders(count: int, seed: int) -> bool:
