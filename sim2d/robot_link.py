@@ -21,7 +21,18 @@ from robocup_vision.view import View
 # between two commands of a player, and between two frames
 CONTROL_PERIOD_S = 1 / 30
 
-Phase = Literal["kick_off", "play"]
+# what the rules say of the moment; all but the first two come from a referee of the small-size league alone
+Phase = Literal[
+    "kick_off",
+    "play",
+    "halt",
+    "stop",
+    "time_out",
+    "free_kick",
+    "prepare_penalty",
+    "penalty",
+    "ball_placement",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,13 +117,15 @@ class Senses:
         Motion since the senses before, in the robot frame of then, measured by the wheels.
     ball_in_mouth : bool
         The light barrier in the dribbler's mouth.
-    phase : {"kick_off", "play"}
-        As the referee's whistle last announced.
-    kick_off : bool
-        Own team kicks off; meaningful in phase "kick_off".
+    phase : Phase
+        As the referee last announced. A kick-off that has been whistled for is a free kick until the ball has moved.
+    own_turn : bool
+        Own team has the kick-off, free kick, penalty or ball placement.
     frame_pan_rad : float or None
         Pan of the head when the frame was exposed, measured by the neck's joint, from straight ahead, positive to the
         left; None without a frame, and where the camera does not pan.
+    placement_in_field : (float, float) or None
+        Where the ball shall be placed, in phase "ball_placement", field frame.
     """
 
     t_s: float
@@ -121,8 +134,9 @@ class Senses:
     odometry: Pose2
     ball_in_mouth: bool
     phase: Phase
-    kick_off: bool
+    own_turn: bool
     frame_pan_rad: float | None = None
+    placement_in_field: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,16 +94,18 @@ def _score(log: Any) -> int:
 
     score = score_log(log)
     print(f"{log.path.name}: {score.frames} frames of {score.source}")
-    print(f"{'':<16} {'tracker':>10} {'last seen':>10}")
+    print(f"{'':<17} {'tracker':>10} {'last seen':>10}")
     for label, ours, last, per_unit, unit in (
         ("robot, place", score.robot_rms_m, score.robot_last_rms_m, 1000.0, "mm"),
         ("robot, angle", score.robot_rms_rad, score.robot_last_rms_rad, 1000.0, "mrad"),
         ("robot, velocity", score.robot_velocity_rms_mps, None, 1000.0, "mm/s"),
+        ("exposed, place", score.exposed_rms_m, score.exposed_last_rms_m, 1000.0, "mm"),
+        ("exposed, velocity", score.exposed_velocity_rms_mps, None, 1000.0, "mm/s"),
         ("ball, place", score.ball_rms_m, score.ball_last_rms_m, 1000.0, "mm"),
         ("ball, velocity", score.ball_velocity_rms_mps, None, 1000.0, "mm/s"),
     ):
         cells = ("-" if value is None else f"{per_unit * value:.1f}" for value in (ours, last))
-        print(f"{label:<16} " + " ".join(f"{cell:>10}" for cell in cells) + f" {unit} RMS")
+        print(f"{label:<17} " + " ".join(f"{cell:>10}" for cell in cells) + f" {unit} RMS")
     refound = "-" if score.ball_refound_s is None else f"{score.ball_refound_s:.2f} s"
     print(f"ball hidden {score.ball_hidden} times, longest until it was found again: {refound}")
     return 0

@@ -8,6 +8,7 @@ Needs the extra ``ssl`` (protobuf), which nothing else of the package loads.
 from __future__ import annotations
 
 from robocup_vision.ssl.field import field_from_geometry, geometry_from_field
+from robocup_vision.ssl.game import Game, GameState
 from robocup_vision.ssl.log import LogEntry, LogKind, SslLog, SslLogWriter, log_entry
 from robocup_vision.ssl.overview import CameraMerge, MergeSettings, Overview, merge_frames
 from robocup_vision.ssl.protocol.mapping import decode, encode
@@ -17,6 +18,8 @@ from robocup_vision.ssl.values.simulation import GlobalVelocity, LocalVelocity, 
 
 __all__ = [
     "CameraMerge",
+    "Game",
+    "GameState",
     "GlobalVelocity",
     "LocalVelocity",
     "LogEntry",

@@ -1,12 +1,14 @@
 """Scores a tracker on a log: ours and the last detection against the log's tracker packets.
 
-At each tracker packet both may use what was received before it. The packets of sim2d are the truth; those of another
-tracker are its opinion.
+At each tracker packet both may use what was received before it, so that the delay of vision counts as well. At each
+exposure the tracker says where robots were then, by that frame and those before, beside what the frame itself says. The
+packets of sim2d are the truth; those of another tracker are its opinion.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -23,6 +25,10 @@ _HIDDEN_S = 0.1
 _FOUND_M = 0.09
 # the first frames hardly determine the velocity
 _SETTLING_S = 0.5
+# a true frame tells of an exposure so near to it, its velocities taken along: less than half a frame at 60 Hz
+_SAME_TIME_S = 0.008
+# vision arrives no later than this after the truth of its exposure
+_KEPT_TRUTHS = 60
 
 
 @dataclass(slots=True)
@@ -57,6 +63,8 @@ class TrackerScore:
         The same of its direction.
     robot_velocity_rms_mps : float or None
         Error of a robot's velocity.
+    exposed_rms_m, exposed_last_rms_m, exposed_velocity_rms_mps : float or None
+        The same of robots at the moments of the exposures: by the tracker, by the frame itself, and of velocities.
     ball_rms_m, ball_last_rms_m, ball_velocity_rms_mps : float or None
         The same of the ball.
     ball_hidden : int
@@ -72,6 +80,9 @@ class TrackerScore:
     robot_rms_rad: float | None
     robot_last_rms_rad: float | None
     robot_velocity_rms_mps: float | None
+    exposed_rms_m: float | None
+    exposed_last_rms_m: float | None
+    exposed_velocity_rms_mps: float | None
     ball_rms_m: float | None
     ball_last_rms_m: float | None
     ball_velocity_rms_mps: float | None
@@ -86,6 +97,9 @@ class _Sums:
     angle: _Squares = field(default_factory=_Squares)
     last_angle: _Squares = field(default_factory=_Squares)
     velocity: _Squares = field(default_factory=_Squares)
+    exposed: _Squares = field(default_factory=_Squares)
+    exposed_last: _Squares = field(default_factory=_Squares)
+    exposed_velocity: _Squares = field(default_factory=_Squares)
     ball: _Squares = field(default_factory=_Squares)
     last_ball: _Squares = field(default_factory=_Squares)
     ball_velocity: _Squares = field(default_factory=_Squares)
@@ -135,6 +149,7 @@ class _Run:
         self._refinding_since_s: float | None = None
         self._hidden = 0
         self._refound_s: float | None = None
+        self._truths: deque[TrackedFrame] = deque(maxlen=_KEPT_TRUTHS)
         self._source = ""
         # of the first tracker in the log: others are left out
         self.uuid: str | None = None
@@ -144,6 +159,10 @@ class _Run:
         if self._begin_s is None:
             self._begin_s = frame.t_capture_s
         self._tracker.update(frame)
+        if self._truths and frame.t_capture_s - self._begin_s > _SETTLING_S:
+            truth = min(self._truths, key=lambda known: abs(known.t_s - frame.t_capture_s))
+            if abs(truth.t_s - frame.t_capture_s) < _SAME_TIME_S:
+                self._compare_exposure(frame, truth)
         for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue)):
             for robot in robots:
                 if robot.robot_id is not None:
@@ -158,6 +177,8 @@ class _Run:
     def compare(self, packet: TrackerPacket, truth: TrackedFrame) -> None:
         if self.uuid is None:
             self.uuid, self._source = packet.uuid, packet.source_name or packet.uuid
+        if packet.uuid == self.uuid:
+            self._truths.append(truth)
         if packet.uuid != self.uuid or self._begin_s is None or truth.t_s - self._begin_s < _SETTLING_S:
             return
         self.frames += 1
@@ -169,6 +190,25 @@ class _Run:
                 self._compare_robot(robot, known[key], self._robots[key])
         if truth.balls and ours.balls and self._ball is not None:
             self._compare_ball(truth, ours, self._ball)
+
+    def _compare_exposure(self, frame: DetectionFrame, truth: TrackedFrame) -> None:
+        sums, past_s = self._sums, frame.t_capture_s - truth.t_s
+        true = {(robot.robot.team, robot.robot.number): robot for robot in truth.robots}
+        ours = {(robot.robot.team, robot.robot.number): robot for robot in self._tracker.at(frame.t_capture_s).robots}
+        for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue)):
+            for robot in robots:
+                key = color, robot.robot_id or 0
+                known, moving = ours.get(key), true.get(key)
+                if robot.robot_id is None or known is None or moving is None or moving.velocity_mps is None:
+                    continue
+                x = moving.position_m.x + past_s * moving.velocity_mps.x
+                y = moving.position_m.y + past_s * moving.velocity_mps.y
+                sums.exposed.add((known.position_m.x - x) ** 2 + (known.position_m.y - y) ** 2)
+                sums.exposed_last.add((robot.x_m - x) ** 2 + (robot.y_m - y) ** 2)
+                if known.velocity_mps is not None:
+                    dx = known.velocity_mps.x - moving.velocity_mps.x
+                    dy = known.velocity_mps.y - moving.velocity_mps.y
+                    sums.exposed_velocity.add(dx**2 + dy**2)
 
     def _compare_robot(self, truth: TrackedRobot, ours: TrackedRobot, last: tuple[float, float, float]) -> None:
         sums, place = self._sums, truth.position_m
@@ -207,6 +247,9 @@ class _Run:
             sums.angle.rms,
             sums.last_angle.rms,
             sums.velocity.rms,
+            sums.exposed.rms,
+            sums.exposed_last.rms,
+            sums.exposed_velocity.rms,
             sums.ball.rms,
             sums.last_ball.rms,
             sums.ball_velocity.rms,

@@ -1,8 +1,8 @@
 """One world out of what several cameras saw: robots and ball with velocities, at any time near the last frames.
 
-Each coordinate of a thing is filtered as one that moves with constant velocity and is disturbed by accelerations. A
-frame counts at the time of its exposure, so that delays cost nothing but a prediction. A detection far from where it
-should be is not used until the next ones agree with it.
+Robots are filtered by several models of motion (`motion_filter`); their angles and the ball as things that move with
+constant velocity and are disturbed by accelerations. A frame counts at the time of its exposure, so that delays cost
+nothing but a prediction. A detection far from where it should be is not used until the next ones agree with it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from robocup_vision.geometry import wrap_angle
+from robocup_vision.ssl.motion_filter import MotionFilter, MotionFilterSettings
 from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot
 from robocup_vision.ssl.values.tracked import (
     TeamColor,
@@ -29,10 +32,12 @@ class TrackerSettings:
 
     Parameters
     ----------
-    robot_std_m, robot_std_rad, ball_std_m : float
+    robot : MotionFilterSettings
+        How robots move.
+    robot_std_rad, ball_std_m : float
         Noise of a detection: what the cameras of the league's fields show.
-    robot_acceleration_mps2, robot_turn_acceleration_rps2 : float
-        How hard robots speed up and brake, as a standard deviation.
+    robot_turn_acceleration_rps2 : float
+        How hard robots speed up and brake their turning, as a standard deviation.
     ball_acceleration_mps2 : float
         The same of a ball that is dribbled or touched without being kicked.
     ball_slowing_mps2 : float
@@ -48,10 +53,9 @@ class TrackerSettings:
         What has not been seen for so long is gone.
     """
 
-    robot_std_m: float = 0.002
+    robot: MotionFilterSettings = MotionFilterSettings()
     robot_std_rad: float = 0.012
     ball_std_m: float = 0.0015
-    robot_acceleration_mps2: float = 4.0
     robot_turn_acceleration_rps2: float = 20.0
     ball_acceleration_mps2: float = 3.0
     ball_slowing_mps2: float = 0.35
@@ -90,15 +94,10 @@ class _Coordinate:
         self.p_value_rate *= 1 - gain
 
 
-class _Track:
-    """Something that moves over the floor; robots have a direction, too."""
+class _Doubts:
+    """Detections in a row that were not used."""
 
-    def __init__(self, t_s: float, x: float, y: float, std_m: float, angle: float | None, s: TrackerSettings) -> None:
-        self.t_s = self.seen_s = t_s
-        self.x = _Coordinate(x, std_m, 0.0, s.start_speed_mps)
-        self.y = _Coordinate(y, std_m, 0.0, s.start_speed_mps)
-        self.angle = None if angle is None else _Coordinate(angle, s.robot_std_rad, 0.0, s.start_turn_rps)
-        # the detections in a row that were not used
+    def __init__(self) -> None:
         self.doubted: list[tuple[float, float, float]] = []
 
     def doubt(self, t_s: float, x: float, y: float, jump_m: float, believed_after: int) -> bool:
@@ -110,6 +109,30 @@ class _Track:
                 self.doubted = []
         self.doubted.append((t_s, x, y))
         return len(self.doubted) >= believed_after
+
+
+class _BallTrack(_Doubts):
+    """The ball as it moves over the floor."""
+
+    def __init__(self, t_s: float, x: float, y: float, s: TrackerSettings) -> None:
+        super().__init__()
+        self.t_s = self.seen_s = t_s
+        self.x = _Coordinate(x, s.ball_std_m, 0.0, s.start_speed_mps)
+        self.y = _Coordinate(y, s.ball_std_m, 0.0, s.start_speed_mps)
+
+
+class _RobotTrack(_Doubts):
+    """A robot: its row in the filter, and its direction."""
+
+    def __init__(self, row: int, t_s: float, angle: float, s: TrackerSettings) -> None:
+        super().__init__()
+        self.row = row
+        self.start(t_s, angle, s)
+
+    def start(self, t_s: float, angle: float, s: TrackerSettings) -> None:
+        self.seen_s = self.t_s = t_s
+        self.angle = _Coordinate(angle, s.robot_std_rad, 0.0, s.start_turn_rps)
+        self.doubted = []
 
 
 RobotKey = tuple[TeamColor, int]
@@ -126,8 +149,9 @@ class OverheadTracker:
 
     def __init__(self, settings: TrackerSettings = TrackerSettings()) -> None:
         self._settings = settings
-        self._robots: dict[RobotKey, _Track] = {}
-        self._ball: _Track | None = None
+        self._motion = MotionFilter(settings.robot)
+        self._robots: dict[RobotKey, _RobotTrack] = {}
+        self._ball: _BallTrack | None = None
         self._frames = 0
 
     def update(self, frame: DetectionFrame) -> None:
@@ -135,70 +159,88 @@ class OverheadTracker:
         t_s = frame.t_capture_s
         if not math.isfinite(t_s):
             return
-        for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue)):
-            for robot in robots:
-                if robot.robot_id is not None and _is_finite(robot):
-                    self._update_robot((color, robot.robot_id), robot, t_s)
+        seen = {
+            (color, robot.robot_id): robot
+            for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue))
+            for robot in robots
+            if robot.robot_id is not None and _is_finite(robot)
+        }
+        if seen:
+            self._update_robots(seen, t_s)
         self._update_ball([ball for ball in frame.balls if _is_finite(ball)], t_s)
         self._frames += 1
 
     def at(self, t_s: float) -> TrackedFrame:
         """Return the world at a time, seconds since 1970, predicted from what has been seen."""
-        robots = []
-        for (color, number), track in sorted(self._robots.items()):
-            if t_s - track.seen_s > self._settings.max_lost_s or track.angle is None:
-                continue
-            dt_s = t_s - track.t_s
-            position = Vector2(track.x.value + dt_s * track.x.rate, track.y.value + dt_s * track.y.rate)
-            angle = wrap_angle(track.angle.value + dt_s * track.angle.rate)
-            velocity = Vector2(track.x.rate, track.y.rate)
-            robots.append(
-                TrackedRobot(
-                    TrackedRobotId(number, color),
-                    position,
-                    angle,
-                    velocity,
-                    track.angle.rate,
-                    self._visibility(track, t_s),
-                )
+        known = [
+            (key, track)
+            for key, track in sorted(self._robots.items())
+            if t_s - track.seen_s <= self._settings.max_lost_s
+        ]
+        places, velocities = self._motion.at(np.array([track.row for _, track in known], dtype=np.int64), t_s)
+        robots = tuple(
+            TrackedRobot(
+                TrackedRobotId(number, color),
+                Vector2(*place),
+                wrap_angle(track.angle.value + (t_s - track.t_s) * track.angle.rate),
+                Vector2(*velocity),
+                track.angle.rate,
+                self._visibility(track.seen_s, t_s),
             )
+            for ((color, number), track), place, velocity in zip(
+                known, places.tolist(), velocities.tolist(), strict=True
+            )
+        )
         balls = () if self._ball is None else (self._ball_at(self._ball, t_s),)
-        return TrackedFrame(self._frames, t_s, balls, tuple(robots))
+        return TrackedFrame(self._frames, t_s, balls, robots)
 
-    def _visibility(self, track: _Track, t_s: float) -> float:
-        return max(0.0, min(1.0, 1.0 - (t_s - track.seen_s) / self._settings.max_lost_s))
+    def _visibility(self, seen_s: float, t_s: float) -> float:
+        return max(0.0, min(1.0, 1.0 - (t_s - seen_s) / self._settings.max_lost_s))
 
-    def _ball_at(self, track: _Track, t_s: float) -> TrackedBall:
+    def _ball_at(self, track: _BallTrack, t_s: float) -> TrackedBall:
         x, y, vx, vy = _rolled(track, t_s - track.t_s, self._settings.ball_slowing_mps2)
-        return TrackedBall(Vector3(x, y, 0.0), Vector3(vx, vy, 0.0), self._visibility(track, t_s))
+        return TrackedBall(Vector3(x, y, 0.0), Vector3(vx, vy, 0.0), self._visibility(track.seen_s, t_s))
 
-    def _update_robot(self, key: RobotKey, robot: DetectionRobot, t_s: float) -> None:
+    def _update_robots(self, seen: dict[RobotKey, DetectionRobot], t_s: float) -> None:
         s = self._settings
-        track = self._robots.get(key)
-        if track is None or t_s - track.seen_s > s.max_lost_s:
-            self._robots[key] = _Track(t_s, robot.x_m, robot.y_m, s.robot_std_m, robot.orientation_rad or 0.0, s)
+        followed = []
+        for key, robot in seen.items():
+            track = self._robots.get(key)
+            if track is None:
+                track = self._robots[key] = _RobotTrack(self._motion.add(), t_s, robot.orientation_rad or 0.0, s)
+            elif t_s - track.seen_s <= s.max_lost_s:
+                followed.append((track, robot))
+                continue
+            self._start(track, robot, t_s)
+        if not followed:
             return
-        dt_s = max(t_s - track.t_s, 0.0)
-        for coordinate in (track.x, track.y):
-            coordinate.predict(dt_s, s.robot_acceleration_mps2)
-        if track.angle is not None:
-            track.angle.predict(dt_s, s.robot_turn_acceleration_rps2)
-        track.t_s = max(t_s, track.t_s)
-        # seen by another camera a moment earlier: compared with where it was then
-        late_s = track.t_s - t_s
-        dx = robot.x_m - (track.x.value - late_s * track.x.rate)
-        dy = robot.y_m - (track.y.value - late_s * track.y.rate)
-        if math.hypot(dx, dy) > s.max_robot_jump_m:
-            if track.doubt(t_s, robot.x_m, robot.y_m, s.max_robot_jump_m, s.believed_after):
-                self._robots[key] = _Track(t_s, robot.x_m, robot.y_m, s.robot_std_m, robot.orientation_rad or 0.0, s)
-            return
-        track.doubted = []
-        track.seen_s = track.t_s
-        track.x.update(dx, s.robot_std_m)
-        track.y.update(dy, s.robot_std_m)
-        if track.angle is not None and robot.orientation_rad is not None:
-            expected = track.angle.value - late_s * track.angle.rate
-            track.angle.update(wrap_angle(robot.orientation_rad - expected), s.robot_std_rad)
+        rows = np.array([track.row for track, _ in followed], dtype=np.int64)
+        places = np.array([(robot.x_m, robot.y_m) for _, robot in followed])
+        self._motion.predict(rows, t_s)
+        # of another camera's frame, exposed a moment earlier, it is compared with where it was then
+        away = np.hypot(*self._motion.innovations(rows, places, t_s).T)
+        near = away <= s.max_robot_jump_m
+        if near.any():
+            self._motion.update(rows[near], places[near], t_s)
+        for (track, robot), is_near in zip(followed, near.tolist(), strict=True):
+            if is_near:
+                track.doubted = []
+                self._turn(track, robot, t_s)
+            elif track.doubt(t_s, robot.x_m, robot.y_m, s.max_robot_jump_m, s.believed_after):
+                self._start(track, robot, t_s)
+
+    def _start(self, track: _RobotTrack, robot: DetectionRobot, t_s: float) -> None:
+        track.start(t_s, robot.orientation_rad or 0.0, self._settings)
+        self._motion.start(track.row, t_s, robot.x_m, robot.y_m)
+
+    def _turn(self, track: _RobotTrack, robot: DetectionRobot, t_s: float) -> None:
+        """Take in a robot's direction."""
+        s, angle = self._settings, track.angle
+        angle.predict(max(t_s - track.t_s, 0.0), s.robot_turn_acceleration_rps2)
+        track.t_s = track.seen_s = max(t_s, track.t_s)
+        if robot.orientation_rad is not None:
+            expected = angle.value - (track.t_s - t_s) * angle.rate
+            angle.update(wrap_angle(robot.orientation_rad - expected), s.robot_std_rad)
 
     def _update_ball(self, balls: list[DetectionBall], t_s: float) -> None:
         s, track = self._settings, self._ball
@@ -206,7 +248,7 @@ class OverheadTracker:
             return
         if track is None or t_s - track.seen_s > s.max_lost_s:
             best = max(balls, key=lambda ball: ball.confidence)
-            self._ball = _Track(t_s, best.x_m, best.y_m, s.ball_std_m, None, s)
+            self._ball = _BallTrack(t_s, best.x_m, best.y_m, s)
             return
         dt_s = max(t_s - track.t_s, 0.0)
         x, y, vx, vy = _rolled(track, dt_s, s.ball_slowing_mps2)
@@ -230,10 +272,10 @@ class OverheadTracker:
         track.y.update(dy, s.ball_std_m)
 
 
-def _restarted(doubted: list[tuple[float, float, float]], settings: TrackerSettings) -> _Track:
+def _restarted(doubted: list[tuple[float, float, float]], settings: TrackerSettings) -> _BallTrack:
     """Return the track of a ball that was kicked or carried off: its velocity is that between the detections."""
     (t0_s, x0, y0), (t1_s, x1, y1) = doubted[0], doubted[-1]
-    track = _Track(t1_s, x1, y1, settings.ball_std_m, None, settings)
+    track = _BallTrack(t1_s, x1, y1, settings)
     dt_s = t1_s - t0_s
     if dt_s > 0:
         track.x.rate, track.y.rate = (x1 - x0) / dt_s, (y1 - y0) / dt_s
@@ -241,7 +283,7 @@ def _restarted(doubted: list[tuple[float, float, float]], settings: TrackerSetti
     return track
 
 
-def _rolled(track: _Track, dt_s: float, slowing_mps2: float) -> tuple[float, float, float, float]:
+def _rolled(track: _BallTrack, dt_s: float, slowing_mps2: float) -> tuple[float, float, float, float]:
     """Return place and velocity of a ball after it rolled on for a while, back in time without slowing."""
     vx, vy = track.x.rate, track.y.rate
     speed = math.hypot(vx, vy)

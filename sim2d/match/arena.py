@@ -135,6 +135,7 @@ class Arena:
                 state.phase,
                 state.kick_off_side == robot.side,
                 robot.pan_rad if isinstance(self.camera, PinholeCamera) else None,
+                state.placement_m,
             )
             sensed.append(self._faulty[robot.index].apply(senses))
         return tuple(sensed)

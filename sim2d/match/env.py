@@ -275,7 +275,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
         values: Observation = {
             "odometry": senses.odometry.array,
             "ball_in_mouth": int(senses.ball_in_mouth),
-            "kick_off": 0 if senses.phase == "play" else 1 if senses.kick_off else 2,
+            "kick_off": 0 if senses.phase == "play" else 1 if senses.own_turn else 2,
         }
         if self._percepts:
             values |= self._percepts[agent].look(senses, agent.startswith("plus"))

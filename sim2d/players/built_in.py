@@ -26,7 +26,8 @@ from sim2d.kick_off import kick_off_pose
 from sim2d.players.ball_memory import BallMemory, HiddenBall, Point, block_ball, is_in_sight
 from sim2d.players.driving.motion import Motion
 from sim2d.players.driving.travel import Travel, TravelPlanner
-from sim2d.players.head import Head, HeadView
+from sim2d.players.head import Head
+from sim2d.players.keep_out import allowed_target, block_zones
 from sim2d.players.plan import Plan, Situation
 from sim2d.players.settings import PlayerSettings
 from sim2d.players.shot import Shooter
@@ -195,6 +196,9 @@ class BuiltInPlayer:
                 self._hidden.update((ball.x_m, ball.y_m), *self._tracks(frame_t_s))
 
     def _decide(self, senses: Senses) -> Command:
+        if senses.phase in ("halt", "time_out"):
+            self._intent = senses.phase.replace("_", "-")
+            return Command()
         belief = self._filter.belief
         motion = self._filter.motion_since(self._view_t_s)
         is_late = senses.t_s - self._view_t_s > self._settings.max_frame_age_s
@@ -231,14 +235,19 @@ class BuiltInPlayer:
                 0.0 if self._held_since_s is None else senses.t_s - self._held_since_s,
                 tuple(self._point_in_team((thing.x_m, thing.y_m)) for thing in things),
                 senses.phase,
-                senses.kick_off,
+                senses.own_turn,
                 senses.t_s,
                 self._plan_shot(senses),
                 self._others(senses.t_s),
+                None if senses.placement_in_field is None else self._point_in_team(senses.placement_in_field),
             )
         )
         self._intent, self._why = plan.intent, plan.why
-        self._target = self._point_in_team(plan.target)
+        if plan.keep_outs:
+            here, radius_m = self._in_team(pose), self._setup.limits.radius_m
+            place = allowed_target(plan.target, (here.x_m, here.y_m), plan.keep_outs, radius_m)
+            plan = dataclasses.replace(plan, target=place)
+            free_space = block_zones(free_space, here, plan.keep_outs, radius_m)
         if ball is not None and plan.avoid_ball:
             at = pose.inverse().transform(ball)
             free_space = block_ball(free_space, (float(at[0]), float(at[1])), self._setup.field.ball_radius_m)

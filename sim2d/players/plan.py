@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning.shots.shot_planner import ShotPlan
+from sim2d.players.keep_out import KeepOut
 from sim2d.robot_link import Phase, Reason
 
 Point = tuple[float, float]
@@ -29,15 +30,18 @@ class Situation:
         For how long.
     obstacles : tuple of (float, float)
         Whatever stands on the floor and is no wall.
-    phase : {"kick_off", "play"}
-    kick_off : bool
-        Own team kicks off.
+    phase : Phase
+        What the referee announced.
+    own_turn : bool
+        Own team has the kick-off, free kick, penalty or ball placement.
     t_s : float
         Now.
     shot : ShotPlan or None
         What to do with the ball in the mouth, where that was planned.
     others : tuple of (float, float)
         Robots that are tracked; empty for players that do not plan.
+    placement : (float, float) or None
+        Where the ball shall be placed, in phase "ball_placement".
     """
 
     pose: Pose2
@@ -47,10 +51,11 @@ class Situation:
     held_s: float
     obstacles: tuple[Point, ...]
     phase: Phase
-    kick_off: bool
+    own_turn: bool
     t_s: float
     shot: ShotPlan | None = None
     others: tuple[Point, ...] = ()
+    placement: Point | None = None
 
     @property
     def place(self) -> Point:
@@ -82,6 +87,10 @@ class Plan:
         With the ball in the mouth: turn gently.
     why : Reason or None
         Reason of the choice, where it was weighed.
+    speed_mps : float or None
+        The rules allow no more now; None: any speed.
+    keep_outs : tuple of KeepOut
+        Where the rules forbid the robot to be now.
     """
 
     intent: str
@@ -93,3 +102,5 @@ class Plan:
     close: bool = False
     holding: bool = False
     why: Reason | None = None
+    speed_mps: float | None = None
+    keep_outs: tuple[KeepOut, ...] = ()

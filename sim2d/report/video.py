@@ -156,7 +156,7 @@ class MatchPictures:
 
     def _write_head(self, canvas: UInt8Array, state: WorldState) -> None:
         ours, theirs = state.score
-        doing = "kick-off" if state.phase == "kick_off" else "play"
+        doing = "kick-off" if state.phase == "kick_off" else state.phase.replace("_", " ")
         _write(canvas, f"{self._name}   {state.t_s:6.1f} s   {ours} : {theirs}   {doing}", (14, 27), _INK, 0.55)
         legend = "disc: truth   ring: estimate, with its 95 % ellipse   cross: estimated ball   small ring: track"
         _write(canvas, legend, (330, 27), _SOFT, 0.38)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -46,8 +47,36 @@ class Ruling:
     robot_at: tuple[int, float, float] | None = None
 
 
+class MatchReferee(Protocol):
+    """Who judges a match: `Referee`, or another one in its place."""
+
+    @property
+    def phase(self) -> Phase:
+        """What players are told."""
+        ...
+
+    @property
+    def kick_off_side(self) -> int:
+        """Whose turn it is, +1 or -1."""
+        ...
+
+    @property
+    def score(self) -> dict[int, int]:
+        """Goals of each side."""
+        ...
+
+    @property
+    def placement_m(self) -> tuple[float, float] | None:
+        """Where the ball shall be placed; None unless it shall."""
+        ...
+
+    def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
+        """Return the rulings after a control period."""
+        ...
+
+
 class Referee:
-    """Applies the rules to one match.
+    """Applies the rules to one match: kick-offs, and else a ball that is put back at once.
 
     Parameters
     ----------
@@ -64,6 +93,7 @@ class Referee:
         self.score = {1: 0, -1: 0}
         self.phase: Phase = "kick_off"
         self.kick_off_side = 1
+        self.placement_m: tuple[float, float] | None = None
         self._reach_x_m: float
         self._reach_y_m: float
         self._reach_x_m, self._reach_y_m = (np.abs(field.floor_polygon).max(axis=0) + settings.astray_m).tolist()

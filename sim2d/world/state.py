@@ -94,12 +94,14 @@ class WorldState:
         None on a course without one.
     score : (int, int)
         Goals of side +1, of side -1.
-    phase : {"kick_off", "play"}
+    phase : Phase
         Kick-off: the ball lies at the centre until the whistle.
     kick_off_side : int
-        Who kicks off: +1 or -1.
+        Whose turn it is at a kick-off, free kick, penalty or ball placement: +1 or -1.
     events : tuple of Event
         What happened during the last control period.
+    placement_m : (float, float) or None
+        Where the ball shall be placed, in phase "ball_placement".
     """
 
     t_s: float
@@ -109,3 +111,4 @@ class WorldState:
     phase: Phase
     kick_off_side: int
     events: tuple[Event, ...]
+    placement_m: tuple[float, float] | None = None

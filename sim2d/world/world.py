@@ -22,7 +22,7 @@ from sim2d.rendering.scene import Box
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, RobotLimits
 from sim2d.world.ball_physics import BallBody, BallSettings
 from sim2d.world.ground import add_ground
-from sim2d.world.referee import Referee, RefereeSettings
+from sim2d.world.referee import MatchReferee, Referee, RefereeSettings
 from sim2d.world.robot_body import BodySettings, RobotBody, check_command
 from sim2d.world.state import BallState, Event, RobotState, WorldState
 
@@ -61,6 +61,8 @@ class World:
         Source of all noise.
     settings : WorldSettings
         Of physics and rules.
+    referee : MatchReferee, optional
+        Who judges; default: one of sim2d's own simple rules, of `settings.referee`.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class World:
         limits: RobotLimits,
         rng: np.random.Generator,
         settings: WorldSettings = WorldSettings(),
+        referee: MatchReferee | None = None,
     ) -> None:
         if players_per_side < 1:
             raise ArgumentError(f"players_per_side must be at least 1, got {players_per_side}")
@@ -84,7 +87,7 @@ class World:
         robots = [(*place, start) for place, start in zip(places, starts, strict=True)]
         self._build(field, (), limits, rng, robots, settings.body)
         self._ball: BallBody | None = BallBody(self._space, field.ball_radius_m, _BALL, settings.ball)
-        self._referee: Referee | None = Referee(field, limits, settings.referee)
+        self._referee: MatchReferee | None = referee or Referee(field, limits, settings.referee)
 
     @classmethod
     def course(
@@ -163,6 +166,7 @@ class World:
             phase,
             referee.kick_off_side if referee else 1,
             tuple(self._events),
+            referee.placement_m if referee else None,
         )
 
     def step(self, commands: Mapping[int, Command]) -> None:

@@ -143,6 +143,8 @@ class Motion:
         ends_there = travel is not None and travel.ends_there
         distance_m = float(np.hypot(*there)) + (0.0 if ends_there else math.dist(first, plan.target))
         speed_mps = None if travel is None else travel.speed_mps
+        if plan.speed_mps is not None:
+            speed_mps = min(plan.speed_mps, self._limits.speed_mps if speed_mps is None else speed_mps)
         turn = wrap_angle(plan.heading_rad - pose.theta_rad) / settings.turn_time_s
         fastest = min(self._limits.turn_rps, settings.holding_rps if plan.holding else math.inf)
         turn = max(-fastest, min(fastest, turn))

@@ -58,12 +58,22 @@ class Fetch:
     def __init__(self, team: TeamField, settings: FetchSettings) -> None:
         self._team, self._settings = team, settings
 
-    def decide(self, now: Situation, ball: Point) -> Plan:
-        """Go behind the ball as seen from the opponent's goal, where that is near; else straight to it."""
+    def decide(self, now: Situation, ball: Point, towards: Point | None = None) -> Plan:
+        """Go behind the ball as seen from where it shall go, where that is near; else straight to it.
+
+        Parameters
+        ----------
+        now : Situation
+            Team frame.
+        ball : (float, float)
+            Where it is.
+        towards : (float, float), optional
+            Where it shall go; default: into the opponent's goal.
+        """
         team, settings, reach = self._team, self._settings, self._team.reach_m
         ball = self.meeting_place(now, ball)
         to_ball = direction_rad(now.place, ball)
-        to_goal = direction_rad(ball, (team.half_length_m, 0.0))
+        to_goal = direction_rad(ball, (team.half_length_m, 0.0) if towards is None else towards)
         away = math.dist(now.place, ball)
         off = wrap_angle(to_ball - to_goal)
         is_straight = abs(off) < settings.straight_rad or away > settings.straight_reaches * reach

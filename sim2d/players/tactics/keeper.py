@@ -86,9 +86,13 @@ class Keeper:
             return self._block(now, ball)
         if self.owns(now.ball) and math.hypot(*now.ball_velocity_mps) < settings.slow_ball_mps:
             return self._fetch.decide(now, now.ball)
-        y = self._crossing_y(now.ball, now.ball_velocity_mps)
+        return self.guard(now, now.ball)
+
+    def guard(self, now: Situation, ball: Point) -> Plan:
+        """Stand on the line before the goal, between the ball and the goal."""
+        y = self._crossing_y(ball, now.ball_velocity_mps)
         target = (self._line_m, max(-self._side_m, min(self._side_m, y)))
-        return Plan("keep", target, direction_rad(now.place, now.ball), dribble=True)
+        return Plan("keep", target, direction_rad(now.place, ball), dribble=True)
 
     def _crossing_y(self, ball: Point, velocity_mps: Point) -> float:
         """Return where to stand on the line: where a rolling ball will cross it, or on the way to the goal."""

@@ -1,11 +1,44 @@
-"""Where a player stands at a kick-off."""
+"""What a player does while the rules bind it: kick-off, stop, free kick, penalty, ball placement."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, replace
+
 from field_models.field import Field
 from sim2d.kick_off import kick_off_pose
-from sim2d.players.plan import Plan, Situation
-from sim2d.players.tactics.team_field import TeamField, direction_rad
+from sim2d.players.keep_out import Capsule, KeepOut
+from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.tactics.fetch import Fetch
+from sim2d.players.tactics.field_player import FieldPlayer
+from sim2d.players.tactics.keeper import Keeper
+from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
+
+
+@dataclass(frozen=True, slots=True)
+class RestartSettings:
+    """Values of `Restart`; the rules are those of the small-size league.
+
+    Attributes
+    ----------
+    ball_room_m : float
+        From any part of a robot to the ball during a stop and the other team's set pieces: 0.5 m by the rules, and some
+        for what is not known of the ball's place.
+    stop_mps : float
+        Largest speed during a stop: 1.5 m/s by the rules, less what a velocity overshoots.
+    penalty_room_m : float
+        Behind the ball at a penalty: 1 m by the rules, and a robot.
+    placed_m : float
+        A ball so near to where it shall be is placed: 0.15 m by the rules.
+    left_m : float
+        Who has placed the ball goes so far away from it.
+    """
+
+    ball_room_m: float = 0.57
+    stop_mps: float = 1.3
+    penalty_room_m: float = 1.3
+    placed_m: float = 0.06
+    left_m: float = 0.75
 
 
 class KickOff:
@@ -30,6 +63,121 @@ class KickOff:
 
     def decide(self, now: Situation) -> Plan:
         """Go to the kick-off place; who takes the kick waits right behind the ball."""
-        x = -self._behind_reaches * self._team.reach_m if now.kick_off and self._is_taker else self._place.x_m
+        x = -_BEHIND_BALL_REACHES * self._team.reach_m if now.own_turn and self._is_taker else self._place.x_m
         target = (x, self._place.y_m)
         return Plan("kick-off", target, direction_rad(target, (0.0, 0.0)), avoid_ball=True)
+
+
+class Restart:
+    """Decides for one player during a stop, a free kick, a penalty and a ball placement.
+
+    Parameters
+    ----------
+    team : TeamField
+        The field.
+    fetch : Fetch
+        How it gets at the ball.
+    keeper : Keeper
+        How the goal is kept.
+    field_player : FieldPlayer
+        Where it supports.
+    number, players : int
+        As in `PlayerSetup`; number 1 takes what is its team's turn, a single player as number 0.
+    kick_speed_mps : float
+        Of a free kick.
+    settings : RestartSettings
+        See there.
+    """
+
+    def __init__(
+        self,
+        team: TeamField,
+        fetch: Fetch,
+        keeper: Keeper,
+        field_player: FieldPlayer,
+        number: int,
+        players: int,
+        kick_speed_mps: float,
+        settings: RestartSettings = RestartSettings(),
+    ) -> None:
+        self._team, self._fetch, self._keeper, self._field_player = team, fetch, keeper, field_player
+        self._number, self._settings, self._kick_speed_mps = number, settings, kick_speed_mps
+        self._is_keeper = number == 0 and players > 1
+        self._is_taker = number == min(1, players - 1)
+
+    def decide(self, now: Situation) -> Plan | None:
+        """Return what to do, or None where that is what is done in play."""
+        penalty = now.phase in ("prepare_penalty", "penalty")
+        if penalty:
+            return self._penalty(now)
+        if now.own_turn and self._is_taker and now.phase == "free_kick":
+            return self._kick(now) if now.in_mouth else None
+        if now.own_turn and self._is_taker and now.phase == "ball_placement" and now.placement and now.ball:
+            return self._place(now, now.ball, now.placement)
+        return self._wait(now)
+
+    def _wait(self, now: Situation) -> Plan:
+        """Keep away from the ball, between it and the own goal or in support."""
+        slow_mps = self._settings.stop_mps if now.phase in ("stop", "ball_placement") else None
+        zones = self._zones(now)
+        if now.ball is None:
+            return Plan("wait", now.place, now.pose.theta_rad, speed_mps=slow_mps)
+        if self._is_keeper:
+            plan = replace(self._keeper.guard(now, now.ball), dribble=False)
+        elif self._is_taker:
+            away_m = self._settings.ball_room_m + 2 * self._team.robot_radius_m
+            homewards = direction_rad(now.ball, (-self._team.half_length_m, 0.0))
+            place = self._team.inside(offset(now.ball, homewards, away_m))
+            plan = Plan("mark the ball", place, direction_rad(place, now.ball))
+        else:
+            plan = self._field_player.support(now, now.ball)
+        return replace(
+            plan, intent=f"{now.phase.replace('_', ' ')}: {plan.intent}", speed_mps=slow_mps, keep_outs=zones
+        )
+
+    def _zones(self, now: Situation) -> tuple[KeepOut, ...]:
+        """Return the room that the rules leave round the ball, and along its way where it is placed."""
+        if now.ball is None or (now.own_turn and now.phase == "free_kick"):
+            return ()
+        end = now.placement if now.phase == "ball_placement" and now.placement else now.ball
+        return (Capsule(now.ball, end, self._settings.ball_room_m),)
+
+    def _kick(self, now: Situation) -> Plan:
+        heading = now.pose.theta_rad
+        ahead = self._team.inside(offset(now.place, heading, self._team.reach_m))
+        return Plan("free kick", ahead, heading, self._kick_speed_mps, True, close=True, holding=True)
+
+    def _penalty(self, now: Situation) -> Plan | None:
+        """Let the kicker and the keeper play it out; everybody else stays behind the ball."""
+        team, ball = self._team, now.ball
+        plays = self._is_taker if now.own_turn else self._is_keeper
+        if plays and now.phase == "penalty":
+            return None
+        if ball is None:
+            return Plan("wait", now.place, now.pose.theta_rad)
+        if plays and now.own_turn:
+            behind = offset(ball, math.pi, _BEHIND_BALL_REACHES * team.reach_m)
+            return Plan("prepare penalty", behind, 0.0, avoid_ball=True)
+        if self._is_keeper and not now.own_turn:
+            return replace(self._keeper.guard(now, (0.0, 0.0)), intent="prepare penalty", dribble=False)
+        # behind the ball as seen from the goal that is shot at
+        x = ball[0] + (-1.0 if now.own_turn else 1.0) * self._settings.penalty_room_m
+        y = now.place[1]
+        if self._is_keeper:
+            return Plan("penalty: wait", (min(x, -team.half_length_m / 2), 0.0), 0.0)
+        return Plan("penalty: wait", team.inside((x, y)), direction_rad(now.place, ball))
+
+    def _place(self, now: Situation, ball: Point, place: Point) -> Plan:
+        """Take the ball to a place with the dribbler, and leave it there."""
+        team, settings = self._team, self._settings
+        away_m = math.dist(ball, place)
+        if away_m < settings.placed_m:
+            # it lies there: back out, straight, and stay away
+            out = direction_rad(ball, now.place)
+            return Plan("leave the ball", offset(ball, out, settings.left_m), now.pose.theta_rad, close=True)
+        if not now.in_mouth:
+            return replace(self._fetch.decide(now, ball, place), intent="place: fetch", speed_mps=settings.stop_mps)
+        # pushed ahead, it stays in the mouth; near the place the heading is kept
+        heading = direction_rad(ball, place) if away_m > 2 * team.reach_m else now.pose.theta_rad
+        target = offset(place, heading, -team.reach_m)
+        return Plan("place the ball", target, heading, dribble=True, close=True, holding=True)

@@ -11,7 +11,7 @@ from sim2d.players.tactics.ball_holder import BallHolder, BallHolderSettings
 from sim2d.players.tactics.fetch import Fetch, FetchSettings
 from sim2d.players.tactics.field_player import FieldPlayer, FieldPlayerSettings
 from sim2d.players.tactics.keeper import Keeper, KeeperSettings
-from sim2d.players.tactics.set_pieces import KickOff
+from sim2d.players.tactics.set_pieces import KickOff, Restart, RestartSettings
 from sim2d.players.tactics.team_field import TeamField
 from sim2d.robot_link import RobotLimits
 
@@ -22,24 +22,26 @@ class TacticsSettings:
 
     Attributes
     ----------
-    keeper, ball_holder, fetch, field_player
-        Of each role.
+    keeper, ball_holder, fetch, field_player, restart
+        Of each role and situation.
     wall_clearance_m : float
         Targets leave so much room between robot and wall: less than steering keeps would stop it on the way.
-    kick_off_reaches : float
-        The player that kicks off waits so many reaches behind the ball: it does not touch it before.
+    fetches_in_strip : bool
+        Players from number 2 on fetch a ball in their own strip, as those must that cannot agree who does. Else number
+        1 alone fetches.
     """
 
     keeper: KeeperSettings = KeeperSettings()
     ball_holder: BallHolderSettings = BallHolderSettings()
     fetch: FetchSettings = FetchSettings()
     field_player: FieldPlayerSettings = FieldPlayerSettings()
+    restart: RestartSettings = RestartSettings()
     wall_clearance_m: float = 0.015
-    kick_off_reaches: float = 2.0
+    fetches_in_strip: bool = True
 
 
 class Tactics:
-    """Decides for one player, by its number and its situation.
+    """Decides for one player, by its number and its situation; a halt or time-out is not asked of it.
 
     Number 0 keeps the goal where there are others; number 1 fetches the ball, and further ones take it only in their
     own strip of the field.
@@ -80,11 +82,25 @@ class Tactics:
         self._fetch = Fetch(team, settings.fetch)
         self._keeper = Keeper(team, self._fetch, settings.keeper, ball)
         self._field_player = FieldPlayer(team, number, players, settings.field_player)
+        self._fetches = number < 2 or settings.fetches_in_strip
+        self._restart = Restart(
+            team,
+            self._fetch,
+            self._keeper,
+            self._field_player,
+            number,
+            players,
+            limits.kick_speed_mps,
+            settings.restart,
+        )
 
     def decide(self, now: Situation) -> Plan:
         """Choose the next plan."""
         if now.phase == "kick_off":
             return self._kick_off.decide(now)
+        bound = None if now.phase == "play" else self._restart.decide(now)
+        if bound is not None:
+            return bound
         if now.in_mouth:
             return self._ball_holder.decide(now)
         if self.is_keeper:
@@ -93,6 +109,6 @@ class Tactics:
             return self._field_player.search(now)
         if self._keeper.owns(now.ball) and self._players > 1:
             return self._field_player.leave_to_keeper(now, now.ball)
-        if self._number >= 2 and not self._field_player.is_in_own_strip(now.ball):
+        if not self._fetches or (self._number >= 2 and not self._field_player.is_in_own_strip(now.ball)):
             return self._field_player.support(now, now.ball)
         return self._fetch.decide(now, now.ball)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from field_models.field import Field
 from robocup_vision.geometry import Pose2
 from sim2d.robot_link import RobotLimits
@@ -40,10 +42,14 @@ class TeamField:
         self.reach_m = limits.radius_m + field.ball_radius_m
         # without walls nothing keeps a robot from the lines
         self._inset_m = limits.radius_m + wall_clearance_m if field.is_bounded else 0.0
+        # boards may stand some way beyond the lines
+        beyond = np.abs(field.floor_polygon).max(axis=0) if field.boundary == "boards" else np.zeros(2)
+        self._wall_x_m = max(self.half_length_m, float(beyond[0]))
+        self._wall_y_m = max(self.half_width_m, float(beyond[1]))
 
     def inside(self, place: Point) -> Point:
         """Return the nearest place a robot can stand in."""
-        limit_x, limit_y = self.half_length_m - self._inset_m, self.half_width_m - self._inset_m
+        limit_x, limit_y = self._wall_x_m - self._inset_m, self._wall_y_m - self._inset_m
         return max(-limit_x, min(limit_x, place[0])), max(-limit_y, min(limit_y, place[1]))
 
     def nearest_ball_place(self, place: Point) -> Point:
@@ -55,7 +61,7 @@ class TeamField:
     def is_near_wall(self, place: Point, room_m: float) -> bool:
         """Whether a wall is nearer than this; never on a field without walls."""
         x, y = abs(place[0]), abs(place[1])
-        return self._inset_m > 0 and (x > self.half_length_m - room_m or y > self.half_width_m - room_m)
+        return self._inset_m > 0 and (x > self._wall_x_m - room_m or y > self._wall_y_m - room_m)
 
     def room_ahead_m(self, pose: Pose2) -> float:
         """Distance from the robot's centre straight ahead to a wall; infinite without walls."""
@@ -64,9 +70,9 @@ class TeamField:
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
         ways = [math.inf]
         if abs(c) > 1e-9:
-            ways.append((math.copysign(self.half_length_m, c) - pose.x_m) / c)
+            ways.append((math.copysign(self._wall_x_m, c) - pose.x_m) / c)
         if abs(s) > 1e-9:
-            ways.append((math.copysign(self.half_width_m, s) - pose.y_m) / s)
+            ways.append((math.copysign(self._wall_y_m, s) - pose.y_m) / s)
         return min(ways)
 
     def mouth(self, pose: Pose2) -> Point:

@@ -68,7 +68,7 @@ def test_setups_tell_the_sides():
 def test_own_kick_off_is_told_to_one_side():
     moment = small_match().step()
     assert [robot.senses.phase for robot in moment.robots] == ["kick_off", "kick_off"]
-    assert [robot.senses.kick_off for robot in moment.robots] == [True, False]
+    assert [robot.senses.own_turn for robot in moment.robots] == [True, False]
 
 
 def test_status_is_compared_with_the_truth():

@@ -30,7 +30,7 @@ def decide(number=1, players=2, settings=DEFAULTS, **changes):
         "held_s": 0.0,
         "obstacles": (),
         "phase": "play",
-        "kick_off": False,
+        "own_turn": False,
         "t_s": 5.0,
     } | changes
     return Tactics(FIELD, LIMITS, number, players, settings).decide(Situation(**now))
@@ -115,7 +115,7 @@ def test_at_a_kick_off_everybody_is_in_the_own_half_and_outside_the_circle_but_f
         assert plan.intent == "kick-off"
         assert math.hypot(*plan.target) > 0.25 + LIMITS.radius_m
         assert plan.target[0] < 0
-    assert math.hypot(*decide(1, 3, phase="kick_off", kick_off=True).target) < 0.25
+    assert math.hypot(*decide(1, 3, phase="kick_off", own_turn=True).target) < 0.25
 
 
 places = st.tuples(st.floats(-1.3, 1.3), st.floats(-0.7, 0.7))

@@ -1,0 +1,190 @@
+"""What the game controller's packets mean to one team: a phase of play, whose turn it is, and the limits that follow.
+
+A command alone does not say it. `NORMAL_START` means another thing after a kick-off was prepared than after a penalty
+was, and a free kick is one until the ball has moved. Packets are repeated, and any may be lost.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from field_models.errors import ArgumentError
+from robocup_vision.ssl.values.referee import Referee, RefereeCommand
+from robocup_vision.ssl.values.simulation import Team
+
+Phase = Literal[
+    "kick_off",
+    "play",
+    "halt",
+    "stop",
+    "time_out",
+    "free_kick",
+    "prepare_penalty",
+    "penalty",
+    "ball_placement",
+]
+
+C = RefereeCommand
+# each command's phase, and whose turn it is
+_COMMANDS: dict[RefereeCommand, tuple[Phase, Team]] = {
+    C.HALT: ("halt", Team.UNKNOWN),
+    C.STOP: ("stop", Team.UNKNOWN),
+    C.NORMAL_START: ("play", Team.UNKNOWN),
+    C.FORCE_START: ("play", Team.UNKNOWN),
+    C.PREPARE_KICKOFF_YELLOW: ("kick_off", Team.YELLOW),
+    C.PREPARE_KICKOFF_BLUE: ("kick_off", Team.BLUE),
+    C.PREPARE_PENALTY_YELLOW: ("prepare_penalty", Team.YELLOW),
+    C.PREPARE_PENALTY_BLUE: ("prepare_penalty", Team.BLUE),
+    C.DIRECT_FREE_YELLOW: ("free_kick", Team.YELLOW),
+    C.DIRECT_FREE_BLUE: ("free_kick", Team.BLUE),
+    C.INDIRECT_FREE_YELLOW: ("free_kick", Team.YELLOW),
+    C.INDIRECT_FREE_BLUE: ("free_kick", Team.BLUE),
+    C.TIMEOUT_YELLOW: ("time_out", Team.YELLOW),
+    C.TIMEOUT_BLUE: ("time_out", Team.BLUE),
+    # announced for a moment only, while the game is stopped
+    C.GOAL_YELLOW: ("stop", Team.UNKNOWN),
+    C.GOAL_BLUE: ("stop", Team.UNKNOWN),
+    C.BALL_PLACEMENT_YELLOW: ("ball_placement", Team.YELLOW),
+    C.BALL_PLACEMENT_BLUE: ("ball_placement", Team.BLUE),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class GameSettings:
+    """The rules' numbers.
+
+    Parameters
+    ----------
+    in_play_m : float
+        A ball that has moved so far from where it was kicked off is in play.
+    kick_s : float
+        A kick that is not taken in this time is everybody's: ten seconds on division B, five on division A.
+    """
+
+    in_play_m: float = 0.05
+    kick_s: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class GameState:
+    """What one team must know of the game now.
+
+    Parameters
+    ----------
+    phase : Phase
+        A kick-off that has been started is a free kick until the ball has moved.
+    own_turn : bool
+        This team has the kick-off, free kick, penalty, ball placement or time-out.
+    attacks : int or None
+        +1: this team plays towards +x; -1: towards -x; None: the game controller does not say.
+    goalkeeper, opponent_goalkeeper : int
+        Numbers of the robots that keep the goals.
+    max_robots : int or None
+        So many robots of this team may be on the field, its yellow cards counted; None: it is not said.
+    placement_m : (float, float) or None
+        Where the ball shall be placed, field frame.
+    """
+
+    phase: Phase
+    own_turn: bool
+    attacks: int | None
+    goalkeeper: int
+    opponent_goalkeeper: int
+    max_robots: int | None
+    placement_m: tuple[float, float] | None
+
+
+# before the first packet nobody may move
+_SILENT = GameState("halt", False, None, 0, 0, None, None)
+
+
+class Game:
+    """Follows the referee for one team.
+
+    Parameters
+    ----------
+    team : Team
+        Yellow or blue.
+    settings : GameSettings
+        The rules' numbers.
+
+    Raises
+    ------
+    ArgumentError
+        If the team is neither.
+    """
+
+    def __init__(self, team: Team, settings: GameSettings = GameSettings()) -> None:
+        if team not in (Team.YELLOW, Team.BLUE):
+            raise ArgumentError(f"team must be yellow or blue, got {team!r}")
+        self._team, self._settings = team, settings
+        self._packet: Referee | None = None
+        self._phase: Phase = "halt"
+        self._turn = Team.UNKNOWN
+        self._since_s: float | None = None
+        self._kick_from: tuple[float, float] | None = None
+
+    def update(self, packet: Referee) -> None:
+        """Take in a packet; a repeated one changes nothing but what it counts."""
+        before, self._packet = self._packet, packet
+        is_same = before is not None and (before.command_counter, before.command) == (
+            packet.command_counter,
+            packet.command,
+        )
+        if is_same:
+            return
+        phase, turn = _COMMANDS.get(packet.command, ("halt", Team.UNKNOWN))
+        if packet.command == C.NORMAL_START and self._phase in ("kick_off", "prepare_penalty"):
+            phase, turn = ("free_kick" if self._phase == "kick_off" else "penalty"), self._turn
+        self._phase, self._turn = phase, turn
+        self._since_s = self._kick_from = None
+
+    def state(self, t_s: float, ball_m: tuple[float, float] | None) -> GameState:
+        """Return the state at a time.
+
+        Parameters
+        ----------
+        t_s : float
+            Now, by any clock that goes on.
+        ball_m : (float, float) or None
+            Where the ball is, field frame; None while it is not known.
+        """
+        packet = self._packet
+        if packet is None:
+            return _SILENT
+        if self._phase == "free_kick":
+            self._watch_kick(t_s, ball_m)
+        own, other = (packet.yellow, packet.blue) if self._team == Team.YELLOW else (packet.blue, packet.yellow)
+        attacks = None
+        if packet.blue_on_positive_half is not None:
+            attacks = 1 if packet.blue_on_positive_half == (self._team == Team.YELLOW) else -1
+        place = packet.designated_position
+        return GameState(
+            self._phase,
+            self._turn == self._team,
+            attacks,
+            own.goalkeeper,
+            other.goalkeeper,
+            own.max_allowed_robots,
+            None if place is None or not _is_finite(place.x_m, place.y_m) else (place.x_m, place.y_m),
+        )
+
+    def _watch_kick(self, t_s: float, ball_m: tuple[float, float] | None) -> None:
+        """Let play go on once the ball has moved, or the time for the kick is over."""
+        if self._since_s is None:
+            self._since_s = t_s
+        if self._kick_from is None:
+            self._kick_from = ball_m
+        moved = (
+            ball_m is not None
+            and self._kick_from is not None
+            and math.dist(ball_m, self._kick_from) > self._settings.in_play_m
+        )
+        if moved or t_s - self._since_s > self._settings.kick_s:
+            self._phase, self._turn = "play", Team.UNKNOWN
+
+
+def _is_finite(*values: float) -> bool:
+    return all(map(math.isfinite, values))

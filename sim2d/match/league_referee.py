@@ -1,0 +1,434 @@
+"""The small-size league's rules of a match: stops, kick-offs, free kicks, penalties, ball placement, fouls, cards.
+
+An automatic referee that knows the truth. It speaks as the league's game controller does, in commands; what they mean
+to a player is the `phase`. Rules of division B, as far as robots without people need them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from field_models import Field
+from sim2d.defence_area import defence_area
+from sim2d.kick_off import center_circle_radius_m
+from sim2d.robot_link import Phase
+from sim2d.world.referee import Ruling
+from sim2d.world.state import BallState, Event, RobotState
+
+Command = Literal[
+    "halt",
+    "stop",
+    "normal_start",
+    "force_start",
+    "prepare_kick_off",
+    "prepare_penalty",
+    "direct_free",
+    "ball_placement",
+]
+Stage = Literal["first_half", "half_time", "second_half", "post_game"]
+Restart = Literal["kick_off", "free_kick", "penalty", "force_start"]
+FoulKind = Literal["fast_in_stop", "near_ball", "fast_ball", "double_touch", "own_area", "their_area"]
+Point = tuple[float, float]
+
+_FREE_KICK_OF: frozenset[FoulKind] = frozenset({"fast_ball", "double_touch", "their_area"})
+
+
+@dataclass(frozen=True, slots=True)
+class LeagueRefereeSettings:
+    """Values of `LeagueReferee`; those of the rules unless said otherwise.
+
+    Attributes
+    ----------
+    half_s, half_time_s : float
+        Length of a half, and of the halt between two (the rules' five minutes would be waited for in vain).
+    begin_s, stop_s, by_hand_s : float
+        The match begins with a halt of so long; a stop takes at least so long, and after so much of it a person puts
+        the ball where it belongs, if no team does. Chosen so that all have noticed.
+    prepare_s, max_prepare_s : float
+        A kick-off or penalty is prepared for at least so long, and at most.
+    kick_s : float
+        Who has a kick must take it within so long.
+    place_s : float
+        A team has so long to place the ball.
+    placed_m, left_m, left_kicker_m : float
+        A ball is placed that lies so near to its place, with the placing team's robots so far away: less where the same
+        team kicks it then.
+    still_m, still_s : float
+        A ball in play that stays within this for so long stops the game.
+    in_play_m : float
+        A kicked ball is in play once it has moved so far.
+    stop_mps, stop_grace_s : float
+        Robots may drive so fast in a stop, and have so long to slow down.
+    ball_room_m : float
+        Between robots and the ball in a stop and at the other team's kicks.
+    ball_mps : float
+        A faster kick is a foul.
+    touch_m : float
+        A ball so near to a robot's hull touches it: what a ball moves between two looks at it.
+    fouls_a_card, card_s : int, float
+        So many fouls are a yellow card; a robot less plays for so long.
+    """
+
+    half_s: float = 300.0
+    half_time_s: float = 5.0
+    begin_s: float = 1.0
+    stop_s: float = 3.0
+    by_hand_s: float = 0.5
+    prepare_s: float = 2.0
+    max_prepare_s: float = 10.0
+    kick_s: float = 10.0
+    place_s: float = 30.0
+    placed_m: float = 0.15
+    left_m: float = 0.5
+    left_kicker_m: float = 0.05
+    still_m: float = 0.05
+    still_s: float = 10.0
+    in_play_m: float = 0.05
+    stop_mps: float = 1.5
+    stop_grace_s: float = 2.0
+    ball_room_m: float = 0.5
+    ball_mps: float = 6.5
+    touch_m: float = 0.012
+    fouls_a_card: int = 3
+    card_s: float = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class Foul:
+    """One foul: when, which side, which robot (by its number), what."""
+
+    t_s: float
+    side: int
+    number: int
+    kind: FoulKind
+
+
+class LeagueReferee:
+    """Judges one match between side +1, which attacks the goal at +x, and side -1.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    robot_radius_m : float
+        Of the robots.
+    keepers : dict of int to int
+        Number of each side's goalkeeper.
+    settings : LeagueRefereeSettings
+        See there.
+
+    Attributes
+    ----------
+    score : dict of int to int
+        Goals of each side.
+    command, command_side, command_counter, command_s : str, int, int, float
+        What was commanded last, whose turn it is (0: nobody's), how many commands there were, and when.
+    stage, stage_end_s : str, float
+        Which part of the match, and when it ends.
+    placement_m : (float, float) or None
+        Where the ball shall be placed.
+    fouls : list of Foul
+        All so far.
+    cards : dict of int to list of float
+        When each side's yellow cards end.
+    placement_failures : dict of int to int
+        How often each side has not placed the ball.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        robot_radius_m: float,
+        keepers: dict[int, int] | None = None,
+        settings: LeagueRefereeSettings = LeagueRefereeSettings(),
+    ) -> None:
+        self._field, self._radius_m, self._settings = field, robot_radius_m, settings
+        self._keepers = keepers or {1: 0, -1: 0}
+        self._area = defence_area(field)
+        self.score = {1: 0, -1: 0}
+        self.command: Command = "halt"
+        self.command_side, self.command_counter, self.command_s = 0, 1, 0.0
+        self.stage: Stage = "first_half"
+        self.stage_end_s = settings.half_s
+        self.placement_m: Point | None = None
+        self.fouls: list[Foul] = []
+        self.cards: dict[int, list[float]] = {1: [], -1: []}
+        self.placement_failures = {1: 0, -1: 0}
+        self._is_moved_by_hand = True
+        self._next: tuple[Restart, int, Point] = ("kick_off", 1, (0.0, 0.0))
+        self._kick_from: Point | None = None
+        self._kind: Restart = "kick_off"
+        # by side and number: who touches the ball now, who did last, who kicked it off and may not touch it again
+        self._touching: tuple[int, int] | None = None
+        self._last: tuple[int, int] | None = None
+        self._kicker: tuple[int, int] | None = None
+        self._kicker_left = False
+        self._still = (math.inf, math.inf, 0.0)
+        self._noted: set[tuple[int, int, FoulKind]] = set()
+
+    @property
+    def kick_off_side(self) -> int:
+        """Whose turn it is."""
+        return self.command_side
+
+    @property
+    def phase(self) -> Phase:
+        """What the last command means until the ball is in play."""
+        if self.command == "prepare_kick_off":
+            return "kick_off"
+        if self.command == "direct_free" or (self.command == "normal_start" and self._kind == "kick_off"):
+            return "free_kick" if self._kick_from is not None else "play"
+        if self.command == "normal_start" or self.command == "prepare_penalty":
+            return "penalty" if self.command == "normal_start" else "prepare_penalty"
+        if self.command == "halt" or self.command == "stop" or self.command == "ball_placement":
+            return self.command
+        return "play"
+
+    def robots_allowed(self, side: int, players: int) -> int:
+        """Return how many of its robots a side may have on the field."""
+        return max(players - len(self.cards[side]), 0)
+
+    def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
+        """Return the rulings of a moment: what happened, and where the ball is put."""
+        self.cards = {side: [end for end in ends if end > t_s] for side, ends in self.cards.items()}
+        waited = t_s - self.command_s
+        if self.stage != "post_game" and t_s >= self.stage_end_s and self.command == "stop":
+            return self._end_stage(t_s)
+        self._note_touch(robots, ball)
+        if self.command == "halt":
+            over = self._settings.begin_s if self.stage == "first_half" else self._settings.half_time_s
+            if self.stage != "post_game" and waited >= over:
+                self.stage = "second_half" if self.stage == "half_time" else self.stage
+                self._give("stop", 0, t_s)
+            return []
+        if self.command == "stop":
+            self._watch_room(t_s, robots, ball, (1, -1))
+            if self._is_moved_by_hand and waited >= self._settings.by_hand_s:
+                self._is_moved_by_hand = False
+                return [Ruling(None, self._next[2])]
+            return self._after_stop(t_s, ball) if waited >= self._settings.stop_s else []
+        if self.command == "ball_placement":
+            self._watch_room(t_s, robots, ball, (-self.command_side,))
+            return self._while_placing(t_s, robots, ball)
+        if self.command in ("prepare_kick_off", "prepare_penalty"):
+            ready = waited >= self._settings.prepare_s and (self.command == "prepare_penalty" or self._is_ready(robots))
+            if ready or waited >= self._settings.max_prepare_s:
+                self._kick_from = (ball.x_m, ball.y_m)
+                self._touching = self._last = self._kicker = None
+                self._give("normal_start", self.command_side, t_s)
+                return [Ruling(Event(t_s, "whistle"))]
+            return []
+        return self._in_play(t_s, robots, ball)
+
+    def _in_play(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
+        settings = self._settings
+        scored = self._goal_side(ball)
+        if scored:
+            self.score[scored] += 1
+            self._stop(t_s, ("kick_off", -scored, (0.0, 0.0)))
+            return [Ruling(Event(t_s, "goal", side=scored))]
+        if self._is_out(ball):
+            self._stop(t_s, self._restart_from_out(ball))
+            return [Ruling(Event(t_s, "ball_out"))]
+        if self._kick_from is not None:
+            moved = math.dist(self._kick_from, (ball.x_m, ball.y_m))
+            if moved <= settings.in_play_m:
+                self._watch_room(t_s, robots, ball, (-self.command_side,))
+                if t_s - self.command_s > settings.kick_s:
+                    self._stop(t_s, ("force_start", 0, (ball.x_m, ball.y_m)))
+                return []
+            self._kick_from, self._kicker, self._kicker_left = None, self._last, False
+            self._still = (ball.x_m, ball.y_m, t_s)
+        if t_s >= self.stage_end_s:
+            self._stop(t_s, self._next)
+            return []
+        is_penalty = self._kind == "penalty" and self.command == "normal_start"
+        if is_penalty and t_s - self.command_s > settings.kick_s:
+            self._stop(t_s, ("free_kick", -self.command_side, self._legal((ball.x_m, ball.y_m))))
+            return []
+        if math.hypot(ball.x_m - self._still[0], ball.y_m - self._still[1]) > settings.still_m:
+            self._still = (ball.x_m, ball.y_m, t_s)
+        elif t_s - self._still[2] > settings.still_s:
+            self._stop(t_s, ("force_start", 0, self._legal((ball.x_m, ball.y_m))))
+            return [Ruling(Event(t_s, "drop"))]
+        self._watch_touches(t_s, ball)
+        return []
+
+    def _after_stop(self, t_s: float, ball: BallState) -> list[Ruling]:
+        kind, side, place = self._next
+        if (
+            math.dist(place, (ball.x_m, ball.y_m)) > self._settings.placed_m
+            or abs(ball.vx_mps) + abs(ball.vy_mps) > 0.1
+        ):
+            if kind == "force_start":
+                return [Ruling(None, place)]
+            self.placement_m = place
+            self._give("ball_placement", side, t_s)
+            return []
+        return self._restart(t_s)
+
+    def _while_placing(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
+        settings, place = self._settings, self._next[2]
+        lies = (
+            math.dist(place, (ball.x_m, ball.y_m)) < settings.placed_m and math.hypot(ball.vx_mps, ball.vy_mps) < 0.05
+        )
+        room_m = settings.left_kicker_m if self._next[0] == "free_kick" else settings.left_m
+        left = all(
+            math.dist((robot.pose.x_m, robot.pose.y_m), (ball.x_m, ball.y_m)) - self._radius_m > room_m
+            for robot in robots
+            if robot.side == self.command_side
+        )
+        if lies and left:
+            return self._restart(t_s)
+        if t_s - self.command_s > settings.place_s:
+            self.placement_failures[self.command_side] += 1
+            self._is_moved_by_hand = True
+            self._stop(t_s, self._next)
+        return []
+
+    def _restart(self, t_s: float) -> list[Ruling]:
+        kind, side, place = self._next
+        self._kind, self.placement_m, self._is_moved_by_hand = kind, None, False
+        self._touching = self._last = self._kicker = None
+        if kind == "force_start":
+            self._kick_from = None
+            self._still = (math.inf, math.inf, t_s)
+            self._give("force_start", 0, t_s)
+        elif kind == "free_kick":
+            self._kick_from = place
+            self._give("direct_free", side, t_s)
+        else:
+            self._give("prepare_kick_off" if kind == "kick_off" else "prepare_penalty", side, t_s)
+        return [Ruling(Event(t_s, "whistle"))] if kind in ("force_start", "free_kick") else []
+
+    def _stop(self, t_s: float, restart: tuple[Restart, int, Point]) -> None:
+        self._next, self._kick_from, self.placement_m = restart, None, None
+        self._noted.clear()
+        self._give("stop", 0, t_s)
+
+    def _give(self, command: Command, side: int, t_s: float) -> None:
+        self.command, self.command_side, self.command_s = command, side, t_s
+        self.command_counter += 1
+
+    def _end_stage(self, t_s: float) -> list[Ruling]:
+        if self.stage == "first_half":
+            self.stage = "half_time"
+            self.stage_end_s = t_s + self._settings.half_time_s + self._settings.half_s
+            self._next = ("kick_off", -1, (0.0, 0.0))
+            self._is_moved_by_hand = True
+        else:
+            self.stage = "post_game"
+        self._give("halt", 0, t_s)
+        return []
+
+    def _note_touch(self, robots: Sequence[RobotState], ball: BallState) -> None:
+        reach = self._radius_m + self._field.ball_radius_m + self._settings.touch_m
+        near = [(math.dist((r.pose.x_m, r.pose.y_m), (ball.x_m, ball.y_m)), r.side, r.number) for r in robots]
+        away, side, number = min(near, default=(math.inf, 0, 0))
+        # no robot is higher than this
+        if away >= reach or ball.z_m > 0.15:
+            self._touching, self._kicker_left = None, True
+            return
+        self._touching = self._last = side, number
+        if self._kicker is not None and self._kicker != self._last:
+            # another robot has touched it: the kicker may again
+            self._kicker = None
+
+    def _watch_touches(self, t_s: float, ball: BallState) -> None:
+        """Stop the game for a foul at the ball."""
+        if self._last is not None and math.hypot(ball.vx_mps, ball.vy_mps) > self._settings.ball_mps:
+            self._foul(t_s, *self._last, "fast_ball", ball)
+            return
+        if self._touching is None:
+            return
+        side, number = self._touching
+        area, inside_m = self._area, -self._field.ball_radius_m
+        if self._kicker == self._touching and self._kicker_left:
+            self._foul(t_s, side, number, "double_touch", ball)
+        elif area is None:
+            return
+        elif area.holds(-side, ball.x_m, ball.y_m, inside_m) and number != self._keepers[side]:
+            self._foul(t_s, side, number, "own_area", ball)
+        elif area.holds(side, ball.x_m, ball.y_m, inside_m):
+            self._foul(t_s, side, number, "their_area", ball)
+
+    def _watch_room(self, t_s: float, robots: Sequence[RobotState], ball: BallState, sides: tuple[int, ...]) -> None:
+        """Note robots that are too near to the ball or, in a stop, too fast."""
+        if t_s - self.command_s < self._settings.stop_grace_s:
+            return
+        for robot in robots:
+            if robot.side not in sides:
+                continue
+            away = math.dist((robot.pose.x_m, robot.pose.y_m), (ball.x_m, ball.y_m)) - self._radius_m
+            if away < self._settings.ball_room_m:
+                self._note(t_s, robot.side, robot.number, "near_ball")
+            if self.command == "stop" and math.hypot(*robot.velocity_mps) > self._settings.stop_mps:
+                self._note(t_s, robot.side, robot.number, "fast_in_stop")
+
+    def _foul(self, t_s: float, side: int, number: int, kind: FoulKind, ball: BallState) -> None:
+        self._stop(t_s, self._restart_after(side, kind, ball))
+        self._note(t_s, side, number, kind)
+        self._touching = self._last = self._kicker = None
+
+    def _note(self, t_s: float, side: int, number: int, kind: FoulKind) -> None:
+        """Count a foul; once a stop for each robot."""
+        if (side, number, kind) in self._noted:
+            return
+        self._noted.add((side, number, kind))
+        self.fouls.append(Foul(t_s, side, number, kind))
+        if self.foul_count(side) % self._settings.fouls_a_card == 0:
+            self.cards[side].append(t_s + self._settings.card_s)
+
+    def foul_count(self, side: int) -> int:
+        """Return how many fouls a side has committed."""
+        return sum(foul.side == side for foul in self.fouls)
+
+    def _restart_after(self, side: int, kind: FoulKind, ball: BallState) -> tuple[Restart, int, Point]:
+        if kind in _FREE_KICK_OF:
+            return "free_kick", -side, self._legal((ball.x_m, ball.y_m))
+        # six metres before the goal that is shot at on division B: two thirds of the field
+        return "penalty", -side, (side * self._field.length_m / 6, 0.0)
+
+    def _restart_from_out(self, ball: BallState) -> tuple[Restart, int, Point]:
+        last = self._last[0] if self._last else 1
+        half_x, half_y = self._field.length_m / 2, self._field.width_m / 2
+        sx, sy = math.copysign(1.0, ball.x_m), math.copysign(1.0, ball.y_m)
+        if abs(ball.x_m) > half_x:
+            # over the goal line: a corner kick if its defenders touched it last, else a goal kick
+            corner = sx == -last
+            return "free_kick", -last, (sx * (half_x - (0.2 if corner else 1.0)), sy * (half_y - 0.2))
+        return "free_kick", -last, self._legal((ball.x_m, sy * half_y))
+
+    def _legal(self, place: Point) -> Point:
+        """Return the nearest place for a free kick: 0.2 m from the lines, and clear of the defence areas."""
+        limit_x, limit_y = self._field.length_m / 2 - 0.2, self._field.width_m / 2 - 0.2
+        x, y = max(-limit_x, min(limit_x, place[0])), max(-limit_y, min(limit_y, place[1]))
+        area = self._area
+        if area is not None and area.holds(1 if x > 0 else -1, x, y, 0.2 + self._radius_m):
+            x = math.copysign(area.line_x_m - area.depth_m - 0.2 - 2 * self._radius_m, x)
+        return x, y
+
+    def _is_ready(self, robots: Sequence[RobotState]) -> bool:
+        """Whether all stand in their own half, and those of the other side outside the centre circle."""
+        circle_m, slack_m = center_circle_radius_m(self._field), self._radius_m
+        for robot in robots:
+            near = math.hypot(robot.pose.x_m, robot.pose.y_m) < circle_m
+            if robot.side == self.command_side and near:
+                continue
+            if robot.side * robot.pose.x_m > slack_m or near:
+                return False
+        return True
+
+    def _goal_side(self, ball: BallState) -> int:
+        for goal in self._field.goals:
+            beyond = goal.side * (ball.x_m - goal.line_x_m)
+            if beyond > self._field.ball_radius_m and abs(ball.y_m) < goal.width_m / 2 and ball.z_m < goal.height_m:
+                return goal.side
+        return 0
+
+    def _is_out(self, ball: BallState) -> bool:
+        radius = self._field.ball_radius_m
+        return abs(ball.x_m) > self._field.length_m / 2 + radius or abs(ball.y_m) > self._field.width_m / 2 + radius
