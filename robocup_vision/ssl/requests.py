@@ -81,6 +81,10 @@ class _Client(Generic[T]):
         """Close the socket."""
         self._socket.close()
 
+    def fileno(self) -> int:
+        """Return the socket's number: `select.select` takes the client itself."""
+        return self._socket.fileno()
+
     def receive(self, timeout_s: float | None = None) -> T | None:
         """Return the next answer, or None after a time (None: wait on)."""
         return self._receive(self._answer, timeout_s)

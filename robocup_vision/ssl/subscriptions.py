@@ -78,6 +78,10 @@ class Subscription(Generic[T]):
         """Close the socket."""
         self._socket.close()
 
+    def fileno(self) -> int:
+        """Return the socket's number: `select.select` takes the client itself."""
+        return self._socket.fileno()
+
     def receive(self, timeout_s: float | None = None) -> T | None:
         """Return the next packet, or None after a time (None: wait on)."""
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s

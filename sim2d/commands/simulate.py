@@ -25,6 +25,20 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--network", default="loopback", metavar="I", help="loopback (default), or a network interface or its address")
     add("--speed", type=float, default=1.0, metavar="X", help="1: as a clock (default); 0: as fast as it goes")
     add("--realism", default="none", metavar="R", help="none (default) or rc2021: noise, delays, losses")
+    add(
+        "--referee",
+        default="play-on",
+        choices=("play-on", "match"),
+        help="play-on (default): everybody may play all the time; match: a match by the league's rules",
+    )
+    add(
+        "--built-in",
+        action="append",
+        default=[],
+        metavar="TEAM=KIND[:N,N]",
+        help="built-in players for a team, or for some of its robots; KIND is overhead (by the vision from above), or "
+        "plain, memory or planning (by cameras of their own); may be given again",
+    )
     add("--seed", type=int, default=0, metavar="S", help="of all noise (default: 0)")
     add("--vision-port", type=int, default=10020, metavar="P", help="10020 (default), or 10006 as the league's own")
     add("--tracker-port", type=int, default=10010, metavar="P", help="default: 10010")
@@ -48,6 +62,8 @@ def run_simulate(args: argparse.Namespace) -> int:
 
     from field_models import load_field
     from field_models.errors import ArgumentError
+    from sim2d.match.league_referee import LeagueReferee
+    from sim2d.network.built_in import built_in_robots, check_apart
     from sim2d.network.league import LeagueSimulator
     from sim2d.network.realism import realism_named
     from sim2d.network.server import LeagueServer, Ports
@@ -60,8 +76,12 @@ def run_simulate(args: argparse.Namespace) -> int:
         port = getattr(args, f"{name}_port")
         if not 1 <= port <= 65533:
             raise ArgumentError(f"--{name}-port must be from 1 to 65533, got {port}")
+    field = load_field(args.field)
+    built_in = [built_in_robots(text, field, args.players, args.seed) for text in args.built_in]
+    check_apart(built_in)
+    referee = LeagueReferee(field, field.robot_radius_m) if args.referee == "match" else None
     simulator = LeagueSimulator(
-        load_field(args.field), args.players, realism_named(args.realism), args.seed, time.time()
+        field, args.players, realism_named(args.realism), args.seed, time.time(), referee, built_in
     )
     simulator.speed = args.speed or math.inf
     simulator.vision_port = args.vision_port

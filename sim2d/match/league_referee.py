@@ -124,6 +124,8 @@ class LeagueReferee:
     ----------
     score : dict of int to int
         Goals of each side.
+    keepers : dict of int to int
+        Number of each side's goalkeeper.
     command, command_side, command_counter, command_s : str, int, int, float
         What was commanded last, whose turn it is (0: nobody's), how many commands there were, and when.
     stage, stage_end_s : str, float
@@ -146,7 +148,7 @@ class LeagueReferee:
         settings: LeagueRefereeSettings = LeagueRefereeSettings(),
     ) -> None:
         self._field, self._radius_m, self._settings = field, robot_radius_m, settings
-        self._keepers = keepers or {1: 0, -1: 0}
+        self.keepers = keepers or {1: 0, -1: 0}
         self._area = defence_area(field)
         self.score = {1: 0, -1: 0}
         self.command: Command = "halt"
@@ -229,6 +231,8 @@ class LeagueReferee:
         if scored:
             self.score[scored] += 1
             self._stop(t_s, ("kick_off", -scored, (0.0, 0.0)))
+            # no robot gets a ball out of a goal
+            self._is_moved_by_hand = True
             return [Ruling(Event(t_s, "goal", side=scored))]
         if self._is_out(ball):
             self._stop(t_s, self._restart_from_out(ball))
@@ -350,7 +354,7 @@ class LeagueReferee:
             self._foul(t_s, side, number, "double_touch", ball)
         elif area is None:
             return
-        elif area.holds(-side, ball.x_m, ball.y_m, inside_m) and number != self._keepers[side]:
+        elif area.holds(-side, ball.x_m, ball.y_m, inside_m) and number != self.keepers[side]:
             self._foul(t_s, side, number, "own_area", ball)
         elif area.holds(side, ball.x_m, ball.y_m, inside_m):
             self._foul(t_s, side, number, "their_area", ball)
@@ -381,6 +385,10 @@ class LeagueReferee:
         self.fouls.append(Foul(t_s, side, number, kind))
         if self.foul_count(side) % self._settings.fouls_a_card == 0:
             self.cards[side].append(t_s + self._settings.card_s)
+
+    def card_count(self, side: int) -> int:
+        """Return how many yellow cards a side has got."""
+        return self.foul_count(side) // self._settings.fouls_a_card
 
     def foul_count(self, side: int) -> int:
         """Return how many fouls a side has committed."""

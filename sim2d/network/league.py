@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
@@ -16,7 +17,8 @@ from field_models import Field
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.sockets import SIMULATED_VISION_PORT
-from robocup_vision.ssl.values.detection import DetectionFrame
+from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
+from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import (
     RobotCommand,
     RobotControl,
@@ -30,16 +32,23 @@ from robocup_vision.ssl.values.simulation import (
     Team,
 )
 from sim2d.kick_off import kick_off_pose
+from sim2d.match.league_referee import LeagueReferee
+from sim2d.network.built_in import BuiltInRobots
 from sim2d.network.control import MAX_SPEED_MPS, MAX_TURN_RPS, apply_command
-from sim2d.network.packets import referee_packet, tracker_packet
+from sim2d.network.packets import match_packet, referee_packet, robot_states, tracker_packet
 from sim2d.network.realism import Realism
 from sim2d.network.vision import OverheadVision, detection_packets
 from sim2d.network.world import MAX_NUMBER, STEP_S, STEPS_PER_S, LeagueWorld
 from sim2d.world.ball_physics import Flight
+from sim2d.world.state import BallState
 
 STEPS_A_FRAME = 5
 STEPS_A_GEOMETRY = STEPS_PER_S
 STEPS_A_REFEREE = 8
+# built-in players act 30 times a second, as in sim2d's own matches
+STEPS_A_COMMAND = 10
+# a referee looks 30 times a second, as in sim2d's own matches
+STEPS_A_JUDGEMENT = 10
 # one request must not keep the simulator from everybody else
 MAX_SYNC_STEP_S = 1.0
 # the largest command that means something has half of this; more would take longer to read than there is time
@@ -74,6 +83,10 @@ class LeagueSimulator:
         The same seed and the same requests at the same steps give the same packets, but for their time.
     epoch_s : float
         Seconds since 1970 when it begins: simulated time counts from there.
+    built_in : sequence of BuiltInRobots
+        Play some of the robots; the others are there for foreign commands.
+    referee : LeagueReferee, optional
+        Judges a match by the rules and puts the ball where it belongs; default: everybody may play all the time.
 
     Attributes
     ----------
@@ -94,7 +107,16 @@ class LeagueSimulator:
         If the field has no goals, there are too many players or the seed is negative.
     """
 
-    def __init__(self, field: Field, players: int, realism: Realism, seed: int = 0, epoch_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        field: Field,
+        players: int,
+        realism: Realism,
+        seed: int = 0,
+        epoch_s: float = 0.0,
+        referee: LeagueReferee | None = None,
+        built_in: Sequence[BuiltInRobots] = (),
+    ) -> None:
         if not field.goals:
             raise ArgumentError(f"the field {field.name} has no goals: it is none of the small-size league")
         if not 0 <= players <= MAX_NUMBER + 1:
@@ -117,6 +139,11 @@ class LeagueSimulator:
         self._delayed: deque[tuple[int, bytes]] = deque()
         self._sync_debt_s = 0.0
         self.publishes_referee = True
+        self.referee, self._players = referee, players
+        self._built_in = tuple(built_in)
+        self._taken = {(robots.team, number) for robots in built_in for number in robots.numbers}
+        for robots in built_in:
+            robots.begin(self.world)
 
     @property
     def realism(self) -> Realism:
@@ -147,9 +174,39 @@ class LeagueSimulator:
             out += [(Channel.VISION, data) for data in self._vision.geometry_packets(self.world.flight)]
         while self._delayed and self._delayed[0][0] <= steps:
             out.append((Channel.VISION, self._delayed.popleft()[1]))
-        if self.publishes_referee and steps % STEPS_A_REFEREE == 0:
-            out.append((Channel.REFEREE, encode(referee_packet(self.epoch_s, self.world.t_s))))
+        if self.publishes_referee:
+            if self.referee is not None and steps % STEPS_A_JUDGEMENT == 0:
+                self._judge(self.referee)
+            if steps % STEPS_A_REFEREE == 0:
+                out.append((Channel.REFEREE, encode(self._referee_packet())))
+        self._play_built_in(out)
         return out
+
+    def hear_referee(self, packet: Referee) -> None:
+        """Let the built-in players obey a game controller."""
+        for robots in self._built_in:
+            robots.hear_referee(packet)
+
+    def _play_built_in(self, published: Sequence[tuple[Channel, bytes]]) -> None:
+        for robots in self._built_in:
+            for channel, data in published:
+                if channel is Channel.VISION and robots.sees_from_above:
+                    robots.hear_vision(decode(VisionPacket, data))
+                elif channel is Channel.REFEREE:
+                    robots.hear_referee(decode(Referee, data))
+            if self.world.steps % STEPS_A_COMMAND == 0:
+                robots.act(self.world, self.epoch_s)
+
+    def _referee_packet(self) -> Referee:
+        if self.referee is None:
+            return referee_packet(self.epoch_s, self.world.t_s)
+        return match_packet(self.referee, self.epoch_s, self.world.t_s, self._players)
+
+    def _judge(self, referee: LeagueReferee) -> None:
+        state = self.world.state
+        for ruling in referee.judge(state.t_s, robot_states(state), state.ball):
+            if ruling.ball_at is not None:
+                self.world.place_ball(BallState(*ruling.ball_at))
 
     def answer_control(self, data: bytes) -> tuple[bytes | None, list[tuple[Channel, bytes]]]:
         """Take a datagram of the simulation control.
@@ -222,6 +279,10 @@ class LeagueSimulator:
             if not self.world.has(team, command.number):
                 message = f"there is no robot {command.number} of {team.name.lower()} on the field"
                 errors.append(SimulatorError("ROBOT_NOT_PRESENT", message))
+                continue
+            if (team, command.number) in self._taken:
+                message = f"robot {command.number} of {team.name.lower()} is played by a built-in player"
+                errors.append(SimulatorError("ROBOT_BUILT_IN", message))
                 continue
             problem = _problem(command)
             if problem:

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from robocup_vision.ssl.values.referee import MatchType, Referee, RefereeCommand, Stage, TeamInfo
+from dataclasses import replace
+
+from robocup_vision.ssl.values.referee import (
+    DesignatedPosition,
+    MatchType,
+    Referee,
+    RefereeCommand,
+    Stage,
+    TeamInfo,
+)
 from robocup_vision.ssl.values.simulation import Team
 from robocup_vision.ssl.values.tracked import (
     Capability,
@@ -15,7 +24,9 @@ from robocup_vision.ssl.values.tracked import (
     Vector2,
     Vector3,
 )
+from sim2d.match.league_referee import LeagueReferee
 from sim2d.network.world import LeagueState
+from sim2d.world.state import RobotState
 
 # the same in every run, so that a reader of a log identifies the truth
 TRUTH_UUID, TRUTH_SOURCE = "sim2d-truth", "sim2d"
@@ -23,6 +34,24 @@ REFEREE_SOURCE = "sim2d"
 _COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
 _US_PER_S = 1e6
 _HALF_US = 300_000_000
+# yellow plays towards +x, as sim2d's side +1 does
+SIDES = {Team.YELLOW: 1, Team.BLUE: -1}
+_STAGES = {
+    "first_half": Stage.NORMAL_FIRST_HALF,
+    "half_time": Stage.NORMAL_HALF_TIME,
+    "second_half": Stage.NORMAL_SECOND_HALF,
+    "post_game": Stage.POST_GAME,
+}
+_COMMANDS = {
+    "halt": (RefereeCommand.HALT,) * 2,
+    "stop": (RefereeCommand.STOP,) * 2,
+    "normal_start": (RefereeCommand.NORMAL_START,) * 2,
+    "force_start": (RefereeCommand.FORCE_START,) * 2,
+    "prepare_kick_off": (RefereeCommand.PREPARE_KICKOFF_YELLOW, RefereeCommand.PREPARE_KICKOFF_BLUE),
+    "prepare_penalty": (RefereeCommand.PREPARE_PENALTY_YELLOW, RefereeCommand.PREPARE_PENALTY_BLUE),
+    "direct_free": (RefereeCommand.DIRECT_FREE_YELLOW, RefereeCommand.DIRECT_FREE_BLUE),
+    "ball_placement": (RefereeCommand.BALL_PLACEMENT_YELLOW, RefereeCommand.BALL_PLACEMENT_BLUE),
+}
 
 
 def tracker_packet(state: LeagueState, frame_number: int, epoch_s: float) -> TrackerPacket:
@@ -66,6 +95,51 @@ def referee_packet(epoch_s: float, t_s: float) -> Referee:
         source_identifier=REFEREE_SOURCE,
         match_type=MatchType.FRIENDLY,
     )
+
+
+def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: int) -> Referee:
+    """Return what the game controller would say of a match that `referee` judges."""
+    begin_us = round(epoch_s * _US_PER_S)
+    place = referee.placement_m
+    teams = []
+    for name, side in (("yellow", 1), ("blue", -1)):
+        cards = tuple(max(round((end - t_s) * _US_PER_S), 0) for end in referee.cards[side])
+        fouls = referee.foul_count(side)
+        info = _team(name)
+        teams.append(
+            replace(
+                info,
+                score=referee.score[side],
+                yellow_cards=referee.card_count(side),
+                yellow_card_times_us=cards,
+                goalkeeper=referee.keepers[side],
+                foul_counter=fouls,
+                ball_placement_failures=referee.placement_failures[side],
+                max_allowed_robots=referee.robots_allowed(side, players),
+            )
+        )
+    return Referee(
+        packet_time_us=begin_us + round(t_s * _US_PER_S),
+        stage=_STAGES[referee.stage],
+        command=_COMMANDS[referee.command][referee.command_side < 0],
+        command_counter=referee.command_counter,
+        command_time_us=begin_us + round(referee.command_s * _US_PER_S),
+        yellow=teams[0],
+        blue=teams[1],
+        stage_time_left_us=round((referee.stage_end_s - t_s) * _US_PER_S),
+        designated_position=None if place is None else DesignatedPosition(*place),
+        blue_on_positive_half=True,
+        source_identifier=REFEREE_SOURCE,
+        match_type=MatchType.FRIENDLY,
+    )
+
+
+def robot_states(state: LeagueState) -> list[RobotState]:
+    """Return the robots as sim2d's own matches know them: yellow is side +1."""
+    return [
+        RobotState(index, SIDES[robot.team], robot.number, robot.pose, robot.velocity_mps, robot.turn_rps)
+        for index, robot in enumerate(state.robots)
+    ]
 
 
 def _team(name: str) -> TeamInfo:

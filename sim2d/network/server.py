@@ -244,6 +244,7 @@ class LeagueServer:
             return
         if packet.source_identifier != REFEREE_SOURCE:
             self._referee_heard_s = time.monotonic()
+            self.simulator.hear_referee(packet)
 
     @staticmethod
     def _send_back(listening: socket.socket, answer: bytes, peer: tuple[str, int]) -> None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from field_models.field import Field
+from robocup_vision.geometry import wrap_angle
 from sim2d.kick_off import kick_off_pose
 from sim2d.players.keep_out import Capsule, KeepOut
 from sim2d.players.plan import Plan, Point, Situation
@@ -32,6 +33,9 @@ class RestartSettings:
         A ball so near to where it shall be is placed: 0.15 m by the rules.
     left_m : float
         Who has placed the ball goes so far away from it.
+    wall_reaches, pull_m, straight_rad : float
+        A ball so near to a wall (in reaches) cannot be got behind: it is taken from before it, within this angle of
+        straight on, and pulled away so far.
     """
 
     ball_room_m: float = 0.57
@@ -39,6 +43,9 @@ class RestartSettings:
     penalty_room_m: float = 1.3
     placed_m: float = 0.06
     left_m: float = 0.75
+    wall_reaches: float = 2.5
+    pull_m: float = 0.4
+    straight_rad: float = 0.3
 
 
 class KickOff:
@@ -175,9 +182,25 @@ class Restart:
             # it lies there: back out, straight, and stay away
             out = direction_rad(ball, now.place)
             return Plan("leave the ball", offset(ball, out, settings.left_m), now.pose.theta_rad, close=True)
+        wall = team.away_from_wall(ball, settings.wall_reaches * team.reach_m)
+        if wall is not None:
+            return self._pull(now, ball, wall)
         if not now.in_mouth:
             return replace(self._fetch.decide(now, ball, place), intent="place: fetch", speed_mps=settings.stop_mps)
         # pushed ahead, it stays in the mouth; near the place the heading is kept
         heading = direction_rad(ball, place) if away_m > 2 * team.reach_m else now.pose.theta_rad
         target = offset(place, heading, -team.reach_m)
         return Plan("place the ball", target, heading, dribble=True, close=True, holding=True)
+
+    def _pull(self, now: Situation, ball: Point, away_rad: float) -> Plan:
+        """Take a ball at a wall, straight on, and pull it away from there."""
+        reach, facing = self._team.reach_m, away_rad + math.pi
+        if now.in_mouth:
+            target = offset(now.place, away_rad, self._settings.pull_m)
+            return Plan("pull the ball", target, now.pose.theta_rad, dribble=True, close=True, holding=True)
+        before = offset(ball, away_rad, 2.0 * reach)
+        off = direction_rad(ball, now.place) - away_rad
+        if math.dist(now.place, before) > 0.5 * reach and abs(wrap_angle(off)) > self._settings.straight_rad:
+            return Plan("place: before the wall", before, facing, avoid_ball=True, speed_mps=self._settings.stop_mps)
+        target = offset(ball, away_rad, 0.75 * reach)
+        return Plan("place: at the wall", target, facing, dribble=True, close=True, speed_mps=self._settings.stop_mps)

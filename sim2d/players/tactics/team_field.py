@@ -63,6 +63,15 @@ class TeamField:
         x, y = abs(place[0]), abs(place[1])
         return self._inset_m > 0 and (x > self._wall_x_m - room_m or y > self._wall_y_m - room_m)
 
+    def away_from_wall(self, place: Point, room_m: float) -> float | None:
+        """Return the direction straight away from a wall nearer than this; None without one."""
+        if not self.is_near_wall(place, room_m):
+            return None
+        x, y = place
+        off_x = -math.copysign(1.0, x) if abs(x) > self._wall_x_m - room_m else 0.0
+        off_y = -math.copysign(1.0, y) if abs(y) > self._wall_y_m - room_m else 0.0
+        return math.atan2(off_y, off_x)
+
     def room_ahead_m(self, pose: Pose2) -> float:
         """Distance from the robot's centre straight ahead to a wall; infinite without walls."""
         if not self._inset_m:

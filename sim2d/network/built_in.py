@@ -1,0 +1,252 @@
+"""Built-in players on some robots of the league's simulator: with cameras of their own, or by the vision from above."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.ssl.game import Game
+from robocup_vision.ssl.values.detection import VisionPacket
+from robocup_vision.ssl.values.referee import Referee
+from robocup_vision.ssl.values.simulation import LocalVelocity, MoveCommand, RobotCommand, Team
+from robocup_vision.ssl.values.simulation import RobotControlResponse as Response
+from robocup_vision.ssl.values.simulation import RobotFeedback as Feedback
+from sim2d.match.arena import camera_for
+from sim2d.network.packets import SIDES, robot_states
+from sim2d.network.team.team import OverheadTeam
+from sim2d.network.world import MAX_NUMBER, LeagueWorld
+from sim2d.players.catalog import PLAYERS, player_factory
+from sim2d.robot_link import Command, Player, PlayerSetup, RobotLimits, Senses
+from sim2d.sensors.match_camera import MatchCamera
+from sim2d.world.state import WorldState
+
+OVERHEAD = "overhead"
+DRIBBLER_RPS = 150.0
+
+
+class BuiltInRobots(Protocol):
+    """Plays some robots of one team inside the simulator."""
+
+    team: Team
+    numbers: tuple[int, ...]
+    sees_from_above: bool
+
+    def begin(self, world: LeagueWorld) -> None:
+        """Take the robots over."""
+        ...
+
+    def hear_vision(self, packet: VisionPacket) -> None:
+        """Take in what a camera above the field saw."""
+        ...
+
+    def hear_referee(self, packet: Referee) -> None:
+        """Take in what the referee says."""
+        ...
+
+    def act(self, world: LeagueWorld, epoch_s: float) -> None:
+        """Command the robots, once a control period."""
+        ...
+
+
+class OverheadRobots:
+    """Robots that are played by the simulator's vision, as real as that is, as `robocup-vision play` plays them.
+
+    Parameters
+    ----------
+    team : Team
+        Whose.
+    numbers : tuple of int
+        Which of its robots.
+    field : Field
+        The pitch.
+    """
+
+    sees_from_above = True
+
+    def __init__(self, team: Team, numbers: tuple[int, ...], field: Field) -> None:
+        self.team, self.numbers = team, numbers
+        self._team = OverheadTeam(team, field)
+
+    def begin(self, world: LeagueWorld) -> None:
+        """Take the robots over: they stay as they are."""
+
+    def hear_vision(self, packet: VisionPacket) -> None:
+        """Take in what a camera above the field saw."""
+        self._team.hear_vision(packet)
+
+    def hear_referee(self, packet: Referee) -> None:
+        """Take in what the referee says."""
+        self._team.hear_referee(packet)
+
+    def act(self, world: LeagueWorld, epoch_s: float) -> None:
+        """Command the robots, once a control period."""
+        there = [number for number in self.numbers if world.has(self.team, number)]
+        self._team.hear_robots(
+            Response(feedback=tuple(Feedback(number, world.touches_ball(self.team, number)) for number in there))
+        )
+        for command in self._team.commands(epoch_s + world.t_s):
+            if command.number in there:
+                world.command(self.team, command)
+
+
+class CameraRobots:
+    """Robots with a camera of their own each, played by sim2d's players; they are as quick as in its own matches.
+
+    Parameters
+    ----------
+    team : Team
+        Whose.
+    numbers : tuple of int
+        Which of its robots; the first keeps the goal if there is more than one.
+    field : Field
+        The pitch.
+    players : str
+        ``plain``, ``memory`` or ``planning``.
+    seed : int
+        Of noise and of the players' choices.
+    """
+
+    sees_from_above = False
+
+    def __init__(self, team: Team, numbers: tuple[int, ...], field: Field, players: str, seed: int = 0) -> None:
+        self.team, self.numbers = team, numbers
+        self._field, self._side = field, SIDES[team]
+        self._limits = RobotLimits(radius_m=field.robot_radius_m, height_m=0.15)
+        self._camera = camera_for(field)
+        self._eyes = MatchCamera(field, self._camera, self._limits, np.random.default_rng([seed, int(team), 1]))
+        self._game = Game(team)
+        make = player_factory(players)
+        count = len(numbers)
+        seeds = np.random.default_rng([seed, int(team), 2]).integers(2**31, size=count).tolist()
+        self._players: dict[int, Player] = {
+            number: make(PlayerSetup(field, self._camera, self._limits, self._side, place, count, seeds[place]))
+            for place, number in enumerate(numbers)
+        }
+        self._before: dict[int, Pose2] = {}
+        self._pan_rad = dict.fromkeys(numbers, 0.0)
+
+    def begin(self, world: LeagueWorld) -> None:
+        """Take the robots over, and limit them to what their players know of them."""
+        limits = self._limits
+        for number in self.numbers:
+            spec = dataclasses.replace(
+                world.spec(self.team, number),
+                speed_up_mps2=limits.acceleration_mps2,
+                brake_mps2=limits.acceleration_mps2,
+                turn_speed_up_rps2=limits.turn_acceleration_rps2,
+                turn_brake_rps2=limits.turn_acceleration_rps2,
+                max_speed_mps=limits.speed_mps,
+                max_turn_rps=limits.turn_rps,
+                max_kick_mps=limits.kick_speed_mps,
+            )
+            world.set_spec(self.team, number, spec)
+
+    def hear_vision(self, packet: VisionPacket) -> None:
+        """Take in nothing: they have eyes of their own."""
+
+    def hear_referee(self, packet: Referee) -> None:
+        """Take in what the referee says."""
+        self._game.update(packet)
+
+    def act(self, world: LeagueWorld, epoch_s: float) -> None:
+        """Command the robots, once a control period."""
+        truth = world.state
+        # the eyes draw robots by these states, and nothing else of them
+        state = WorldState(truth.t_s, tuple(robot_states(truth)), truth.ball, (0, 0), "play", 1, ())
+        game = self._game.state(truth.t_s, (truth.ball.x_m, truth.ball.y_m))
+        for robot in state.robots:
+            if robot.side != self._side or robot.number not in self._players:
+                continue
+            number = robot.number
+            index_state = dataclasses.replace(robot, pan_rad=self._pan_rad[number])
+            robots = tuple(index_state if other.index == robot.index else other for other in state.robots)
+            frame = self._eyes.render(dataclasses.replace(state, robots=robots), robot.index)
+            before = self._before.get(number, robot.pose)
+            self._before[number] = robot.pose
+            senses = Senses(
+                truth.t_s,
+                frame,
+                truth.t_s,
+                before.inverse().compose(robot.pose),
+                world.touches_ball(self.team, number),
+                game.phase,
+                game.own_turn,
+                self._pan_rad[number] if isinstance(self._camera, PinholeCamera) else None,
+                game.placement_m,
+            )
+            command = self._players[number].act(senses)
+            if command.pan_rad is not None:
+                self._pan_rad[number] = command.pan_rad
+            world.command(self.team, _robot_command(number, command))
+
+
+def _robot_command(number: int, command: Command) -> RobotCommand:
+    velocity = LocalVelocity(command.forward_mps, command.left_mps, command.turn_rps)
+    dribbler = DRIBBLER_RPS if command.dribble else 0.0
+    return RobotCommand(number, MoveCommand(local=velocity), command.kick_mps, 0.0, dribbler)
+
+
+def built_in_robots(text: str, field: Field, players: int, seed: int = 0) -> BuiltInRobots:
+    """Return the robots that some words name: ``TEAM=KIND``, or ``TEAM=KIND:0,2,3`` for some of the team.
+
+    Parameters
+    ----------
+    text : str
+        Team ``yellow`` or ``blue``; kind ``overhead``, ``plain``, ``memory`` or ``planning``.
+    field : Field
+        The pitch.
+    players : int
+        Of each team, when the words name no numbers.
+    seed : int
+        Of noise and of the players' choices.
+
+    Raises
+    ------
+    ArgumentError
+        If the words name no such robots.
+    """
+    team_name, equals, rest = text.partition("=")
+    kind, colon, numbers_text = rest.partition(":")
+    teams = {"yellow": Team.YELLOW, "blue": Team.BLUE}
+    if not equals or team_name not in teams:
+        raise ArgumentError(f"built-in players are given as yellow=KIND or blue=KIND, got {text!r}")
+    if kind != OVERHEAD and kind not in PLAYERS:
+        raise ArgumentError(f"there are no built-in players {kind!r}, only {', '.join((OVERHEAD, *PLAYERS))}")
+    numbers = _numbers(numbers_text, text) if colon else tuple(range(players))
+    team = teams[team_name]
+    if kind == OVERHEAD:
+        return OverheadRobots(team, numbers, field)
+    return CameraRobots(team, numbers, field, kind, seed)
+
+
+def _numbers(text: str, whole: str) -> tuple[int, ...]:
+    try:
+        numbers = tuple(sorted({int(part) for part in text.split(",")}))
+    except ValueError:
+        numbers = ()
+    if not numbers or not all(0 <= number <= MAX_NUMBER for number in numbers):
+        raise ArgumentError(f"robots' numbers are from 0 to {MAX_NUMBER}, apart by commas, got {whole!r}")
+    return numbers
+
+
+def check_apart(robots: Sequence[BuiltInRobots]) -> None:
+    """Refuse robots that are named twice.
+
+    Raises
+    ------
+    ArgumentError
+        If one is.
+    """
+    seen: set[tuple[Team, int]] = set()
+    for group in robots:
+        for number in group.numbers:
+            if (group.team, number) in seen:
+                raise ArgumentError(f"robot {number} of {group.team.name.lower()} has two built-in players")
+            seen.add((group.team, number))

@@ -1,0 +1,1 @@
+"""A team of the small-size league by overhead vision: it drives robots of any league simulator."""

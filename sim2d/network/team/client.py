@@ -1,0 +1,143 @@
+"""A team on the network: vision and referee in, robots' commands out, at 30 commands a second."""
+
+from __future__ import annotations
+
+import math
+import select
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+
+from field_models import Field
+from robocup_vision.ssl.requests import RobotClient
+from robocup_vision.ssl.sockets import LOOPBACK, SIMULATED_VISION_PORT
+from robocup_vision.ssl.subscriptions import RefereeClient, VisionClient
+from robocup_vision.ssl.values.simulation import Team
+from sim2d.network.team.team import OverheadTeam, TeamSettings
+from sim2d.robot_link import CONTROL_PERIOD_S
+
+# where clocks of vision and this machine differ by more, vision's delay cannot be told: a usual one is taken then
+_MAX_DELAY_S, _USUAL_DELAY_S = 0.2, 0.03
+# until what is sent is obeyed: half a period of the simulator, and the way there
+_WAY_S = 0.01
+# vision that is silent for so long: robots stand still
+_BLIND_S = 0.3
+
+
+class TeamClient:
+    """Plays one team. Close it, or use it in a ``with``.
+
+    Parameters
+    ----------
+    team : Team
+        Yellow or blue.
+    field : Field
+        The pitch.
+    settings : TeamSettings
+        How it plays.
+    host : str
+        Where the robots' commands go.
+    interface : str
+        On which vision and referee are listened to.
+    vision_port, referee_port : int
+        Where.
+    robot_port : int, optional
+        Default: the league's for that team.
+
+    Attributes
+    ----------
+    sent : int
+        Packets of commands so far.
+
+    Raises
+    ------
+    ArgumentError
+        If the field has no goals, or an address cannot be had.
+    """
+
+    def __init__(
+        self,
+        team: Team,
+        field: Field,
+        settings: TeamSettings = TeamSettings(),
+        *,
+        host: str = LOOPBACK,
+        interface: str = "loopback",
+        vision_port: int = SIMULATED_VISION_PORT,
+        referee_port: int = 10003,
+        robot_port: int | None = None,
+    ) -> None:
+        self.team = OverheadTeam(team, field, settings)
+        self.sent = 0
+        opened = ExitStack()
+        try:
+            self._vision = opened.enter_context(VisionClient(vision_port, interface))
+            self._referee = opened.enter_context(RefereeClient(referee_port, interface))
+            self._robots = opened.enter_context(RobotClient(team, host, robot_port))
+        except BaseException:
+            opened.close()
+            raise
+        self._opened = opened
+        self._due_s = 0.0
+        self._heard_s = -math.inf
+        self._delay_s = _USUAL_DELAY_S
+
+    def __enter__(self) -> TeamClient:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all sockets."""
+        self._opened.close()
+
+    @property
+    def bad_datagrams(self) -> int:
+        """How many datagrams could not be read."""
+        return self._vision.bad_datagrams + self._referee.bad_datagrams + self._robots.bad_datagrams
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether vision has been silent for a while."""
+        return time.monotonic() - self._heard_s > _BLIND_S
+
+    def run(self, goes_on: Callable[[], bool]) -> None:
+        """Play for as long as a function says, which is asked before every command."""
+        self._due_s = time.monotonic()
+        while goes_on():
+            self.turn()
+
+    def turn(self) -> None:
+        """Listen until the next commands are due, and send them."""
+        sources: list[VisionClient | RefereeClient | RobotClient] = [self._vision, self._referee, self._robots]
+        while True:
+            left_s = self._due_s - time.monotonic()
+            ready, _, _ = select.select(sources, [], [], max(left_s, 0.0))
+            self._hear()
+            if not ready or left_s <= 0:
+                break
+        # a machine that could not keep up does not hurry after
+        self._due_s = max(self._due_s + CONTROL_PERIOD_S, time.monotonic())
+        if self.is_blind:
+            return
+        now_s = self.team.seen_s + self._delay_s + (time.monotonic() - self._heard_s)
+        commands = self.team.commands(now_s + _WAY_S)
+        if commands:
+            self._robots.send(commands)
+            self.sent += 1
+
+    def _hear(self) -> None:
+        while (packet := self._vision.receive(0.0)) is not None:
+            self.team.hear_vision(packet)
+            if packet.detection is not None:
+                self._heard_s = time.monotonic()
+                delay_s = time.time() - packet.detection.t_capture_s
+                self._delay_s = delay_s if 0 <= delay_s <= _MAX_DELAY_S else _USUAL_DELAY_S
+        while (told := self._referee.receive(0.0)) is not None:
+            self.team.hear_referee(told)
+        while (answer := self._robots.receive(0.0)) is not None:
+            self.team.hear_robots(answer)

@@ -1,0 +1,367 @@
+"""A whole team by overhead vision: who does what, what the referee allows, and the robots' commands.
+
+It knows no sockets and no clock: packets go in, commands come out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.ssl.game import Game, GameState
+from robocup_vision.ssl.tracker import OverheadTracker, TrackerSettings
+from robocup_vision.ssl.values.detection import VisionPacket
+from robocup_vision.ssl.values.referee import Referee
+from robocup_vision.ssl.values.simulation import GlobalVelocity, MoveCommand, RobotCommand, RobotControlResponse, Team
+from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot
+from sim2d.network.team.overhead_player import Moving, Orders, OverheadPlayer, defence_zones
+from sim2d.players.driving.motion import MotionSettings
+from sim2d.players.keep_out import Capsule
+from sim2d.players.plan import Point, Situation
+from sim2d.players.tactics.fetch import FetchSettings
+from sim2d.players.tactics.field_player import FieldPlayerSettings
+from sim2d.players.tactics.keeper import KeeperSettings
+from sim2d.players.tactics.tactics import Tactics, TacticsSettings
+from sim2d.robot_link import Command, RobotLimits
+
+_COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
+_NOTHING = Command()
+
+
+@dataclass(frozen=True, slots=True)
+class TeamSettings:
+    """Values of `OverheadTeam`.
+
+    Attributes
+    ----------
+    limits : RobotLimits
+        How the robots drive and kick: slower than the league's can, so that they stop in time before each other (the
+        rules forbid to run into somebody at more than 1.5 m/s) and no kick is a foul (6.5 m/s).
+    tactics : TacticsSettings
+        A keeper has the whole defence area; one robot alone goes for the ball.
+    motion : MotionSettings
+        How they drive.
+    tracker : TrackerSettings
+        Of the tracker.
+    dribbler_rps : float
+        How fast the dribbler spins.
+    contact_lasts_s : float
+        What a robot feels is believed for so long.
+    mouth_m, mouth_half_m : float
+        Where no robot tells what it feels: a ball so far before its hull's front, and so far aside, is in the mouth.
+    changes_m : float
+        Another robot fetches the ball only if it is nearer by so much: two that take turns get nowhere.
+    their_room_m : float
+        From the other team's defence area, while the ball is not in play: 0.2 m by the rules.
+    touched_m : float
+        A robot's hull so near to the ball has touched it: who kicked off may then touch it again.
+    """
+
+    limits: RobotLimits = RobotLimits(
+        speed_mps=1.5,
+        acceleration_mps2=2.0,
+        dead_time_s=0.05,
+        height_m=0.15,
+        turn_acceleration_rps2=40.0,
+        turn_rps=8.0,
+        kick_speed_mps=5.0,
+    )
+    tactics: TacticsSettings = TacticsSettings(
+        keeper=KeeperSettings(area_radii=11.0, area_depth_radii=11.0),
+        fetch=FetchSettings(straight_reaches=10.0, straight_rad=0.6, round_reaches=1.8),
+        field_player=FieldPlayerSettings(support_limits=(-0.6, 2.5)),
+        fetches_in_strip=False,
+    )
+    motion: MotionSettings = MotionSettings(holding_mps=1.0, holding_rps=2.5)
+    tracker: TrackerSettings = TrackerSettings()
+    dribbler_rps: float = 150.0
+    contact_lasts_s: float = 0.07
+    mouth_m: float = 0.012
+    mouth_half_m: float = 0.03
+    changes_m: float = 0.25
+    their_room_m: float = 0.22
+    touched_m: float = 0.03
+
+
+@dataclass(slots=True)
+class _Kick:
+    """A kick that this team has: who takes it, and whether the ball is in play since."""
+
+    kicker: int
+    is_over: bool = False
+
+
+@dataclass(slots=True)
+class _Hand:
+    """One robot of the team: its player, and when it last felt the ball."""
+
+    player: OverheadPlayer
+    felt_s: float = -math.inf
+    feels: bool = False
+    told: bool = field(default=False)
+
+
+class OverheadTeam:
+    """Drives all robots of one team.
+
+    Parameters
+    ----------
+    team : Team
+        Yellow or blue.
+    field : Field
+        The pitch, with goals.
+    settings : TeamSettings
+        See there.
+
+    Attributes
+    ----------
+    intents : dict of int to str
+        What each robot is about, by its number.
+    state : GameState or None
+        What the referee had said at the last commands.
+
+    Raises
+    ------
+    ArgumentError
+        If the team is unknown, or the field has no goals.
+    """
+
+    def __init__(self, team: Team, field: Field, settings: TeamSettings = TeamSettings()) -> None:
+        if not field.goals:
+            raise ArgumentError(f"the field {field.name} has no goals to play at")
+        self._team, self._field = team, field
+        self._settings = replace(settings, limits=replace(settings.limits, radius_m=field.robot_radius_m))
+        self._game = Game(team)
+        self._tracker = OverheadTracker(settings.tracker)
+        self._hands: dict[int, _Hand] = {}
+        self._tactics: dict[tuple[int, int], Tactics] = {}
+        self._fetcher: int | None = None
+        self._kick: _Kick | None = None
+        self._seen_s = -math.inf
+        self.intents: dict[int, str] = {}
+        self.state: GameState | None = None
+
+    @property
+    def seen_s(self) -> float:
+        """When the newest frame was exposed, seconds since 1970 by the vision's clock."""
+        return self._seen_s
+
+    def hear_vision(self, packet: VisionPacket) -> None:
+        """Take in what a camera saw."""
+        frame = packet.detection
+        if frame is not None and math.isfinite(frame.t_capture_s):
+            self._tracker.update(frame)
+            self._seen_s = max(self._seen_s, frame.t_capture_s)
+
+    def hear_referee(self, packet: Referee) -> None:
+        """Take in what the game controller says."""
+        self._game.update(packet)
+
+    def hear_robots(self, response: RobotControlResponse) -> None:
+        """Take in what the robots feel."""
+        for feedback in response.feedback:
+            hand = self._hands.get(feedback.number)
+            if hand is not None and feedback.ball_contact is not None:
+                hand.told, hand.feels = True, feedback.ball_contact
+                hand.felt_s = self._seen_s if hand.feels else hand.felt_s
+
+    def commands(self, t_s: float) -> list[RobotCommand]:
+        """Return a command for each robot that is seen; call it once each control period (1/30 s).
+
+        Parameters
+        ----------
+        t_s : float
+            When the commands will reach the robots, by the vision's clock.
+        """
+        world = self._tracker.at(t_s)
+        ball = (world.balls[0].position_m.x, world.balls[0].position_m.y) if world.balls else None
+        state = self.state = self._game.state(t_s, ball)
+        own = {r.robot.number: r for r in world.robots if r.robot.team == _COLORS[self._team]}
+        if state.phase in ("halt", "time_out") or state.attacks is None:
+            self.intents = dict.fromkeys(own, state.phase.replace("_", " "))
+            self._kick = None
+            return [self._command(number, _NOTHING, 1) for number in own]
+        side = state.attacks
+        robots = {_key(robot): _in_team(robot, side) for robot in world.robots}
+        situation = self._situation(world, state, side, t_s)
+        numbers = self._playing(own, robots, state, situation.ball)
+        roles = self._roles(numbers, robots, state, situation)
+        self._watch_kick(state, roles, robots, situation.ball)
+        out = []
+        for number in own:
+            hand = self._hands.get(number)
+            if hand is None:
+                hand = self._hands[number] = _Hand(
+                    OverheadPlayer(self._field, self._settings.limits, self._settings.motion, number)
+                )
+            me = robots[_COLORS[self._team], number]
+            others = tuple(other for key, other in robots.items() if key != (_COLORS[self._team], number))
+            mine = replace(situation, in_mouth=self._has_ball(hand, me, situation.ball, t_s))
+            orders = self._orders(number, roles, numbers, state, mine, me)
+            out.append(self._command(number, hand.player.act(orders, mine, me, others), side))
+            self.intents[number] = hand.player.intent
+        return out
+
+    def _situation(self, world: TrackedFrame, state: GameState, side: int, t_s: float) -> Situation:
+        ball = velocity = None
+        if world.balls:
+            seen = world.balls[0]
+            ball = (side * seen.position_m.x, side * seen.position_m.y)
+            velocity = None if seen.velocity_mps is None else (side * seen.velocity_mps.x, side * seen.velocity_mps.y)
+        place = None if state.placement_m is None else (side * state.placement_m[0], side * state.placement_m[1])
+        nowhere = Pose2(0.0, 0.0, 0.0)
+        return Situation(
+            nowhere,
+            ball,
+            velocity or (0.0, 0.0),
+            False,
+            0.0,
+            (),
+            state.phase,
+            state.own_turn,
+            t_s,
+            placement=place,
+        )
+
+    def _playing(
+        self,
+        own: dict[int, TrackedRobot],
+        robots: dict[tuple[TeamColor, int], Moving],
+        state: GameState,
+        ball: Point | None,
+    ) -> list[int]:
+        """Return the robots that may play: with yellow cards the farthest from the ball leave."""
+        numbers = sorted(own)
+        if state.max_robots is None or len(numbers) <= state.max_robots:
+            return numbers
+        center = ball or (0.0, 0.0)
+
+        def away(number: int) -> tuple[bool, float]:
+            pose = robots[_COLORS[self._team], number].pose
+            # who is off the field already stays there
+            outside = abs(pose.y_m) > self._field.width_m / 2
+            return (outside, math.dist((pose.x_m, pose.y_m), center))
+
+        leaving = sorted((n for n in numbers if n != state.goalkeeper), key=away, reverse=True)
+        gone = set(leaving[: len(numbers) - state.max_robots])
+        return [number for number in numbers if number not in gone]
+
+    def _roles(
+        self,
+        numbers: Sequence[int],
+        robots: dict[tuple[TeamColor, int], Moving],
+        state: GameState,
+        now: Situation,
+    ) -> dict[int, int]:
+        """Return each playing robot's role: 0 keeps the goal, 1 goes for the ball, the others from right to left."""
+        places = {number: robots[_COLORS[self._team], number].pose for number in numbers}
+        field_players = [number for number in numbers if number != state.goalkeeper]
+        if not field_players:
+            return dict.fromkeys(numbers, 0)
+        barred = self._kick.kicker if self._kick is not None and self._kick.is_over else None
+        able = [number for number in field_players if number != barred] or field_players
+        ball = now.ball or (0.0, 0.0)
+        # behind the ball is nearer: from before it a robot must go round
+        cost = {n: math.dist((places[n].x_m, places[n].y_m), ball) + 0.3 * (places[n].x_m > ball[0]) for n in able}
+        nearest = min(able, key=cost.__getitem__)
+        if self._fetcher not in able or cost[self._fetcher] > cost[nearest] + self._settings.changes_m:
+            self._fetcher = nearest
+        rest = sorted((n for n in field_players if n != self._fetcher), key=lambda n: places[n].y_m)
+        roles = {n: 0 for n in numbers if n == state.goalkeeper}
+        return roles | {self._fetcher: 1} | {number: 2 + place for place, number in enumerate(rest)}
+
+    def _watch_kick(
+        self,
+        state: GameState,
+        roles: dict[int, int],
+        robots: dict[tuple[TeamColor, int], Moving],
+        ball: Point | None,
+    ) -> None:
+        """Remember who takes a kick: it may not touch the ball again before another robot has."""
+        if state.phase == "free_kick" and state.own_turn:
+            kicker = next((number for number, role in roles.items() if role == 1), None)
+            self._kick = None if kicker is None else _Kick(kicker)
+            return
+        if self._kick is None:
+            return
+        if state.phase != "play":
+            self._kick = None
+            return
+        self._kick.is_over = True
+        if ball is None:
+            return
+        reach = self._settings.limits.radius_m + self._field.ball_radius_m + self._settings.touched_m
+        who = (_COLORS[self._team], self._kick.kicker)
+        if any(
+            math.dist((robot.pose.x_m, robot.pose.y_m), ball) < reach for key, robot in robots.items() if key != who
+        ):
+            self._kick = None
+
+    def _has_ball(self, hand: _Hand, me: Moving, ball: Point | None, t_s: float) -> bool:
+        settings = self._settings
+        if hand.told:
+            return hand.feels and self._seen_s - hand.felt_s < settings.contact_lasts_s
+        if ball is None:
+            return False
+        ahead, aside = me.pose.inverse().transform(ball).tolist()
+        reach = self._settings.limits.radius_m + self._field.ball_radius_m
+        return bool(0 < ahead < reach + settings.mouth_m and abs(aside) < settings.mouth_half_m)
+
+    def _orders(
+        self,
+        number: int,
+        roles: dict[int, int],
+        numbers: Sequence[int],
+        state: GameState,
+        now: Situation,
+        me: Moving,
+    ) -> Orders:
+        role = roles.get(number)
+        in_play = state.phase == "play"
+        room_m = 0.0 if in_play or state.phase == "penalty" else self._settings.their_room_m
+        zones = defence_zones(self._field, is_keeper=role == 0, their_room_m=room_m)
+        if state.phase == "ball_placement" and state.own_turn and role == 1:
+            # the ball may lie there
+            zones = ()
+        if role is None:
+            # off the field at the halfway line, on the nearer side, clear of the ball
+            y = math.copysign(self._field.width_m / 2 + 1.5 * self._settings.limits.radius_m, me.pose.y_m)
+            if now.ball is not None:
+                zones = (*zones, Capsule(now.ball, now.ball, self._settings.tactics.restart.ball_room_m))
+            return Orders(self._tactics_of(1, 2), zones, (0.0, y))
+        if self._kick is not None and self._kick.is_over and self._kick.kicker == number and now.ball is not None:
+            zones = (*zones, Capsule(now.ball, now.ball, 0.1))
+        # a team without its keeper has nobody in that role
+        players = max(len(numbers), max(roles.values()) + 1, 2)
+        return Orders(self._tactics_of(role, players), zones)
+
+    def _tactics_of(self, role: int, players: int) -> Tactics:
+        key = role, players
+        if key not in self._tactics:
+            self._tactics[key] = Tactics(self._field, self._settings.limits, role, players, self._settings.tactics)
+        return self._tactics[key]
+
+    def _command(self, number: int, command: Command, side: int) -> RobotCommand:
+        velocity = GlobalVelocity(side * command.forward_mps, side * command.left_mps, command.turn_rps)
+        dribbler = self._settings.dribbler_rps if command.dribble else 0.0
+        return RobotCommand(number, MoveCommand(world=velocity), command.kick_mps, 0.0, dribbler)
+
+
+def _key(robot: TrackedRobot) -> tuple[TeamColor, int]:
+    return robot.robot.team, robot.robot.number
+
+
+def _in_team(robot: TrackedRobot, side: int) -> Moving:
+    turned = 0.0 if side > 0 else math.pi
+    velocity = robot.velocity_mps
+    return Moving(
+        # one number for each robot of both teams
+        16 * int(robot.robot.team) + robot.robot.number,
+        Pose2(side * robot.position_m.x, side * robot.position_m.y, wrap_angle(robot.orientation_rad + turned)),
+        (0.0, 0.0) if velocity is None else (side * velocity.x, side * velocity.y),
+        robot.turn_rps or 0.0,
+    )
