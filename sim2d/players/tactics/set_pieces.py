@@ -29,8 +29,9 @@ class RestartSettings:
         Largest speed during a stop: 1.5 m/s by the rules, less what a velocity overshoots.
     penalty_room_m : float
         Behind the ball at a penalty: 1 m by the rules, and a robot.
-    placed_m : float
-        A ball so near to where it shall be is placed: 0.15 m by the rules.
+    release_m, placed_m : float
+        A carried ball so near to where it shall be is let go; one that lies so near is placed: 0.15 m by the rules,
+        less what is not known of its place.
     left_m : float
         Who has placed the ball goes so far away from it.
     wall_reaches, pull_m, straight_rad : float
@@ -41,7 +42,8 @@ class RestartSettings:
     ball_room_m: float = 0.57
     stop_mps: float = 1.3
     penalty_room_m: float = 1.3
-    placed_m: float = 0.06
+    release_m: float = 0.05
+    placed_m: float = 0.12
     left_m: float = 0.75
     wall_reaches: float = 2.5
     pull_m: float = 0.4
@@ -178,7 +180,7 @@ class Restart:
         """Take the ball to a place with the dribbler, and leave it there."""
         team, settings = self._team, self._settings
         away_m = math.dist(ball, place)
-        if away_m < settings.placed_m:
+        if away_m < (settings.release_m if now.in_mouth else settings.placed_m):
             # it lies there: back out, straight, and stay away
             out = direction_rad(ball, now.place)
             return Plan("leave the ball", offset(ball, out, settings.left_m), now.pose.theta_rad, close=True)
