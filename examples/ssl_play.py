@@ -27,6 +27,6 @@ with (
     while packet := referee.receive(timeout_s=0.0):
         if referee.new_command:
             print(packet.command.name)
-    print({number: intent for number, intent in sorted(team.team.intents.items())})
+    print(dict(sorted(team.team.intents.items())))
 simulator.kill()
 simulator.wait()
