@@ -144,7 +144,7 @@ class LeagueServer:
             opened.close()
 
     def run(self, goes_on: Callable[[], bool]) -> None:
-        """Serve for as long as a function says, which is asked before every step."""
+        """Serve for as long as a function, which is called before every step, returns true."""
         # a collection of garbage looks at what was made since: packets, and not the whole program
         gc.collect()
         gc.freeze()
