@@ -26,7 +26,7 @@ from sim2d.kick_off import kick_off_pose
 from sim2d.players.ball_memory import BallMemory, HiddenBall, Point, block_ball, is_in_sight
 from sim2d.players.driving.motion import Motion
 from sim2d.players.driving.travel import Travel, TravelPlanner
-from sim2d.players.head import Head
+from sim2d.players.head import Head, HeadView
 from sim2d.players.keep_out import allowed_target, block_zones
 from sim2d.players.plan import Plan, Situation
 from sim2d.players.settings import PlayerSettings
@@ -243,6 +243,7 @@ class BuiltInPlayer:
             )
         )
         self._intent, self._why = plan.intent, plan.why
+        self._target = self._point_in_team(plan.target)
         if plan.keep_outs:
             here, radius_m = self._in_team(pose), self._setup.limits.radius_m
             place = allowed_target(plan.target, (here.x_m, here.y_m), plan.keep_outs, radius_m)

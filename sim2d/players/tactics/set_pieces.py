@@ -27,6 +27,8 @@ class RestartSettings:
         for what is not known of the ball's place.
     stop_mps : float
         Largest speed during a stop: 1.5 m/s by the rules, less what a velocity overshoots.
+    behind_reaches : float
+        Who takes a penalty waits so many reaches behind the ball.
     penalty_room_m : float
         Behind the ball at a penalty: 1 m by the rules, and a robot.
     release_m, placed_m : float
@@ -41,6 +43,7 @@ class RestartSettings:
 
     ball_room_m: float = 0.57
     stop_mps: float = 1.3
+    behind_reaches: float = 2.0
     penalty_room_m: float = 1.3
     release_m: float = 0.05
     placed_m: float = 0.12
@@ -72,7 +75,7 @@ class KickOff:
 
     def decide(self, now: Situation) -> Plan:
         """Go to the kick-off place; who takes the kick waits right behind the ball."""
-        x = -_BEHIND_BALL_REACHES * self._team.reach_m if now.own_turn and self._is_taker else self._place.x_m
+        x = -self._behind_reaches * self._team.reach_m if now.own_turn and self._is_taker else self._place.x_m
         target = (x, self._place.y_m)
         return Plan("kick-off", target, direction_rad(target, (0.0, 0.0)), avoid_ball=True)
 
@@ -165,7 +168,7 @@ class Restart:
         if ball is None:
             return Plan("wait", now.place, now.pose.theta_rad)
         if plays and now.own_turn:
-            behind = offset(ball, math.pi, _BEHIND_BALL_REACHES * team.reach_m)
+            behind = offset(ball, math.pi, self._settings.behind_reaches * team.reach_m)
             return Plan("prepare penalty", behind, 0.0, avoid_ball=True)
         if self._is_keeper and not now.own_turn:
             return replace(self._keeper.guard(now, (0.0, 0.0)), intent="prepare penalty", dribble=False)

@@ -26,6 +26,8 @@ class TacticsSettings:
         Of each role and situation.
     wall_clearance_m : float
         Targets leave so much room between robot and wall: less than steering keeps would stop it on the way.
+    kick_off_reaches : float
+        The player that kicks off waits so many reaches behind the ball: it does not touch it before.
     fetches_in_strip : bool
         Players from number 2 on fetch a ball in their own strip, as those must that cannot agree who does. Else number
         1 alone fetches.
@@ -37,6 +39,7 @@ class TacticsSettings:
     field_player: FieldPlayerSettings = FieldPlayerSettings()
     restart: RestartSettings = RestartSettings()
     wall_clearance_m: float = 0.015
+    kick_off_reaches: float = 2.0
     fetches_in_strip: bool = True
 
 
