@@ -6,6 +6,7 @@ Unknowns are the prior's own standard normal ones, so that what the prior does n
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -13,8 +14,21 @@ from numba import njit
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Room
 
-# residuals of a good fit reach this many `sigma_px`
-RMS_OF_SIGMA = 1.25
+BINS = 64  # of the histogram of residuals
+
+
+class Gates(NamedTuple):
+    """Widths (G,) of a fit's gates, pixels, and how many steps follow under one made for the residuals' scatter."""
+
+    width_px: FloatArray
+    sharp_steps: int
+
+
+class Noise(NamedTuple):
+    """Standard deviation of a sample alone, and of the offset that all samples of an edge share."""
+
+    sample_px: float
+    shared_px: float
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
@@ -138,13 +152,73 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _median_size(residual: FloatArray, weight: FloatArray, gate_px: float) -> float:
+    """Median of the absolute residuals of inliers, pixels, to a fraction of a histogram's bin."""
+    bins = np.zeros(BINS, np.int64)
+    total = 0
+    for n in range(residual.shape[0]):
+        if weight[n] > 0.0:
+            bins[min(int(abs(residual[n]) / gate_px * BINS), BINS - 1)] += 1
+            total += 1
+    below, k = 0, 0
+    while k < BINS - 1 and 2 * (below + bins[k]) < total:
+        below += bins[k]
+        k += 1
+    return (k + (0.5 * total - below) / max(bins[k], 1)) * gate_px / BINS
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, noise: Noise) -> None:
+    """Sum up information (7, 7) and gradient (7,) of the weighted residuals.
+
+    Samples of one edge share what lens, paint and tape got wrong. Their covariance is that of their own noise and of an
+    offset common to them; its inverse is the former's less a matrix of rank one.
+    """
+    rows, samples, information, gradient = room.rows, room.samples, room.information, room.gradient
+    alone, shared2 = 1.0 / noise.sample_px**2, noise.shared_px**2
+    common, common_weight, common_residual = np.zeros(UNKNOWNS), 0.0, 0.0
+    feature = -1
+    for i in range(UNKNOWNS):
+        gradient[i] = 0.0
+        for j in range(UNKNOWNS):
+            information[i, j] = 0.0
+    for n in range(count + 1):
+        if n < count and weight[n] == 0.0:
+            continue
+        if n == count or samples.feature[n] != feature:
+            factor_ = shared2 / (1.0 + shared2 * common_weight)
+            for i in range(UNKNOWNS):
+                a = factor_ * common[i]
+                gradient[i] -= a * common_residual
+                for j in range(i + 1):
+                    information[i, j] -= a * common[j]
+            common_weight, common_residual = 0.0, 0.0
+            for i in range(UNKNOWNS):
+                common[i] = 0.0
+            if n == count:
+                break
+            feature = samples.feature[n]
+        w = weight[n] * alone
+        common_weight += w
+        common_residual += w * residual[n]
+        for i in range(UNKNOWNS):
+            a = w * rows[n, i]
+            common[i] += a
+            gradient[i] += a * residual[n]
+            for j in range(i + 1):
+                information[i, j] += a * rows[n, j]
+    for i in range(UNKNOWNS):
+        for j in range(i):
+            information[j, i] = information[i, j]
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def robust_fit(
-    room: Room, count: int, settings: FollowSettings, gates_px: FloatArray, z0: FloatArray, z: FloatArray
+    room: Room, count: int, settings: FollowSettings, gates: Gates, z0: FloatArray, z: FloatArray
 ) -> tuple[int, float, bool]:
     """Tukey-weighted Gauss-Newton steps under narrowing gates.
 
-    Neighbours on one edge have common errors of lens, paint and tape: a sample's variance is `sigma_px`
-    squared and, for each inlier of its edge, `shared_px` squared; all of it grows where residuals are greater.
+    What agrees worse than its noise says knows less than that says.
 
     Parameters
     ----------
@@ -153,9 +227,9 @@ def robust_fit(
     count : int
         Samples in use.
     settings : FollowSettings
-        `sigma_px` and `shared_px` count.
-    gates_px : (G,) float64
-        One a step.
+        The noise counts.
+    gates : Gates
+        One gate a step.
     z0 : (7,) float64
         The prior's mean, in the unknowns whose origin is where the samples were predicted.
     z : (7,) float64
@@ -164,19 +238,19 @@ def robust_fit(
     Returns
     -------
     int, float, bool
-        Inliers, root mean square of their residuals, whether it was solvable.
+        Inliers of the narrowest given gate, root mean square of their residuals, whether it was solvable.
     """
-    rows, samples, found = room.rows, room.samples, room.found
-    information, gradient, of_feature = room.information, room.gradient, room.of_feature
-    sigma_px, shared_px = settings.sigma_px, settings.shared_px
+    rows, found = room.rows, room.found
+    information, gradient = room.information, room.gradient
     system, step = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
     weight, residual = np.empty(count), np.empty(count)
-    inliers, rms = 0, 0.0
-    for turn in range(gates_px.shape[0] + 1):
-        last = turn == gates_px.shape[0]
-        gate = gates_px[min(turn, gates_px.shape[0] - 1)]
-        for i in range(of_feature.shape[0]):
-            of_feature[i] = 0
+    inliers, rms, scale = 0, 0.0, 1.0
+    given = gates.width_px.shape[0]
+    narrowest = gates.width_px[given - 1]
+    gate = narrowest
+    for turn in range(given + gates.sharp_steps + 1):
+        if turn < given:
+            gate = gates.width_px[turn]
         inliers, total = 0, 0.0
         for n in range(count):
             weight[n] = 0.0
@@ -186,33 +260,20 @@ def robust_fit(
             for j in range(UNKNOWNS):
                 expected += rows[n, j] * z[j]
             r = _nearest(found, n, expected)
+            if abs(r) < narrowest:
+                inliers += 1
+                total += r * r
             if abs(r) < gate:
                 t = 1.0 - (r / gate) ** 2
                 weight[n], residual[n] = t * t, r
-                of_feature[samples.feature[n]] += 1
-                inliers += 1
-                total += r * r
         rms = math.sqrt(total / inliers) if inliers else 0.0
-        # samples that agree worse than their noise predicts are less certain than it
-        excess = max(1.0, (rms / (RMS_OF_SIGMA * sigma_px)) ** 2)
-        for i in range(UNKNOWNS):
-            gradient[i] = 0.0
-            for j in range(UNKNOWNS):
-                information[i, j] = 0.0
-        for n in range(count):
-            if weight[n] == 0.0:
-                continue
-            w = weight[n] / (sigma_px * sigma_px + shared_px * shared_px * of_feature[samples.feature[n]]) / excess
-            for i in range(UNKNOWNS):
-                a = w * rows[n, i]
-                gradient[i] += a * residual[n]
-                for j in range(i + 1):
-                    information[i, j] += a * rows[n, j]
-        for i in range(UNKNOWNS):
-            for j in range(i):
-                information[j, i] = information[i, j]
-        if last:
+        scale = max(1.0, 1.48 * _median_size(residual, weight, gate) / settings.sigma_px)
+        noise = Noise(settings.sigma_px * scale, settings.shared_px * scale)
+        _gather(room, count, weight, residual, noise)
+        if turn == given + gates.sharp_steps:
             break
+        if turn >= given - 1 and gates.sharp_steps > 0:
+            gate = min(narrowest, settings.sharp_gates * noise.sample_px)
         for i in range(UNKNOWNS):
             step[i] = gradient[i] - (z[i] - z0[i])
             for j in range(UNKNOWNS):

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
-from robocup_vision.kernels.model_edges.fit import choose_mode, robust_fit
+from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import carpet_look, reaches, search, whiten
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, FieldEdges, FloatArray, FollowSettings, Room, UInt8Array
@@ -37,6 +37,13 @@ class Scene(NamedTuple):
     draws: FloatArray
 
 
+class Rooms(NamedTuple):
+    """Room to choose the mode in, and to fit in."""
+
+    coarse: Room
+    fine: Room
+
+
 class Prior(NamedTuple):
     """Mean (7,) of the unknowns and the lower triangular root (7, 7) of their covariance."""
 
@@ -59,10 +66,10 @@ class Fit(NamedTuple):
         Of that log-likelihood at the fit.
     carpet : (5,) float64
         See `carpet_look`.
-    figures : (13,) float64
+    figures : (14,) float64
         Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
         line points, those explained, hidden upright, standard deviation of the position by the measurements alone
-        where it is greatest (m), logarithm of the odds but for that.
+        where it is greatest (m), logarithm of the odds but for that, and the part of it that speaks against the pose.
     """
 
     unknowns: FloatArray
@@ -96,6 +103,7 @@ def _refine(
     count, inliers, rms = 0, 0, 0.0
     here, origin, step = np.empty(UNKNOWNS), np.empty(UNKNOWNS), np.empty(UNKNOWNS)
     again = settings.again_px
+    gates = Gates(settings.fine_gates_px, settings.sharp_steps)
     for _ in range(3):
         for j in range(UNKNOWNS):
             origin[j] = -z[j]
@@ -106,7 +114,7 @@ def _refine(
         for n in range(count):
             room.reach_px[n] = again
         search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, room, count)
-        inliers, rms, ok = robust_fit(room, count, settings, settings.fine_gates_px, origin, step)
+        inliers, rms, ok = robust_fit(room, count, settings, gates, origin, step)
         if not ok:
             return count, inliers, rms, False
         for j in range(UNKNOWNS):
@@ -178,7 +186,7 @@ def prepare(
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def follow(
-    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, most_modes: int
+    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, rooms: Rooms, fit: Fit, most_modes: int
 ) -> bool:
     """Fit one frame to what a prior lets it show.
 
@@ -192,8 +200,8 @@ def follow(
         Of the unknowns.
     settings : FollowSettings
         Numbers.
-    room : Room
-        To work in; holds samples, findings and line points afterwards.
+    rooms : Rooms
+        To work in; the fine one holds samples, findings and line points afterwards.
     fit : Fit
         Result.
     most_modes : int
@@ -206,19 +214,17 @@ def follow(
     """
     for i in range(fit.figures.shape[0]):
         fit.figures[i] = 0.0
-    lens = scene.lens
+    lens, coarse, room = scene.lens, rooms.coarse, rooms.fine
     carpet_look(image, int(lens[3] + lens[1] * math.tan(prior.mean[3])), fit.carpet)
-    count = predict(scene.field, lens, prior.mean, settings.coarse_spacing_px, room.samples)
+    count = predict(scene.field, lens, prior.mean, settings.coarse_spacing_px, coarse.samples)
     if count < 3:
         return False
-    whiten(room.samples, count, prior.root, room.rows)
-    reaches(room.rows, count, settings, room.reach_px)
-    search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, room, count)
+    whiten(coarse.samples, count, prior.root, coarse.rows)
+    reaches(coarse.rows, count, settings, coarse.reach_px)
+    search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, coarse, count)
     modes = np.zeros((most_modes, UNKNOWNS))
-    kept = choose_mode(room, count, scene.draws, settings, modes)
-    origin = np.zeros(UNKNOWNS)
-    for k in range(kept):
-        robust_fit(room, count, settings, settings.coarse_gates_px, origin, modes[k])
+    kept = choose_mode(coarse, count, scene.draws, settings, modes)
+    origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
     best, best_odds = -1, -1e9
     z = np.empty(UNKNOWNS)
     for k in range(kept + 1):
@@ -226,6 +232,8 @@ def follow(
         again = k == kept
         if again and (best < 0 or best == kept - 1):
             break
+        if not again:
+            robust_fit(coarse, count, settings, gates, origin, modes[k])
         for j in range(UNKNOWNS):
             z[j] = modes[best if again else k, j]
         clear, odds = _assess(image, scene, prior, settings, room, fit, z)
@@ -274,14 +282,14 @@ def _assess(
     figures[5], figures[6], figures[7], figures[8], figures[9] = inliers, rms, far, number, right
     figures[10] = hidden
     odds = settings.odds
-    value = (
-        odds[0]
-        + odds[1] * math.log(1.0 + inliers)
-        - odds[2] * missing / (seen + missing + 4.0)
-        - odds[3] * hidden / (upright + hidden + 4.0)
-        - odds[4] * (number - right) / (number + 4.0)
-        - odds[5] * far
+    against = (
+        odds[2] * missing / (seen + missing + 4.0)
+        + odds[3] * hidden / (upright + hidden + 4.0)
+        + odds[4] * (number - right) / (number + 4.0)
+        + odds[5] * far
     )
+    value = odds[0] + odds[1] * math.log(1.0 + inliers) - against
+    figures[13] = against
     clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
     return clear, value
 

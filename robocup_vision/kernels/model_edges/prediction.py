@@ -25,6 +25,7 @@ from robocup_vision.kernels.model_edges.tables import (
 NEAR_M = 0.05
 RING_POINTS = 5
 THIN_PX = 4.0
+MIN_RADIUS_PX = 12.0  # of a curve: three times what is read on both sides of a thin line
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
@@ -275,6 +276,31 @@ def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray) -> int:
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _projected(frame: FloatArray, point: FloatArray) -> tuple[float, float, float]:
+    """Project a point on the floor without distortion: pixels from the centre, the other way round, and its depth."""
+    dx, dy, dz = point[0] - frame[9], point[1] - frame[10], -frame[11]
+    depth = frame[0] * dx + frame[3] * dy + frame[6] * dz
+    inv = 1.0 / max(depth, NEAR_M)
+    u = frame[12] * (frame[1] * dx + frame[4] * dy + frame[7] * dz) * inv
+    v = frame[13] * (frame[2] * dx + frame[5] * dy + frame[8] * dz) * inv
+    return u, v, depth
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _is_sharp(u0: float, v0: float, u1: float, v1: float, after: tuple[float, float, float]) -> bool:
+    """Whether a curve bends too sharply at its middle point of three for a search along the normal.
+
+    The profile across a line is that of a straight one only where the curve's radius is great against what is read.
+    """
+    u2, v2, depth = after
+    if depth < NEAR_M:
+        return True
+    au, av, bu, bv = u1 - u0, v1 - v0, u2 - u1, v2 - v1
+    turn = abs(math.atan2(au * bv - av * bu, au * bu + av * bv))
+    return 0.5 * (math.sqrt(au * au + av * av) + math.sqrt(bu * bu + bv * bv)) < MIN_RADIUS_PX * turn
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _curves(
     field: FieldEdges,
     lens: FloatArray,
@@ -289,24 +315,22 @@ def _curves(
     done, before_u, before_v, has = 0.0, 0.0, 0.0, False
     for n in range(field.arcs.shape[0]):
         arc = field.arcs[n]
-        dx, dy, dz = arc[0] - frame[9], arc[1] - frame[10], -frame[11]
-        depth = frame[0] * dx + frame[3] * dy + frame[6] * dz
+        u, v, depth = _projected(frame, arc)
         if depth < NEAR_M:
             has = False
             continue
-        u = frame[12] * (frame[1] * dx + frame[4] * dy + frame[7] * dz) / depth
-        v = frame[13] * (frame[2] * dx + frame[5] * dy + frame[8] * dz) / depth
-        if has and arc[7] == 0.0:
-            done += math.sqrt((u - before_u) ** 2 + (v - before_v) ** 2)
-        else:
+        # the ends of a curve have no neighbour to tell how it bends
+        if not has or arc[7] != 0.0:
             done = spacing_px
+        elif n + 1 < field.arcs.shape[0] and field.arcs[n + 1, 7] == 0.0:
+            done += math.sqrt((u - before_u) ** 2 + (v - before_v) ** 2)
+            if done >= spacing_px and not _is_sharp(before_u, before_v, u, v, _projected(frame, field.arcs[n + 1])):
+                done = 0.0
+                place[0], place[1], place[2], place[3], place[4], place[5] = arc[0], arc[1], 0.0, -arc[3], arc[2], 0.0
+                row[6], row[7], row[8], row[9], row[10], row[11] = arc[2], arc[3], 0.0, arc[4], arc[5], arc[6]
+                row[12], row[13] = ON_FLOOR, 1.0
+                count = _emit(frame, lens, field.channels, place, row, out, count)
         before_u, before_v, has = u, v, True
-        if done >= spacing_px:
-            done = 0.0
-            place[0], place[1], place[2], place[3], place[4], place[5] = arc[0], arc[1], 0.0, -arc[3], arc[2], 0.0
-            row[6], row[7], row[8], row[9], row[10], row[11] = arc[2], arc[3], 0.0, arc[4], arc[5], arc[6]
-            row[12], row[13] = ON_FLOOR, 1.0
-            count = _emit(frame, lens, field.channels, place, row, out, count)
     for n in range(field.rings.shape[0]):
         ring = field.rings[n]
         dx, dy = ring[0] - frame[9], ring[1] - frame[10]

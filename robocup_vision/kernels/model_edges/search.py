@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 
 from robocup_vision.kernels.model_edges.tables import (
+    EDGE,
+    ON_FLOOR,
     PEAKS,
     RIDGE,
     UNKNOWNS,
@@ -24,6 +26,8 @@ from robocup_vision.kernels.model_edges.tables import (
 GRID = 24  # places along each image axis at which the carpet is looked at
 FLANK_PX = 2
 TONES = 24
+# of a paint: shadows leave less than half of it, blur mixes the background in, lamps have a tint
+MIN_PAINT, MIN_HUE_COS, MIN_WHITENESS = 0.3, 0.7, 0.5
 ONE, TWO = np.uintp(1), np.uintp(2)
 
 
@@ -106,6 +110,30 @@ def is_carpet(b: float, g: float, r: float, carpet: FloatArray) -> bool:
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _mean_of_three(flat: UInt8Array, at: int, beside: int) -> tuple[float, float, float]:
+    """Blue, green and red of three neighbouring pixels of a flattened picture."""
+    first, middle, last = np.uintp(at - beside), np.uintp(at), np.uintp(at + beside)
+    blue = int(flat[first]) + int(flat[middle]) + int(flat[last])
+    green = int(flat[first + ONE]) + int(flat[middle + ONE]) + int(flat[last + ONE])
+    red = int(flat[first + TWO]) + int(flat[middle + TWO]) + int(flat[last + TWO])
+    return blue / 3.0, green / 3.0, red / 3.0
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def is_paint(b: float, g: float, r: float, channel: FloatArray, brightness: float) -> bool:
+    """Tell whether a colour may be a channel's paint: of its hue, or white; any is where the paint is grey or black."""
+    mean = (b + g + r) / 3.0
+    if channel[7] > 0.0:
+        return min(b, g, r) > MIN_WHITENESS * max(b, g, r) and mean > MIN_PAINT * channel[7] * brightness
+    size = math.sqrt(channel[4] ** 2 + channel[5] ** 2 + channel[6] ** 2)
+    if size == 0.0:
+        return True
+    b, g, r = b - mean, g - mean, r - mean
+    along = (b * channel[4] + g * channel[5] + r * channel[6]) / size
+    return along > MIN_PAINT * size * brightness and along > MIN_HUE_COS * math.sqrt(b * b + g * g + r * r)
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def search(
     image: UInt8Array,
     channels: FloatArray,
@@ -121,7 +149,7 @@ def search(
     ----------
     image : (H, W, 3) uint8
         BGR.
-    channels : (K, 4) float64
+    channels : (K, 8) float64
         See `FieldEdges`.
     carpet : (5,) float64
         As `carpet_look` returns.
@@ -238,6 +266,22 @@ def search(
             offset = (start + step * (low + i + part + middle_of) - crossing) * n_axis
             if abs(offset) > reach_px[n] + 1.0:
                 continue
+            origin = (start + step * low) * along + middle * across
+            if samples.kind[n] == EDGE:
+                b, g, r = _mean_of_three(flat, origin + step * along * (i + inner - 1), beside)
+                if not is_paint(b, g, r, channels[channel], brightness):
+                    continue
+            if samples.place[n] == ON_FLOOR:
+                # paint lies on carpet: what borders on something else is the carpet's end, or stands there
+                ridge = samples.kind[n] == RIDGE
+                outer, inmost = (i - gap - 1, i + inner + gap) if ridge else (i - 2, -1)
+                b, g, r = _mean_of_three(flat, origin + step * along * outer, beside)
+                if not is_carpet(b, g, r, carpet):
+                    continue
+                if inmost >= 0:
+                    b, g, r = _mean_of_three(flat, origin + step * along * inmost, beside)
+                    if not is_carpet(b, g, r, carpet):
+                        continue
             place = kept
             while place > 0 and found.strength[n, place - 1] < here:
                 place -= 1

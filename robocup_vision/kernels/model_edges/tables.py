@@ -55,9 +55,10 @@ class FieldEdges(NamedTuple):
     rings : (R, 7) float64
         Around upright cylinders where the paint changes: x, y, radius, height, channel, how far the upper paint
         reaches, feature.
-    channels : (K, 4) float64
+    channels : (K, 8) float64
         Weights of blue, green and red, and the step of the weighted sum, from outside to inside, under the light that
-        shows the carpet at `CARPET_GREEN`.
+        shows the carpet at `CARPET_LIGHT`; blue, green and red of the paint less their mean, zeros where it has no
+        hue; the mean where the paint is white, else 0.
     """
 
     segments: FloatArray
@@ -134,7 +135,9 @@ class FollowSettings(NamedTuple):
     min_ratio : float
         Of the expected step, that a candidate must show.
     sigma_px, shared_px : float
-        Noise of a sample, and of an edge as a whole.
+        Noise of a sample alone, and of the offset that all samples of an edge share.
+    sharp_gates, sharp_steps : float, int
+        The gate of the last steps, in robust standard deviations, and their number.
     gate_px : float
         Of an inlier.
     prior_ratio : float
@@ -163,6 +166,8 @@ class FollowSettings(NamedTuple):
     min_ratio: float
     sigma_px: float
     shared_px: float
+    sharp_gates: float
+    sharp_steps: int
     gate_px: float
     prior_ratio: float
     enough: float
@@ -187,8 +192,6 @@ class Room(NamedTuple):
         Derivatives of the samples by the prior's standard normal unknowns.
     reach_px : (M,) float64
         How far each sample is searched for.
-    of_feature : (F,) int64
-        Inliers of each edge.
     points : (P, 3) float64
         Line points, see `verdict.line_points`.
     information : (7, 7) float64
@@ -201,20 +204,18 @@ class Room(NamedTuple):
     found: Findings
     rows: FloatArray
     reach_px: FloatArray
-    of_feature: Int64Array
     points: FloatArray
     information: FloatArray
     gradient: FloatArray
 
 
-def empty_room(samples: int, features: int, points: int) -> Room:
-    """Return room for so many samples, edges and line points."""
+def empty_room(samples: int, points: int) -> Room:
+    """Return room for so many samples and line points."""
     return Room(
         empty_samples(samples),
         empty_findings(samples),
         np.zeros((samples, UNKNOWNS)),
         np.zeros(samples),
-        np.zeros(features, np.int64),
         np.zeros((points, 3)),
         np.zeros((UNKNOWNS, UNKNOWNS)),
         np.zeros(UNKNOWNS),

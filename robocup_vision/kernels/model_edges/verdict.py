@@ -135,22 +135,27 @@ def line_points(
     fu, fv = lens[0] * math.exp(p[6]), lens[1] * math.exp(p[6])
     count = 0
     sums = np.empty(max(height, width) + 1)
+    inner_of_row = np.empty(height, np.int64)
     tan_tilt, tan_roll = math.tan(p[3]), math.tan(p[4])
+    for i in range(height):
+        down = max((i - lens[3]) / fv - tan_tilt, 0.0)
+        inner_of_row[i] = min(max(int(round(fv * line_width_m * down * down / p[5])), 1), 41)
+    # most pixels are told from a line by their own light
+    bright = carpet[0] + carpet[2] + 0.5 * least
     for turn in range(2):
         by_row = turn == 1
         lines, length = (height, width) if by_row else (width, height)
         for at in range(stride // 2, lines, stride):
             # the horizon where this row or column meets it
+            inner, shift, begin = 0, 0, 0
             if by_row:
                 down = (at - lens[3]) / fv - tan_tilt
                 if down < 0.02:
                     continue
-                begin = 0
-                wide = int(round(fu * line_width_m * down / p[5]))
+                inner = min(max(int(round(fu * line_width_m * down / p[5])), 1), 41)
             else:
-                horizon = lens[3] + fv * tan_tilt - tan_roll * (at - lens[2])
-                begin = max(int(horizon) + 2, 0)
-                wide = 0
+                shift = int(round(tan_roll * (at - lens[2])))
+                begin = max(int(lens[3] + fv * tan_tilt - tan_roll * (at - lens[2])) + 2, 0)
             if begin > length - 8:
                 continue
             sums[begin] = 0.0
@@ -161,26 +166,23 @@ def line_points(
                     light = int(image[i, at, 0]) + int(image[i, at, 2])
                 sums[i + 1] = sums[i] + light
             peak, place, half = 0.0, -1, 1
-            i = begin + 6
-            while i < length - 6:
-                if not by_row:
-                    down = (i - lens[3]) / fv - tan_tilt + tan_roll * (at - lens[2]) / fu
-                    wide = int(round(fv * line_width_m * max(down, 0.0) ** 2 / p[5]))
-                inner = min(max(wide, 1), 41) // 2
-                gap = inner + 1 + (1 if wide > 1 else 0)
-                if i - gap - 2 < begin or i + gap + 3 > length:
-                    i += 1
-                    continue
-                inside = (sums[i + inner + 1] - sums[i - inner]) / (2 * inner + 1)
-                rise = inside - (sums[i - gap + 1] - sums[i - gap - 1]) * 0.5
-                if rise > least:
-                    rise = min(rise, inside - (sums[i + gap + 2] - sums[i + gap]) * 0.5)
+            for i in range(begin + 6, length - 6):
+                rise, gap = 0.0, half
+                if sums[i + 1] - sums[i] > bright:
+                    wide = inner if by_row else inner_of_row[min(max(i + shift, 0), height - 1)]
+                    reach = wide // 2
+                    gap = reach + (2 if wide > 1 else 1)
+                    if i - gap - 2 < begin or i + gap + 3 > length:
+                        continue
+                    inside = (sums[i + reach + 1] - sums[i - reach]) / (2 * reach + 1)
+                    rise = inside - (sums[i - gap + 1] - sums[i - gap - 1]) * 0.5
+                    if rise > least:
+                        rise = min(rise, inside - (sums[i + gap + 2] - sums[i + gap]) * 0.5)
                 if rise > least and rise > peak:
                     peak, place, half = rise, i, gap
-                elif place >= 0 and i > place + 1 + inner:
+                elif place >= 0 and i > place + half:
                     count = _keep(image, at, place, half, by_row, carpet, points, count)
                     peak, place = 0.0, -1
-                i += 1
             if place >= 0:
                 count = _keep(image, at, place, half, by_row, carpet, points, count)
     return count

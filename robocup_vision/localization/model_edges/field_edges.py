@@ -16,6 +16,8 @@ Bgr = tuple[float, float, float]
 
 # a paint this colourful (largest minus smallest channel) differs from any grey background by its colour alone
 _MIN_CHROMA = 60.0
+# a paint whose every channel is so light is white
+_MIN_WHITE = 150.0
 # of white, grey and black things before an unknown background: their step is seldom all of it
 _PLAIN_STEP = 0.5
 _ARC_STEP_RAD = 0.06
@@ -30,7 +32,9 @@ def field_edges(field: Field) -> FieldEdges:
     channels: list[list[float]] = []
 
     def channel(weights: FloatArray, inside: FloatArray, outside: FloatArray, step: float = 1.0) -> float:
-        row = [*weights.tolist(), step * float(weights @ (inside - outside))]
+        hue = inside - inside.mean() if np.ptp(inside) > _MIN_CHROMA else np.zeros(3)
+        white = float(inside.mean()) if inside.min() > _MIN_WHITE else 0.0
+        row = [*weights.tolist(), step * float(weights @ (inside - outside)), *hue.tolist(), white]
         if row not in channels:
             channels.append(row)
         return float(channels.index(row))
@@ -102,7 +106,7 @@ def field_edges(field: Field) -> FieldEdges:
         _table(cylinders, 7),
         _table(bars, 7),
         _table(rings, 7),
-        _table(channels, 4),
+        _table(channels, 8),
     )
 
 

@@ -17,7 +17,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Scene, follow, prepare
+from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Rooms, Scene, follow, prepare
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
 from robocup_vision.localization.model_edges.evidence import Evidence, reject
 from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
@@ -136,10 +136,10 @@ class EdgeFollower:
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
-        features = 2 * sum(len(t) for t in self.edges[:-1]) + 2
-        self._room = empty_room(_MAX_SAMPLES, features, _MAX_POINTS)
+        self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
+        self._rooms = Rooms(empty_room(_MAX_SAMPLES, 0), self._room)
         self._fit = Fit(
-            np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(13)
+            np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(14)
         )
         sway = self.settings.sway_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
         self.sway_std_rad = sway
@@ -152,12 +152,27 @@ class EdgeFollower:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the camera's orientation in the last frame."""
+        """Forget the last frame: the camera's pose, its orientation, and the odds of both."""
         self._sway[0], self._sway[1] = 0.0, self._camera_prior[1] ** 2
+        self._last_pose: Pose2 | None = None
+        self._log_odds = 0.0
 
     def resume(self, answer: FollowedCamera) -> None:
-        """Continue from an answer: take its orientation of the camera."""
+        """Continue from an answer: take its pose and orientation of the camera."""
         self._sway[0] = np.array(answer.camera_unknowns) - self._camera_prior[0]
+        self._last_pose = answer.estimate.pose
+        self._log_odds = min(answer.evidence.log_odds(self.settings), self.settings.max_log_odds)
+
+    def _prior_log_odds(self, prior: PoseEstimate, dt_s: float) -> float:
+        """Logarithm of the odds that a prior is right: the last answer's, where the prior may be that, moved on."""
+        if self._last_pose is None:
+            return 0.0
+        s = self.settings
+        away_m, turned_rad = prior.pose.error_to(self._last_pose)
+        std_m, std_rad = math.hypot(*prior.std[:2]), prior.std[2]
+        if away_m > s.max_speed_mps * dt_s + 3 * std_m or turned_rad > s.max_turn_radps * dt_s + 3 * std_rad:
+            return 0.0
+        return self._log_odds * math.exp(-dt_s / s.odds_memory_s)
 
     def _pass_time(self, dt_s: float) -> None:
         s = self.settings
@@ -186,13 +201,20 @@ class EdgeFollower:
         at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
         if not prepare(at, prior.covariance, self._camera_prior, self._keep, self._sway, self._prior):
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
-        if not follow(frame, self._scene, self._prior, self.numbers, self._room, fit, modes):
+        if not follow(frame, self._scene, self._prior, self.numbers, self._rooms, fit, modes):
             return NotLocated("no edge of the field file is in view")
         evidence = Evidence(*fit.figures.tolist())
-        reason = reject(evidence, self.settings)
+        prior_log_odds = self._prior_log_odds(prior, dt_s)
+        reason = reject(evidence, self.settings, prior_log_odds)
+        known = self._last_pose is not None and prior_log_odds > 0.0
         if reason is not None:
+            # the prior goes on without a measurement
+            self._last_pose = prior.pose if known else None
+            self._log_odds = max(prior_log_odds - evidence.odds_against, 0.0)
             return NotLocated(reason)
+        self._log_odds = min(prior_log_odds + evidence.log_likelihood_ratio(self.settings), self.settings.max_log_odds)
         p = fit.unknowns.tolist()
+        self._last_pose = Pose2(p[0], p[1], p[2])
         self._sway[0] = fit.unknowns[3:] - self._camera_prior[0]
         self._sway[1] = fit.covariance.diagonal()[3:]
         pose = Pose2(p[0], p[1], p[2])

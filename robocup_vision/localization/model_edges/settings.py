@@ -26,9 +26,13 @@ class EdgeSettings:
     max_reach_px: float = 45.0
     # of the expected step: carpets and paints differ, shadows halve the light
     min_ratio: float = 0.4
-    # noise of one sample, and of an edge as a whole: lens, paint and tape measure; pixels of any picture
-    sigma_px: float = 0.4
-    shared_px: float = 0.3
+    # noise of one sample, and of the offset that all samples of an edge share (lens, paint, tape measure), in pixels of
+    # any picture; samples on rendered edges scatter by 0.03 to 0.15
+    sigma_px: float = 0.15
+    shared_px: float = 0.2
+    # gate of the last steps, in robust standard deviations of the residuals, and how many these are
+    sharp_gates: float = 3.5
+    sharp_steps: int = 2
     # of an inlier, pixels of any picture
     gate_px: float = 2.5
     # weight of the squared distance from the prior where modes are chosen, in samples
@@ -41,8 +45,10 @@ class EdgeSettings:
     point_stride_px: float = 8.0
     # hypotheses of which the mode is chosen
     hypotheses: int = 100
-    # verdict: smallest number of inliers, their fraction of the visible samples, fraction of line points explained
+    # verdict: smallest number of inliers, and where the frames before support the prior; their fraction of the visible
+    # samples, fraction of line points explained
     min_inliers: int = 12
+    min_inliers_followed: int = 6
     min_found_ratio: float = 0.5
     min_explained_ratio: float = 0.7
     min_points: int = 6
@@ -56,7 +62,13 @@ class EdgeSettings:
     odds_against_unexplained: float = 20.0
     odds_against_distance: float = 0.36
     odds_against_std: float = 9.0
-    min_log_odds: float = 0.7
+    min_log_odds: float = 0.0
+    # a frame's odds count for those after it, but not more than so much, and for so long: neighbouring frames err alike
+    max_log_odds: float = 5.0
+    odds_memory_s: float = 0.5
+    # faster than any robot drives, or turns its head: a prior farther off than that is not the last answer moved on
+    max_speed_mps: float = 4.0
+    max_turn_radps: float = 10.0
     # fractions of missing samples and unexplained line points up to which no other mode is examined
     clear_missing: float = 0.08
     clear_unexplained: float = 0.06
@@ -84,6 +96,8 @@ class EdgeSettings:
             min_ratio=self.min_ratio,
             sigma_px=self.sigma_px,
             shared_px=self.shared_px,
+            sharp_gates=self.sharp_gates,
+            sharp_steps=self.sharp_steps,
             gate_px=self.gate_px,
             prior_ratio=self.prior_ratio,
             enough=self.enough,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.model_edges.fit import choose_mode, msac, robust_fit
+from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, msac, robust_fit
 from robocup_vision.kernels.model_edges.follow import Prior, brightness, prepare
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
 from robocup_vision.localization.model_edges.settings import EdgeSettings
@@ -14,14 +14,15 @@ COUNT = 60
 
 def planted(seed, z, outliers=0.3, noise=0.2):
     """Plant samples whose candidates lie where `z` puts them, some elsewhere, each with a second one anywhere."""
-    rng, room = np.random.default_rng(seed), empty_room(COUNT, 8, 4)
+    rng, room = np.random.default_rng(seed), empty_room(COUNT, 4)
     room.rows[:] = rng.normal(0.0, 4.0, room.rows.shape)
     room.found.candidates[:] = 2
     room.found.offset_px[:, 0] = room.rows @ z + rng.normal(0.0, noise, COUNT)
     room.found.offset_px[:, 1] = rng.uniform(-40.0, 40.0, COUNT)
     wrong = rng.random(COUNT) < outliers
     room.found.offset_px[wrong, 0] = rng.uniform(-40.0, 40.0, np.count_nonzero(wrong))
-    room.samples.feature[:] = rng.integers(0, 8, COUNT)
+    # samples of one edge follow each other
+    room.samples.feature[:] = np.sort(rng.integers(0, 8, COUNT))
     return room
 
 
@@ -58,26 +59,39 @@ def test_the_fit_solves_the_weighted_normal_equations_with_the_prior():
     room = planted(7, z, outliers=0.0, noise=0.05)
     room.found.candidates[:] = 1
     fit, origin = z.copy(), np.zeros(UNKNOWNS)
-    gates = np.array([1e6, 1e6])
-    inliers, rms, ok = robust_fit(room, COUNT, NUMBERS, gates, origin, fit)
-    per_feature = np.bincount(room.samples.feature[:COUNT], minlength=8)[room.samples.feature[:COUNT]]
-    weight = 1.0 / (NUMBERS.sigma_px**2 + NUMBERS.shared_px**2 * per_feature)
-    information = (room.rows * weight[:, None]).T @ room.rows
-    right = room.rows.T @ (weight * room.found.offset_px[:, 0])
+    gate = 4.0
+    inliers, rms, ok = robust_fit(room, COUNT, NUMBERS, Gates(np.full(6, gate), 0), origin, fit)
     assert ok
     assert inliers == COUNT
-    np.testing.assert_allclose(fit, np.linalg.solve(information + np.eye(UNKNOWNS), right), atol=1e-6)
-    np.testing.assert_allclose(room.information, information, rtol=1e-6)
+    residual = room.found.offset_px[:, 0] - room.rows @ fit
+    assert rms == pytest.approx(np.sqrt(np.mean(residual**2)), rel=1e-6)
+    # these agree better than the noise says, which therefore stands
+    weight = (1.0 - (residual / gate) ** 2) ** 2
+    same = room.samples.feature[:, None] == room.samples.feature
+    inverse = np.linalg.inv(np.diag(NUMBERS.sigma_px**2 / weight) + NUMBERS.shared_px**2 * same)
+    information = room.rows.T @ inverse @ room.rows
+    np.testing.assert_allclose(room.information, information, atol=1e-6 * np.abs(information).max())
+    np.testing.assert_allclose(room.gradient, room.rows.T @ inverse @ residual, atol=1e-4)
     # at the fit the measurements pull as hard as the prior
-    np.testing.assert_allclose(room.gradient, fit, atol=1e-5)
-    assert rms == pytest.approx(np.sqrt(np.mean((room.found.offset_px[:, 0] - room.rows @ fit) ** 2)), rel=1e-6)
+    np.testing.assert_allclose(room.gradient, fit, atol=1e-4)
+
+
+def test_residuals_worse_than_the_noise_know_less():
+    z = np.zeros(UNKNOWNS)
+    known = []
+    for noise in (0.05, 1.0):
+        room = planted(8, z, outliers=0.0, noise=noise)
+        robust_fit(room, COUNT, NUMBERS, Gates(np.array([10.0]), 2), z, z.copy())
+        known.append(np.linalg.slogdet(room.information)[1])
+    # their standard deviation is some seven times that of the noise
+    assert known[0] - known[1] > 2 * UNKNOWNS * np.log(3.0)
 
 
 def test_outliers_do_not_move_the_fit():
     z = np.array([0.5, -0.4, 0.3, 0.0, 0.0, 0.0, 0.0])
     room = planted(9, z, outliers=0.3)
     fit = z + 0.02
-    robust_fit(room, COUNT, NUMBERS, NUMBERS.fine_gates_px, np.zeros(UNKNOWNS), fit)
+    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
     np.testing.assert_allclose(fit, z, atol=0.08)
 
 

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.model_edges.search import carpet_look, is_carpet, reaches, search, whiten
+from robocup_vision.kernels.model_edges.search import carpet_look, is_carpet, is_paint, reaches, search, whiten
 from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, empty_room
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 CARPET, WHITE = np.array([45.0, 125.0, 42.0]), np.array([230.0, 230.0, 230.0])
-CHANNELS = np.array([[1.0, 0.0, 1.0, 365.0]])
+CHANNELS = np.array([[1.0, 0.0, 1.0, 365.0, 0.0, 0.0, 0.0, 230.0]])
 NUMBERS = EdgeSettings().for_width(208, 0.025)
 
 
@@ -27,7 +27,7 @@ def stripe(angle_rad, offset_px, width_px, noise=2.0):
 
 
 def look_at(frame, normal, kind, width_px, reach_px=8.0, at=(100.0, 80.0)):
-    room = empty_room(4, 4, 4)
+    room = empty_room(4, 4)
     room.samples.uv[0], room.samples.normal[0] = at, normal
     room.samples.width_px[0], room.samples.expected[0] = width_px, 365.0
     room.samples.kind[0], room.reach_px[0] = kind, reach_px
@@ -54,6 +54,34 @@ def test_an_edge_is_found_with_its_paint_inside_only(angle_deg):
     assert found.offset_px[0, 0] == pytest.approx(-5.0, abs=0.3)
     found = look_at(frame, -normal, EDGE, 10.0)
     assert found.offset_px[0, 0] == pytest.approx(-5.0, abs=0.3)
+
+
+def test_a_stripe_that_has_no_carpet_on_one_side_is_no_line():
+    frame, normal = stripe(0.0, 0.0, 2.0)
+    assert look_at(frame, normal, RIDGE, 2.0).candidates[0] >= 1
+    frame[:, 103:] = (110, 112, 115)
+    assert look_at(frame, normal, RIDGE, 2.0).candidates[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("paint", "shown", "is_one"),
+    [
+        ((35, 205, 225), (30, 190, 215), True),
+        ((35, 205, 225), (18, 105, 112), True),  # in shadow
+        ((35, 205, 225), (30, 30, 33), False),
+        ((170, 90, 225), (150, 80, 190), True),
+        ((170, 90, 225), (30, 110, 235), False),
+        ((230, 230, 230), (200, 215, 225), True),
+        ((230, 230, 230), (40, 40, 40), False),
+        ((230, 230, 230), (30, 110, 235), False),
+        ((35, 35, 35), (200, 10, 10), True),  # nothing is known of black but its step
+    ],
+)
+def test_paint_is_told_by_its_hue(paint, shown, is_one):
+    mean = np.array(paint).mean()
+    white = mean if min(paint) > 150 else 0.0
+    hue = np.array(paint) - mean if np.ptp(paint) > 60 else np.zeros(3)
+    assert is_paint(*map(float, shown), np.array([1.0, 0.0, 1.0, 100.0, *hue, white]), 1.0) == is_one
 
 
 def test_plain_carpet_shows_nothing_and_faint_steps_are_not_looked_for():
@@ -83,7 +111,7 @@ def test_the_carpet_is_the_commonest_tone_and_noise_is_told():
 
 
 def test_whitened_derivatives_and_reaches_are_those_of_the_covariance():
-    rng, room = np.random.default_rng(4), empty_room(5, 4, 4)
+    rng, room = np.random.default_rng(4), empty_room(5, 4)
     room.samples.jacobian[:] = rng.normal(size=room.samples.jacobian.shape)
     root = np.tril(rng.normal(size=(7, 7)))
     whiten(room.samples, 5, root, room.rows)

@@ -26,7 +26,7 @@ CARPET = np.array([45.0, 125.0, 42.0, 2.0, 0.8])
 
 def planted(seed):
     """Plant samples of every kind over a picture whose left half is carpet."""
-    rng, room = np.random.default_rng(seed), empty_room(COUNT, 8, COUNT)
+    rng, room = np.random.default_rng(seed), empty_room(COUNT, COUNT)
     image = rng.integers(0, 256, (80, 104, 3)).astype(np.uint8)
     image[:, :52] = CARPET[:3]
     samples, found = room.samples, room.found

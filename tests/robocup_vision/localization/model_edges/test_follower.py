@@ -94,7 +94,7 @@ def test_a_prior_without_a_covariance_is_refused(fl_shot):
 
 def test_every_reason_to_refuse():
     settings = EdgeSettings()
-    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 4.0)
+    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 4.0, 1.0)
     assert reject(good, settings) is None
     assert "places on edges agree" in str(reject(good._replace(inliers=5), settings))
     assert "missing" in str(reject(good._replace(missing=200), settings))
@@ -103,6 +103,34 @@ def test_every_reason_to_refuse():
     assert "odds" in str(reject(good._replace(odds_but_std=-3.0), settings))
     # a frame that leaves the pose open is not located, however well it agrees
     assert "odds" in str(reject(good._replace(position_std_m=5.0), settings))
+
+
+def test_the_frames_before_vouch_for_a_prior_that_a_frame_hardly_shows():
+    settings = EdgeSettings()
+    faint = Evidence(100, 100, 8, 0, 4, 8, 0.3, 3.0, 0, 0, 5, 0.5, 2.0, 1.0)
+    assert reject(faint, settings) is not None
+    assert reject(faint, settings, 3.0) is None
+    # what contradicts the pose outweighs that
+    assert "odds" in str(reject(faint._replace(odds_but_std=-9.0, odds_against=9.0), settings, 3.0))
+    assert "missing" in str(reject(faint._replace(missing=30), settings, 3.0))
+
+
+def test_a_hidden_view_is_followed_on_but_not_from_elsewhere(fl_shot):
+    follower = EdgeFollower(fl_shot.field, fl_shot.camera)
+    # a robot that stands close before the camera leaves a strip of the picture
+    hidden = fl_shot.frame.copy()
+    hidden[40:, 60:] = (30, 30, 34)
+    alone = follower.follow(hidden, near(fl_shot.pose))
+    follower.forget()
+    assert follower.follow(fl_shot.frame, near(fl_shot.pose))
+    followed = follower.follow(hidden, near(fl_shot.pose))
+    assert followed or not alone
+    assert follower._prior_log_odds(near(fl_shot.pose), 1 / 30) > 0
+    assert follower._prior_log_odds(near(fl_shot.pose, (0.6, 0.0, 0.0)), 1 / 30) == 0
+    # and the longer ago, the less
+    assert follower._prior_log_odds(near(fl_shot.pose), 3.0) < 0.1
+    follower.forget()
+    assert follower._prior_log_odds(near(fl_shot.pose), 1 / 30) == 0
 
 
 @pytest.mark.parametrize(
