@@ -164,7 +164,7 @@ def _median_size(residual: FloatArray, weight: FloatArray, gate_px: float) -> fl
     while k < BINS - 1 and 2 * (below + bins[k]) < total:
         below += bins[k]
         k += 1
-    return (k + (0.5 * total - below) / max(bins[k], 1)) * gate_px / BINS
+    return float((k + (0.5 * total - below) / max(bins[k], 1)) * gate_px / BINS)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")

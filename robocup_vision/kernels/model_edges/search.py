@@ -6,6 +6,7 @@ Three neighbouring rows or columns, shifted with the edge's slope, are added up 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,7 @@ from robocup_vision.kernels.model_edges.tables import (
     PEAKS,
     RIDGE,
     UNKNOWNS,
+    Findings,
     FloatArray,
     FollowSettings,
     Room,
@@ -124,13 +126,111 @@ def is_paint(b: float, g: float, r: float, channel: FloatArray, brightness: floa
     """Tell whether a colour may be a channel's paint: of its hue, or white; any is where the paint is grey or black."""
     mean = (b + g + r) / 3.0
     if channel[7] > 0.0:
-        return min(b, g, r) > MIN_WHITENESS * max(b, g, r) and mean > MIN_PAINT * channel[7] * brightness
+        return bool(min(b, g, r) > MIN_WHITENESS * max(b, g, r) and mean > MIN_PAINT * channel[7] * brightness)
     size = math.sqrt(channel[4] ** 2 + channel[5] ** 2 + channel[6] ** 2)
     if size == 0.0:
         return True
     b, g, r = b - mean, g - mean, r - mean
     along = (b * channel[4] + g * channel[5] + r * channel[6]) / size
-    return along > MIN_PAINT * size * brightness and along > MIN_HUE_COS * math.sqrt(b * b + g * g + r * r)
+    return bool(along > MIN_PAINT * size * brightness and along > MIN_HUE_COS * math.sqrt(b * b + g * g + r * r))
+
+
+class Profile(NamedTuple):
+    """Pixels along a normal in a flattened picture: the first one's index, the steps to the next and to those beside.
+
+    `inner` pixels are compared with as many, or with those beyond a gap of `gap`.
+    """
+
+    origin: int
+    advance: int
+    beside: int
+    inner: int
+    gap: int
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _borders_rightly(
+    flat: UInt8Array,
+    profile: Profile,
+    first: int,
+    kind: int,
+    place: int,
+    channel: FloatArray,
+    carpet: FloatArray,
+    brightness: float,
+) -> bool:
+    """Whether the inside of an edge shows its paint, and beside a line lies carpet.
+
+    What borders on something else is the carpet's end, or the outline of somebody before it.
+    """
+    origin, advance, beside, inner, gap = profile
+    if kind == EDGE:
+        inside = _mean_of_three(flat, origin + advance * (first + inner - 1), beside)
+        if not is_paint(inside[0], inside[1], inside[2], channel, brightness):
+            return False
+    if place != ON_FLOOR:
+        return True
+    outer = first - gap - 1 if kind == RIDGE else first - 2
+    before = _mean_of_three(flat, origin + advance * outer, beside)
+    if not is_carpet(before[0], before[1], before[2], carpet):
+        return False
+    if kind == EDGE:
+        return True
+    after = _mean_of_three(flat, origin + advance * (first + inner + gap), beside)
+    return bool(is_carpet(after[0], after[1], after[2], carpet))
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _add_up(flat: UInt8Array, profile: Profile, channel: FloatArray, sums: FloatArray) -> None:
+    """Sum up a channel along a profile, the means of three neighbours; sums (L + 1,) begin with 0."""
+    # three neighbours are added up
+    wb, wg, wr = channel[0] / 3.0, channel[1] / 3.0, channel[2] / 3.0
+    at, beside = profile.origin, profile.beside
+    sums[0] = 0.0
+    for i in range(sums.shape[0] - 1):
+        a, b, c = np.uintp(at - beside), np.uintp(at), np.uintp(at + beside)
+        blue = int(flat[a]) + int(flat[b]) + int(flat[c])
+        red = int(flat[a + TWO]) + int(flat[b + TWO]) + int(flat[c + TWO])
+        green = int(flat[a + ONE]) + int(flat[b + ONE]) + int(flat[c + ONE])
+        sums[i + 1] = sums[i] + (wb * blue + wg * green + wr * red)
+        at += profile.advance
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _respond(sums: FloatArray, profile: Profile, flank: int, length: int, response: FloatArray) -> tuple[int, int]:
+    """Compare the pixels inside, from each place on, with those before; of a ridge, that has flanks, on both sides.
+
+    Returns the first and the last place of `response` that is written.
+    """
+    inner, gap = profile.inner, profile.gap
+    if flank == 0:
+        for i in range(inner, length - inner + 1):
+            response[i] = (sums[i + inner] - 2.0 * sums[i] + sums[i - inner]) / inner
+        return inner, length - inner
+    begin, end = flank + gap, length - inner - flank - gap
+    for i in range(begin, end + 1):
+        inside = (sums[i + inner] - sums[i]) / inner
+        before = (sums[i - gap] - sums[i - gap - flank]) / flank
+        after = (sums[i + inner + gap + flank] - sums[i + inner + gap]) / flank
+        response[i] = inside - max(before, after)
+    return begin, end
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _keep_strongest(found: Findings, n: int, kept: int, strength: float, offset_px: float) -> int:
+    """Put a candidate of a sample in its place among those kept; returns how many are kept now."""
+    place = kept
+    while place > 0 and found.strength[n, place - 1] < strength:
+        place -= 1
+    if place >= PEAKS:
+        return kept
+    kept = min(kept + 1, PEAKS)
+    for k in range(kept - 1, place, -1):
+        found.strength[n, k] = found.strength[n, k - 1]
+        found.offset_px[n, k] = found.offset_px[n, k - 1]
+    found.strength[n, place] = strength
+    found.offset_px[n, place] = offset_px
+    return kept
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
@@ -229,33 +329,14 @@ def search(
         length = high - low + 1
         if length < 2 * margin:
             continue
-        sums[0] = 0.0
         along = 3 * width if along_v else 3
         across = 3 if along_v else 3 * width
-        at = (start + step * low) * along + middle * across
-        beside = across + shift * along
-        for i in range(length):
-            a, b, c = np.uintp(at - beside), np.uintp(at), np.uintp(at + beside)
-            blue = int(flat[a]) + int(flat[b]) + int(flat[c])
-            red = int(flat[a + TWO]) + int(flat[b + TWO]) + int(flat[c + TWO])
-            green = int(flat[a + ONE]) + int(flat[b + ONE]) + int(flat[c + ONE])
-            sums[i + 1] = sums[i] + (wb * blue + wg * green + wr * red)
-            at += step * along
-        begin, end = 0, 0
-        if samples.kind[n] == RIDGE:
-            # response[i]: inner pixels from i on
-            begin, end = flank + gap, length - inner - flank - gap
-            for i in range(begin, end + 1):
-                inside = (sums[i + inner] - sums[i]) / inner
-                before = (sums[i - gap] - sums[i - gap - flank]) / flank
-                after = (sums[i + inner + gap + flank] - sums[i + inner + gap]) / flank
-                response[i] = inside - max(before, after)
-            middle_of = 0.5 * (inner - 1)
-        else:
-            begin, end = inner, length - inner
-            for i in range(begin, end + 1):
-                response[i] = (sums[i + inner] - 2.0 * sums[i] + sums[i - inner]) / inner
-            middle_of = -0.5
+        origin = (start + step * low) * along + middle * across
+        profile = Profile(origin, step * along, across + shift * along, inner, gap)
+        _add_up(flat, profile, channels[channel], sums[: length + 1])
+        is_ridge = samples.kind[n] == RIDGE
+        begin, end = _respond(sums, profile, flank if is_ridge else 0, length, response)
+        middle_of = 0.5 * (inner - 1) if is_ridge else -0.5
         kept = 0
         for i in range(begin + 1, end):
             here = response[i]
@@ -266,33 +347,10 @@ def search(
             offset = (start + step * (low + i + part + middle_of) - crossing) * n_axis
             if abs(offset) > reach_px[n] + 1.0:
                 continue
-            origin = (start + step * low) * along + middle * across
-            if samples.kind[n] == EDGE:
-                b, g, r = _mean_of_three(flat, origin + step * along * (i + inner - 1), beside)
-                if not is_paint(b, g, r, channels[channel], brightness):
-                    continue
-            if samples.place[n] == ON_FLOOR:
-                # paint lies on carpet: what borders on something else is the carpet's end, or stands there
-                ridge = samples.kind[n] == RIDGE
-                outer, inmost = (i - gap - 1, i + inner + gap) if ridge else (i - 2, -1)
-                b, g, r = _mean_of_three(flat, origin + step * along * outer, beside)
-                if not is_carpet(b, g, r, carpet):
-                    continue
-                if inmost >= 0:
-                    b, g, r = _mean_of_three(flat, origin + step * along * inmost, beside)
-                    if not is_carpet(b, g, r, carpet):
-                        continue
-            place = kept
-            while place > 0 and found.strength[n, place - 1] < here:
-                place -= 1
-            if place >= PEAKS:
+            colors = channels[channel]
+            if not _borders_rightly(flat, profile, i, samples.kind[n], samples.place[n], colors, carpet, brightness):
                 continue
-            kept = min(kept + 1, PEAKS)
-            for k in range(kept - 1, place, -1):
-                found.strength[n, k] = found.strength[n, k - 1]
-                found.offset_px[n, k] = found.offset_px[n, k - 1]
-            found.strength[n, place] = here
-            found.offset_px[n, place] = offset
+            kept = _keep_strongest(found, n, kept, here, offset)
         found.candidates[n] = kept
 
 
