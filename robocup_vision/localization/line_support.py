@@ -1,4 +1,4 @@
-"""Whether the lines in a picture bear a pose out that was found without them.
+"""Whether the lines in a picture support a pose that was estimated without them.
 
 A floor's outline can be fitted to any picture: a shore, a bear before a wall. A field also shows its lines, where the
 pose says that they lie. Line points that the pose does not explain speak against it.
@@ -21,7 +21,7 @@ from robocup_vision.perception.polar_view import PolarView
 
 @dataclass(frozen=True, slots=True)
 class LineSupportSettings:
-    """When lines bear out a pose that the floor's outline tells.
+    """When lines support a pose that the floor's outline gives.
 
     Parameters
     ----------
@@ -34,15 +34,15 @@ class LineSupportSettings:
         Fraction of the outline that agrees, plus `point_weight` times the fraction of the line points that lie on
         lines: at most 0.76 on photographs of other things, at least 0.89 on rendered crowds and highlights.
     point_weight : float
-        A line point says more than a bearing: only a field has lines where the pose puts them.
+        A line point is stronger evidence than a bearing: only a field has lines where the pose puts them.
     min_samples : int
-        With fewer samples marked as line these say nothing. They are coarse, but cost nothing; where they do not bear
-        the pose out, line points are found to a fraction of a pixel.
+        With fewer samples marked as line these are not evidence. They are coarse, but cost nothing; where they do not
+        support the pose, line points are found to a fraction of a pixel.
     min_points : int
-        With fewer the points say nothing: robots may hide all lines. Plain floor where the pose puts lines then speaks
-        against it.
+        With fewer the points are no evidence: robots may hide all lines. Plain floor where the pose puts lines is then
+        evidence against it.
     min_hidden_inlier_ratio : float
-        Share of the outline that must agree where all lines are hidden.
+        Fraction of the outline that must agree where all lines are hidden.
     near_widths : float
         So near to a line's middle, in line widths, a point is on it.
     """
@@ -59,7 +59,7 @@ class LineSupportSettings:
 
 
 class LineSupport:
-    """Tells whether lines bear out a mirror camera's pose.
+    """Decides whether lines support a mirror camera's pose.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ class LineSupport:
         # a sample stands for half a column inwards and outwards
         self._near_sample_m = np.maximum(self._near_m, 0.5 * np.gradient(view.range_m) + 0.5 * self._near_m)
 
-    def bears_out(self, estimate: PoseEstimate, frame: UInt8Array, marks: UInt8Array) -> bool:
-        """Tell whether the lines in view bear a pose out.
+    def supports(self, estimate: PoseEstimate, frame: UInt8Array, marks: UInt8Array) -> bool:
+        """Whether the lines in view support a pose.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class LineSupport:
         frame : (H, W, 3) uint8
             BGR.
         marks : (K, M) uint8
-            What the view's samples show, as `FloorMarking.mark` tells.
+            What the view's samples show, from `FloorMarking.mark`.
         """
         settings = self._settings
         if estimate.inlier_ratio >= settings.sure_inlier_ratio:

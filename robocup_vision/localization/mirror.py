@@ -36,7 +36,7 @@ class MirrorLocalizer:
         Non-zero pixels are never looked at.
     use_lines : bool
         Choose by the lines among poses that the outline fits about equally well, and search by lines alone where the
-        outline tells nothing or nothing bounds the floor. Without lines ("floor") the field must be bounded.
+        outline does not fix the pose, or nothing bounds the floor. Without lines ("floor") the field must be bounded.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class MirrorLocalizer:
             arbiter = None if lines is None else (lambda poses: lines.choose(frame, poses))
             estimate, walls = self._outline.locate(evidence.edge_px, start, arbiter)
             if isinstance(estimate, PoseEstimate):
-                if self._is_borne_out(estimate, evidence):
+                if self._is_supported(estimate, evidence):
                     return Localization(self._half.choose(frame, estimate, colors, start), camera, walls)
                 agree = f"{estimate.inlier_ratio:.0%}"
                 estimate = NotLocated(f"{agree} of the floor's edge agrees with the walls, but the lines do not")
@@ -85,13 +85,13 @@ class MirrorLocalizer:
             reason = f"{reason}; by lines: {by_lines}" if reason else by_lines
         return Localization(NotLocated(reason), camera)
 
-    def _is_borne_out(self, estimate: PoseEstimate, evidence: FrameEvidence) -> bool:
+    def _is_supported(self, estimate: PoseEstimate, evidence: FrameEvidence) -> bool:
         if self._support is None or evidence.marks is None:
             return True
-        return self._support.bears_out(estimate, evidence.frame, evidence.marks)
+        return self._support.supports(estimate, evidence.frame, evidence.marks)
 
     def _is_within_walls(self, pose: Pose2, evidence: FrameEvidence) -> bool:
-        """Whether hardly any floor shows beyond the walls of a pose that lines alone have told."""
+        """Whether hardly any floor shows beyond the walls of a pose that lines alone give."""
         if self._walls is None or evidence.view is None:
             return True
         edge, wall = evidence.edge_px, wall_px(self._walls, pose, evidence.view)

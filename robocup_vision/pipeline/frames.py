@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -19,11 +20,27 @@ from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
 
-# mean log-likelihood ratio, in nats, that makes a run of samples floor; a strip behind a line needs this much in all
-_CERTAIN_NATS = 3.0
-_STRIP_NATS = 5.0
-# columns that a painted line may hide
-_LINE_GAP = 3
+
+@dataclass(frozen=True, slots=True)
+class FloorEdgeSettings:
+    """Where the floor ends on a bearing.
+
+    Parameters
+    ----------
+    certain_nats : float
+        Mean log-likelihood ratio that makes a run of samples floor: 20 to 1.
+    strip_nats : float
+        Sum of the log-likelihood ratios that a strip of floor behind a line needs: it may be two samples long.
+    line_gap_columns : int
+        Columns that a painted line may hide.
+    min_contrast : float
+        Smallest colour difference of an edge, in standard deviations of the noise.
+    """
+
+    certain_nats: float = 3.0
+    strip_nats: float = 5.0
+    line_gap_columns: int = 3
+    min_contrast: float = 5.0
 
 
 class FramePipeline:
@@ -48,6 +65,7 @@ class FramePipeline:
         strongest_cast: float = math.inf,
     ) -> None:
         self.field = field
+        self.edge_settings = FloorEdgeSettings()
         self._size_px = size_px
         width, height = size_px
         if mask is not None:
@@ -77,8 +95,9 @@ class FramePipeline:
     def _last_floor(self, llr: npt.NDArray[np.int8], view: PolarView | FloorView) -> npt.NDArray[np.int64]:
         """(K,) int64: each bearing's outermost column of floor, -1 where none."""
         columns = np.empty(view.bearings, dtype=np.int64)
-        certain, strip = int(_CERTAIN_NATS / LLR_PER_UNIT), int(_STRIP_NATS / LLR_PER_UNIT)
-        polar.outer_boundary(llr, view.valid, certain, _LINE_GAP, strip, columns)
+        settings = self.edge_settings
+        certain, strip = int(settings.certain_nats / LLR_PER_UNIT), int(settings.strip_nats / LLR_PER_UNIT)
+        polar.outer_boundary(llr, view.valid, certain, settings.line_gap_columns, strip, columns)
         return columns
 
     def _checked(self, frame: UInt8Array) -> UInt8Array:

@@ -22,9 +22,6 @@ from robocup_vision.perception.polar_view import BEARINGS, PolarView
 from robocup_vision.pipeline.frames import FramePipeline
 from robocup_vision.view import View
 
-# an edge is a colour difference of this many standard deviations of the noise
-_MIN_CONTRAST = 5.0
-
 
 class OmniPipeline(FramePipeline):
     """Turns frames of a mirror camera into views; parameters as those of `Vision`."""
@@ -120,7 +117,9 @@ class OmniPipeline(FramePipeline):
             self.polar.hidden_px,
             polar.Rays(*self.camera.center_px, self._ray_u, self._ray_v, self._radius_or_none[column]),
             polar.EdgeSearch(
-                self.polar.step_px, 2 * np.pi / self.polar.bearings / 3, _MIN_CONTRAST * table.colors.floor.noise
+                self.polar.step_px,
+                2 * np.pi / self.polar.bearings / 3,
+                self.edge_settings.min_contrast * table.colors.floor.noise,
             ),
             edge,
         )

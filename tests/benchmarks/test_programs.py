@@ -58,7 +58,7 @@ def test_pages_show_the_figures_that_are_kept(page: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_a_program_tells_its_options(name: str) -> None:
+def test_a_program_prints_its_options(name: str) -> None:
     done = run_program(name, ["--help"])
     assert done.returncode == 0, done.stderr
     assert all(option in done.stdout for option in ("--quick", "--full", "--check", "--seed", "--json"))

@@ -29,7 +29,7 @@ def test_values_out_of_range_are_refused_by_name(values, message):
         Disc(**({"x_m": 1.0, "y_m": 0.0, "radius_m": 0.09} | values))
 
 
-def test_a_disc_is_exact_at_rest_and_of_unknown_height_unless_told():
+def test_a_disc_is_exact_at_rest_and_of_unknown_height_unless_given():
     disc = Disc(1.0, 2.0, 0.09)
     assert (disc.std_m, disc.velocity_std_mps, disc.vx_mps, disc.vy_mps) == (0.0, 0.0, 0.0, 0.0)
     assert disc.height_m == math.inf

@@ -159,7 +159,7 @@ def test_lines_refine_a_prior_and_contradict_a_wrong_one(field, camera, vision):
     assert vision.look(painted(camera), prior=near).pose.reason.startswith("only")
 
 
-def test_a_goal_places_a_camera_of_unknown_tilt_and_tells_where_the_floor_is():
+def test_a_goal_places_a_camera_of_unknown_tilt_and_reports_where_the_floor_is():
     field, condition = load_field("four_legged_2007"), GOAL_CONDITIONS["clean_416x320"]
     vision = Vision(field, condition.camera)
     assert vision.method == "goal"
@@ -273,7 +273,7 @@ def test_a_rolled_and_panned_camera_sees_the_same_floor(field, camera):
     assert np.all(view.free_space.range_m <= farther_by_px(camera, 2.5 / np.cos(bearing), 2.5))
 
 
-def test_a_camera_that_looks_up_tells_no_floor(field, camera):
+def test_a_camera_that_looks_up_reports_no_floor(field, camera):
     vision = Vision(load_field("four_legged_2007"), dataclasses.replace(camera, tilt_rad=0.6))
     view = vision.look(painted(camera))
     assert len(view.free_space.range_m) == 0
@@ -292,7 +292,7 @@ def test_what_does_not_fit_is_refused(field, camera):
         Vision(field, camera, method="field").look(np.zeros((10, 10, 3), np.uint8))
 
 
-def test_a_corner_alone_tells_no_pose_without_a_prior(field, camera, vision):
+def test_a_corner_alone_gives_no_pose_without_a_prior(field, camera, vision):
     truth = Pose2(3.0, 1.9, 0.75)
     frame = painted(camera, field, truth, wall_at_m=2.4)
     vision.forget()

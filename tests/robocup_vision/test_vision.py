@@ -382,7 +382,7 @@ def test_frames_of_another_kind_are_refused(vision, frame, message):
         ({"rings": (0.5, 0.2)}, r"rings must be .* increasing .*, got \[0.5, 0.2\]"),
     ],
 )
-def test_wrong_arguments_are_told(ssl_field, paper_camera, options, message):
+def test_wrong_arguments_are_reported(ssl_field, paper_camera, options, message):
     with pytest.raises(ArgumentError, match=message):
         Vision(ssl_field, paper_camera, **options)
 

@@ -247,7 +247,7 @@ def _steepest(profile: Int64Array, first: int, last: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _weigh_channels(profile: Int64Array, place: int, min_contrast2: float, gain: Int64Array) -> int:
-    """Weigh channels by how they tell both sides apart; returns the squared contrast, -1 where it is too small."""
+    """Weigh channels by how they distinguish both sides; returns the squared contrast, -1 where it is too small."""
     contrast2, unsaturated2 = 0, 0
     for c in range(3):
         outer = profile[place + 3, c] + profile[place + 2, c]

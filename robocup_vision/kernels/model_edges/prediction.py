@@ -319,7 +319,7 @@ def _curves(
         if depth < NEAR_M:
             has = False
             continue
-        # the ends of a curve have no neighbour to tell how it bends
+        # at the ends of a curve its curvature is not known
         if not has or arc[7] != 0.0:
             done = spacing_px
         elif n + 1 < field.arcs.shape[0] and field.arcs[n + 1, 7] == 0.0:

@@ -123,7 +123,7 @@ def _mean_of_three(flat: UInt8Array, at: int, beside: int) -> tuple[float, float
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def is_paint(b: float, g: float, r: float, channel: FloatArray, brightness: float) -> bool:
-    """Tell whether a colour may be a channel's paint: of its hue, or white; any is where the paint is grey or black."""
+    """Whether a colour may be a channel's paint: of its hue, or white; any colour may be a grey or black paint."""
     mean = (b + g + r) / 3.0
     if channel[7] > 0.0:
         return bool(min(b, g, r) > MIN_WHITENESS * max(b, g, r) and mean > MIN_PAINT * channel[7] * brightness)

@@ -140,7 +140,7 @@ def line_points(
     for i in range(height):
         down = max((i - lens[3]) / fv - tan_tilt, 0.0)
         inner_of_row[i] = min(max(int(round(fv * line_width_m * down * down / p[5])), 1), 41)
-    # most pixels are told from a line by their own light
+    # most pixels are too dark to be part of a line
     bright = carpet[0] + carpet[2] + 0.5 * least
     for turn in range(2):
         by_row = turn == 1

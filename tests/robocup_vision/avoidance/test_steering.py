@@ -81,7 +81,7 @@ def test_too_fast_to_stop_before_a_wall_brakes_and_before_a_post_takes_the_lates
     )
 
 
-def test_velocity_is_what_tells_a_late_turn_from_an_early_one():
+def test_velocity_is_what_distinguishes_a_late_turn_from_an_early_one():
     scene = facing(0.45, half_width=0.3)
     standing = steering().steer(scene, (0.0, 0.0), 0.0)
     moving = steering().steer(scene, (0.4, 0.0), 0.0)

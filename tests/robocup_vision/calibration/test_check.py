@@ -49,7 +49,7 @@ def found(path):
     return {finding.subject: finding for finding in check_dataset(load_dataset(path))}
 
 
-def test_a_sound_set_up_is_told_to_be_one(write, capsys, ssl_field, true_camera, off_frames):
+def test_a_sound_set_up_is_reported_to_be_one(write, capsys, ssl_field, true_camera, off_frames):
     vision = Vision(ssl_field, true_camera)
     vision.look(off_frames[0])
     path = write(colors=vision.colors)
@@ -79,7 +79,7 @@ def test_a_wrong_size_comes_alone_with_its_factor(write, capsys):
     assert "WRONG    size" in capsys.readouterr().out
 
 
-def test_a_centre_that_is_off_is_told_with_its_offset(write, true_camera):
+def test_a_centre_that_is_off_is_reported_with_its_offset(write, true_camera):
     u, v = true_camera.center_px
     findings = found(write(camera=dataclasses.replace(true_camera, center_px=(u + 2.0, v))))
     assert findings["field"].state == "ok"
@@ -88,13 +88,13 @@ def test_a_centre_that_is_off_is_told_with_its_offset(write, true_camera):
     assert "calibrate omni" in findings["centre"].evidence
 
 
-def test_a_mirrored_camera_is_told_by_truth(write, true_camera):
+def test_a_mirrored_camera_is_reported_by_truth(write, true_camera):
     findings = found(write(camera=dataclasses.replace(true_camera, mirrored=True)))
     assert findings["mirrored"].state == "wrong"
     assert "mirrored = false in the camera file?" in findings["mirrored"].evidence
 
 
-def test_a_turned_camera_is_told_by_truth(write, true_camera):
+def test_a_turned_camera_is_reported_by_truth(write, true_camera):
     findings = found(write(camera=dataclasses.replace(true_camera, heading_rad=0.2)))
     assert findings["heading"].state == "wrong"
     off, wanted = re.search(r"by (\S+) deg: heading_rad = (\S+) in", findings["heading"].evidence).groups()
@@ -103,7 +103,7 @@ def test_a_turned_camera_is_told_by_truth(write, true_camera):
 
 
 @pytest.mark.parametrize(("sign", "state"), [(1, "ok"), (-1, "wrong")])
-def test_odometry_tells_mirroring(write, off_samples, sign, state):
+def test_odometry_reports_mirroring(write, off_samples, sign, state):
     rows = ["image,t_s,dx_m,dy_m,dtheta_rad", "0.png,0.0,,,"]
     for i in range(1, 4):
         turn = math.remainder(off_samples[i].pose.theta_rad - off_samples[i - 1].pose.theta_rad, math.pi)
@@ -120,7 +120,7 @@ def test_without_truth_and_odometry_mirroring_is_unknown(write):
     assert "looks the same in a mirror" in findings["mirrored"].evidence
 
 
-def test_another_field_s_name_is_told_with_the_likelier_one(write):
+def test_another_field_s_name_is_reported_with_the_likelier_one(write):
     findings = found(write(field="ssl_division_b", with_truth=False))
     assert findings["field"].state == "wrong"
     assert "on 'ssl_2001' " in findings["field"].evidence
@@ -139,7 +139,7 @@ def test_images_of_nothing_are_unknown(tmp_path, true_camera):
     assert findings["centre"].state == "wrong"
 
 
-def test_colours_of_another_light_are_told(write, ssl_field, true_camera, off_frames):
+def test_colours_of_another_light_are_reported(write, ssl_field, true_camera, off_frames):
     vision = Vision(ssl_field, true_camera)
     vision.look(np.ascontiguousarray(off_frames[0][..., ::-1] // 3))
     wrong = vision.colors

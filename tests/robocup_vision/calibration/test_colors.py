@@ -84,7 +84,7 @@ def test_nothing_to_learn_from(ssl_field):
     assert "floor" in result.reason
 
 
-def test_a_grey_floor_is_told(ssl_field):
+def test_a_grey_floor_is_reported(ssl_field):
     rng = np.random.default_rng(0)
     grey = np.clip(rng.normal(90, 2, (120, 160, 3)), 0, 255).astype(np.uint8)
     grey[40:60] = (60, 110, 70)

@@ -38,7 +38,7 @@ def off(ratio, height_m):
 
 
 @pytest.mark.slow
-def test_focal_length_and_height_are_told_with_their_uncertainty(field, samples):
+def test_focal_length_and_height_are_reported_with_their_uncertainty(field, samples):
     result = calibrate_pinhole(field, [s.frame for s in samples], off(1.1, 0.21))
     assert result
     height_m = float(np.mean([s.camera.height_m for s in samples]))
@@ -52,7 +52,7 @@ def test_focal_length_and_height_are_told_with_their_uncertainty(field, samples)
         assert frame.tilt_rad == pytest.approx(samples[frame.index].camera.tilt_rad, abs=math.radians(1.0))
 
 
-def test_a_fixed_camera_has_its_tilt_told(field, samples):
+def test_a_fixed_camera_has_its_tilt_reported(field, samples):
     result = calibrate_pinhole(field, [samples[0].frame] * 3, TRUE)
     assert result
     assert result.camera.tilt_rad == pytest.approx(samples[0].camera.tilt_rad, abs=math.radians(1.0))

@@ -47,7 +47,7 @@ def run(capsys, *arguments):
 
 
 @needs_recordings
-def test_foreign_logs_are_told(capsys):
+def test_foreign_logs_are_reported(capsys):
     status, out, _ = run(capsys, "info", RECORDINGS / "referee.log.gz")
     assert status == 0
     assert "636 referee" in out
@@ -68,7 +68,7 @@ def test_foreign_logs_are_converted_to_exactly_their_tables(capsys, tmp_path, na
     assert (tmp_path / f"{table}.csv").read_bytes() == given.replace(b"\r\n", b"\n")
 
 
-def test_our_log_is_told_converted_and_scored(capsys, tmp_path, ours):
+def test_our_log_is_reported_converted_and_scored(capsys, tmp_path, ours):
     status, out, _ = run(capsys, "info", ours)
     assert status == 0
     for words in ("camera 3", "tracker sim2d", "FORCE_START", "field 9 m x 6 m"):
@@ -86,7 +86,7 @@ def test_our_log_is_told_converted_and_scored(capsys, tmp_path, ours):
     assert score.ball_refound_s is None or score.ball_refound_s < 0.2
 
 
-def test_what_is_wrong_with_a_log_is_told(capsys, tmp_path):
+def test_what_is_wrong_with_a_log_is_reported(capsys, tmp_path):
     path = tmp_path / "odd.log"
     with SslLogWriter(path) as log:
         log.write(log_entry(5, REFEREE))

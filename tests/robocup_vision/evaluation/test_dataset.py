@@ -104,7 +104,7 @@ def test_a_video(folder: Path, tmp_path: Path) -> None:
     assert isinstance(frames[-1], FrameError)
 
 
-def test_a_video_that_is_cut_off_is_told(folder: Path, tmp_path: Path) -> None:
+def test_a_video_that_is_cut_off_is_reported(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "drive.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 56))
     for frame in np.random.default_rng(2).integers(0, 255, (20, 56, 64, 3), dtype=np.uint8):

@@ -188,7 +188,7 @@ def test_a_video_in_several_processes(folder: Path, fake: ModuleType, tmp_path: 
     assert len({row["x_m"] for row in rows}) > 5
 
 
-def test_a_process_that_dies_is_told(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_a_process_that_dies_is_reported(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
     code(folder / "images" / "2.png", 9)
     with pytest.raises(RobocupVisionError, match="a worker process ended abruptly; run again with --jobs 1"):
         evaluate(load_dataset(folder), tmp_path / "out", 2, make_vision=fake.FakeVision, draw_overlay=fake.draw)

@@ -90,7 +90,7 @@ def test_the_first_guess_is_a_start(pose):
     assert angle < 0.5
 
 
-def test_what_cannot_be_located_is_told():
+def test_what_cannot_be_located_is_reported():
     count = len(VIEW.bearing_rad)
     nothing = np.full(count, np.nan)
     few = nothing.copy()

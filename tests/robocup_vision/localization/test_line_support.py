@@ -36,9 +36,9 @@ def test_lines_bear_out_the_right_pose_and_no_other(ssl_field, paper_camera, see
     for by in ({}, {"min_samples": 10**6}):
         check = support(ssl_field, paper_camera, vision.polar, sure_inlier_ratio=2.0, **by)
         for one, view in frames:
-            assert check.bears_out(view.pose, one.frame, view.marks)
+            assert check.supports(view.pose, one.frame, view.marks)
             wrong = replace(view.pose, inlier_ratio=0.5).seen_from(Pose2(0.15, 0.2, 0.5))
-            assert not check.bears_out(wrong, one.frame, view.marks)
+            assert not check.supports(wrong, one.frame, view.marks)
 
 
 def test_an_outline_that_agrees_all_around_needs_no_lines(ssl_field, paper_camera, seen):
@@ -46,15 +46,15 @@ def test_an_outline_that_agrees_all_around_needs_no_lines(ssl_field, paper_camer
     one, view = frames[0]
     check = support(ssl_field, paper_camera, vision.polar)
     sure = replace(view.pose, inlier_ratio=0.9)
-    assert check.bears_out(sure, np.zeros_like(one.frame), np.zeros_like(view.marks))
+    assert check.supports(sure, np.zeros_like(one.frame), np.zeros_like(view.marks))
     # where robots hide all lines nothing speaks against it, unless hardly any of the outline agrees either
     doubtful, dark = replace(view.pose, inlier_ratio=0.5), np.zeros_like(one.frame)
-    assert check.bears_out(doubtful, dark, np.zeros_like(view.marks))
-    assert not check.bears_out(replace(view.pose, inlier_ratio=0.3), dark, np.zeros_like(view.marks))
+    assert check.supports(doubtful, dark, np.zeros_like(view.marks))
+    assert not check.supports(replace(view.pose, inlier_ratio=0.3), dark, np.zeros_like(view.marks))
     # plain floor where the pose puts lines speaks against it: the centre line passes near the robot
     at_center = replace(doubtful, pose=Pose2(0.0, 0.2, 0.0), candidates=())
-    assert check.bears_out(at_center, dark, np.zeros_like(view.marks))
-    assert not check.bears_out(at_center, dark, np.full_like(view.marks, FLOOR))
+    assert check.supports(at_center, dark, np.zeros_like(view.marks))
+    assert not check.supports(at_center, dark, np.full_like(view.marks, FLOOR))
 
 
 @pytest.mark.skipif(not NEGATIVES.is_dir(), reason="the photographs are not installed")

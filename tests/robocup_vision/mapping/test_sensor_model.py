@@ -80,7 +80,7 @@ def test_impossible_files_are_refused_by_name_and_key(tmp_path, old, new, messag
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_cannot_be_written_are_told(tmp_path):
+def test_files_that_cannot_be_written_are_reported(tmp_path):
     with pytest.raises(FileError, match="cannot be written"):
         write_sensors(tmp_path / "absent" / "sensors.toml", {"sonar": SensorModel(0.8, 0.1)}, "")
     with pytest.raises(ArgumentError, match="must be of letters, digits, _ and -, got 'a b'"):

@@ -70,7 +70,7 @@ def test_wheels_that_slip_are_corrected(drive):
     assert fused.error_to(moved)[0] < 0.5 * by_wheels.error_to(moved)[0]
 
 
-def test_a_camera_off_the_robots_centre_tells_the_centres_motion(drive):
+def test_a_camera_off_the_robots_centre_gives_the_centres_motion(drive):
     views, _, _ = drive
     arm = Pose2(0.05, -0.03, 0.0)
     moved = [replace(view, camera=replace(view.camera, offset_m=(arm.x_m, arm.y_m))) for view in views]

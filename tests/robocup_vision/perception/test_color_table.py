@@ -168,7 +168,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_file_is_told_in_one_line(name, text, tmp_path):
+def test_a_broken_file_is_reported_in_one_line(name, text, tmp_path):
     change, message = BROKEN[name]
     path = tmp_path / "colors.toml"
     path.write_text(change(text))

@@ -40,7 +40,7 @@ def seen(color, gain, cast):
     st.floats(0, 4),
     st.integers(0, 2**32 - 1),
 )
-def test_floor_is_told_from_the_rest_under_any_light(gain, cast, noise, seed):
+def test_floor_is_distinguished_from_the_rest_under_any_light(gain, cast, noise, seed):
     floor = learn_floor_color(scene(np.random.default_rng(seed), gain, cast, noise), ALL)
     assert is_floor(seen(GREEN, gain, cast), floor)
     assert is_floor(seen(GREEN, gain * 0.8, cast), floor)

@@ -130,7 +130,7 @@ def test_all_blocked_and_all_free():
         ({"threshold": 1.5}, "threshold must be within 0 to 1, got 1.5"),
     ],
 )
-def test_wrong_grids_are_told(options, message):
+def test_wrong_grids_are_reported(options, message):
     with pytest.raises(ArgumentError, match=message):
         FreeSpaceGrid(VIEW, **options)
 

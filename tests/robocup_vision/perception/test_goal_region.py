@@ -86,7 +86,7 @@ def test_families_part_the_pitch_s_colours():
     assert not is_chromatic("white")
 
 
-def test_two_hues_that_touch_are_told_apart():
+def test_two_hues_that_touch_are_distinguished():
     frame = np.full((60, 80, 3), 215, np.uint8)
     frame[20:40, 10:30], frame[20:40, 30:60] = (215, 185, 35), (215, 130, 60)
     whole = hue_masks(frame, hue_families(FIELD))["cyan"]

@@ -54,7 +54,9 @@ def test_a_line_where_the_carpet_ends_is_found_and_weighs_less(finder, mirror_ca
     assert np.mean(points.weight[off_edge] == 1) > 0.7
 
 
-def test_the_carpet_is_told_from_a_grey_hall_floor_that_fills_more_of_the_ring(finder, mirror_camera, paint_field):
+def test_the_carpet_is_distinguished_from_a_grey_hall_floor_that_fills_more_of_the_ring(
+    finder, mirror_camera, paint_field
+):
     pose = Pose2(-2.9, 2.0, 0.3)
     points = finder.find(paint_field(mirror_camera, FIELD, pose, margin_m=0.15))
     assert len(points) > 100

@@ -43,7 +43,7 @@ def test_vision_arrives_and_is_merged(sender):
         assert client.receive(0.05) is None
 
 
-def test_referee_tells_new_commands_from_repeated_ones(sender):
+def test_referee_distinguishes_new_commands_from_repeated_ones(sender):
     port = free_port()
     with RefereeClient(port) as client:
         seen = []
@@ -145,7 +145,7 @@ def test_nobody_there_is_silence():
         assert asyncio.run(client.receive_async(0.05)) is None
 
 
-def test_what_a_user_can_mend_is_told():
+def test_what_a_user_can_mend_is_reported():
     with pytest.raises(ArgumentError, match="no network interface 'nothere0'"):
         interface_address("nothere0")
     assert interface_address("lo") == interface_address("loopback") == interface_address("127.0.0.1") == "127.0.0.1"

@@ -177,7 +177,7 @@ def test_whole_entries_of_a_cut_log_are_read_first(tmp_path, name):
             list(entries)
 
 
-def test_a_damaged_index_is_told(tmp_path):
+def test_a_damaged_index_is_reported(tmp_path):
     with SslLogWriter(tmp_path / "a.log", index=True) as out:
         out.write(log_entry(1, PACKET))
     data = (tmp_path / "a.log").read_bytes()

@@ -80,7 +80,7 @@ def test_speeds_are_metres_a_second():
     assert after.shape == (18,)
 
 
-def test_odometry_tells_the_way():
+def test_odometry_gives_the_way():
     env = image_env(seconds=3.0)
     env.reset(seed=0)
     way = sum(drive(env, 1, {"plus_0": ONWARD})["plus_0"]["odometry"][0] for _ in range(30))

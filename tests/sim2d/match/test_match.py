@@ -65,7 +65,7 @@ def test_setups_tell_the_sides():
     assert len({s.seed for s in setups}) == 4
 
 
-def test_own_kick_off_is_told_to_one_side():
+def test_own_kick_off_is_reported_to_one_side():
     moment = small_match().step()
     assert [robot.senses.phase for robot in moment.robots] == ["kick_off", "kick_off"]
     assert [robot.senses.own_turn for robot in moment.robots] == [True, False]

@@ -57,7 +57,7 @@ def test_the_film_has_a_picture_for_every_third_period(played):
     assert np.abs(pictures[0][60:, :700].astype(int) - pictures[-1][60:, :700]).max() > 60
 
 
-def test_the_report_tells_what_happened(played):
+def test_the_report_shows_what_happened(played):
     page = (played[1] / "report.html").read_text()
     for text in ("0 : 0", "match.webm", "Robot 1 was stopped at 0.50 s: RuntimeError: my own bug", "black", "seed 2"):
         assert text in page

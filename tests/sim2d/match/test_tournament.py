@@ -83,7 +83,7 @@ def test_workers_that_always_end_are_an_error():
         results_of(plan_matches(PLAN, 3), workers)
 
 
-def test_what_cannot_be_played_is_told():
+def test_what_cannot_be_played_is_reported():
     with pytest.raises(RobocupVisionError, match="nowhere"):
         results_of([MatchPlan(field="nowhere")], Workers(lambda: Here()))
 

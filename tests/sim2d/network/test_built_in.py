@@ -72,7 +72,7 @@ def test_built_in_players_obey_the_referee_of_the_match():
         ("yellow=plain:16", "numbers are from 0 to 15"),
     ],
 )
-def test_wrong_words_are_told(words, message):
+def test_wrong_words_are_reported(words, message):
     with pytest.raises(ArgumentError, match=message):
         built_in_robots(words, FIELD, 2)
 

@@ -126,7 +126,7 @@ def test_a_ball_that_is_put_safely_makes_room():
     assert robot_of(made, YELLOW, 0).velocity_mps == (0.0, 0.0)
 
 
-def test_a_ball_told_to_roll_rolls():
+def test_a_ball_commanded_to_roll_rolls():
     ends = []
     for roll in (True, False):
         made = simulator(0)
@@ -373,7 +373,7 @@ def test_the_referee_lets_everybody_play():
     assert not [channel for channel, _ in published(made, 60) if channel is Channel.REFEREE]
 
 
-def test_what_a_user_can_mend_is_told():
+def test_what_a_user_can_mend_is_reported():
     with pytest.raises(ArgumentError, match="players must be from 0 to 16, got 17"):
         simulator(17)
     with pytest.raises(ArgumentError, match="seed must not be negative"):

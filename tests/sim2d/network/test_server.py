@@ -154,7 +154,7 @@ def test_who_floods_it_slows_nobody(running):
     assert simulated_s + running.behind_s > 0.5 * gone_s
 
 
-def test_a_port_that_is_taken_is_told():
+def test_a_port_that_is_taken_is_reported():
     simulator = LeagueSimulator(load_field("ssl_division_b"), 1, Realism())
     ports = free_ports()
     with (
@@ -212,7 +212,7 @@ def test_the_command_shows_bad_datagrams_and_ends_by_an_interrupt():
         (["--field", "four_legged_2007", "--players", "-1"], "players must be from 0 to 16"),
     ],
 )
-def test_wrong_options_are_told_in_one_line(options, words, capsys):
+def test_wrong_options_are_reported_in_one_line(options, words, capsys):
     assert main(["simulate", *options]) == 2
     error = capsys.readouterr().err
     assert words in error

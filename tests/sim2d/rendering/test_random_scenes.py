@@ -88,7 +88,7 @@ def test_poses_cover_the_floor_and_all_headings():
     assert np.abs(poses[:, 1]).max() > 0.62
 
 
-def test_ball_share_and_obstacle_range():
+def test_ball_ratio_and_obstacle_range():
     condition = Condition(obstacles=(2, 4), ball_rate=0.0)
     counts = {len(random_scene(SSL, condition, np.random.default_rng([3, i]))[0].boxes) for i in range(30)}
     assert counts == {2, 3, 4}

@@ -31,7 +31,7 @@ def test_cells_are_occupied_where_covered_by_half_and_free_where_not_at_all():
     assert truth.occupied[things].sum() * 0.04**2 < 0.2**2 + 2 * np.pi * 0.09**2
 
 
-def test_walls_stand_next_to_the_floor_and_nothing_is_told_of_what_is_behind():
+def test_walls_stand_next_to_the_floor_and_nothing_is_estimated_of_what_is_behind():
     truth = CellTruth(Scene(FIELD), 0.04)
     corners = truth.centers_m[:, :, None] + 0.02 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     on_floor = FIELD.contains(corners.reshape(-1, 2)).reshape(*truth.free.shape, 4).all(axis=-1)

@@ -38,7 +38,7 @@ def test_no_fault_changes_nothing():
         np.testing.assert_array_equal(one.frame, expected.frame)
 
 
-def test_frames_are_dropped_by_their_share_and_only_then():
+def test_frames_are_dropped_by_their_ratio_and_only_then():
     sensed = spoil(SenseFault(0, "dropped", 1.0, 11.0, 0.3), count=360)
     dropped = np.array([one.frame is None for one in sensed])
     assert not dropped[:30].any()
@@ -87,7 +87,7 @@ def test_black_frames_are_black():
     assert sensed[20].frame.shape == (2, 2, 3)
 
 
-def test_odometry_errs_by_its_share():
+def test_odometry_errs_by_its_ratio():
     sensed = spoil(SenseFault(0, "odometry", 0.5, 1.0, -0.2))
     assert sensed[14].odometry == sensed[30].odometry == STEP
     assert sensed[20].odometry.array == pytest.approx(0.8 * STEP.array)

@@ -111,6 +111,6 @@ def test_impossible_words_are_refused(tmp_path, words, error, message):
         learn("--out", tmp_path / "sensors.toml", *words)
 
 
-def test_a_folder_that_is_absent_is_told_before_the_work(tmp_path):
+def test_a_folder_that_is_absent_is_reported_before_the_work(tmp_path):
     with pytest.raises(FileError, match="its folder does not exist"):
         learn("--out", tmp_path / "absent" / "sensors.toml")

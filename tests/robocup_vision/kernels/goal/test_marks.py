@@ -66,7 +66,7 @@ def test_thin_and_hidden_lines_are_left_out():
     assert len(places(turned)[0]) == 0
 
 
-def test_lines_that_run_into_each_other_are_told_from_neither():
+def test_lines_that_run_into_each_other_are_distinguished_from_neither():
     p = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0])
     beside = POINTS + np.array([0.06, 0.0])
     both = np.vstack([POINTS, beside])

@@ -110,7 +110,7 @@ def test_the_compiled_fit_is_the_plain_one(pose, seed):
     np.testing.assert_allclose(cov, plain_cov, rtol=1e-6, atol=1e-15)
 
 
-def test_outliers_are_told_apart():
+def test_outliers_are_distinguished():
     pose = np.array([0.3, -0.4, 0.5])
     landmarks, covariance, pixels = scene(pose, 5)
     std = np.full(len(pixels), 0.3)

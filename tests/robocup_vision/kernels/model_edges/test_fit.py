@@ -108,7 +108,7 @@ def test_the_prior_joins_pose_and_sway_and_forgets():
     assert not prepare(np.zeros(3), -covariance, held, keep, sway, prior)
 
 
-def test_brightness_is_told_by_the_carpet_within_bounds():
+def test_brightness_is_reported_by_the_carpet_within_bounds():
     assert brightness(np.array([50.0, 130.0, 45.0, 0.0, 0.0])) == pytest.approx(1.0)
     assert brightness(np.zeros(5)) == pytest.approx(0.15)
     assert brightness(np.full(5, 255.0)) == pytest.approx(1.6)

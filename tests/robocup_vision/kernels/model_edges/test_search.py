@@ -77,7 +77,7 @@ def test_a_stripe_that_has_no_carpet_on_one_side_is_no_line():
         ((35, 35, 35), (200, 10, 10), True),  # nothing is known of black but its step
     ],
 )
-def test_paint_is_told_by_its_hue(paint, shown, is_one):
+def test_paint_is_recognised_by_its_hue(paint, shown, is_one):
     mean = np.array(paint).mean()
     white = mean if min(paint) > 150 else 0.0
     hue = np.array(paint) - mean if np.ptp(paint) > 60 else np.zeros(3)
@@ -97,7 +97,7 @@ def test_the_picture_s_border_is_never_crossed(at):
         look_at(frame, np.array([math.cos(angle), math.sin(angle)]), RIDGE, 3.0, reach_px=40.0, at=at)
 
 
-def test_the_carpet_is_the_commonest_tone_and_noise_is_told():
+def test_the_carpet_is_the_commonest_tone_and_noise_is_reported():
     frame, _ = stripe(0.3, 0.0, 6.0, noise=4.0)
     frame[:50] = (90, 90, 90)
     carpet = np.zeros(5)

@@ -88,7 +88,7 @@ def test_where_the_robot_was_put_orders_what_the_first_frame_allows():
         assert filter_.belief.pose.error_to(truth)[0] < 1e-6
 
 
-def test_the_half_is_open_until_a_frame_tells_it_and_then_turned_only_by_many():
+def test_the_half_is_open_until_a_frame_reports_it_and_then_turned_only_by_many():
     truth = Pose2(0.4, 0.3, 1.0)
     filter_ = PoseFilter()
 

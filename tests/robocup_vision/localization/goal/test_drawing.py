@@ -48,7 +48,7 @@ def test_a_drawing_settles_where_the_camera_stands(far):
     assert np.all(np.linalg.eigvalsh(drawn.covariance[:3, :3]) > 0)
 
 
-def test_without_carpet_nothing_is_told(far):
+def test_without_carpet_nothing_is_estimated(far):
     _, search, truth = far
     black = np.zeros((160, 208, 3), np.uint8)
     drawing = LineDrawing(black, POINTS, FIELD.line_width_m)

@@ -65,7 +65,7 @@ def test_who_stands_before_a_post_is_not_taken_for_it(estimator, pose, others):
         assert off @ np.linalg.solve(estimate.covariance, off) < 11.3
 
 
-def test_half_a_goal_from_far_tells_less_than_the_prior_and_says_so(estimator):
+def test_half_a_goal_from_far_reports_less_than_the_prior_and_says_so(estimator):
     estimates = [estimate for estimate in located(estimator, *FAR) if estimate]
     assert estimates
     for estimate in estimates:

@@ -130,7 +130,7 @@ def test_tilt_roll_and_height_are_estimated_too(clean, estimator):
     assert found.unknowns[HEIGHT] == pytest.approx(camera.height_m, abs=0.01)
 
 
-def test_the_goal_s_colour_tells_the_side(estimator):
+def test_the_goal_s_colour_gives_the_side(estimator):
     samples = list(sample_goal(FIELD, CLEAN, 8, 6, supersample=3))
     assert {sample.goal.side for sample in samples} == {1, -1}
     for sample in samples:

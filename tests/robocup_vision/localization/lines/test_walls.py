@@ -89,7 +89,7 @@ def test_a_prior_from_elsewhere_is_contradicted(field, camera, vision):
     assert view.pose.reason.startswith("the floor's edge, by lines where the walls stand: ")
 
 
-def test_no_floor_tells_no_pose(field, camera, vision):
+def test_no_floor_gives_no_pose(field, camera, vision):
     vision.forget()
     view = vision.look(np.zeros((240, 320, 3), dtype=np.uint8), prior=prior_at(INTO_A_CORNER))
     assert view.pose == NotLocated("no floor in view")

@@ -64,7 +64,7 @@ def test_prefers_the_goal_that_no_robot_hides() -> None:
     assert other.expected_nat == pytest.approx(hidden.expected_nat)
 
 
-def test_a_goal_tells_the_half() -> None:
+def test_a_goal_gives_the_half() -> None:
     question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(0.88, wrong=0.02))
     halves = _halves(Pose2(0.0, 0.0, 0.0))
     assert question.observe(halves, 0.0, 1) == pytest.approx([0.88 / 0.9, 0.02 / 0.9])

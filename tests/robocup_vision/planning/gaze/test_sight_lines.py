@@ -34,7 +34,7 @@ def test_sight_line_falls_to_a_point_on_the_floor() -> None:
 
 
 @given(numbers(0.2, 1.8), numbers(-0.5, 0.5), numbers(0.001, 0.3), numbers(0.05, 0.2))
-def test_share_is_that_of_drawn_places(x: float, y: float, std: float, radius: float) -> None:
+def test_ratio_is_that_of_drawn_places(x: float, y: float, std: float, radius: float) -> None:
     share = clear_probability(EYE, [[2.0, 0.0, 0.0]], [Disc(x, y, radius, std**2 * np.eye(2))])
     aside = y + std * np.random.default_rng(0).standard_normal(20_000)
     assert share[0] == pytest.approx(float((np.abs(aside) >= radius).mean()), abs=0.02)

@@ -72,6 +72,6 @@ def test_without_vision_nothing_is_sent_and_the_command_ends(capsys):
         (["--network=nothing0"], "there is no network interface 'nothing0'"),
     ],
 )
-def test_wrong_options_are_told_in_one_line(options, words, capsys):
+def test_wrong_options_are_reported_in_one_line(options, words, capsys):
     assert main(["play", "--team=yellow", *options]) == 2
     assert words in capsys.readouterr().err

@@ -87,7 +87,7 @@ def test_without_a_referee_nobody_moves():
 
 
 @pytest.mark.parametrize("command", [C.HALT, C.TIMEOUT_BLUE])
-def test_in_a_halt_no_robot_is_told_to_move_from_the_next_command_on(command):
+def test_in_a_halt_no_robot_is_commanded_to_move_from_the_next_command_on(command):
     loop = Loop().tell(C.FORCE_START)
     assert max(map(speed, loop.own(loop.finish(1.0)))) > 0.5
     loop.tell(command)

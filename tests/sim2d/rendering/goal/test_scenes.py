@@ -175,7 +175,7 @@ def test_heavier_glare_washes_out_more_paint():
     assert washed_out("clean") < washed_out("mild_glare") < 0.5 * washed_out("heavy_glare")
 
 
-def test_true_height_strays_as_told():
+def test_true_height_strays_as_set():
     strays = dataclasses.replace(TINY["clean"], height_std_m=0.01)
     heights = [s.camera.height_m for s in sample_goal(DOGS, strays, 0, 12, supersample=2)]
     assert 0.003 < np.std(heights) < 0.03
