@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
+from robocup_vision.image_layers import ImageLayerMaker, Paths
 from robocup_vision.vision import View, Vision
 
 Bgr = tuple[int, int, int]
@@ -52,99 +54,35 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     scale = max(1, math.ceil(_MIN_WIDTH / frame.shape[1]))
     enlarged = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     canvas: UInt8Array = np.asarray(enlarged, dtype=np.uint8)
-    _draw_free_space(canvas, view, vision, scale)
-    if view.pose:
-        to_robot = view.pose.pose.inverse()
-        for line in _field_outlines(vision):
-            pixels = view.camera.floor_to_pixel(to_robot.transform(line))
-            _draw_path(canvas, pixels, vision, scale, FIELD_COLOR)
-        for path in _goal_outlines(vision) if isinstance(view.camera, PinholeCamera) else ():
-            points = np.column_stack([to_robot.transform(path[:, :2]), path[:, 2]])
-            _draw_path(canvas, view.camera.point_to_pixel(points), vision, scale, FIELD_COLOR, 2)
-    for points, color in ((view.line_points_px, LINE_POINT_COLOR), (view.boundary_px, BOUNDARY_COLOR)):
-        for u, v in points[np.isfinite(points).all(axis=1)]:
+    layers = ImageLayerMaker(vision.field).layers(view)
+    _draw_free_space(canvas, layers.free_px, scale)
+    _draw_paths(canvas, layers.field_px, scale, FIELD_COLOR)
+    if isinstance(view.camera, PinholeCamera):
+        # the walls of a goal in a mirror camera's frame are walls of the field
+        _draw_paths(canvas, layers.goals_px, scale, FIELD_COLOR, 2)
+    for points, color in ((layers.lines_px, LINE_POINT_COLOR), (layers.edge_px, BOUNDARY_COLOR)):
+        for u, v in points:
             cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
-    camera = vision.camera if view.polar is None else view.polar.camera
-    for obstacle in view.obstacles:
-        across = np.array([-math.sin(obstacle.bearing_rad), math.cos(obstacle.bearing_rad)]) * obstacle.width_m / 2
-        middle = np.array([obstacle.x_m, obstacle.y_m])
-        ends = middle + np.linspace(-1.0, 1.0, 7)[:, None] * across
-        _draw_path(canvas, camera.floor_to_pixel(ends), vision, scale, OBSTACLE_COLOR, 2)
-    if view.ball is not None:
-        angle = np.linspace(0.0, math.tau, 25)
-        rim = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1) * vision.field.ball_radius_m
-        # about its centre where the camera's height is known, else as if it lay flat on the floor
-        rim[:, 2] *= camera.height_m is not None
-        pixels = camera.point_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m, 0.0]))
-        _draw_path(canvas, pixels, vision, scale, BALL_COLOR, 2)
+    _draw_paths(canvas, layers.obstacles_px, scale, OBSTACLE_COLOR, 2)
+    _draw_paths(canvas, layers.ball_px, scale, BALL_COLOR, 2)
     _write(canvas, _summary(view))
     return canvas
 
 
-def _field_outlines(vision: Vision) -> list[FloatArray]:
-    field = vision.field
-    spacing = max(field.length_m, field.width_m) / 100
-    paths = []
-    for x0, y0, x1, y1 in np.vstack([field.lines, field.walls] if field.is_bounded else [field.lines]):
-        count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / spacing))
-        paths.append(np.linspace([x0, y0], [x1, y1], count))
-    for x, y, radius, start, sweep in field.arcs:
-        angles = start + np.linspace(0.0, sweep, max(8, math.ceil(abs(sweep) * radius / spacing)))
-        paths.append(np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles)], axis=1))
-    return paths
-
-
-def _goal_outlines(vision: Vision) -> list[FloatArray]:
-    """Axes (N, 3) of posts and bars."""
-    paths = []
-    for goal in vision.field.goals:
-        if goal.kind != "posts":
-            continue
-        x, half, up = goal.line_x_m, goal.width_m / 2, goal.height_m
-        rise, across = np.linspace(0.0, up, 9), np.linspace(-half, half, 17)
-        left, right = (np.column_stack([np.full(9, x), np.full(9, y), rise]) for y in (half, -half))
-        bar = np.column_stack([np.full(17, x), across, np.full(17, up)])
-        paths.append(np.vstack([right, bar, left[::-1]]))
-    return paths
-
-
-def _draw_free_space(canvas: UInt8Array, view: View, vision: Vision, scale: int) -> None:
-    bearing, range_m = view.free_space.bearing_rad, view.free_space.range_m
-    if view.polar is None or view.grid is None:
+def _draw_free_space(canvas: UInt8Array, outline_px: FloatArray, scale: int) -> None:
+    if not len(outline_px):  # a table that ends before the free floor does
         return
-    half = view.polar.span_rad[1] / 2 / len(bearing)
-    inner = view.grid.ring_bounds_m[0]
-    corners = []
-    for b, r in zip(bearing, range_m, strict=True):
-        turn = b + np.linspace(-half, half, 4)
-        corners.append(np.stack([max(r, inner) * np.cos(turn), max(r, inner) * np.sin(turn)], axis=1))
-    if not view.polar.is_ring:
-        # back along the nearest floor in view
-        corners += [inner * np.array([[math.cos(b), math.sin(b)]]) for b in bearing[::-1]]
-    pixels = view.polar.camera.floor_to_pixel(np.vstack(corners))
-    pixels = pixels[np.isfinite(pixels).all(axis=1)]
-    shape = np.array([_fixed(u, v, scale) for u, v in pixels], dtype=np.int32).reshape(-1, 2)
-    if not len(shape):  # a table that ends before the free floor does
-        return
+    shape = np.array([_fixed(u, v, scale) for u, v in outline_px], dtype=np.int32)
     tint = canvas.copy()
     cv2.fillPoly(tint, [shape], FREE_COLOR, cv2.LINE_AA, _SHIFT)
     cv2.addWeighted(tint, 0.25, canvas, 0.75, 0.0, canvas)
     cv2.polylines(canvas, [shape], True, FREE_COLOR, 1, cv2.LINE_AA, _SHIFT)
 
 
-def _draw_path(
-    canvas: UInt8Array, pixels: FloatArray, vision: Vision, scale: int, color: Bgr, thickness: int = 1
-) -> None:
-    if isinstance(vision.camera, PinholeCamera):
-        # what lies far outside the picture need not be drawn, nor fit into OpenCV's numbers
-        off_px = np.abs(pixels - vision.camera.center_px)
-        shown = (off_px[:, 0] < vision.camera.size_px[0]) & (off_px[:, 1] < vision.camera.size_px[1])
-    else:
-        radius = np.hypot(*(pixels - vision.camera.center_px).T)
-        shown = radius <= vision.camera.usable_radius_px[1] * 1.05
-    for i in np.flatnonzero(shown[:-1] & shown[1:]):
-        (u0, v0), (u1, v1) = pixels[i : i + 2]
-        cv2.line(canvas, _fixed(u0, v0, scale), _fixed(u1, v1, scale), color, thickness, cv2.LINE_AA, _SHIFT)
+def _draw_paths(canvas: UInt8Array, paths: Paths, scale: int, color: Bgr, thickness: int = 1) -> None:
+    for path in paths:
+        for (u0, v0), (u1, v1) in pairwise(path):
+            cv2.line(canvas, _fixed(u0, v0, scale), _fixed(u1, v1, scale), color, thickness, cv2.LINE_AA, _SHIFT)
 
 
 def _fixed(u: float, v: float, scale: int) -> tuple[int, int]:

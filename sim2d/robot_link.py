@@ -16,6 +16,7 @@ from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.perception.color_table import Colors
 from robocup_vision.view import View
 
 # between two commands of a player, and between two frames
@@ -206,6 +207,8 @@ class PlayerStatus:
         Its planned speed limit.
     gaze_rad : float or None
         Planned pan of the head, from straight ahead; None if none is planned now.
+    colors : Colors or None
+        Colours that its vision uses.
     """
 
     pose: PoseEstimate | NotLocated
@@ -217,6 +220,7 @@ class PlayerStatus:
     gap_in_field: tuple[tuple[float, float], tuple[float, float]] | None = None
     speed_mps: float | None = None
     gaze_rad: float | None = None
+    colors: Colors | None = None
 
 
 class Player(Protocol):

@@ -27,7 +27,7 @@ from robocup_vision.recording.run import Run
 from robocup_vision.recording.values import ValueCodec
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-_TRUTH = "/truth/pose"
+_TRUTH, _COMMAND = "/truth/pose", "/cmd_vel"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,6 +160,15 @@ class Recording:
             for logged in self._log.messages()
             if logged.topic.endswith(_TRUTH)
         ]
+
+    def commands(self) -> list[tuple[float, tuple[float, float, float]]]:
+        """Return the commanded velocities by time, robot frame: forward and left in m/s, turn in rad/s."""
+        found = []
+        for logged in self._log.messages():
+            if logged.topic.endswith(_COMMAND):
+                twist = decode(logged.data, logged.type_name).twist
+                found.append((1e-9 * logged.time_ns, (twist.linear.x, twist.linear.y, twist.angular.z)))
+        return found
 
     def messages(self, from_s: float | None = None, to_s: float | None = None) -> Iterator[tuple[str, float, Any]]:
         """Yield topic, time and message of all messages, in the order they were written; raises as `calls`."""

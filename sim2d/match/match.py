@@ -49,6 +49,8 @@ class Match:
         Make the players of the side that attacks the goal at +x, and of the other.
     camera, limits, faults, physics, sensor
         See `Arena`.
+    keeps_figures : bool
+        Count what `figures` tells: each control period takes some memory.
 
     Raises
     ------
@@ -69,11 +71,13 @@ class Match:
         faults: Sequence[Fault] = (),
         physics: WorldSettings = WorldSettings(),
         sensor: Sensor = MATCH_SENSOR,
+        keeps_figures: bool = True,
     ) -> None:
         self.arena = Arena(
             field, players, seed, camera=camera, limits=limits, faults=faults, physics=physics, sensor=sensor
         )
         self.seed = seed
+        self._keeps_figures = keeps_figures
         self._log = MatchLog(self.arena.state, self.arena.limits, field.ball_radius_m, faults)
         self._seats = [
             Seat(ours if robot.side > 0 else theirs, self.arena.setup(robot.index)) for robot in self.arena.state.robots
@@ -86,8 +90,9 @@ class Match:
         robots = tuple(seat.act(senses) for seat, senses in zip(self._seats, sensed, strict=True))
         moment = Moment(state, robots)
         after = self.arena.step({index: robot.command for index, robot in enumerate(robots)})
-        self._log.add(state, robots)
-        self._log.add_events(after)
+        if self._keeps_figures:
+            self._log.add(state, robots)
+            self._log.add_events(after)
         return moment
 
     def play(self, seconds: float) -> Iterator[Moment]:
@@ -97,7 +102,7 @@ class Match:
 
     @property
     def figures(self) -> MatchFigures:
-        """The figures so far."""
+        """The figures so far, where they are kept."""
         return self._log.figures
 
 

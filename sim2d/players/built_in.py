@@ -139,6 +139,7 @@ class BuiltInPlayer:
             None if travel is None else travel.gap,
             None if travel is None else travel.speed_mps,
             gaze.pan_rad if gaze is not None else None,
+            self._vision.colors,
         )
 
     def act(self, senses: Senses) -> Command:

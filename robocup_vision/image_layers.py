@@ -1,0 +1,202 @@
+"""What a view shows as points and paths in its frame's pixels: for the overlay picture and for the live page.
+
+Drawing is left to whoever draws; here is only where things lie.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.view import View
+
+Paths = tuple[FloatArray, ...]
+
+_NO_POINTS = np.empty((0, 2))
+# a mirror camera's paths are drawn a little beyond the radius that it is used to
+_BEYOND_RADIUS = 1.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageLayers:
+    """What a view shows, in pixels of its frame. Points are finite; paths have two points or more.
+
+    Parameters
+    ----------
+    edge_px : (K, 2) float64
+        The floor's detected edge.
+    lines_px : (N, 2) float64
+        Points on painted lines.
+    free_px : (P, 2) float64
+        Outline of the free floor; empty where none is known.
+    field_px : tuple of (N, 2) float64
+        Lines and walls of the field at the view's pose.
+    goals_px : tuple of (N, 2) float64
+        Goals at the view's pose: posts and bars in a pinhole camera's frame, the walls' feet in a mirror camera's.
+    obstacles_px : tuple of (N, 2) float64
+        Near sides of obstacles, on the floor.
+    ball_px : tuple of (N, 2) float64
+        The ball's rim.
+    """
+
+    edge_px: FloatArray
+    lines_px: FloatArray
+    free_px: FloatArray
+    field_px: Paths
+    goals_px: Paths
+    obstacles_px: Paths
+    ball_px: Paths
+
+
+class ImageLayerMaker:
+    """Places what views show in their frames.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch that the views are of.
+    """
+
+    def __init__(self, field: Field) -> None:
+        self._field = field
+        self._lines, self._line_ends = _stacked(field_outlines(field))
+        self._posts, self._post_ends = _stacked(_post_outlines(field))
+        self._goal_walls, self._goal_wall_ends = _stacked(_goal_wall_outlines(field))
+
+    def layers(self, view: View) -> ImageLayers:
+        """Return the layers of a view."""
+        field_px, goals_px = self._at_pose(view)
+        edge = view.boundary_px
+        return ImageLayers(
+            edge[np.isfinite(edge).all(axis=1)],
+            view.line_points_px,
+            _free_outline(view),
+            field_px,
+            goals_px,
+            _obstacles(view),
+            self._ball(view),
+        )
+
+    def _at_pose(self, view: View) -> tuple[Paths, Paths]:
+        if not view.pose:
+            return (), ()
+        camera, to_robot = view.camera, view.pose.pose.inverse()
+        field_px = _floor_pieces(camera, to_robot, self._lines, self._line_ends)
+        if not isinstance(camera, PinholeCamera):
+            return field_px, _floor_pieces(camera, to_robot, self._goal_walls, self._goal_wall_ends)
+        if not len(self._posts):
+            return field_px, ()
+        points = np.column_stack([to_robot.transform(self._posts[:, :2]), self._posts[:, 2]])
+        return field_px, _pieces(camera, camera.point_to_pixel(points), self._post_ends)
+
+    def _ball(self, view: View) -> Paths:
+        if view.ball is None or view.polar is None:
+            return ()
+        camera = view.polar.camera
+        angle = np.linspace(0.0, math.tau, 25)
+        rim = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1) * self._field.ball_radius_m
+        # about its centre where the camera's height is known, else as if it lay flat on the floor
+        rim[:, 2] *= camera.height_m is not None
+        pixels = camera.point_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m, 0.0]))
+        return _pieces(camera, pixels, np.array([len(pixels)]))
+
+
+def field_outlines(field: Field) -> list[FloatArray]:
+    """Return lines, arcs and walls of a field as paths (N, 2) with points so near that a mirror bends them smoothly."""
+    spacing = max(field.length_m, field.width_m) / 100
+    paths = []
+    for x0, y0, x1, y1 in np.vstack([field.lines, field.walls] if field.is_bounded else [field.lines]):
+        count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / spacing))
+        paths.append(np.linspace([x0, y0], [x1, y1], count))
+    for x, y, radius, start, sweep in field.arcs:
+        angles = start + np.linspace(0.0, sweep, max(8, math.ceil(abs(sweep) * radius / spacing)))
+        paths.append(np.stack([x + radius * np.cos(angles), y + radius * np.sin(angles)], axis=1))
+    return paths
+
+
+def _post_outlines(field: Field) -> list[FloatArray]:
+    """Axes (N, 3) of posts and bars."""
+    paths = []
+    for goal in field.goals:
+        if goal.kind != "posts":
+            continue
+        x, half, up = goal.line_x_m, goal.width_m / 2, goal.height_m
+        rise, across = np.linspace(0.0, up, 9), np.linspace(-half, half, 17)
+        left, right = (np.column_stack([np.full(9, x), np.full(9, y), rise]) for y in (half, -half))
+        bar = np.column_stack([np.full(17, x), across, np.full(17, up)])
+        paths.append(np.vstack([right, bar, left[::-1]]))
+    return paths
+
+
+def _goal_wall_outlines(field: Field) -> list[FloatArray]:
+    """Feet (N, 2) of the walls of goals that have walls."""
+    return [
+        np.vstack([np.linspace(wall[:2], wall[2:], 9) for wall in goal.panels])
+        for goal in field.goals
+        if goal.kind != "posts"
+    ]
+
+
+def _stacked(paths: list[FloatArray]) -> tuple[FloatArray, Int64Array]:
+    """Return all points of paths, and where each path ends: one projection then serves all of them."""
+    if not paths:
+        return _NO_POINTS, np.empty(0, dtype=np.int64)
+    return np.vstack(paths), np.cumsum([len(path) for path in paths])
+
+
+def _floor_pieces(camera: OmniCamera | PinholeCamera, to_robot: Pose2, points: FloatArray, ends: Int64Array) -> Paths:
+    return _pieces(camera, camera.floor_to_pixel(to_robot.transform(points)), ends) if len(points) else ()
+
+
+def _pieces(camera: OmniCamera | PinholeCamera, pixels: FloatArray, ends: Int64Array) -> Paths:
+    """Return the stretches of paths that lie in the picture."""
+    if isinstance(camera, PinholeCamera):
+        # what lies far outside the picture need not be drawn, nor fit into OpenCV's numbers
+        off_px = np.abs(pixels - camera.center_px)
+        shown = (off_px[:, 0] < camera.size_px[0]) & (off_px[:, 1] < camera.size_px[1])
+    else:
+        radius = np.hypot(*(pixels - camera.center_px).T)
+        shown = radius <= camera.usable_radius_px[1] * _BEYOND_RADIUS
+    first = np.zeros(len(pixels), dtype=bool)
+    first[0] = True
+    first[ends[:-1]] = True
+    # a stretch begins where the point before is not shown, or belongs to another path
+    begins = np.flatnonzero(shown & (first | ~np.roll(shown, 1)))
+    stops = np.flatnonzero(shown & (np.roll(first, -1) | ~np.roll(shown, -1))) + 1
+    return tuple(
+        pixels[begin:stop] for begin, stop in zip(begins.tolist(), stops.tolist(), strict=True) if stop - begin > 1
+    )
+
+
+def _obstacles(view: View) -> Paths:
+    if view.polar is None or not view.obstacles:
+        return ()
+    points = []
+    for obstacle in view.obstacles:
+        across = np.array([-math.sin(obstacle.bearing_rad), math.cos(obstacle.bearing_rad)]) * obstacle.width_m / 2
+        points.append(np.array([obstacle.x_m, obstacle.y_m]) + np.linspace(-1.0, 1.0, 7)[:, None] * across)
+    stacked, ends = _stacked(points)
+    return _pieces(view.polar.camera, view.polar.camera.floor_to_pixel(stacked), ends)
+
+
+def _free_outline(view: View) -> FloatArray:
+    bearing, range_m = view.free_space.bearing_rad, view.free_space.range_m
+    if view.polar is None or view.grid is None or not len(bearing):
+        return _NO_POINTS
+    half = view.polar.span_rad[1] / 2 / len(bearing)
+    inner = view.grid.ring_bounds_m[0]
+    turn = (bearing[:, None] + np.linspace(-half, half, 4)).ravel()
+    reach = np.repeat(np.maximum(range_m, inner), 4)
+    if not view.polar.is_ring:
+        # back along the nearest floor in view
+        turn = np.concatenate([turn, bearing[::-1]])
+        reach = np.concatenate([reach, np.full(len(bearing), inner)])
+    corners = np.stack([reach * np.cos(turn), reach * np.sin(turn)], axis=1)
+    pixels = view.polar.camera.floor_to_pixel(corners)
+    return pixels[np.isfinite(pixels).all(axis=1)]

@@ -1,0 +1,35 @@
+"""How much of what was seen is kept for the pages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from field_models.errors import ArgumentError
+
+
+@dataclass(frozen=True, slots=True)
+class FeedSettings:
+    """How much is kept.
+
+    Parameters
+    ----------
+    history_s : float
+        Pictures of so many seconds are kept for each robot.
+    max_history_bytes : int
+        And no more than these, each robot: 30 s of 640 x 480 at 30 frames a second take about half.
+    max_raw_bytes : int
+        Frames as they came, each robot: as long as one is kept, it can be saved without loss.
+    jpeg_quality : int
+        Above 85 a JPEG grows quickly while nothing more is to be seen.
+    """
+
+    history_s: float = 30.0
+    max_history_bytes: int = 100_000_000
+    max_raw_bytes: int = 64_000_000
+    jpeg_quality: int = 85
+
+    def __post_init__(self) -> None:
+        if not self.history_s > 0 or self.max_history_bytes < 1 or self.max_raw_bytes < 1:
+            raise ArgumentError("history_s, max_history_bytes and max_raw_bytes must be positive")
+        if not 1 <= self.jpeg_quality <= 100:
+            raise ArgumentError(f"jpeg_quality must be 1 to 100, got {self.jpeg_quality}")

@@ -1,0 +1,191 @@
+"""One open page: which moment it shows, what it gets next, and what it asks for."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from field_models.field import COLOR_NAMES
+from robocup_vision.live import messages
+from robocup_vision.live.controls import Controls
+from robocup_vision.live.feed import Feed
+from robocup_vision.live.moment import RobotSetup
+from robocup_vision.live.picture import Picture
+
+# pictures of a robot that may be on their way to a page: one is drawn while the next one comes
+_MAX_ON_THE_WAY = 2
+
+
+class PageLink:
+    """Chooses what a page gets; knows nothing of sockets.
+
+    Parameters
+    ----------
+    feed : Feed
+        Where pictures come from.
+    controls : Controls
+        What runs.
+    """
+
+    def __init__(self, feed: Feed, controls: Controls) -> None:
+        self._feed, self._controls = feed, controls
+        self._sent: dict[str, Picture] = {}
+        self._on_the_way: dict[str, list[int]] = {}
+        self._version = -1
+        self._setups: tuple[RobotSetup, ...] | None = None
+        # where the page stands still: pictures of each robot, and the time shown; None: it follows the newest
+        self._kept: Mapping[str, tuple[Picture, ...]] = {}
+        self._at_s: float | None = None
+        self._must_tell = True
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether it shows a moment that is not the newest one."""
+        return self._at_s is not None
+
+    def outgoing(self) -> Iterator[dict[str, Any] | bytes]:
+        """Yield what the page is to get now: plain values for JSON, or bytes of pictures."""
+        setups = self._feed.setups
+        if self._setups is None or list(map(id, setups)) != list(map(id, self._setups)):
+            self._setups = setups
+            self._sent.clear()
+            self._on_the_way.clear()
+            yield {
+                "type": "hello",
+                "offers": sorted(self._controls.offers),
+                "robots": [_robot(setup) for setup in setups],
+            }
+        version, status = self._feed.status
+        if version != self._version or self._must_tell:
+            self._version, self._must_tell = version, False
+            yield {"type": "status", "stands_still": self.stands_still, **self._span(), **status}
+        for setup in setups:
+            picture = self._picture(setup.name)
+            under_way = self._on_the_way.setdefault(setup.name, [])
+            if picture is None or picture is self._sent.get(setup.name) or len(under_way) >= _MAX_ON_THE_WAY:
+                continue
+            self._sent[setup.name] = picture
+            under_way.append(picture.number)
+            yield picture.data
+
+    def handle(self, message: messages.Message) -> None:
+        """Do what the page asks for.
+
+        Raises
+        ------
+        RobocupVisionError
+            If it cannot be done.
+        """
+        controls = self._controls
+        match message:
+            case messages.Drawn(robot, number):
+                under_way = self._on_the_way.get(robot, [])
+                # all before it are drawn, or were left out
+                self._on_the_way[robot] = [other for other in under_way if other > number]
+            case messages.Pause(on):
+                self._pause(on)
+            case messages.Step(frames):
+                self._step(frames)
+            case messages.Back(seconds):
+                self._stand_still()
+                times = self._times()
+                if times:
+                    self._at_s = times[max(0, bisect.bisect_right(times, times[-1] - seconds + 1e-6) - 1)]
+            case messages.Seek(t_s):
+                self._follow()
+                controls.seek(t_s)
+            case messages.Open(recording, t_s):
+                self._follow()
+                controls.open(recording, t_s)
+            case messages.Record(on):
+                controls.record(on)
+            case messages.Save(robot, number):
+                controls.save(robot, number)
+            case messages.Collect(on):
+                controls.collect(on)
+            case messages.Calibrate(kind):
+                controls.calibrate(kind)
+        self._must_tell |= not isinstance(message, messages.Drawn)
+
+    def _pause(self, on: bool) -> None:
+        if "pause" in self._controls.offers:
+            self._controls.pause(on)
+        if not on:
+            self._follow()
+        elif "pause" not in self._controls.offers:
+            self._stand_still()
+
+    def _step(self, frames: int) -> None:
+        can_pause = "pause" in self._controls.offers
+        if can_pause:
+            self._controls.pause(True)
+        if frames > 0 and can_pause and self._at_s is None:
+            self._controls.step()
+            return
+        self._stand_still()
+        times = self._times()
+        if not times:
+            return
+        at = bisect.bisect_right(times, times[-1] if self._at_s is None else self._at_s) - 1
+        to = at + frames
+        if to >= len(times) - 1 and can_pause:
+            # at the newest again: the next step takes one more
+            self._follow()
+        else:
+            self._at_s = times[min(max(to, 0), len(times) - 1)]
+
+    def _stand_still(self) -> None:
+        """Keep what is there now, so that it stays as long as the page stands still."""
+        if self._at_s is None or "pause" in self._controls.offers:
+            self._kept = {setup.name: self._feed.history(setup.name) for setup in self._feed.setups}
+        times = self._times()
+        if self._at_s is None and times:
+            self._at_s = times[-1]
+
+    def _follow(self) -> None:
+        self._kept, self._at_s = {}, None
+
+    def _times(self) -> list[float]:
+        return sorted({picture.t_s for pictures in self._kept.values() for picture in pictures})
+
+    def _picture(self, robot: str) -> Picture | None:
+        if self._at_s is None:
+            return self._feed.newest(robot)
+        pictures = self._kept.get(robot, ())
+        at = bisect.bisect_right([picture.t_s for picture in pictures], self._at_s + 1e-9) - 1
+        return pictures[at] if at >= 0 else None
+
+    def _span(self) -> dict[str, Any]:
+        if self._at_s is None:
+            return {"back_s": 0.0}
+        times = self._times()
+        return {"back_s": round(times[-1] - self._at_s, 3), "kept_s": round(times[-1] - times[0], 3)}
+
+
+def _robot(setup: RobotSetup) -> dict[str, Any]:
+    """Return what the page draws of a robot's field."""
+    field = setup.field
+    return {
+        "name": setup.name,
+        "radius_m": setup.radius_m,
+        "calibrated": setup.camera is not None,
+        "field": {
+            "name": field.name,
+            "line_width_m": field.line_width_m,
+            "lines": field.lines.tolist(),
+            "arcs": field.arcs.tolist(),
+            "walls": field.walls.tolist() if field.is_bounded else [],
+            "floor": field.floor_polygon.tolist(),
+            "ball_radius_m": field.ball_radius_m,
+            "goals": [
+                {
+                    "x_m": goal.line_x_m,
+                    "back_x_m": goal.back_x_m,
+                    "width_m": goal.width_m,
+                    "color": "#{2:02x}{1:02x}{0:02x}".format(*COLOR_NAMES[goal.color]),
+                }
+                for goal in field.goals
+            ],
+        },
+    }

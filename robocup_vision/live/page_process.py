@@ -1,0 +1,188 @@
+"""The page's own process: keeps what was seen, makes pictures, serves pages.
+
+Started by `LivePage` with two pipes. Apart from the robot's process it cannot take the interpreter's lock from the
+robot's loop, and it has a lower priority. It ends when the pipe from the robot ends, however the robot's program ended.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import IO, Any
+
+from field_models.errors import RobocupVisionError
+from robocup_vision.live.controls import Controls
+from robocup_vision.live.feed import Feed
+from robocup_vision.live.feed_settings import FeedSettings
+from robocup_vision.live.frame_slots import FrameSlots
+from robocup_vision.live.moment import RobotSetup
+from robocup_vision.live.moment_codec import MomentReader
+from robocup_vision.live.pipe_messages import read_message, write_message
+from robocup_vision.live.saving import save_from
+from robocup_vision.live.server import PageServer
+
+# so much later in the queue for a processor than the robot's loop
+_NICENESS = 5
+_MADE_S = 1.0
+# how often moments are looked for, and how often once none has come for so long
+_LOOK_S, _LOOK_SELDOM_S, _SILENT_S = 0.008, 0.03, 1.0
+
+
+class _FarControls(Controls):
+    """Passes what pages ask for to the robot's process, but for saving, which needs what is kept here."""
+
+    def __init__(self, feed: Feed, out: Path, to_robot: IO[bytes]) -> None:
+        self._feed, self._out, self._to_robot = feed, out, to_robot
+
+    def pause(self, on: bool) -> None:
+        self._ask("pause", "pause", on)
+
+    def step(self) -> None:
+        self._ask("pause", "step")
+
+    def seek(self, t_s: float) -> None:
+        self._ask("seek", "seek", t_s)
+
+    def open(self, recording: str, t_s: float) -> None:
+        self._ask("open", "open", recording, t_s)
+
+    def record(self, on: bool) -> None:
+        self._ask("record", "record", on)
+
+    def collect(self, on: bool) -> None:
+        self._ask("calibrate", "collect", on)
+
+    def calibrate(self, kind: str) -> None:
+        self._ask("calibrate", "calibrate", kind)
+
+    def save(self, robot: str, number: int) -> None:
+        self.need("save")
+        save_from(self._feed, robot, number, self._out)
+
+    def _ask(self, offer: str, name: str, *values: object) -> None:
+        self.need(offer)
+        write_message(self._to_robot, ("control", name, values))
+
+
+class _PageProcess:
+    """Obeys the robot's process."""
+
+    def __init__(self, from_robot: IO[bytes], to_robot: IO[bytes]) -> None:
+        self._from_robot, self._to_robot = from_robot, to_robot
+        self._feed = Feed()
+        self._controls: _FarControls | None = None
+        self._server: PageServer | None = None
+        # guards what follows: moments are taken in a thread of their own
+        self._lock = threading.Lock()
+        self._slots: FrameSlots | None = None
+        self._names: tuple[str, ...] = ()
+        self._readers: tuple[MomentReader, ...] = ()
+        self._epoch = 0
+        self._ended = threading.Event()
+        self._taker = threading.Thread(target=self._take_moments, name="moments", daemon=True)
+
+    def run(self) -> None:
+        """Obey until the robot's process ends."""
+        self._taker.start()
+        try:
+            while (message := read_message(self._from_robot)) is not None:
+                name, *values = message
+                getattr(self, f"_on_{name}")(*values)
+        finally:
+            self._ended.set()
+            if self._server is not None:
+                self._server.close()
+            self._feed.close()
+
+    def _on_begin(self, settings: FeedSettings, out: str, port: int, host: str) -> None:
+        self._feed.close()
+        self._feed = Feed(settings)
+        self._controls = _FarControls(self._feed, Path(out), self._to_robot)
+        try:
+            self._server = PageServer(self._feed, self._controls, port, host)
+            self._server.start()
+        except RobocupVisionError as error:
+            write_message(self._to_robot, ("failed", type(error).__name__, str(error)))
+            return
+        write_message(self._to_robot, ("serves", self._server.address, self._server.is_public))
+
+    def _on_robots(self, setups: tuple[RobotSetup, ...], offers: frozenset[str], epoch: int) -> None:
+        with self._lock:
+            if self._controls is not None:
+                self._controls.offers = offers
+            self._feed.set_robots(setups)
+            self._names = tuple(setup.name for setup in setups)
+            self._readers = tuple(MomentReader() for _ in setups)
+            self._epoch = epoch
+
+    def _on_slots(self, path: str, count: int, slot_bytes: int) -> None:
+        with self._lock:
+            self._take()
+            self._slots = FrameSlots(Path(path), count, slot_bytes)
+            # nobody else needs its name; the memory goes with the two processes
+            self._slots.remove()
+
+    def _on_forget(self) -> None:
+        self._wait_until_taken()
+        self._feed.forget()
+
+    def _on_say(self, line: str) -> None:
+        self._feed.say(line)
+
+    def _on_status(self, changes: dict[str, Any]) -> None:
+        self._feed.set_status(**changes)
+
+    def _on_sync(self, number: int) -> None:
+        self._wait_until_taken()
+        self._feed.wait_until_made(_MADE_S)
+        write_message(self._to_robot, ("synced", number))
+
+    def _wait_until_taken(self) -> None:
+        with self._lock:
+            self._take()
+
+    def _take_moments(self) -> None:
+        silent_since_s = time.monotonic()
+        while not self._ended.is_set():
+            time.sleep(_LOOK_S if time.monotonic() - silent_since_s < _SILENT_S else _LOOK_SELDOM_S)
+            with self._lock:
+                if self._take():
+                    silent_since_s = time.monotonic()
+
+    def _take(self) -> bool:
+        """Take what waits, if anything does; the lock is held."""
+        slots = self._slots
+        if slots is None:
+            return False
+        taken = slots.take()
+        for handed in taken:
+            # one of robots that are shown no more
+            if handed.epoch == self._epoch:
+                moment = self._readers[handed.robot].read(handed.rest, handed.frame)
+                self._feed.put(moment, handed.dropped)
+        slots.cpu_s = time.process_time()
+        return bool(taken)
+
+
+def main() -> None:
+    """Serve the robot's process that started this one."""
+    # Ctrl-C is for the robot's program, whose end ends this one
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    import cv2
+
+    cv2.setNumThreads(0)
+    if hasattr(os, "nice"):
+        os.nice(_NICENESS)
+    to_robot = os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0)
+    # what a library prints must not get between the messages
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    _PageProcess(sys.stdin.buffer, to_robot).run()
+
+
+if __name__ == "__main__":
+    main()

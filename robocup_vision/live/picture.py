@@ -1,0 +1,265 @@
+"""Turns a moment into the bytes that a page draws: JSON with all layers, the frame as JPEG, the map as PNG.
+
+Runs in a thread of its own, after the robot has gone on.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.belief import Belief, MapPicture
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.image_layers import ImageLayerMaker, Paths
+from robocup_vision.live.moment import Moment, RobotSetup
+from robocup_vision.mapping.occupancy import FREE, NO_GO
+from robocup_vision.perception.color_table import Colors
+from robocup_vision.view import View
+
+# an ellipse holds 95 % of a normal distribution in the plane
+_ELLIPSE_SIGMAS = 2.448
+# hypotheses less probable than this are not shown
+_MIN_PROBABILITY = 0.02
+# free floor and no-go of the map, BGRA, over a field in a light or a dark page
+_FREE_BGRA, _NO_GO_BGRA = (110, 200, 60, 70), (40, 60, 220, 110)
+# lengths of JSON, JPEG and PNG, little-endian, before the three
+_LENGTHS = struct.Struct("<III")
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """One moment as a page gets it.
+
+    Parameters
+    ----------
+    robot : str
+        Whose.
+    number : int
+        Counts the pictures of a robot, from 1.
+    t_s : float
+        When the frame was taken.
+    data : bytes
+        Lengths of the three parts as little-endian uint32, then JSON, JPEG and PNG (empty without a map).
+    """
+
+    robot: str
+    number: int
+    t_s: float
+    data: bytes
+
+
+class PictureMaker:
+    """Makes the pictures of one robot.
+
+    Parameters
+    ----------
+    setup : RobotSetup
+        The robot.
+    jpeg_quality : int
+        1 to 100.
+    """
+
+    def __init__(self, setup: RobotSetup, jpeg_quality: int) -> None:
+        self.setup = setup
+        self._layers = ImageLayerMaker(setup.field)
+        self._jpeg = [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
+        self._number = 0
+        self._map: tuple[object, bytes] = (None, b"")
+
+    def make(self, moment: Moment, dropped: int) -> Picture:
+        """Return the picture of a moment.
+
+        Parameters
+        ----------
+        moment : Moment
+            Of this robot.
+        dropped : int
+            Frames of this robot that were too late to be shown, so far.
+        """
+        self._number += 1
+        told = {
+            "type": "moment",
+            "robot": moment.robot,
+            "number": self._number,
+            "dropped": dropped,
+            **describe(moment, self._layers),
+        }
+        encoded, jpeg = cv2.imencode(".jpg", moment.frame, self._jpeg)
+        assert encoded, "OpenCV encodes every (H, W, 3) uint8 array"
+        belief = None if moment.view is None else moment.view.belief
+        png = b"" if belief is None or belief.free_map is None else self._map_png(belief.free_map)
+        json = msgspec.json.encode(told)
+        data = b"".join((_LENGTHS.pack(len(json), len(jpeg), len(png)), json, jpeg.tobytes(), png))
+        return Picture(moment.robot, self._number, moment.t_s, data)
+
+    def _map_png(self, free_map: MapPicture) -> bytes:
+        if self._map[0] is not free_map.state:
+            # rows from the top of the page, where y is largest
+            state = free_map.state.T[::-1]
+            image = np.zeros((*state.shape, 4), dtype=np.uint8)
+            image[state == FREE] = _FREE_BGRA
+            image[state == NO_GO] = _NO_GO_BGRA
+            _, png = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+            self._map = (free_map.state, png.tobytes())
+        return self._map[1]
+
+
+def split_picture(data: bytes) -> tuple[dict[str, Any], bytes, bytes]:
+    """Return what a picture's data hold: the values, the JPEG, and the PNG of the map, empty without one."""
+    json, jpeg, _ = _LENGTHS.unpack_from(data)
+    begin = _LENGTHS.size
+    told: dict[str, Any] = msgspec.json.decode(data[begin : begin + json])
+    return told, data[begin + json : begin + json + jpeg], data[begin + json + jpeg :]
+
+
+def describe(moment: Moment, layers: ImageLayerMaker) -> dict[str, Any]:
+    """Return all that is known of a moment as plain values: metres and radians, pixels of the frame, milliseconds."""
+    height, width = moment.frame.shape[:2]
+    told: dict[str, Any] = {
+        "t_s": round(moment.t_s, 4),
+        "size_px": [width, height],
+        "problem": moment.problem,
+        "rate_hz": moment.rate_hz,
+        "truth": None if moment.truth is None else _pose(moment.truth),
+        "command": None if moment.plan.command is None else _rounded(moment.plan.command, 4),
+        "way": [_rounded(point, 3) for point in moment.plan.way],
+        "reasons": list(moment.plan.reasons),
+        "settings": dict(moment.settings or {}),
+        "colors": [] if moment.colors is None else _swatches(moment.colors),
+    }
+    if moment.view is not None:
+        told.update(_view(moment.view, layers))
+    return told
+
+
+def _view(view: View, maker: ImageLayerMaker) -> dict[str, Any]:
+    layers = maker.layers(view)
+    known = view.pose if view.belief is None else view.belief.pose
+    told: dict[str, Any] = {
+        "frame_pose": _estimate(view.pose),
+        "pose": _estimate(known),
+        "from_memory": view.belief is not None,
+        "candidates": [_pose(pose) for pose in view.pose.candidates] if view.pose else [],
+        "timings_ms": {name: round(1e3 * seconds, 3) for name, seconds in view.timings_s.items()},
+        "layers": {
+            "edge": _flat(layers.edge_px),
+            "lines": _flat(layers.lines_px),
+            "free": _flat(layers.free_px),
+            "field": _all_flat(layers.field_px),
+            "goals": _all_flat(layers.goals_px),
+            "obstacles": _all_flat(layers.obstacles_px),
+            "ball": _all_flat(layers.ball_px),
+        },
+        "ball": None,
+        "free_m": [],
+        "obstacles": [],
+    }
+    if known:
+        told.update(_surroundings(view, known.pose))
+    if view.belief is not None:
+        told.update(_belief(view.belief))
+    return told
+
+
+def _surroundings(view: View, robot: Pose2) -> dict[str, Any]:
+    """Return ball, free floor and obstacles in the field frame."""
+    told: dict[str, Any] = {}
+    if view.ball is not None:
+        told["ball"] = _rounded(robot.transform((view.ball.x_m, view.ball.y_m)), 3)
+    bearing, range_m = view.free_space.bearing_rad, view.free_space.range_m
+    if view.polar is not None and len(bearing):
+        reach = np.nan_to_num(range_m)
+        corners = np.stack([reach * np.cos(bearing), reach * np.sin(bearing)], axis=1)
+        if not view.polar.is_ring:
+            corners = np.vstack([corners, [0.0, 0.0]])
+        told["free_m"] = _rounded(robot.transform(corners).ravel(), 3)
+    told["obstacles"] = [
+        [*_rounded(robot.transform((thing.x_m, thing.y_m)), 3), round(thing.width_m, 3)] for thing in view.obstacles
+    ]
+    return told
+
+
+def _belief(belief: Belief) -> dict[str, Any]:
+    told: dict[str, Any] = {
+        "hypotheses": [
+            [*_pose(hypothesis.pose), round(hypothesis.probability, 3)]
+            for hypothesis in belief.hypotheses
+            if hypothesis.probability >= _MIN_PROBABILITY
+        ],
+        "tracks": [
+            [*_rounded((track.x_m, track.y_m, track.vx_mps, track.vy_mps, track.probability), 3), track.number]
+            for track in belief.tracks
+        ],
+    }
+    if belief.free_map is not None:
+        picture = belief.free_map
+        told["map"] = {
+            "corner_m": _rounded(picture.corner_m, 4),
+            "size_m": _rounded(np.array(picture.state.shape) * picture.cell_m, 4),
+        }
+    return told
+
+
+def _estimate(pose: PoseEstimate | NotLocated) -> dict[str, Any]:
+    if isinstance(pose, NotLocated):
+        return {"located": False, "reason": pose.reason}
+    return {
+        "located": True,
+        "pose": _pose(pose.pose),
+        "std": _rounded(pose.std, 5),
+        "ellipse": _ellipse(pose.covariance),
+        "inlier_ratio": round(pose.inlier_ratio, 3),
+        "residual_px": round(pose.residual_px, 2),
+    }
+
+
+def _ellipse(covariance: FloatArray) -> list[float]:
+    """Return half axes, metres, and the angle of the first, radians, of the ellipse that holds 95 %."""
+    values, vectors = np.linalg.eigh(covariance[:2, :2])
+    half = _ELLIPSE_SIGMAS * np.sqrt(np.maximum(values, 0.0))
+    return _rounded((half[1], half[0], math.atan2(vectors[1, 1], vectors[0, 1])), 4)
+
+
+def _swatches(colors: Colors) -> list[list[str]]:
+    """Return class names and what their colours look like in this light, as ``#rrggbb``."""
+    floor = colors.floor
+    lit = floor.lit
+    # the level is (R + 2 G + B) / 4
+    told = [["floor", _hex(lit.red_ratio, lit.blue_ratio, 4 * floor.level / (lit.red_ratio + 2 + lit.blue_ratio))]]
+    for name in ("line", "ball", "goal_positive_x", "goal_negative_x"):
+        paint = getattr(colors, name)
+        told.append([name, _hex(paint.red_ratio, paint.blue_ratio, None)])
+    return told
+
+
+def _hex(red_ratio: float, blue_ratio: float, green: float | None) -> str:
+    """Return a colour by its ratios to green; without a level as bright as can be shown."""
+    rgb = np.array([red_ratio, 1.0, blue_ratio])
+    rgb *= 235.0 / rgb.max() if green is None else green
+    return "#" + "".join(f"{round(float(value)):02x}" for value in np.clip(rgb, 0, 255))
+
+
+def _pose(pose: Pose2) -> list[float]:
+    return [round(pose.x_m, 4), round(pose.y_m, 4), round(pose.theta_rad, 5)]
+
+
+def _rounded(values: Any, digits: int) -> list[float]:
+    told: list[float] = np.round(np.asarray(values, dtype=np.float64), digits).tolist()
+    return told
+
+
+def _flat(points: FloatArray) -> list[float]:
+    told: list[float] = np.round(points, 1).ravel().tolist()
+    return told
+
+
+def _all_flat(paths: Paths) -> list[list[float]]:
+    return [_flat(path) for path in paths]

@@ -1,0 +1,130 @@
+"""Writes one moment as a dataset of one image, so that it can be looked at again: `robocup-vision evaluate FOLDER`."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from field_models.catalog import field_names
+from field_models.errors import ArgumentError, FileError, RobocupVisionError
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera import save_camera
+from robocup_vision.live.feed import Feed
+from robocup_vision.live.moment import Moment, RobotSetup
+from robocup_vision.live.picture import split_picture
+from robocup_vision.perception.color_table import save_colors
+
+# names that are tried for a new folder
+_MAX_FOLDERS = 10_000
+
+
+def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
+    """Write a moment as a dataset into a new folder; return the folder.
+
+    Parameters
+    ----------
+    out : Path
+        Where the folder goes; made if missing.
+    setup : RobotSetup
+        Whose moment it is.
+    moment : Moment
+        What is written: image, time, camera, colours in use, and the truth if it is known.
+
+    Raises
+    ------
+    ArgumentError
+        If the robot has no camera file, or its field is no built-in one.
+    FileError
+        If it cannot be written.
+    """
+    if setup.camera is None:
+        raise ArgumentError("a dataset needs a camera file, which this source has not: calibrate first")
+    if setup.field.name not in field_names():
+        raise ArgumentError(f"a dataset names its field: '{setup.field.name}' is no built-in one")
+    camera = setup.camera if moment.view is None else moment.view.camera
+    lines = ["format = 1", f'field = "{setup.field.name}"', 'camera = "camera.toml"', 'images = "images"']
+    method = (moment.settings or {}).get("method")
+    if method in ("field", "floor", "goal", "hull"):
+        lines.append(f'method = "{method}"')
+    image = "000000.png"
+    try:
+        folder = new_folder(out, "frame")
+        (folder / "images").mkdir()
+        write_png(folder / "images" / image, moment.frame)
+        save_camera(camera, folder / "camera.toml")
+        if moment.colors is not None:
+            save_colors(moment.colors, folder / "colors.toml")
+            lines.append('colors = "colors.toml"')
+        (folder / "frames.csv").write_text(f"image,t_s\n{image},{moment.t_s!r}\n", encoding="utf-8")
+        lines.append('frames = "frames.csv"')
+        if moment.truth is not None:
+            x_m, y_m, theta_rad = moment.truth.array.tolist()
+            text = f"image,x_m,y_m,theta_rad\n{image},{x_m!r},{y_m!r},{theta_rad!r}\n"
+            (folder / "truth.csv").write_text(text, encoding="utf-8")
+            lines.append('truth = "truth.csv"')
+        (folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise FileError(error.filename or out, f"cannot be written ({error.strerror or error})") from None
+    return folder
+
+
+def save_from(feed: Feed, robot: str, number: int, out: Path) -> None:
+    """Write a picture's moment as a dataset, in a thread, and say in the pages where it is, or why it is not.
+
+    The frame is written as it came while the feed keeps it, and else as the JPEG that the page shows.
+
+    Raises
+    ------
+    ArgumentError
+        If the picture is not kept any more.
+    """
+    setup = next((setup for setup in feed.setups if setup.name == robot), None)
+    moment, note = feed.raw(robot, number), ""
+    if moment is None:
+        picture = next((picture for picture in feed.history(robot) if picture.number == number), None)
+        if picture is None:
+            raise ArgumentError("this frame is not kept any more")
+        told, jpeg, _ = split_picture(picture.data)
+        frame = cv2.imdecode(np.frombuffer(jpeg, dtype=np.uint8), cv2.IMREAD_COLOR)
+        moment = Moment(robot, np.asarray(frame, dtype=np.uint8), picture.t_s, settings=told["settings"])
+        note = " (from the JPEG that the page shows: the frame itself is not kept so long)"
+    if setup is None:
+        raise ArgumentError(f"there is no robot {robot!r}")
+    kept = moment
+
+    def write() -> None:
+        try:
+            feed.say(f"saved {save_moment(out, setup, kept)}{note}")
+        except RobocupVisionError as error:
+            feed.say(f"not saved: {error}")
+
+    threading.Thread(target=write, name="live saving").start()
+
+
+def new_folder(out: Path, name: str) -> Path:
+    """Make the first folder of ``name_000``, ``name_001`` ... that is not there; return it."""
+    out.mkdir(parents=True, exist_ok=True)
+    for number in range(_MAX_FOLDERS):
+        folder = out / f"{name}_{number:03d}"
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            continue
+        return folder
+    raise FileError(out, f"holds {_MAX_FOLDERS} folders of this kind already")
+
+
+def write_png(path: Path, frame: UInt8Array) -> None:
+    """Write a frame without loss.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    encoded, data = cv2.imencode(".png", np.ascontiguousarray(frame), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    assert encoded, "OpenCV encodes every (H, W, 3) uint8 array"
+    path.write_bytes(data.tobytes())

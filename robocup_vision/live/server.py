@@ -1,0 +1,315 @@
+"""Serves the page on this machine: one HTML file, and one WebSocket for each page that is open.
+
+Needs the extra `live` (starlette, uvicorn), which is imported only when a page is served. Only pages that came from
+here are let in: a page of another origin, and a name that was pointed at this machine, are refused.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import hashlib
+import ipaddress
+import re
+import socket
+import threading
+import time
+from collections.abc import AsyncIterator, Coroutine, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from field_models.errors import ArgumentError, PacketError, RobocupVisionError
+from robocup_vision.live.controls import Controls
+from robocup_vision.live.feed import Feed
+from robocup_vision.live.messages import MAX_MESSAGE_BYTES, read_message
+from robocup_vision.live.page_link import PageLink
+from robocup_vision.live.server_address import DEFAULT_PORT, LOOPBACK, require_packages
+
+if TYPE_CHECKING:
+    import anyio
+    import uvicorn
+    from starlette.applications import Starlette
+    from starlette.requests import HTTPConnection
+    from starlette.websockets import WebSocket
+
+# pages at a time, and messages in a row that cannot be read, before a page is sent away
+MAX_PAGES, MAX_BAD_MESSAGES = 8, 10
+# a page that is not told of anything new is told so, so that it can tell a silent source from a lost connection
+_SIGN_OF_LIFE_S = 1.0
+# codes of the WebSocket protocol (RFC 6455, 7.4.1): against the rules; try again later
+_AGAINST_RULES, _TRY_LATER = 1008, 1013
+_START_S, _STOP_S = 10.0, 5.0
+
+
+class PageServer:
+    """Serves pages in a thread of its own, from `start` until `close`.
+
+    Parameters
+    ----------
+    feed : Feed
+        What they show.
+    controls : Controls
+        What they may do.
+    port : int
+        0: any free one.
+    host : str
+        Address to listen on. With another one than the loopback's everybody in that network can watch and use the
+        controls.
+    """
+
+    def __init__(self, feed: Feed, controls: Controls, port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
+        require_packages()
+        if not 0 <= port < 65536:
+            raise ArgumentError(f"the port must be 0 to 65535, got {port}")
+        try:
+            address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host)
+        except ValueError:
+            raise ArgumentError(f"the host must be an IP address of this machine, got {host!r}") from None
+        self._socket = _listen(str(address), port)
+        self.host, self.port = str(address), int(self._socket.getsockname()[1])
+        self._app = make_app(feed, controls, allowed_hosts(self.host, self.port))
+        self._server: uvicorn.Server | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        host = LOOPBACK if self.host in ("0.0.0.0", "::") else self.host
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/"
+
+    @property
+    def is_public(self) -> bool:
+        """Whether other machines can reach it."""
+        return not ipaddress.ip_address(self.host).is_loopback
+
+    def start(self) -> None:
+        """Begin to serve; return when pages can come.
+
+        Raises
+        ------
+        RobocupVisionError
+            If it does not begin within some seconds.
+        """
+        import uvicorn
+
+        config = uvicorn.Config(
+            self._app,
+            log_level="critical",
+            access_log=False,
+            # pictures are compressed already
+            ws_per_message_deflate=False,
+            ws_max_size=4 * MAX_MESSAGE_BYTES,
+            ws_max_queue=32,
+            lifespan="on",
+            timeout_graceful_shutdown=1,
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._serve, args=(self._server,), name="live page", daemon=True)
+        self._thread.start()
+        deadline = time.monotonic() + _START_S
+        while not self._server.started:
+            if not self._thread.is_alive() or time.monotonic() > deadline:
+                raise RobocupVisionError(f"the page's server did not start on {self.address}")
+            time.sleep(0.005)
+
+    def _serve(self, server: uvicorn.Server) -> None:
+        # not server.run(): signals belong to the robot's program
+        asyncio.run(server.serve(sockets=[self._socket]))
+
+    def close(self) -> None:
+        """Send all pages away and end."""
+        if self._server is not None:
+            self._server.should_exit = True
+        if self._thread is not None:
+            self._thread.join(_STOP_S)
+        self._socket.close()
+
+
+def allowed_hosts(host: str, port: int) -> frozenset[str] | None:
+    """Return the names under which pages may ask; None: any, as everybody may watch."""
+    if not ipaddress.ip_address(host).is_loopback:
+        return None
+    own = f"[{host}]" if ":" in host else host
+    return frozenset(f"{name}:{port}" for name in {own, LOOPBACK, "localhost"})
+
+
+def make_app(feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> Starlette:
+    """Return the ASGI application.
+
+    Parameters
+    ----------
+    feed, controls
+        As `PageServer`.
+    hosts : frozenset of str or None
+        ``Host`` headers that are answered; None: any.
+    """
+    from starlette.applications import Starlette
+    from starlette.responses import PlainTextResponse, Response
+    from starlette.routing import Route, WebSocketRoute
+
+    pages = _Pages(feed, controls, hosts)
+
+    async def show_page(request: HTTPConnection) -> Response:
+        if not pages.is_expected_host(request):
+            return PlainTextResponse("this page is at another address", status_code=400)
+        text, policy = page()
+        headers = {
+            "Content-Security-Policy": policy,
+            "X-Content-Type-Options": "nosniff",
+            "Referrer-Policy": "no-referrer",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cross-Origin-Opener-Policy": "same-origin",
+            "Cache-Control": "no-store",
+        }
+        return Response(text, media_type="text/html", headers=headers)
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        with pages.open():
+            yield
+
+    return Starlette(routes=[Route("/", show_page), WebSocketRoute("/live", pages.serve)], lifespan=lifespan)
+
+
+@cache
+def page() -> tuple[str, str]:
+    """Return the page and the policy that lets its own script and style run, and nothing from elsewhere."""
+    text = (files("robocup_vision.live") / "page.html").read_text(encoding="utf-8")
+    hashes = {tag: _hashes(text, tag) for tag in ("script", "style")}
+    return text, (
+        f"default-src 'none'; script-src {hashes['script']}; style-src {hashes['style']}; img-src data: blob:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+
+
+def _hashes(text: str, tag: str) -> str:
+    blocks = re.findall(f"<{tag}>(.*?)</{tag}>", text, flags=re.DOTALL)
+    digests = (hashlib.sha256(block.encode()).digest() for block in blocks)
+    return " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+
+
+class _Pages:
+    """All open pages."""
+
+    def __init__(self, feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> None:
+        self._feed, self._controls, self._hosts = feed, controls, hosts
+        self._news: set[asyncio.Event] = set()
+
+    @contextmanager
+    def open(self) -> Iterator[None]:
+        """Let the feed wake the pages of the event loop that runs now."""
+        loop = asyncio.get_running_loop()
+
+        def wake() -> None:
+            # the loop may have ended meanwhile
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(self._wake)
+
+        self._feed.listen(wake)
+        try:
+            yield
+        finally:
+            self._feed.unlisten(wake)
+
+    def _wake(self) -> None:
+        for news in self._news:
+            news.set()
+
+    def is_expected_host(self, connection: HTTPConnection) -> bool:
+        return self._hosts is None or connection.headers.get("host", "") in self._hosts
+
+    def _is_own_page(self, socket: WebSocket) -> bool:
+        """Whether the page that asks came from here. Programs that are no browser send no origin."""
+        origin = socket.headers.get("origin")
+        return self.is_expected_host(socket) and (origin is None or origin == f"http://{socket.headers.get('host')}")
+
+    async def serve(self, socket: WebSocket) -> None:
+        """Serve one page until it leaves."""
+        import anyio
+
+        if not self._is_own_page(socket):
+            # before it is accepted: the browser gets a 403
+            await socket.close(_AGAINST_RULES)
+            return
+        await socket.accept()
+        if len(self._news) >= MAX_PAGES:
+            await socket.close(_TRY_LATER, f"{MAX_PAGES} pages are open already")
+            return
+        news = asyncio.Event()
+        link = PageLink(self._feed, self._controls)
+        self._news.add(news)
+        try:
+            async with anyio.create_task_group() as both:
+                both.start_soon(self._until_it_ends, self._send(socket, link, news), both.cancel_scope)
+                both.start_soon(self._until_it_ends, _receive(socket, link, news), both.cancel_scope)
+        finally:
+            self._news.discard(news)
+
+    async def _until_it_ends(self, work: Coroutine[None, None, None], scope: anyio.CancelScope) -> None:
+        """Do one half of the work for a page; when it ends, the other half is ended, too."""
+        try:
+            await work
+        except Exception as error:
+            if not _has_left(error):
+                self._feed.say(f"a page was sent away: {type(error).__name__}: {error}")
+        scope.cancel()
+
+    async def _send(self, socket: WebSocket, link: PageLink, news: asyncio.Event) -> None:
+        while True:
+            news.clear()
+            for item in link.outgoing():
+                if isinstance(item, bytes):
+                    await socket.send_bytes(item)
+                else:
+                    await socket.send_text(msgspec.json.encode(item).decode())
+            try:
+                await asyncio.wait_for(news.wait(), _SIGN_OF_LIFE_S)
+            except (asyncio.TimeoutError, TimeoutError):
+                await socket.send_text('{"type":"alive"}')
+
+
+async def _receive(socket: WebSocket, link: PageLink, news: asyncio.Event) -> None:
+    from starlette.websockets import WebSocketDisconnect
+
+    bad = 0
+    while True:
+        got = await socket.receive()
+        if got["type"] != "websocket.receive":
+            raise WebSocketDisconnect(got.get("code", 1000))
+        text = got.get("text")
+        try:
+            if text is None:
+                raise PacketError("a message of a page must be text")
+            link.handle(read_message(text))
+        except RobocupVisionError as error:
+            bad += isinstance(error, PacketError)
+            await socket.send_text(msgspec.json.encode({"type": "refused", "reason": str(error)}).decode())
+            if bad >= MAX_BAD_MESSAGES:
+                await socket.close(_AGAINST_RULES, "too many messages that cannot be read")
+                return
+        news.set()
+
+
+def _has_left(error: Exception) -> bool:
+    from starlette.websockets import WebSocketDisconnect
+
+    # sending to a page that has just left
+    return isinstance(error, WebSocketDisconnect | RuntimeError | ConnectionError)
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+    except OSError as error:
+        listening.close()
+        raise RobocupVisionError(
+            f"the page cannot be served at {host}, port {port}: {error.strerror or error} (--port takes another one)"
+        ) from None
+    return listening

@@ -1,0 +1,147 @@
+"""What every source of frames has in common, so that the loop need not know where frames come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.live.moment import RobotPlan, RobotSetup
+from robocup_vision.perception.color_table import Colors
+from robocup_vision.view import View
+from robocup_vision.vision import Vision
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SourceFrame:
+    """One frame of one robot.
+
+    Parameters
+    ----------
+    robot : str
+        Whose.
+    frame : (H, W, 3) uint8
+        BGR. Nobody writes to it any more.
+    t_s : float
+        When it was taken.
+    odometry : Pose2 or None
+        Motion since the frame before, in the robot frame of then; None: not known.
+    pan_rad : float or None
+        Of a head.
+    prior : PoseEstimate, Pose2 or None
+        Where the robot probably is, beside what a memory knows.
+    alone : bool
+        It has nothing to do with the frame before: nothing learnt from that one is used.
+    view : View or None
+        What the robot itself saw in it; None: it is to be looked at.
+    colors : Colors or None
+        That the robot itself used.
+    plan : RobotPlan
+        What the robot is about to do.
+    truth : Pose2 or None
+        Where it really was.
+    """
+
+    robot: str
+    frame: UInt8Array
+    t_s: float
+    odometry: Pose2 | None = None
+    pan_rad: float | None = None
+    prior: PoseEstimate | Pose2 | None = None
+    alone: bool = False
+    view: View | None = None
+    colors: Colors | None = None
+    plan: RobotPlan = RobotPlan()
+    truth: Pose2 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SourceOptions:
+    """What the user said beside the source's name; a source that knows better by itself is told by it otherwise.
+
+    Parameters
+    ----------
+    field : str or None
+        Built-in field's name, or a field file.
+    camera : str or None
+        Camera file.
+    colors : str or None
+        Colour file.
+    method : str or None
+        How the pose is told.
+    memory : bool
+        Join what the frames show.
+    """
+
+    field: str | None = None
+    camera: str | None = None
+    colors: str | None = None
+    method: str | None = None
+    memory: bool = False
+
+
+class Source(Protocol):
+    """Gives frames, one moment after the other; one thread reads, another one may close.
+
+    Attributes
+    ----------
+    name : str
+        What the page calls it.
+    setups : tuple of RobotSetup
+        The robots whose frames it gives.
+    waits : bool
+        It stands still while nobody reads, as a file does. Else frames come by themselves, and the newest counts.
+    duration_s : float or None
+        Times from 0 to this can be gone to by `seek`; None: none can.
+    problem : str
+        Why no frames come; empty while they do.
+    """
+
+    @property
+    def name(self) -> str:
+        """What the page calls it."""
+        ...
+
+    @property
+    def setups(self) -> tuple[RobotSetup, ...]:
+        """The robots whose frames it gives."""
+        ...
+
+    @property
+    def waits(self) -> bool:
+        """Whether it stands still while nobody reads."""
+        ...
+
+    @property
+    def duration_s(self) -> float | None:
+        """Up to which time it can be sought; None: not at all."""
+        ...
+
+    @property
+    def problem(self) -> str:
+        """Why no frames come."""
+        ...
+
+    def make_vision(self, setup: RobotSetup) -> Vision | None:
+        """Return what looks at a robot's frames; None where its frames come with views, or it has no camera file."""
+        ...
+
+    def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
+        """Return the next frames of all robots; empty if none came in time; None after the last.
+
+        Raises
+        ------
+        FrameError
+            If a frame is damaged: the next may be good.
+        """
+        ...
+
+    def seek(self, t_s: float) -> None:
+        """Go to the last frame that is not later than a time."""
+        ...
+
+    def close(self) -> None:
+        """Let go of files and devices."""
+        ...

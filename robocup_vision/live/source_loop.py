@@ -1,0 +1,298 @@
+"""Reads one source, looks at its frames, and hands what was seen to the pages, at the pace of a clock.
+
+Whatever is wrong with the source is said once, in the pages and by one line, and the loop goes on where it can.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from field_models.errors import FrameError, RobocupVisionError
+from robocup_vision.live.display import Display
+from robocup_vision.live.frame_rate import FrameRate
+from robocup_vision.live.moment import Moment, RobotSetup
+from robocup_vision.live.source import Source, SourceFrame
+from robocup_vision.vision import Vision
+
+# a source that gives nothing for so long stalls
+_STALL_S = 1.5
+_READ_S = 0.2
+# a robot's memory and colours are warm after so much of a recording
+_WARM_UP_S = 2.0
+# a clock that is further behind than this is set anew: a slow machine then shows all frames, slower
+_BEHIND_S = 0.5
+
+Watcher = Callable[[SourceFrame, Moment], None]
+
+
+@dataclass(slots=True)
+class _Orders:
+    """What the page's thread asks for; guarded by the loop's condition."""
+
+    paused: bool = False
+    steps: int = 0
+    seek_s: float | None = None
+    stop: bool = False
+
+
+class SourceLoop:
+    """Runs one source in a thread of its own.
+
+    Parameters
+    ----------
+    source : Source
+        Where frames come from; closed at the end.
+    display : Display
+        What shows them; knows the source's robots already.
+    watch : callable
+        Is called in the loop's thread for each frame with what came and what is shown: recording and calibration.
+    say : callable
+        Says a line to the user.
+    tell_run : callable
+        Is called when `problem` or `ended` has changed.
+
+    Raises
+    ------
+    RobocupVisionError
+        If the source's robots cannot be looked for as was asked.
+    """
+
+    def __init__(
+        self, source: Source, display: Display, watch: Watcher, say: Callable[[str], None], tell_run: Callable[[], None]
+    ) -> None:
+        self.source = source
+        self._display, self._watch, self._say, self._tell_run = display, watch, say, tell_run
+        self._visions = {setup.name: source.make_vision(setup) for setup in source.setups}
+        self._rate = FrameRate()
+        self._orders, self._news = _Orders(), threading.Condition()
+        self._last_problem: dict[str, str] = {}
+        self._read_ahead: tuple[SourceFrame, ...] | None = None
+        self.frames = 0
+        self.ended = False
+        self._thread = threading.Thread(target=self._run, name=f"live {source.name}", daemon=True)
+
+    @property
+    def problem(self) -> str:
+        """What is wrong now; empty if nothing is."""
+        return next((text for text in tuple(self._last_problem.values()) if text), "")
+
+    def start(self, *, seek_s: float | None = None) -> None:
+        """Begin; with a time to go there and stand still."""
+        if seek_s is not None:
+            self._orders.seek_s, self._orders.paused = seek_s, True
+        self._thread.start()
+
+    def vision(self, robot: str) -> Vision | None:
+        """Return what looks at a robot's frames."""
+        return self._visions[robot]
+
+    def use_setup(self, setup: RobotSetup, vision: Vision) -> None:
+        """Look at a robot's frames with another `Vision` from now on: its camera has been calibrated."""
+        self._visions[setup.name] = vision
+
+    def pause(self, on: bool) -> None:
+        """Stand still, or go on."""
+        with self._news:
+            self._orders.paused, self._orders.steps = on, 0
+            self._news.notify_all()
+
+    def step(self) -> None:
+        """Take one more frame while standing still."""
+        with self._news:
+            self._orders.steps += 1
+            self._news.notify_all()
+
+    def seek(self, t_s: float) -> None:
+        """Go to a time, and stand still there."""
+        with self._news:
+            self._orders.seek_s, self._orders.paused, self._orders.steps = t_s, True, 0
+            self._news.notify_all()
+
+    def close(self) -> None:
+        """End the loop, and let go of the source."""
+        with self._news:
+            self._orders.stop = True
+            self._news.notify_all()
+        if self._thread.is_alive():
+            self._thread.join(5.0)
+        self.source.close()
+
+    def _run(self) -> None:
+        try:
+            self._loop()
+        except Exception as error:  # a bug of one source must not end the page silently
+            self.ended = True
+            self._trouble("", f"ended: {type(error).__name__}: {error}")
+
+    def _loop(self) -> None:
+        clock = _Clock(self._news, self._orders)
+        silent_since_s = time.monotonic()
+        while True:
+            seek_s = self._wait_for_orders()
+            if self._orders.stop:
+                return
+            if seek_s is not None:
+                self._go_to(seek_s)
+                clock.forget()
+                continue
+            frames = self._read()
+            if frames is None:
+                self._end()
+                continue
+            if not frames:
+                silent_s = time.monotonic() - silent_since_s
+                if silent_s > _STALL_S:
+                    self._trouble("", self.source.problem or f"stalls: no frame for {_STALL_S:g} s")
+                continue
+            if self._last_problem.get(""):
+                self._say(f"{self.source.name}: frames come again, after {time.monotonic() - silent_since_s:.1f} s")
+                self._trouble("", "")
+            silent_since_s = time.monotonic()
+            if self.source.waits and not self._orders.paused:
+                clock.wait_until(frames[0].t_s)
+            self._show(frames)
+
+    def _wait_for_orders(self) -> float | None:
+        """Wait while standing still or at the end; return the time to go to, if there is one."""
+        with self._news:
+            orders = self._orders
+            self._news.wait_for(
+                lambda: (
+                    orders.stop
+                    or orders.seek_s is not None
+                    or (not self.ended and (not self._stands_still() or orders.steps > 0))
+                )
+            )
+            seek_s, orders.seek_s = orders.seek_s, None
+            if seek_s is None and self._stands_still():
+                orders.steps -= 1
+            return seek_s
+
+    def _stands_still(self) -> bool:
+        # what does not wait goes on: a page then stands still alone
+        return self._orders.paused and self.source.waits
+
+    def _read(self) -> tuple[SourceFrame, ...] | None:
+        if self._read_ahead is not None:
+            frames, self._read_ahead = self._read_ahead, None
+            return frames
+        try:
+            return self.source.read(_READ_S)
+        except FrameError as error:
+            # the next may be good
+            self._trouble("frame", str(error))
+            return ()
+
+    def _end(self) -> None:
+        self.ended = True
+        self._say(f"{self.source.name}: ended after {self.frames} frames")
+        self._tell_run()
+
+    def _go_to(self, t_s: float) -> None:
+        """Look again at what was just before a time, as fast as it goes, so that memory and colours are warm there."""
+        self._display.forget()
+        self._rate.forget()
+        self._read_ahead = None
+        self.ended = False
+        self._tell_run()
+        for vision in self._visions.values():
+            if vision is not None:
+                vision.forget()
+        self.source.seek(max(0.0, t_s - _WARM_UP_S))
+        shown = False
+        while not self._orders.stop and self._orders.seek_s is None:
+            frames = self._read()
+            if frames is None:
+                self._end()
+                return
+            if not frames:
+                continue
+            if shown and frames[0].t_s > t_s + 1e-6:
+                # it is the next step's
+                self._read_ahead = frames
+                return
+            self._show(frames)
+            # each of them can be stepped back to
+            self._display.wait_until_made(1.0)
+            shown = True
+
+    def _show(self, frames: tuple[SourceFrame, ...]) -> None:
+        change = self._rate.add(frames[0].t_s)
+        if change is not None and not self.source.waits:
+            rates = f"from {change.before_hz:.1f} to {change.now_hz:.1f} frames a second"
+            self._say(f"{self.source.name}: the rate changed {rates}")
+        self.frames += 1
+        for frame in frames:
+            moment = self._look(frame)
+            if moment is not None:
+                self._display.put(moment)
+                self._watch(frame, moment)
+
+    def _look(self, frame: SourceFrame) -> Moment | None:
+        vision = self._visions.get(frame.robot)
+        moment = Moment(
+            frame.robot,
+            frame.frame,
+            frame.t_s,
+            frame.view,
+            colors=frame.colors,
+            plan=frame.plan,
+            truth=frame.truth,
+            rate_hz=self._rate.rate_hz,
+        )
+        if vision is None:
+            return moment if frame.view is not None else replace(moment, problem="not looked at")
+        if frame.alone:
+            vision.forget()
+        try:
+            view = vision.look(frame.frame, frame.t_s, frame.odometry, frame.prior, frame.pan_rad)
+        except RobocupVisionError as error:
+            self._trouble(frame.robot, str(error))
+            return replace(moment, problem=str(error))
+        except Exception as error:  # a bug in one frame must not cost the others
+            vision.forget()
+            problem = f"internal error: {type(error).__name__}: {error}"
+            self._trouble(frame.robot, problem)
+            return replace(moment, problem=problem)
+        self._trouble(frame.robot, "")
+        return replace(moment, view=view, colors=vision.colors, settings={"method": vision.method})
+
+    def _trouble(self, where: str, problem: str) -> None:
+        """Say what is wrong once, not for each frame; an empty problem: it is over."""
+        before = self._last_problem.get(where, "")
+        if problem == before:
+            return
+        self._last_problem[where] = problem
+        self._tell_run()
+        if problem:
+            self._say(f"{self.source.name}: {problem}")
+
+
+class _Clock:
+    """Waits until a frame is due."""
+
+    def __init__(self, news: threading.Condition, orders: _Orders) -> None:
+        self._news, self._orders = news, orders
+        self._offset_s: float | None = None
+
+    def forget(self) -> None:
+        """Begin anew with the next frame."""
+        self._offset_s = None
+
+    def wait_until(self, t_s: float) -> None:
+        """Wait until a time of the source, or until somebody asks for something."""
+        now_s = time.monotonic()
+        if self._offset_s is None or now_s - t_s - self._offset_s > _BEHIND_S or t_s + self._offset_s - now_s > 60.0:
+            self._offset_s = now_s - t_s
+            return
+        due_s = t_s + self._offset_s
+        orders = self._orders
+        with self._news:
+            interrupted = self._news.wait_for(
+                lambda: orders.stop or orders.paused or orders.seek_s is not None, max(0.0, due_s - now_s)
+            )
+        if interrupted:
+            self._offset_s = None

@@ -1,0 +1,1 @@
+"""Where frames come from: cameras and streams, videos, folders of images, recordings; other packages add theirs."""

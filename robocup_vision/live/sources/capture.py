@@ -1,0 +1,206 @@
+"""Cameras, streams and videos, by OpenCV.
+
+A camera is read by a thread of its own, so that the newest frame is at hand, and a camera that hangs or was unplugged
+hangs nothing else. It is opened again until it is back. A video stands still while nobody reads.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol, cast
+
+import cv2
+import numpy as np
+
+from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.live.moment import RobotSetup
+from robocup_vision.live.source import SourceFrame, SourceOptions
+from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
+from robocup_vision.vision import Vision
+
+# a camera that is gone is looked for as often as this
+_AGAIN_S = 1.0
+# of a video that does not say how fast it is
+_USUAL_RATE_HZ = 30.0
+_CLOSE_S = 2.0
+
+
+class Capture(Protocol):
+    """What is used of `cv2.VideoCapture`."""
+
+    def isOpened(self) -> bool:
+        """Whether it can be read."""
+        ...
+
+    def read(self) -> tuple[bool, UInt8Array | None]:
+        """Read a frame."""
+        ...
+
+    def release(self) -> None:
+        """Let go of the device."""
+        ...
+
+
+class CameraSource:
+    """A camera or a stream: frames come by themselves.
+
+    Parameters
+    ----------
+    name : str
+        What the page calls it.
+    device : int or str
+        Index, device or address.
+    options : SourceOptions
+        See there.
+    open_capture : callable
+        Opens the device; default: `cv2.VideoCapture`.
+
+    Raises
+    ------
+    RobocupVisionError
+        If it cannot be opened.
+    """
+
+    waits = False
+    duration_s = None
+
+    def __init__(
+        self,
+        name: str,
+        device: int | str,
+        options: SourceOptions,
+        open_capture: Callable[[int | str], Capture] | None = None,
+    ) -> None:
+        self.name = name
+        self._device, self._options = device, options
+        self._open = open_capture or _open_capture
+        self.setups = (setup_by_options(name, options),)
+        capture = self._open(device)
+        if not capture.isOpened():
+            capture.release()
+            raise RobocupVisionError(f"{name}: no camera or stream can be opened there")
+        self.problem = ""
+        self._news = threading.Condition()
+        self._newest: tuple[float, UInt8Array] | None = None
+        self._closed = False
+        self._begin_s = time.monotonic()
+        self._thread = threading.Thread(target=self._follow, args=(capture,), name=f"camera {name}", daemon=True)
+        self._thread.start()
+
+    def make_vision(self, setup: RobotSetup) -> Vision | None:
+        """Return what looks at the frames."""
+        return vision_by_options(setup, self._options, has_odometry=False)
+
+    def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
+        """Return the newest frame, if there is one that has not been read; raises as `Source.read`."""
+        with self._news:
+            self._news.wait_for(lambda: self._newest is not None or self._closed, timeout_s)
+            newest, self._newest = self._newest, None
+            if newest is None:
+                return None if self._closed else ()
+        t_s, frame = newest
+        return (SourceFrame(self.name, checked_frame(frame), t_s),)
+
+    def seek(self, t_s: float) -> None:
+        """Refuse: what a camera saw is gone."""
+        raise ArgumentError("a camera cannot go to a time")
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        with self._news:
+            self._closed = True
+            self._news.notify_all()
+        self._thread.join(_CLOSE_S)
+
+    def _follow(self, capture: Capture) -> None:
+        while not self._closed:
+            read, frame = capture.read() if capture.isOpened() else (False, None)
+            if read and frame is not None:
+                with self._news:
+                    self.problem = ""
+                    self._newest = (time.monotonic() - self._begin_s, frame)
+                    self._news.notify_all()
+                continue
+            self.problem = "gives no frames (unplugged?); it is opened again until it does"
+            capture.release()
+            with self._news:
+                self._news.wait_for(lambda: self._closed, _AGAIN_S)
+            if not self._closed:
+                capture = self._open(self._device)
+        capture.release()
+
+
+class VideoSource:
+    """A video file, at its own rate.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    options : SourceOptions
+        See there.
+
+    Raises
+    ------
+    FileError
+        If it is no video that can be read.
+    """
+
+    waits = True
+    duration_s = None
+
+    def __init__(self, path: str | Path, options: SourceOptions) -> None:
+        self.name = str(path)
+        self._options = options
+        self.setups = (setup_by_options(self.name, options),)
+        self._capture = cv2.VideoCapture(str(path))
+        if not self._capture.isOpened():
+            self._capture.release()
+            raise FileError(path, "is no video that can be read")
+        announced = float(self._capture.get(cv2.CAP_PROP_FPS))
+        self._rate_hz = announced if 0.1 < announced < 1000.0 else _USUAL_RATE_HZ
+        self._number = 0
+        self.problem = ""
+
+    def make_vision(self, setup: RobotSetup) -> Vision | None:
+        """Return what looks at the frames."""
+        return vision_by_options(setup, self._options, has_odometry=False)
+
+    def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
+        """Return the next frame; raises as `Source.read`."""
+        read, frame = self._capture.read()
+        if not read:
+            return None
+        t_s = self._number / self._rate_hz
+        self._number += 1
+        return (SourceFrame(self.name, checked_frame(frame), t_s),)
+
+    def seek(self, t_s: float) -> None:
+        """Refuse: seeking is not exact in most containers."""
+        raise ArgumentError("a video cannot go to a time")
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._capture.release()
+
+
+def _open_capture(device: int | str) -> Capture:
+    return cast(Capture, cv2.VideoCapture(device))
+
+
+def checked_frame(frame: object) -> UInt8Array:
+    """Return a frame of 8-bit colour.
+
+    Raises
+    ------
+    FrameError
+        If it is something else.
+    """
+    array = np.asarray(frame)
+    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3:
+        raise FrameError(f"a frame is not 8-bit colour: {array.shape} {array.dtype}")
+    return array

@@ -1,0 +1,159 @@
+"""The page for a robot's own program: `Viewer.show` in its loop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from field_models.errors import ArgumentError, FrameError
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.live.controls import Controls
+from robocup_vision.live.feed_settings import FeedSettings
+from robocup_vision.live.frame_rate import FrameRate
+from robocup_vision.live.live_page import LivePage
+from robocup_vision.live.moment import Moment, Point, RobotPlan, RobotSetup
+from robocup_vision.live.server_address import DEFAULT_PORT, LOOPBACK
+from robocup_vision.view import View
+from robocup_vision.vision import Vision
+
+
+class Viewer(Controls):
+    """Serves a page that shows what a robot sees, while its loop goes on.
+
+    `show` copies the frame and returns; a process of its own makes pictures and serves pages. Frames that come faster
+    than pictures can be made are left out. Making the object takes some seconds: that process must start.
+
+    Parameters
+    ----------
+    vision : Vision
+        What looks.
+    name : str
+        What the page calls the robot.
+    port : int
+        Of the page; 0: any free one, see `address`.
+    host : str
+        Address to listen on: only programs of this machine reach the default. With another address everybody in that
+        network can watch.
+    radius_m : float, optional
+        The robot's size from above; default: as its league's robots are.
+    out : str or Path
+        Folder for frames that are saved by the page.
+    settings : FeedSettings
+        How much is kept.
+
+    Raises
+    ------
+    ArgumentError
+        If the extra `live` is not installed, or an argument is out of its range.
+    RobocupVisionError
+        If the port is taken.
+
+    Examples
+    --------
+    >>> from robocup_vision.live import Viewer
+    >>> viewer = Viewer(vision)  # doctest: +SKIP
+    >>> viewer.show(frame, vision.look(frame))  # doctest: +SKIP
+    """
+
+    offers = frozenset({"save"})
+
+    def __init__(
+        self,
+        vision: Vision,
+        *,
+        name: str = "robot",
+        port: int = DEFAULT_PORT,
+        host: str = LOOPBACK,
+        radius_m: float | None = None,
+        out: str | Path = "out/live",
+        settings: FeedSettings = FeedSettings(),
+    ) -> None:
+        self._vision, self._name = vision, name
+        self._rate = FrameRate()
+        self._begin_s = time.monotonic()
+        self._told = {"method": vision.method}
+        radius_m = vision.field.robot_radius_m if radius_m is None else radius_m
+        self._page = LivePage(self, Path(out), port=port, host=host, settings=settings)
+        self._page.set_robots((RobotSetup(name, vision.field, vision.camera, radius_m),))
+        self._page.set_status(source=name)
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return self._page.address
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time of the page's process so far, seconds."""
+        return self._page.cpu_s
+
+    def show(
+        self,
+        frame: UInt8Array,
+        view: View,
+        *,
+        command: Sequence[float] | None = None,
+        way: Sequence[Point] = (),
+        reasons: Sequence[str] = (),
+    ) -> None:
+        """Show a frame and what was seen in it; copies the frame and returns.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        view : View
+            What `Vision.look` returned for it.
+        command : (float, float, float), optional
+            Commanded velocity in the robot frame: forward and left in m/s, turn in rad/s.
+        way : sequence of (float, float)
+            Points that the robot drives to, field frame, metres.
+        reasons : sequence of str
+            Why, in words.
+
+        Raises
+        ------
+        FrameError
+            If the frame has another type or shape.
+        ArgumentError
+            If the command has not three numbers.
+        """
+        if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3:
+            raise FrameError(f"a frame must be (H, W, 3) uint8, got {frame.shape} {frame.dtype}")
+        told: tuple[float, float, float] | None = None
+        if command is not None:
+            if len(command) != 3:
+                raise ArgumentError(f"the command must be forward, left and turn, got {command!r}")
+            told = (float(command[0]), float(command[1]), float(command[2]))
+        t_s = time.monotonic() - self._begin_s if view.t_s is None else view.t_s
+        self._rate.add(t_s)
+        plan = RobotPlan(told, tuple((float(x), float(y)) for x, y in way), tuple(map(str, reasons)))
+        self._page.put(
+            Moment(
+                self._name,
+                frame,
+                t_s,
+                view,
+                colors=self._vision.colors,
+                plan=plan,
+                rate_hz=self._rate.rate_hz,
+                settings=self._told,
+            )
+        )
+
+    def say(self, line: str) -> None:
+        """Show a line among the page's messages."""
+        self._page.say(line)
+
+    def close(self) -> None:
+        """End the page."""
+        self._page.close()
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,148 @@
+"""Robots of a simulated match as a source of `robocup-vision live`: what each sees by itself, and the truth.
+
+Registered as the kind `sim`: ``sim:FIELD[,players=N][,seed=S][,robots=0+1][,ours=NAME][,theirs=NAME]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import load_camera
+from robocup_vision.live.moment import RobotPlan, RobotSetup
+from robocup_vision.live.source import SourceFrame, SourceOptions
+from robocup_vision.vision import Vision
+from sim2d.match.match import Match
+from sim2d.players.catalog import player_factory
+from sim2d.report.moment import Moment, RobotMoment
+
+_KEYS = ("players", "seed", "robots", "ours", "theirs")
+
+
+def open_match(text: str, options: SourceOptions) -> MatchSource:
+    """Begin the match that a source's text describes.
+
+    Parameters
+    ----------
+    text : str
+        A field, then ``,key=value`` for any of the keys above.
+    options : SourceOptions
+        The camera is put on every robot. The robots' own players see; the other options say nothing to them.
+
+    Raises
+    ------
+    ArgumentError
+        If the text or an option says something that a match has not.
+    """
+    field, *pairs = text.split(",")
+    chosen: dict[str, str] = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if key not in _KEYS or not equals or key in chosen:
+            raise ArgumentError(f"sim:{text}: {pair!r} must be one of {', '.join(f'{key}=...' for key in _KEYS)}")
+        chosen[key] = value
+    given = {"--colors": options.colors, "--method": options.method, "--memory": options.memory or None}
+    for name in given:
+        if given[name] is not None:
+            raise ArgumentError(f"sim:{text}: {name} says nothing to simulated robots: they look themselves")
+    if options.field is not None and options.field != field:
+        raise ArgumentError(f"sim:{text}: is played on its own field, --field says {options.field!r}")
+    players = _number(text, chosen, "players", 2)
+    match = Match(
+        load_field(field or "ssl_2001"),
+        players,
+        _number(text, chosen, "seed", 0),
+        ours=player_factory(chosen.get("ours", "plain")),
+        theirs=player_factory(chosen.get("theirs", "plain")),
+        camera=None if options.camera is None else load_camera(options.camera),
+        keeps_figures=False,
+    )
+    return MatchSource(f"sim:{text}", match, _robots(text, chosen.get("robots", "0"), 2 * players))
+
+
+class MatchSource:
+    """A match that goes on for as long as it is read.
+
+    Parameters
+    ----------
+    name : str
+        What the page calls it.
+    match : Match
+        That is played.
+    robots : sequence of int
+        Indices of those that are shown.
+    """
+
+    waits = True
+    duration_s = None
+    problem = ""
+
+    def __init__(self, name: str, match: Match, robots: tuple[int, ...]) -> None:
+        self.name = name
+        self._match, self._robots = match, robots
+        arena = match.arena
+        self.setups = tuple(
+            RobotSetup(f"robot {index}", arena.field, arena.camera, arena.limits.radius_m) for index in robots
+        )
+
+    def make_vision(self, setup: RobotSetup) -> Vision | None:
+        """Return nothing: players look themselves."""
+        return None
+
+    def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
+        """Play one control period, and return what the shown robots saw in it."""
+        moment = self._match.step()
+        frames = (self._frame(moment, index) for index in self._robots)
+        return tuple(frame for frame in frames if frame is not None)
+
+    def seek(self, t_s: float) -> None:
+        """Refuse: a match is played forwards."""
+        raise ArgumentError("a match cannot go to a time")
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _frame(self, moment: Moment, index: int) -> SourceFrame | None:
+        robot, truth = moment.robots[index], moment.state.robots[index]
+        frame, frame_t_s = robot.senses.frame, robot.senses.frame_t_s
+        if frame is None or frame_t_s is None:
+            return None
+        view = robot.status.view
+        if view is not None and view.t_s != frame_t_s:
+            # the player has not looked at this frame
+            view = None
+        return SourceFrame(
+            f"robot {index}",
+            frame,
+            frame_t_s,
+            robot.senses.odometry,
+            robot.senses.frame_pan_rad,
+            view=view,
+            colors=robot.status.colors,
+            plan=_plan(robot),
+            truth=truth.pose if frame_t_s == moment.state.t_s else None,
+        )
+
+
+def _plan(robot: RobotMoment) -> RobotPlan:
+    status, command = robot.status, robot.command
+    reasons = [f"intent: {status.intent}", *(f"{reason.topic}: {reason.text}" for reason in status.reasons)]
+    if robot.stopped:
+        reasons.append(f"its player was stopped: {robot.stopped}")
+    way = () if status.waypoint_in_field is None else (status.waypoint_in_field,)
+    return RobotPlan((command.forward_mps, command.left_mps, command.turn_rps), way, tuple(reasons))
+
+
+def _number(text: str, chosen: Mapping[str, str], key: str, default: int) -> int:
+    value = chosen.get(key, str(default))
+    if not value.isdecimal():
+        raise ArgumentError(f"sim:{text}: {key} must be a whole number, got {value!r}")
+    return int(value)
+
+
+def _robots(text: str, value: str, count: int) -> tuple[int, ...]:
+    numbers = value.split("+")
+    if not all(number.isdecimal() and int(number) < count for number in numbers) or len(set(numbers)) < len(numbers):
+        raise ArgumentError(f"sim:{text}: robots must be numbers from 0 to {count - 1} joined by '+', got {value!r}")
+    return tuple(map(int, numbers))

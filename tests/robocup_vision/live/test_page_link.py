@@ -1,0 +1,171 @@
+"""What one page gets and does: newest first, no more than it has drawn, pause, step, back 30 s."""
+
+import json
+
+import pytest
+
+from field_models.errors import ArgumentError
+from robocup_vision.live.controls import Controls
+from robocup_vision.live.feed import Feed
+from robocup_vision.live.messages import read_message
+from robocup_vision.live.page_link import PageLink
+from robocup_vision.live.picture import split_picture
+
+
+class Camera(Controls):
+    """Goes on by itself."""
+
+
+class Film(Controls):
+    """Stands still when it is told to."""
+
+    offers = frozenset({"pause"})
+
+    def __init__(self):
+        self.calls = []
+
+    def pause(self, on):
+        self.calls.append(("pause", on))
+
+    def step(self):
+        self.calls.append(("step",))
+
+
+@pytest.fixture
+def feed(setup):
+    made = Feed()
+    made.set_robots((setup,))
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def fill(feed, moment):
+    def put(*times):
+        for t_s in times:
+            feed.put(moment(t_s))
+            assert feed.wait_until_made(20.0)
+
+    return put
+
+
+def times(link):
+    """Return the times of the pictures that a page gets now, and draw them."""
+    got = [split_picture(item)[0] for item in link.outgoing() if isinstance(item, bytes)]
+    for told in got:
+        ask(link, type="drawn", robot=told["robot"], number=told["number"])
+    return [told["t_s"] for told in got]
+
+
+def ask(link, **message):
+    link.handle(read_message(json.dumps(message)))
+
+
+def test_a_page_begins_with_the_robots_and_the_newest(feed, fill):
+    fill(0.0, 1.0)
+    link = PageLink(feed, Camera())
+    hello, told, picture = link.outgoing()
+    assert hello["robots"][0]["field"]["name"] == "ssl_2001"
+    assert hello["offers"] == []
+    assert told["stands_still"] is False
+    assert split_picture(picture)[0]["t_s"] == 1.0
+    assert list(link.outgoing()) == []
+
+
+def test_a_page_that_does_not_draw_gets_two_pictures_and_then_the_newest(feed, fill):
+    link = PageLink(feed, Camera())
+    got = []
+    for t_s in (0.0, 1.0, 2.0, 3.0):
+        fill(t_s)
+        got += [split_picture(item)[0]["t_s"] for item in link.outgoing() if isinstance(item, bytes)]
+    assert got == [0.0, 1.0]
+    ask(link, type="drawn", robot="robot", number=2)
+    assert times(link) == [3.0]
+
+
+def test_a_camera_goes_on_while_a_page_stands_still(feed, fill):
+    fill(*(0.1 * number for number in range(5)))
+    link = PageLink(feed, Camera())
+    assert times(link) == [0.4]
+    ask(link, type="pause", on=True)
+    fill(0.5, 0.6)
+    assert times(link) == []
+    ask(link, type="step", frames=-1)
+    assert times(link) == [0.3]
+    ask(link, type="step", frames=-10)
+    assert times(link) == [0.0]
+    ask(link, type="step", frames=1)
+    assert times(link) == [0.1]
+    assert link.stands_still
+    ask(link, type="pause", on=False)
+    assert times(link) == [0.6]
+
+
+def test_back_shows_what_was_so_long_ago(feed, fill):
+    fill(0.0, 10.0, 20.0, 30.0)
+    link = PageLink(feed, Camera())
+    times(link)
+    ask(link, type="back", seconds=12.0)
+    assert times(link) == [10.0]
+    ask(link, type="back", seconds=30.0)
+    got = list(link.outgoing())
+    assert got[0]["back_s"] == 30.0
+    assert split_picture(got[1])[0]["t_s"] == 0.0
+
+
+def test_what_a_page_stands_still_at_stays_though_it_is_kept_no_more(setup, moment):
+    from robocup_vision.live.feed_settings import FeedSettings
+
+    feed = Feed(FeedSettings(history_s=1.0))
+    feed.set_robots((setup,))
+    link = PageLink(feed, Camera())
+    for t_s in (0.0, 0.5):
+        feed.put(moment(t_s))
+        feed.wait_until_made(20.0)
+    ask(link, type="pause", on=True)
+    feed.put(moment(10.0))
+    feed.wait_until_made(20.0)
+    ask(link, type="step", frames=-1)
+    assert times(link) == [0.0]
+    feed.close()
+
+
+def test_a_film_is_paused_itself_and_steps_on_at_its_end(feed, fill):
+    film = Film()
+    fill(0.0, 0.1, 0.2)
+    link = PageLink(feed, film)
+    times(link)
+    ask(link, type="pause", on=True)
+    ask(link, type="step", frames=1)
+    assert film.calls == [("pause", True), ("pause", True), ("step",)]
+    fill(0.3)
+    assert times(link) == [0.3]
+    ask(link, type="step", frames=-2)
+    assert times(link) == [0.1]
+    ask(link, type="step", frames=1)
+    assert times(link) == [0.2]
+    ask(link, type="step", frames=1)
+    assert times(link) == [0.3]
+    film.calls.clear()
+    ask(link, type="step", frames=1)
+    assert ("step",) in film.calls
+
+
+def test_steps_and_back_without_any_picture_do_nothing(feed):
+    link = PageLink(feed, Camera())
+    for message in ({"type": "step", "frames": -1}, {"type": "back", "seconds": 3}, {"type": "pause", "on": True}):
+        ask(link, **message)
+    assert times(link) == []
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"type": "seek", "t_s": 1}, {"type": "open", "recording": "a.mcap"}, {"type": "record", "on": True},
+        {"type": "save", "robot": "robot", "number": 1}, {"type": "collect", "on": True},
+        {"type": "calibrate", "kind": "omni"},
+    ],
+)  # fmt: skip
+def test_what_is_not_offered_is_refused(feed, message):
+    with pytest.raises(ArgumentError):
+        ask(PageLink(feed, Camera()), **message)

@@ -1,0 +1,106 @@
+"""`Viewer` in a robot's loop: the page's process shows what it is shown, and never stops the loop."""
+
+import json
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+from websockets.sync.client import connect
+
+from field_models.errors import ArgumentError, FrameError, RobocupVisionError
+from robocup_vision.live import Viewer
+from robocup_vision.live.picture import split_picture
+
+WAIT_S = 30.0
+
+
+@pytest.fixture
+def viewer(vision, tmp_path):
+    with Viewer(vision, port=0, out=tmp_path / "out") as made:
+        yield made
+
+
+def link_to(viewer):
+    return connect(viewer.address.replace("http", "ws") + "live", origin=viewer.address.rstrip("/"), max_size=None)
+
+
+def next_picture(link):
+    while True:
+        got = link.recv(timeout=WAIT_S)
+        if isinstance(got, bytes):
+            told, jpeg, _ = split_picture(got)
+            link.send(json.dumps({"type": "drawn", "robot": told["robot"], "number": told["number"]}))
+            return told, jpeg
+
+
+def test_what_is_shown_arrives_in_a_page(viewer, vision, frames, tmp_path):
+    with link_to(viewer) as link:
+        view = vision.look(frames[0], t_s=4.5)
+        viewer.show(frames[0], view, command=(0.1, 0.2, 0.3), way=[(1.0, 0.0)], reasons=["towards the ball"])
+        told, _ = next_picture(link)
+        assert told["t_s"] == 4.5
+        assert told["pose"]["pose"][:2] == pytest.approx(view.pose.pose.array[:2], abs=1e-4)
+        assert (told["command"], told["way"], told["reasons"]) == ([0.1, 0.2, 0.3], [[1.0, 0.0]], ["towards the ball"])
+        # the robot may write into its buffer as soon as show has returned
+        buffer = frames[1].copy()
+        viewer.show(buffer, vision.look(buffer, t_s=4.6))
+        buffer[:] = 0
+        link.send('{"type": "save", "robot": "robot", "number": 2}')
+        next_picture(link)
+        deadline = time.monotonic() + WAIT_S
+        path = tmp_path / "out" / "frame_000" / "dataset.toml"
+        while not path.exists() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert path.exists()
+        import cv2
+
+        assert np.array_equal(cv2.imread(str(path.parent / "images" / "000000.png")), frames[1])
+    assert viewer.cpu_s > 0
+
+
+def test_frames_of_another_size_pass_too(viewer, vision, frames):
+    with link_to(viewer) as link:
+        view = vision.look(frames[0], t_s=0.0)
+        for number, frame in enumerate((frames[0], np.zeros((900, 1600, 3), np.uint8), frames[0])):
+            viewer.show(frame, view)
+            assert next_picture(link)[0]["size_px"] == [frame.shape[1], frame.shape[0]], number
+
+
+def test_bad_arguments_are_refused(viewer, vision, frames):
+    view = vision.look(frames[0])
+    for frame in (frames[0][..., 0], frames[0].astype(np.float32)):
+        with pytest.raises(FrameError, match=r"\(H, W, 3\) uint8"):
+            viewer.show(frame, view)
+    with pytest.raises(ArgumentError, match="forward, left and turn"):
+        viewer.show(frames[0], view, command=(0.1, 0.2))
+
+
+def test_a_port_that_is_taken_is_named(viewer, vision):
+    port = int(viewer.address.rstrip("/").rsplit(":", 1)[1])
+    with pytest.raises(RobocupVisionError, match=f"port {port}"):
+        Viewer(vision, port=port)
+    with pytest.raises(ArgumentError, match="port must be"):
+        Viewer(vision, port=99999)
+
+
+def test_the_loop_goes_on_when_the_page_process_is_killed(vision, frames, capfd):
+    viewer = Viewer(vision, port=0)
+    view = vision.look(frames[0], t_s=0.0)
+    viewer.show(frames[0], view)
+    os.kill(viewer._page._process.pid, signal.SIGKILL)
+    viewer._page._process.wait(WAIT_S)
+    for _ in range(20):
+        viewer.show(frames[0], view)
+    viewer.say("nobody hears this")
+    viewer.close()
+    assert "the robot goes on" in capfd.readouterr().err
+
+
+def test_the_page_process_ends_with_the_robot(vision):
+    viewer = Viewer(vision, port=0)
+    process = viewer._page._process
+    viewer.close()
+    assert process.returncode == 0
+    viewer.close()

@@ -1,0 +1,57 @@
+"""Robots of a simulated match as a source: what each sees itself, beside the truth."""
+
+import pytest
+
+from field_models.errors import ArgumentError
+from robocup_vision.live.source import SourceOptions
+from robocup_vision.live.sources.opening import open_source
+from sim2d.match.live_source import open_match
+
+
+def test_each_robot_shows_what_it_sees_itself():
+    source = open_source("sim:ssl_2001,players=1,seed=3,robots=0+1", SourceOptions())
+    assert [setup.name for setup in source.setups] == ["robot 0", "robot 1"]
+    assert source.make_vision(source.setups[0]) is None
+    for _ in range(12):
+        frames = source.read(1.0)
+    assert [frame.robot for frame in frames] == ["robot 0", "robot 1"]
+    for frame in frames:
+        assert frame.view.t_s == frame.t_s
+        assert frame.colors is not None
+        assert frame.plan.command is not None
+        assert frame.plan.reasons[0].startswith("intent: ")
+        error_m, _ = frame.view.belief.pose.pose.error_to(frame.truth)
+        assert error_m < 0.01
+
+
+def test_the_same_seed_is_the_same_match():
+    one, two = (open_match("ssl_2001,players=1,seed=5", SourceOptions()) for _ in range(2))
+    for _ in range(3):
+        a, b = one.read(1.0)[0], two.read(1.0)[0]
+    assert (a.frame == b.frame).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("ssl_2001,speed=3", "'speed=3' must be one of"),
+        ("ssl_2001,seed", "'seed' must be one of"),
+        ("ssl_2001,seed=1,seed=2", "must be one of"),
+        ("ssl_2001,seed=-1", "seed must be a whole number"),
+        ("ssl_2001,robots=9", "robots must be numbers from 0 to 3"),
+        ("ssl_2001,robots=0+0", "robots must be numbers"),
+        ("ssl_2001,ours=nobody", "no player 'nobody'"),
+    ],
+)
+def test_what_a_match_has_not_is_named(text, words):
+    with pytest.raises(ArgumentError, match=words.replace("+", r"\+")):
+        open_match(text, SourceOptions())
+
+
+@pytest.mark.parametrize(
+    "options",
+    [SourceOptions(field="msl_6x4"), SourceOptions(memory=True), SourceOptions(method="field"), SourceOptions(colors="c")],
+)
+def test_options_that_say_nothing_to_a_match_are_refused(options):
+    with pytest.raises(ArgumentError, match="sim:ssl_2001"):
+        open_match("ssl_2001", options)
