@@ -100,8 +100,10 @@ class CameraSource:
         with self._news:
             self._news.wait_for(lambda: self._newest is not None or self._closed, timeout_s)
             newest, self._newest = self._newest, None
+            if self._closed:
+                return None
             if newest is None:
-                return None if self._closed else ()
+                return ()
         t_s, frame = newest
         return (SourceFrame(self.name, checked_frame(frame), t_s),)
 

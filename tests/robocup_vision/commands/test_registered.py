@@ -7,8 +7,8 @@ import pytest
 from robocup_vision.commands import registered
 
 NAMES = {
-    "evaluate", "calibrate", "check", "map", "fields", "match", "tournament", "render", "render-goal", "render-hall",
-    "sensors", "learn-goal-evidence",
+    "evaluate", "calibrate", "check", "live", "map", "fields", "match", "tournament", "render", "render-goal",
+    "render-hall", "sensors", "learn-goal-evidence",
 }  # fmt: skip
 
 

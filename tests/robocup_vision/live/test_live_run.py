@@ -1,4 +1,4 @@
-"""Sources run side by side: pause, step, seek, record, calibrate; whatever is wrong is said once, and the run goes on."""
+"""Sources run side by side: pause, step, seek, record, calibrate; what is wrong is said once, and the run goes on."""
 
 import shutil
 import time
@@ -19,7 +19,7 @@ from robocup_vision.recording.recording import Recording
 WAIT_S = 30.0
 
 
-class Scripted:
+class _Scripted:
     """A source that gives what a test says: frames, errors, silence, and the end."""
 
     duration_s = None
@@ -85,11 +85,12 @@ def lines(feed):
 
 
 def newest(feed, robot="scripted"):
-    return split_picture(feed.newest(robot).data)[0]
+    picture = feed.newest(robot)
+    return {"t_s": None} if picture is None else split_picture(picture.data)[0]
 
 
 def test_frames_are_looked_at_and_the_end_is_said(run_of, vision, frames):
-    source = Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)])
+    source = _Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)])
     run, feed = run_of(source)
     run.start()
     until(lambda: feed.status[1]["ended"])
@@ -104,7 +105,7 @@ def test_frames_are_looked_at_and_the_end_is_said(run_of, vision, frames):
 def test_a_frame_of_another_size_is_shown_and_said_once(run_of, vision, frames):
     small = np.ascontiguousarray(frames[0][::2, ::2])
     script = [(0.0, frames[0]), (0.1, small), (0.2, small), 0.01]
-    run, feed = run_of(Scripted(vision, script))
+    run, feed = run_of(_Scripted(vision, script))
     run.start()
     until(lambda: feed.status[1]["ended"])
     feed.wait_until_made(WAIT_S)
@@ -117,7 +118,7 @@ def test_a_frame_of_another_size_is_shown_and_said_once(run_of, vision, frames):
 
 def test_after_a_bad_frame_the_run_goes_on(run_of, vision, frames):
     script = [(0.0, frames[0]), FrameError("film.png: is damaged"), (0.2, frames[0])]
-    run, feed = run_of(Scripted(vision, script))
+    run, feed = run_of(_Scripted(vision, script))
     run.start()
     until(lambda: feed.status[1]["ended"])
     feed.wait_until_made(WAIT_S)
@@ -128,7 +129,7 @@ def test_after_a_bad_frame_the_run_goes_on(run_of, vision, frames):
 def test_a_stall_is_said_and_that_it_is_over(run_of, vision, frames, monkeypatch):
     monkeypatch.setattr("robocup_vision.live.source_loop._STALL_S", 0.05)
     script = [(0.0, frames[0]), 0.06, 0.06, 0.01, (0.2, frames[0])]
-    run, feed = run_of(Scripted(vision, script))
+    run, feed = run_of(_Scripted(vision, script))
     run.start()
     until(lambda: feed.status[1]["ended"])
     said = lines(feed)
@@ -138,8 +139,8 @@ def test_a_stall_is_said_and_that_it_is_over(run_of, vision, frames, monkeypatch
 
 
 def test_a_bug_ends_one_source_and_is_said(run_of, vision, frames):
-    broken = Scripted(vision, [ZeroDivisionError("oh")], name="broken")
-    good = Scripted(vision, [(0.0, frames[0])], name="good")
+    broken = _Scripted(vision, [ZeroDivisionError("oh")], name="broken")
+    good = _Scripted(vision, [(0.0, frames[0])], name="good")
     run, feed = run_of(broken, good)
     run.start()
     until(lambda: feed.status[1]["ended"])
@@ -148,7 +149,7 @@ def test_a_bug_ends_one_source_and_is_said(run_of, vision, frames):
 
 
 def test_a_film_pauses_steps_and_goes_on(run_of, vision, frames):
-    run, feed = run_of(Scripted(vision, [(n / 20, frames[0]) for n in range(12)], waits=True))
+    run, feed = run_of(_Scripted(vision, [(n / 20, frames[0]) for n in range(12)], waits=True))
     assert run.offers == {"pause", "save", "record"}
     run.pause(True)
     run.start()
@@ -167,7 +168,7 @@ def test_a_film_pauses_steps_and_goes_on(run_of, vision, frames):
 
 
 def test_a_camera_cannot_be_paused_or_sought(run_of, vision, frames):
-    run, _ = run_of(Scripted(vision, [(0.0, frames[0])]))
+    run, _ = run_of(_Scripted(vision, [(0.0, frames[0])]))
     assert run.offers == {"save", "record"}
     for call in (lambda: run.pause(True), lambda: run.seek(1.0), run.step, lambda: run.open("a", 0.0)):
         with pytest.raises(ArgumentError):
@@ -180,7 +181,7 @@ def test_a_time_is_gone_to_and_shown(run_of, dataset):
     assert run.offers == {"pause", "seek", "save", "record"}
     run.start(seek_s=1.0)
     name = source.setups[0].name
-    until(lambda: feed.newest(name) is not None and newest(feed, name)["t_s"] == 1.0)
+    until(lambda: newest(feed, name)["t_s"] == 1.0)
     assert feed.status[1]["paused"]
     # what lies before can be stepped back to
     assert [picture.t_s for picture in feed.history(name)] == [0.0, 0.5, 1.0]
@@ -194,11 +195,11 @@ def test_a_time_is_gone_to_and_shown(run_of, dataset):
 
 def test_two_robots_of_one_name_are_refused(run_of, vision, frames):
     with pytest.raises(ArgumentError, match="scripted: is named twice"):
-        run_of(Scripted(vision, []), Scripted(vision, []))
+        run_of(_Scripted(vision, []), _Scripted(vision, []))
 
 
 def test_what_runs_is_recorded(run_of, vision, frames, tmp_path):
-    run, feed = run_of(Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)]))
+    run, feed = run_of(_Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)]))
     run.record_to(tmp_path / "run.mcap")
     assert feed.status[1]["recording"].endswith("run.mcap")
     run.start()
@@ -209,7 +210,7 @@ def test_what_runs_is_recorded(run_of, vision, frames, tmp_path):
 
 
 def test_the_button_records_to_a_free_name(run_of, vision, frames, tmp_path):
-    run, feed = run_of(Scripted(vision, [(0.0, frames[0]), 0.5]))
+    run, feed = run_of(_Scripted(vision, [(0.0, frames[0]), 0.5]))
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "recording_000.mcap").write_bytes(b"")
     run.record(True)
@@ -228,7 +229,7 @@ def test_recordings_of_the_folder_are_opened_at_a_time(run_of, vision, frames, t
     assert feed.status[1]["recordings"] == ["a.mcap", "b.mcap"]
     run.start()
     run.open("b.mcap", 1.0)
-    until(lambda: feed.newest("b") is not None and newest(feed, "b")["t_s"] == 1.0)
+    until(lambda: newest(feed, "b")["t_s"] == 1.0)
     assert feed.status[1]["opened"] == "b.mcap"
     for name in ("../a.mcap", "/etc/passwd", "c.mcap", "a.mcap\0", str(tmp_path / "a.mcap")):
         with pytest.raises(ArgumentError, match="no recording"):

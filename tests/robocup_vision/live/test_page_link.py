@@ -16,7 +16,7 @@ class Camera(Controls):
     """Goes on by itself."""
 
 
-class Film(Controls):
+class _Film(Controls):
     """Stands still when it is told to."""
 
     offers = frozenset({"pause"})
@@ -131,7 +131,7 @@ def test_what_a_page_stands_still_at_stays_though_it_is_kept_no_more(setup, mome
 
 
 def test_a_film_is_paused_itself_and_steps_on_at_its_end(feed, fill):
-    film = Film()
+    film = _Film()
     fill(0.0, 0.1, 0.2)
     link = PageLink(feed, film)
     times(link)

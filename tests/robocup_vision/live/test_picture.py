@@ -66,7 +66,9 @@ def test_a_frame_that_was_not_located_says_why(setup, moment):
 
 
 def test_a_frame_that_nobody_looked_at_is_shown_all_the_same(setup, moment):
-    told, jpeg, _ = split_picture(PictureMaker(setup, 85).make(replace(moment(), view=None, problem="too small"), 0).data)
+    told, jpeg, _ = split_picture(
+        PictureMaker(setup, 85).make(replace(moment(), view=None, problem="too small"), 0).data
+    )
     assert told["problem"] == "too small"
     assert "layers" not in told
     assert jpeg.startswith(b"\xff\xd8")

@@ -1,7 +1,6 @@
 """Sources: folders, videos, recordings and cameras; what is wrong with one is said by name."""
 
 import shutil
-import threading
 import time
 
 import cv2
@@ -18,12 +17,11 @@ from robocup_vision.recording.recorder import Recorder
 FIELD = SourceOptions(field="ssl_2001")
 
 
-class Device:
+class _Device:
     """A camera that gives what a test puts in, and fails when a test says so."""
 
-    def __init__(self, frames=()):
-        self.frames, self.opened, self.is_there = list(frames), 0, True
-        self.lock = threading.Lock()
+    def __init__(self, shape=(4, 4, 3)):
+        self.frame, self.opened, self.is_there = np.zeros(shape, np.uint8), 0, True
 
     def open(self, device):
         self.opened += 1
@@ -33,11 +31,8 @@ class Device:
         return self.is_there
 
     def read(self):
-        with self.lock:
-            if self.frames:
-                return True, self.frames.pop(0)
         time.sleep(0.002)
-        return (True, np.zeros((4, 4, 3), np.uint8)) if self.is_there and not self.frames else (False, None)
+        return (True, self.frame) if self.is_there else (False, None)
 
     def release(self):
         pass
@@ -138,7 +133,7 @@ def test_recordings_outside_the_folder_are_not_listed(tmp_path):
 
 
 def test_a_camera_gives_its_newest_frame():
-    device = Device()
+    device = _Device()
     source = CameraSource("camera", 0, FIELD, device.open)
     first = source.read(5.0)[0]
     time.sleep(0.05)
@@ -151,7 +146,7 @@ def test_a_camera_gives_its_newest_frame():
 
 def test_a_camera_that_was_unplugged_is_opened_again(monkeypatch):
     monkeypatch.setattr("robocup_vision.live.sources.capture._AGAIN_S", 0.02)
-    device = Device()
+    device = _Device()
     source = CameraSource("camera", 0, FIELD, device.open)
     assert source.read(5.0)
     device.is_there = False
@@ -168,19 +163,15 @@ def test_a_camera_that_was_unplugged_is_opened_again(monkeypatch):
 
 
 def test_a_camera_that_gives_grey_frames_is_refused_frame_by_frame():
-    device = Device([np.zeros((4, 4), np.uint8)])
-    device.is_there = True
+    device = _Device(shape=(4, 4))
     source = CameraSource("camera", 0, FIELD, device.open)
-    time.sleep(0.0)
     with pytest.raises(FrameError, match="8-bit colour"):
-        for _ in range(2):
-            source._newest = (0.0, np.zeros((4, 4), np.uint8))
-            source.read(1.0)
+        source.read(5.0)
     source.close()
 
 
 def test_a_camera_that_is_not_there_is_named():
-    device = Device()
+    device = _Device()
     device.is_there = False
     with pytest.raises(RobocupVisionError, match="camera 7: no camera"):
         CameraSource("camera 7", 7, FIELD, device.open)

@@ -5,6 +5,7 @@ import os
 import signal
 import time
 
+import cv2
 import numpy as np
 import pytest
 from websockets.sync.client import connect
@@ -47,15 +48,13 @@ def test_what_is_shown_arrives_in_a_page(viewer, vision, frames, tmp_path):
         buffer = frames[1].copy()
         viewer.show(buffer, vision.look(buffer, t_s=4.6))
         buffer[:] = 0
-        link.send('{"type": "save", "robot": "robot", "number": 2}')
-        next_picture(link)
+        number = next_picture(link)[0]["number"]
+        link.send(json.dumps({"type": "save", "robot": "robot", "number": number}))
         deadline = time.monotonic() + WAIT_S
         path = tmp_path / "out" / "frame_000" / "dataset.toml"
         while not path.exists() and time.monotonic() < deadline:
             time.sleep(0.02)
         assert path.exists()
-        import cv2
-
         assert np.array_equal(cv2.imread(str(path.parent / "images" / "000000.png")), frames[1])
     assert viewer.cpu_s > 0
 

@@ -50,7 +50,12 @@ def test_what_a_match_has_not_is_named(text, words):
 
 @pytest.mark.parametrize(
     "options",
-    [SourceOptions(field="msl_6x4"), SourceOptions(memory=True), SourceOptions(method="field"), SourceOptions(colors="c")],
+    [
+        SourceOptions(field="msl_6x4"),
+        SourceOptions(memory=True),
+        SourceOptions(method="field"),
+        SourceOptions(colors="c"),
+    ],
 )
 def test_options_that_say_nothing_to_a_match_are_refused(options):
     with pytest.raises(ArgumentError, match="sim:ssl_2001"):

@@ -1,0 +1,76 @@
+"""`robocup-vision live`: it serves, ends when told to, records, and names what is wrong in one line."""
+
+import subprocess
+import sys
+
+import pytest
+
+from robocup_vision import cli
+from robocup_vision.recording.recording import Recording
+
+
+def test_it_serves_a_dataset_for_some_seconds_and_records(images, tmp_path, capfd):
+    path = tmp_path / "run.mcap"
+    arguments = ["live", str(images), "--port", "0", "--seconds", "1.5", "--record", str(path)]
+    assert cli.main([*arguments, "--out", str(tmp_path)]) == 0
+    out, err = capfd.readouterr()
+    assert out.startswith("live at http://127.0.0.1:")
+    assert f"robocup-vision live: recording to {path}" in err
+    assert list(Recording(path).frames())
+
+
+@pytest.fixture
+def images(tmp_path):
+    import shutil
+    from pathlib import Path
+
+    folder = tmp_path / "dataset"
+    shutil.copytree(Path(__file__).parents[3] / "images" / "omni_ssl_2001", folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nothing_here"], "nothing_here: does not exist"),
+        (["sim:ssl_2001", "--from", "-1"], "--from must be 0 or more"),
+        (["sim:ssl_2001", "--seconds", "nan"], "--seconds must be 0 or more"),
+        (["sim:ssl_2001", "--port", "99999"], "port must be 0 to 65535"),
+        (["sim:ssl_2001", "--host", "not.an.address"], "host must be an IP address"),
+        (["sim:ssl_2001", "sim:ssl_2001"], "is named twice"),
+        (["sim:ssl_2001", "--record", "/no/such/folder/a.mcap"], "recorded by `robocup-vision match --record`"),
+    ],
+)
+def test_what_is_wrong_is_named_in_one_line(arguments, words, capfd):
+    assert cli.main(["live", *arguments, *([] if "--port" in arguments else ["--port", "0"])]) == 2
+    err = capfd.readouterr().err.strip().splitlines()
+    assert len(err) == 1
+    assert err[0].startswith("robocup-vision live: ")
+    assert words in err[0]
+
+
+def test_without_the_extra_it_says_what_to_install():
+    code = (
+        "import sys\n"
+        "class Absent:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        return None\n"
+        "import importlib.util as util\n"
+        "find = util.find_spec\n"
+        "util.find_spec = lambda name, *rest: None if name == 'uvicorn' else find(name, *rest)\n"
+        "from robocup_vision import cli\n"
+        "sys.exit(cli.main(['live', 'sim:ssl_2001', '--port', '0']))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2
+    assert done.stderr == "robocup-vision live: the page needs uvicorn: pip install 'robocup-vision[live]'\n"
+
+
+def test_neither_the_library_nor_the_command_line_loads_a_web_package():
+    code = (
+        "import sys, robocup_vision, robocup_vision.live, robocup_vision.vision; from robocup_vision import cli\n"
+        "cli._parser()\n"
+        "print(*({'starlette', 'uvicorn', 'websockets', 'anyio', 'mcap', 'rosbags'} & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
