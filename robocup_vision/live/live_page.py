@@ -198,9 +198,9 @@ class LivePage:
         if slots is None or frame_bytes + _ROOM_BYTES > slots.room_bytes or slots.count != count:
             if slots is not None:
                 slots.remove()
-            self._slots = FrameSlots.create(count, frame_bytes + _ROOM_BYTES)
-            self._tell("slots", str(self._slots.path), self._slots.count, self._slots.slot_bytes)
-        return self._slots
+            self._slots = slots = FrameSlots.create(count, frame_bytes + _ROOM_BYTES)
+            self._tell("slots", str(slots.path), slots.count, slots.slot_bytes)
+        return slots
 
     def _tell(self, *message: Any) -> None:
         if self._closed:
