@@ -24,7 +24,16 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--players", type=int, default=6, metavar="N", help="robots of each team (default: 6)")
     add("--network", default="loopback", metavar="I", help="loopback (default), or a network interface or its address")
     add("--speed", type=float, default=1.0, metavar="X", help="1: as a clock (default); 0: as fast as it goes")
-    add("--realism", default="none", metavar="R", help="none (default) or rc2021: noise, delays, losses")
+    add("--realism", default="none", metavar="R", help="none (default), rc2021 or cameras: see the page")
+    add("--cameras", metavar="CxR", help="cameras along the field and across it, e.g. 4x2 (default: the realism's)")
+    add("--images", metavar="DIR", help="save what each camera sees there")
+    add(
+        "--images-every",
+        type=int,
+        default=30,
+        metavar="N",
+        help="save every so many frames (default: 30, two a second)",
+    )
     add(
         "--referee",
         default="play-on",
@@ -64,6 +73,7 @@ def run_simulate(args: argparse.Namespace) -> int:
     from field_models.errors import ArgumentError
     from sim2d.match.league_referee import LeagueReferee
     from sim2d.network.built_in import built_in_robots, check_apart
+    from sim2d.network.camera_images import CameraImages
     from sim2d.network.league import LeagueSimulator
     from sim2d.network.realism import realism_named
     from sim2d.network.server import LeagueServer, Ports
@@ -80,8 +90,10 @@ def run_simulate(args: argparse.Namespace) -> int:
     built_in = [built_in_robots(text, field, args.players, args.seed) for text in args.built_in]
     check_apart(built_in)
     referee = LeagueReferee(field, field.robot_radius_m) if args.referee == "match" else None
+    realism = realism_named(args.realism, args.cameras)
+    images = CameraImages(args.images, args.images_every, args.seed) if args.images else None
     simulator = LeagueSimulator(
-        field, args.players, realism_named(args.realism), args.seed, time.time(), referee, built_in
+        field, args.players, realism, args.seed, time.time(), referee, built_in=built_in, images=images
     )
     simulator.speed = args.speed or math.inf
     simulator.vision_port = args.vision_port
@@ -95,6 +107,9 @@ def run_simulate(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print()
         _print_end(server)
+    if images is not None:
+        images.close()
+        print(f"{images.saved} images in {images.folder}")
     return 0
 
 

@@ -34,6 +34,7 @@ from robocup_vision.ssl.values.simulation import (
 from sim2d.kick_off import kick_off_pose
 from sim2d.match.league_referee import LeagueReferee
 from sim2d.network.built_in import BuiltInRobots
+from sim2d.network.camera_images import CameraImages
 from sim2d.network.control import MAX_SPEED_MPS, MAX_TURN_RPS, apply_command
 from sim2d.network.packets import match_packet, referee_packet, robot_states, tracker_packet
 from sim2d.network.realism import Realism
@@ -83,10 +84,12 @@ class LeagueSimulator:
         The same seed and the same requests at the same steps give the same packets, but for their time.
     epoch_s : float
         Seconds since 1970 when it begins: simulated time counts from there.
-    built_in : sequence of BuiltInRobots
-        Play some of the robots; the others are there for foreign commands.
     referee : LeagueReferee, optional
         Judges a match by the rules and puts the ball where it belongs; default: everybody may play all the time.
+    built_in : sequence of BuiltInRobots
+        Play some of the robots; the others are there for foreign commands.
+    images : CameraImages, optional
+        Saves what the cameras saw.
 
     Attributes
     ----------
@@ -116,6 +119,7 @@ class LeagueSimulator:
         epoch_s: float = 0.0,
         referee: LeagueReferee | None = None,
         built_in: Sequence[BuiltInRobots] = (),
+        images: CameraImages | None = None,
     ) -> None:
         if not field.goals:
             raise ArgumentError(f"the field {field.name} has no goals: it is none of the small-size league")
@@ -139,7 +143,7 @@ class LeagueSimulator:
         self._delayed: deque[tuple[int, bytes]] = deque()
         self._sync_debt_s = 0.0
         self.publishes_referee = True
-        self.referee, self._players = referee, players
+        self.referee, self._players, self._images = referee, players, images
         self._built_in = tuple(built_in)
         self._taken = {(robots.team, number) for robots in built_in for number in robots.numbers}
         for robots in built_in:
@@ -169,6 +173,8 @@ class LeagueSimulator:
             due = steps + math.ceil(self.realism.vision_delay_s / STEP_S - 1e-9)
             for frame in self._vision.capture(state, self.epoch_s):
                 self._delayed.extend((due, data) for data in detection_packets(frame))
+            if self._images is not None:
+                self._images.add(self._vision, state, self.epoch_s)
             out.append((Channel.TRACKER, encode(tracker_packet(state, steps // STEPS_A_FRAME, self.epoch_s))))
         if steps % STEPS_A_GEOMETRY == STEPS_A_FRAME:
             out += [(Channel.VISION, data) for data in self._vision.geometry_packets(self.world.flight)]

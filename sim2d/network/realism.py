@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
@@ -32,6 +33,11 @@ class Realism:
         A flying ball is reported where its ray meets the floor, without a height; otherwise where it is.
     camera_columns, camera_rows : int
         Cameras along x and along y.
+    looks : bool
+        The ball is found in what each camera sees: as much of it as robots leave in view, at the middle of those
+        pixels.
+    camera_position_std_m, camera_rotation_std_rad : float
+        By how much each camera hangs otherwise than its calibration says, per axis.
     camera_overlap_m : float
         Strip that two neighbouring cameras both see.
     vision_delay_s : float
@@ -50,6 +56,9 @@ class Realism:
     hides_ball: bool = False
     min_visible_ratio: float = 0.4
     floor_rays: bool = False
+    looks: bool = False
+    camera_position_std_m: float = 0.0
+    camera_rotation_std_rad: float = 0.0
     camera_columns: int = 1
     camera_rows: int = 1
     camera_overlap_m: float = 0.0
@@ -78,20 +87,54 @@ REALISMS = {
         command_loss=0.03,
         response_loss=0.10,
     ),
+    # cameras that look: as noisy as those of the league, calibrated to about a centimetre at the field's border
+    "cameras": Realism(
+        ball_std_m=0.0005,
+        robot_std_m=0.0013,
+        robot_std_rad=0.01,
+        hides_ball=True,
+        min_visible_ratio=0.25,
+        floor_rays=True,
+        looks=True,
+        camera_position_std_m=0.01,
+        camera_rotation_std_rad=0.001,
+        camera_columns=2,
+        camera_rows=2,
+        camera_overlap_m=1.0,
+        vision_delay_s=0.035,
+        processing_s=0.010,
+    ),
 }
 
 
-def realism_named(name: str) -> Realism:
+MAX_CAMERAS = 16
+
+
+def realism_named(name: str, cameras: str | None = None) -> Realism:
     """Return the realism of a name.
+
+    Parameters
+    ----------
+    name : str
+        Of `REALISMS`.
+    cameras : str, optional
+        How many cameras, along x and along y, e.g. ``4x2``; default: those of the realism.
 
     Raises
     ------
     ArgumentError
-        If there is none.
+        If there is none, or these are no cameras.
     """
     if name not in REALISMS:
         raise ArgumentError(f"there is no realism {name!r}, only {', '.join(REALISMS)}")
-    return REALISMS[name]
+    realism = REALISMS[name]
+    if cameras is None:
+        return realism
+    match = re.fullmatch(r"([1-9]\d?)x([1-9]\d?)", cameras)
+    columns, rows = map(int, match.groups()) if match else (0, 0)
+    if not 1 <= columns * rows <= MAX_CAMERAS:
+        raise ArgumentError(f"cameras are given as 4x2, at most {MAX_CAMERAS} of them, got {cameras!r}")
+    return dataclasses.replace(realism, camera_columns=columns, camera_rows=rows)
 
 
 # fields of the message that mean the same as one of ours: theirs, ours, how many of theirs make one of ours
@@ -102,13 +145,14 @@ _FIELDS = (
     ("ball_area_std_px", "ball_area_std_px", 1.0, 1e4),
     ("ball_visibility_threshold", "min_visible_ratio", 1.0, 1.0),
     ("camera_overlap_m", "camera_overlap_m", 1.0, 10.0),
+    ("camera_position_error_m", "camera_position_std_m", 1.0, 1.0),
     ("robot_command_loss", "command_loss", 1.0, 1.0),
     ("robot_response_loss", "response_loss", 1.0, 1.0),
     ("missing_ball_detections", "missing_ball_ratio", 1.0, 1.0),
     ("vision_delay_ns", "vision_delay_s", NS_PER_S, 1.0),
     ("vision_processing_ns", "processing_s", NS_PER_S, 1.0),
 )
-UNSUPPORTED = ("dribbler_ball_detections", "camera_position_error_m", "simulate_dribbling")
+UNSUPPORTED = ("dribbler_ball_detections", "simulate_dribbling")
 
 
 def changed_realism(realism: Realism, message: ErForceRealism) -> Realism:

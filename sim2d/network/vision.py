@@ -16,6 +16,7 @@ from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, D
 from robocup_vision.ssl.values.geometry import BallModels, BouncingBall, CameraCalibration, Geometry, RollingBall
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.network.cameras import OverheadCamera, camera_rig
+from sim2d.network.overhead_view import Mounting, OverheadView, camera_mounting
 from sim2d.network.realism import Realism
 from sim2d.network.world import LeagueRobotState, LeagueState
 from sim2d.world.ball_physics import GRAVITY_MPS2, BallSettings, Flight
@@ -48,6 +49,17 @@ class OverheadVision:
         self.cameras = camera_rig(field, realism.camera_columns, realism.camera_rows, realism.camera_overlap_m)
         self._rng = rng
         self._frame_numbers = [0] * len(self.cameras)
+        hung = realism.camera_position_std_m, realism.camera_rotation_std_rad
+        self._is_off = any(hung)
+        self.views = tuple(
+            OverheadView(field, camera, camera_mounting(rng, *hung) if self._is_off else Mounting())
+            for camera in self.cameras
+        )
+
+    @property
+    def frame_numbers(self) -> tuple[int, ...]:
+        """The number of each camera's last frame."""
+        return tuple(self._frame_numbers)
 
     def geometry_packets(self, flight: Flight) -> list[bytes]:
         """Return field, ball models and cameras, as many cameras a packet as a client with a small buffer reads."""
@@ -78,8 +90,8 @@ class OverheadVision:
         )
         teams: dict[Team, list[DetectionRobot]] = {Team.YELLOW: [], Team.BLUE: []}
         for place, robot in enumerate(seen):
-            teams[robot.team].append(self._robot(camera, robot, noise[place] if noise else (0.0, 0.0, 0.0)))
-        ball = self._ball(camera, state)
+            teams[robot.team].append(self._robot(index, robot, noise[place] if noise else (0.0, 0.0, 0.0)))
+        ball = self._ball_in_view(index, state) if realism.looks else self._ball(index, state)
         self._frame_numbers[index] += 1
         return DetectionFrame(
             self._frame_numbers[index],
@@ -91,15 +103,34 @@ class OverheadVision:
             tuple(teams[Team.BLUE]),
         )
 
-    def _robot(self, camera: OverheadCamera, robot: LeagueRobotState, noise: Sequence[float]) -> DetectionRobot:
-        realism, pose = self.realism, robot.pose
+    def _robot(self, index: int, robot: LeagueRobotState, noise: Sequence[float]) -> DetectionRobot:
+        camera, realism, pose = self.cameras[index], self.realism, robot.pose
         x, y = pose.x_m + realism.robot_std_m * noise[0], pose.y_m + realism.robot_std_m * noise[1]
         u, v = camera.pixel(x, y, robot.height_m)
+        if self._is_off:
+            # where it is in the image, carried to the field by the calibration
+            u, v = self.views[index].project(np.array([[x, y, robot.height_m]]))[0].tolist()
+            x, y = self.views[index].on_field(u, v, robot.height_m)
         angle = wrap_angle(pose.theta_rad + realism.robot_std_rad * noise[2])
         return DetectionRobot(1.0, robot.number, x, y, angle, u, v, robot.height_m)
 
-    def _ball(self, camera: OverheadCamera, state: LeagueState) -> DetectionBall | None:
-        realism, ball = self.realism, state.ball
+    def _ball_in_view(self, index: int, state: LeagueState) -> DetectionBall | None:
+        """Return the ball as its pixels in the image show it."""
+        realism, view = self.realism, self.views[index]
+        missing = self._rng.random()
+        dx, dy = self._rng.standard_normal(2).tolist()
+        seen = view.ball(state)
+        if seen is None or missing < realism.missing_ball_ratio or seen.visible_ratio < realism.min_visible_ratio:
+            return None
+        # vision takes every ball for one that lies on the floor
+        x, y = view.on_field(seen.u_px, seen.v_px, self.field.ball_radius_m)
+        if not self.cameras[index].covers(x, y):
+            return None
+        x, y = x + realism.ball_std_m * dx, y + realism.ball_std_m * dy
+        return DetectionBall(seen.visible_ratio, x, y, seen.u_px, seen.v_px, seen.area_px)
+
+    def _ball(self, index: int, state: LeagueState) -> DetectionBall | None:
+        camera, realism, ball = self.cameras[index], self.realism, state.ball
         x, y, z = ball.x_m, ball.y_m, ball.z_m
         missing = self._rng.random()
         dx, dy, da = self._rng.standard_normal(3).tolist()
@@ -115,7 +146,11 @@ class OverheadVision:
         radius_px = self.field.ball_radius_m * camera.focal_length_px / (camera.z_m - z)
         area = max(round(visible * math.pi * radius_px**2 + realism.ball_area_std_px * da), 1)
         height = z if z > 0 and not realism.floor_rays else None
-        return DetectionBall(visible, x, y, *camera.pixel(x, y), area, height)
+        u, v = camera.pixel(x, y)
+        if self._is_off:
+            u, v = self.views[index].project(np.array([[x, y, 0.0]]))[0].tolist()
+            x, y = self.views[index].on_field(u, v, 0.0)
+        return DetectionBall(visible, x, y, u, v, area, height)
 
 
 def visible_ratio(camera: OverheadCamera, state: LeagueState, ball_radius_m: float) -> float:

@@ -1,0 +1,241 @@
+"""What an overhead camera sees: its image, and of the ball as much as robots leave in view.
+
+One drawing serves both: colours make the image, and labels tell which pixels are the ball's. The camera hangs a little
+otherwise than its calibration says; what is measured in the image is carried to the field by the calibration.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from field_models import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.ssl.values.simulation import Team
+from sim2d.network.cameras import SIZE_PX, OverheadCamera
+from sim2d.network.world import LeagueRobotState, LeagueState
+
+# sub-pixel bits of OpenCV's drawing
+_SHIFT = 6
+_SUB = 1 << _SHIFT
+_CARPET, _LINE, _BEYOND = (60, 120, 40), (235, 235, 235), (50, 60, 50)
+_SIDE, _TOP, _BALL = (35, 35, 35), (20, 20, 20), (20, 110, 245)
+_TEAMS = {Team.YELLOW: (40, 225, 245), Team.BLUE: (220, 110, 40)}
+_BIT_SET, _BIT_CLEAR = (90, 220, 90), (190, 90, 235)
+# of the pattern on a robot: the team's dot, the number's dots, and where these are (ahead, left)
+_TEAM_DOT_M, _NUMBER_DOT_M = 0.025, 0.020
+_DOTS_M = ((0.035, 0.055), (0.035, -0.055), (-0.055, 0.035), (-0.055, -0.035))
+_OUTLINE = np.linspace(0.0, math.tau, 24, endpoint=False)
+_FRONT_RAD = math.acos(0.075 / 0.09)
+_NOISE_STD, _BLUR_PX = 3.0, 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """How a camera really hangs, against its calibration.
+
+    Parameters
+    ----------
+    shift_m : (float, float, float)
+        Of its position.
+    rotation_rad : (float, float, float)
+        Small turns about the field's axes.
+    """
+
+    shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class BallImage:
+    """The ball in an image: the middle of its pixels, how many they are, and their ratio of those without robots."""
+
+    u_px: float
+    v_px: float
+    area_px: int
+    visible_ratio: float
+
+
+class OverheadView:
+    """Draws what one camera sees.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OverheadCamera
+        As calibrated.
+    mounting : Mounting
+        How it really hangs.
+    """
+
+    def __init__(self, field: Field, camera: OverheadCamera, mounting: Mounting = Mounting()) -> None:
+        self._field, self.camera, self.mounting = field, camera, mounting
+        roll, pitch, yaw = mounting.rotation_rad
+        turn = cv2.Rodrigues(np.array([roll, pitch, yaw]))[0]
+        # field to camera: x to the right, y down in the image, z along the view
+        down = np.diag([1.0, -1.0, -1.0])
+        self._rotation: FloatArray = np.asarray(down @ turn.T, dtype=np.float64)
+        shift = np.array(mounting.shift_m)
+        self._position: FloatArray = np.array([camera.x_m, camera.y_m, camera.z_m]) + shift
+        self._background: UInt8Array | None = None
+
+    def project(self, points_m: FloatArray) -> FloatArray:
+        """Return where points (N, 3) of the field frame are in the image: (N, 2) pixels."""
+        seen = (points_m - self._position) @ self._rotation.T
+        scale = self.camera.focal_length_px / np.maximum(seen[:, 2], 1e-6)
+        return np.asarray(seen[:, :2] * scale[:, None] + np.array(SIZE_PX) / 2)
+
+    def on_field(self, u_px: float, v_px: float, z_m: float) -> tuple[float, float]:
+        """Return where the calibration says a pixel is on the plane at a height."""
+        camera = self.camera
+        scale = (camera.z_m - z_m) / camera.focal_length_px
+        return camera.x_m + (u_px - SIZE_PX[0] / 2) * scale, camera.y_m - (v_px - SIZE_PX[1] / 2) * scale
+
+    def ball(self, state: LeagueState) -> BallImage | None:
+        """Return the ball's image, drawn with the robots before it; None where nothing of it is in view."""
+        center, radius_px = self._ball_circle(state)
+        half = math.ceil(radius_px) + 3
+        left, top = math.floor(center[0]) - half, math.floor(center[1]) - half
+        if not (-half < left + half < SIZE_PX[0] + half and -half < top + half < SIZE_PX[1] + half):
+            return None
+        mask = np.zeros((2 * half + 1, 2 * half + 1), np.uint8)
+        at = center - (left, top)
+        _disc(mask, at, radius_px, 1)
+        whole = int(mask.sum())
+        ball, robots = state.ball, state.robots
+        if ball.z_m + self._field.ball_radius_m < max((robot.height_m for robot in robots), default=0.0):
+            for robot in robots:
+                # no robot throws its side farther than this
+                lean = robot.height_m / max(self.camera.z_m - robot.height_m, 0.1)
+                far = math.hypot(robot.pose.x_m - self.camera.x_m, robot.pose.y_m - self.camera.y_m) * lean + 0.3
+                if math.hypot(robot.pose.x_m - ball.x_m, robot.pose.y_m - ball.y_m) < far:
+                    _polygon(mask, self._silhouette(robot) - (left, top), 0)
+        # pixels beyond the image are not seen
+        mask[:, : max(-left, 0)] = mask[: max(-top, 0)] = 0
+        mask[:, max(SIZE_PX[0] - left, 0) :] = mask[max(SIZE_PX[1] - top, 0) :] = 0
+        rows, columns = np.nonzero(mask)
+        if not len(rows):
+            return None
+        return BallImage(
+            left + float(columns.mean()), top + float(rows.mean()), len(rows), min(len(rows) / max(whole, 1), 1.0)
+        )
+
+    def render(self, state: LeagueState, rng: np.random.Generator) -> UInt8Array:
+        """Return the camera's image.
+
+        Parameters
+        ----------
+        state : LeagueState
+            The truth at the exposure.
+        rng : numpy.random.Generator
+            Of the sensor's noise.
+
+        Returns
+        -------
+        (H, W, 3) uint8
+            BGR.
+        """
+        if self._background is None:
+            self._background = self._draw_field()
+        image = self._background.copy()
+        flies = state.ball.z_m > max((robot.height_m for robot in state.robots), default=0.0)
+        if not flies:
+            self._draw_ball(image, state)
+        for robot in state.robots:
+            self._draw_robot(image, robot)
+        if flies:
+            self._draw_ball(image, state)
+        image = np.asarray(cv2.GaussianBlur(image, (0, 0), _BLUR_PX), dtype=np.uint8)
+        noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(_NOISE_STD)
+        return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+    def _draw_field(self) -> UInt8Array:
+        field = self._field
+        image = np.full((SIZE_PX[1], SIZE_PX[0], 3), _BEYOND, np.uint8)
+        _polygon(image, self.project(_raised(field.floor_polygon, 0.0)), _CARPET)
+        width = field.line_width_m / 2
+        for x0, y0, x1, y1 in field.lines.tolist():
+            length = math.hypot(x1 - x0, y1 - y0)
+            ax, ay = width * (x1 - x0) / length, width * (y1 - y0) / length
+            corners = [
+                (x0 - ax - ay, y0 - ay + ax),
+                (x1 + ax - ay, y1 + ay + ax),
+                (x1 + ax + ay, y1 + ay - ax),
+                (x0 - ax + ay, y0 - ay - ax),
+            ]
+            _polygon(image, self.project(_raised(np.array(corners), 0.0)), _LINE)
+        for x, y, radius, start, sweep in field.arcs.tolist():
+            angles = start + np.linspace(0.0, sweep, 97)
+            for a, b in itertools.pairwise(angles.tolist()):
+                piece = [
+                    (x + r * math.cos(angle), y + r * math.sin(angle))
+                    for r, angle in ((radius - width, a), (radius + width, a), (radius + width, b), (radius - width, b))
+                ]
+                _polygon(image, self.project(_raised(np.array(piece), 0.0)), _LINE)
+        for goal in field.goals:
+            if goal.kind == "panels":
+                for x0, y0, x1, y1 in goal.panels.tolist():
+                    wall = np.array([[x0, y0, 0.0], [x1, y1, 0.0], [x1, y1, goal.height_m], [x0, y0, goal.height_m]])
+                    _polygon(image, self.project(wall), _LINE)
+        return image
+
+    def _draw_ball(self, image: UInt8Array, state: LeagueState) -> None:
+        center, radius_px = self._ball_circle(state)
+        _disc(image, center, radius_px, _BALL)
+
+    def _draw_robot(self, image: UInt8Array, robot: LeagueRobotState) -> None:
+        _polygon(image, self._silhouette(robot), _SIDE)
+        _polygon(image, self.project(_outline(robot, robot.height_m)), _TOP)
+        dots = [((0.0, 0.0), _TEAM_DOT_M, _TEAMS[robot.team])]
+        dots += [
+            (place, _NUMBER_DOT_M, _BIT_SET if robot.number >> bit & 1 else _BIT_CLEAR)
+            for bit, place in enumerate(_DOTS_M)
+        ]
+        scale = self.camera.focal_length_px / (self._position[2] - robot.height_m)
+        for place, radius_m, color in dots:
+            x, y = robot.pose.transform(place).tolist()
+            _disc(image, self.project(np.array([[x, y, robot.height_m]]))[0], radius_m * scale, color)
+
+    def _ball_circle(self, state: LeagueState) -> tuple[FloatArray, float]:
+        ball, radius_m = state.ball, self._field.ball_radius_m
+        height = min(ball.z_m + radius_m, 0.9 * float(self._position[2]))
+        center = self.project(np.array([[ball.x_m, ball.y_m, height]]))[0]
+        return center, radius_m * self.camera.focal_length_px / float(self._position[2] - height)
+
+    def _silhouette(self, robot: LeagueRobotState) -> FloatArray:
+        """Return the outline (N, 2) of a robot in the image: the hull of its foot and its top, pixels."""
+        both = self.project(np.concatenate([_outline(robot, 0.0), _outline(robot, robot.height_m)]))
+        hull = cv2.convexHull(both.astype(np.float32))
+        return np.asarray(hull[:, 0], dtype=np.float64)
+
+
+def camera_mounting(rng: np.random.Generator, position_std_m: float, rotation_std_rad: float) -> Mounting:
+    """Return how a camera hangs whose calibration is off by so much, each axis."""
+    x, y, z, roll, pitch, yaw = (rng.standard_normal(6) * ([position_std_m] * 3 + [rotation_std_rad] * 3)).tolist()
+    return Mounting((x, y, z), (roll, pitch, yaw))
+
+
+def _outline(robot: LeagueRobotState, z_m: float) -> FloatArray:
+    """Return a robot's outline (N, 3) at a height: a disc cut off at its flat front."""
+    along = np.minimum(np.cos(_OUTLINE), math.cos(_FRONT_RAD)) * robot.radius_m
+    aside = np.sin(_OUTLINE) * robot.radius_m
+    return _raised(robot.pose.transform(np.stack([along, aside], axis=1)), z_m)
+
+
+def _raised(points_m: FloatArray, z_m: float) -> FloatArray:
+    return np.column_stack([points_m, np.full(len(points_m), z_m)])
+
+
+def _polygon(image: UInt8Array, corners_px: FloatArray, color: tuple[int, int, int] | int) -> None:
+    cv2.fillConvexPoly(image, np.rint(corners_px * _SUB).astype(np.int32), color, shift=_SHIFT)
+
+
+def _disc(image: UInt8Array, center_px: FloatArray, radius_px: float, color: tuple[int, int, int] | int) -> None:
+    center = round(float(center_px[0]) * _SUB), round(float(center_px[1]) * _SUB)
+    # OpenCV's disc takes in the pixels that its edge touches
+    cv2.circle(image, center, round((radius_px - 0.4) * _SUB), color, cv2.FILLED, shift=_SHIFT)
