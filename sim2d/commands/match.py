@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from field_models.errors import ArgumentError
 from sim2d.commands.match_options import add_match_options, match_plan
+
+if TYPE_CHECKING:
+    from contextlib import ExitStack
+
+    from sim2d.world.referee import RefereeFactory
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -23,6 +29,24 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--record", action="store_true", help="write a recording of each robot, robot_0.mcap and so on (extra ros)"
     )
+    judge = parser.add_mutually_exclusive_group()
+    judge.add_argument(
+        "--referee",
+        default="simple",
+        choices=("simple", "league", "network"),
+        help="simple (default): the ball is put back at once; league: by the small-size league's rules; network: obey "
+        "a game controller that runs (extra ssl), at the clock's speed",
+    )
+    judge.add_argument(
+        "--ci",
+        metavar="HOST[:PORT]",
+        help="drive a game controller through its port for continuous integration (10009), at the match's speed",
+    )
+    add = parser.add_argument
+    add(
+        "--referee-port", type=int, default=10003, metavar="P", help="where a game controller is heard (default: 10003)"
+    )
+    add("--network", default="loopback", metavar="I", help="on which interface (default: loopback)")
     parser.set_defaults(run=run_match_command)
     return parser
 
@@ -35,10 +59,16 @@ def run_match_command(args: argparse.Namespace) -> int:
     RobocupVisionError
         For anything the user can mend.
     """
+    import dataclasses
+    from contextlib import ExitStack
+
     from sim2d.match.run import run_match
 
     plan = match_plan(args)
-    summary = run_match(plan, args.out, realtime=args.realtime, record=args.record)
+    with ExitStack() as opened:
+        plan = dataclasses.replace(plan, referee=_referee(args, opened))
+        realtime = args.realtime or args.referee == "network"
+        summary = run_match(plan, args.out, realtime=realtime, record=args.record)
     figures = summary.figures
     print(f"{args.field}, {args.players} against {args.players}, {figures.seconds:g} s, seed {args.seed}")
     print(f"score {figures.score[0]} : {figures.score[1]}")
@@ -66,6 +96,30 @@ def run_match_command(args: argparse.Namespace) -> int:
         print(f"recording: {path}")
     print(f"report: {summary.report or summary.out}")
     return 0
+
+
+def _referee(args: argparse.Namespace, opened: ExitStack) -> RefereeFactory | None:
+    """Return who makes the referee; its connection is closed with `opened`."""
+    if args.ci is not None:
+        from robocup_vision.ssl.ci import CI_PORT, CiClient
+        from sim2d.network.foreign_referee import DrivenReferee, ForeignReferee
+
+        host, _, port = args.ci.partition(":")
+        if port and not port.isdecimal():
+            raise ArgumentError(f"--ci is given as HOST or HOST:PORT, got {args.ci!r}")
+        driven = opened.enter_context(CiClient(host, int(port or CI_PORT)))
+        return lambda field, limits: ForeignReferee(DrivenReferee(driven, field))
+    if args.referee == "network":
+        from robocup_vision.ssl.subscriptions import RefereeClient
+        from sim2d.network.foreign_referee import ForeignReferee, ListenedReferee
+
+        client = opened.enter_context(RefereeClient(args.referee_port, args.network))
+        return lambda field, limits: ForeignReferee(ListenedReferee(client))
+    if args.referee == "league":
+        from sim2d.match.league_referee import league_referee
+
+        return league_referee
+    return None
 
 
 def _millimetres(length_m: float | None) -> str:

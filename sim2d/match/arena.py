@@ -20,6 +20,7 @@ from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, RobotLimits, Senses
 from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera
+from sim2d.world.referee import RefereeFactory
 from sim2d.world.state import WorldState
 from sim2d.world.world import World, WorldSettings
 
@@ -60,6 +61,8 @@ class Arena:
         Of bodies, ball and rules.
     sensor : Sensor
         Lens and sensor of every camera.
+    referee : RefereeFactory, optional
+        Makes who judges; default: the simple rules of `sim2d.world.referee`.
 
     Raises
     ------
@@ -78,6 +81,7 @@ class Arena:
         faults: Sequence[Fault] = (),
         physics: WorldSettings = WorldSettings(),
         sensor: Sensor = MATCH_SENSOR,
+        referee: RefereeFactory | None = None,
     ) -> None:
         if seed < 0:
             raise ArgumentError(f"seed must not be negative, got {seed}")
@@ -86,7 +90,8 @@ class Arena:
         self.camera = camera_for(field) if camera is None else camera
         self.limits = RobotLimits() if limits is None else limits
         self.faults = tuple(faults)
-        self.world = World(field, players, self.limits, np.random.default_rng([seed, _WORLD]), physics)
+        judge = None if referee is None else referee(field, self.limits)
+        self.world = World(field, players, self.limits, np.random.default_rng([seed, _WORLD]), physics, judge)
         robots = range(2 * players)
         for fault in faults:
             if fault.robot not in robots:

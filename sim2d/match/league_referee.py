@@ -14,7 +14,7 @@ from typing import Literal
 from field_models import Field
 from sim2d.defence_area import defence_area
 from sim2d.kick_off import center_circle_radius_m
-from sim2d.robot_link import Phase
+from sim2d.robot_link import Phase, RobotLimits
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
 
@@ -104,6 +104,11 @@ class Foul:
     side: int
     number: int
     kind: FoulKind
+
+
+def league_referee(field: Field, limits: RobotLimits) -> LeagueReferee:
+    """Return who judges a match by the league's rules: a `sim2d.world.referee.RefereeFactory`."""
+    return LeagueReferee(field, limits.radius_m)
 
 
 class LeagueReferee:

@@ -28,6 +28,7 @@ from sim2d.robot_link import (
 )
 from sim2d.sensors.faults import Fault
 from sim2d.sensors.match_camera import MATCH_SENSOR
+from sim2d.world.referee import RefereeFactory
 from sim2d.world.robot_body import check_command
 from sim2d.world.world import WorldSettings
 
@@ -47,7 +48,7 @@ class Match:
         The same seed gives the same match, bit for bit.
     ours, theirs : PlayerFactory
         Make the players of the side that attacks the goal at +x, and of the other.
-    camera, limits, faults, physics, sensor
+    camera, limits, faults, physics, sensor, referee
         See `Arena`.
     keeps_figures : bool
         Count what `figures` tells: each control period takes some memory.
@@ -72,9 +73,18 @@ class Match:
         physics: WorldSettings = WorldSettings(),
         sensor: Sensor = MATCH_SENSOR,
         keeps_figures: bool = True,
+        referee: RefereeFactory | None = None,
     ) -> None:
         self.arena = Arena(
-            field, players, seed, camera=camera, limits=limits, faults=faults, physics=physics, sensor=sensor
+            field,
+            players,
+            seed,
+            camera=camera,
+            limits=limits,
+            faults=faults,
+            physics=physics,
+            sensor=sensor,
+            referee=referee,
         )
         self.seed = seed
         self._keeps_figures = keeps_figures

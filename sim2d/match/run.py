@@ -23,6 +23,7 @@ from sim2d.report.story import MatchStory
 from sim2d.report.video import MatchVideo
 from sim2d.robot_link import CONTROL_PERIOD_S, PlayerFactory
 from sim2d.sensors.faults import Fault
+from sim2d.world.referee import RefereeFactory
 
 OUTPUT_NAMES = ("match.json", "match.webm", "report.html")
 
@@ -48,6 +49,9 @@ class MatchPlan:
         On every robot; default: that of the field's league.
     faults : tuple of Fault
         Faults of senses and bodies.
+    referee : RefereeFactory, optional
+        Makes who judges; default: simple rules without stops. One that listens to a game controller cannot be sent to
+        another process.
     """
 
     field: str = "ssl_2001"
@@ -58,6 +62,7 @@ class MatchPlan:
     theirs: PlayerFactory = BuiltInPlayer
     camera: Camera | None = None
     faults: tuple[Fault, ...] = ()
+    referee: RefereeFactory | None = None
 
     def begin(self) -> Match:
         """Set the match up.
@@ -77,6 +82,7 @@ class MatchPlan:
             theirs=self.theirs,
             camera=self.camera,
             faults=self.faults,
+            referee=self.referee,
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -73,6 +73,9 @@ class MatchReferee(Protocol):
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
         """Return the rulings after a control period."""
         ...
+
+
+RefereeFactory = Callable[[Field, RobotLimits], MatchReferee]
 
 
 class Referee:

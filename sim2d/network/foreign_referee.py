@@ -1,0 +1,188 @@
+"""A referee of sim2d's own matches that is not here: the league's game controller, listened to or driven.
+
+What it commands becomes the players' phase. The ball is put where a person would put it before a kick.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.ssl.ci import CiClient
+from robocup_vision.ssl.field import geometry_from_field
+from robocup_vision.ssl.game import Game
+from robocup_vision.ssl.subscriptions import RefereeClient
+from robocup_vision.ssl.values.referee import CiInput, Referee, RefereeCommand
+from robocup_vision.ssl.values.simulation import Team
+from robocup_vision.ssl.values.tracked import (
+    TeamColor,
+    TrackedBall,
+    TrackedFrame,
+    TrackedRobot,
+    TrackedRobotId,
+    TrackerPacket,
+    Vector2,
+    Vector3,
+)
+from sim2d.network.packets import TRUTH_SOURCE, TRUTH_UUID
+from sim2d.robot_link import Phase
+from sim2d.world.referee import Ruling
+from sim2d.world.state import BallState, Event, RobotState
+
+# the game controller takes a ball for placed that lies so near
+_PLACED_M = 0.15
+_KICK_OFFS = (RefereeCommand.PREPARE_KICKOFF_YELLOW, RefereeCommand.PREPARE_KICKOFF_BLUE)
+_KICKS = (
+    *_KICK_OFFS,
+    RefereeCommand.PREPARE_PENALTY_YELLOW,
+    RefereeCommand.PREPARE_PENALTY_BLUE,
+    RefereeCommand.DIRECT_FREE_YELLOW,
+    RefereeCommand.DIRECT_FREE_BLUE,
+)
+_NS_PER_S = 1e9
+# a game controller that answers nothing for so long does not work
+_MAX_SILENCE_S = 10.0
+
+
+class RefereeSource(Protocol):
+    """Where a game controller's packets come from."""
+
+    def poll(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
+        """Return what has come since the last call, at a time of the match."""
+        ...
+
+
+class ListenedReferee:
+    """A game controller that runs by itself and is heard on the network."""
+
+    def __init__(self, client: RefereeClient) -> None:
+        self._client = client
+
+    def poll(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
+        """Return what has come since the last call."""
+        packets = []
+        while (packet := self._client.receive(0.0)) is not None:
+            packets.append(packet)
+        return packets
+
+
+class DrivenReferee:
+    """A game controller that goes by the match's time, and sees it by tracker packets.
+
+    Parameters
+    ----------
+    client : CiClient
+        The connection to it.
+    field : Field
+        The pitch, told at the first exchange.
+    """
+
+    def __init__(self, client: CiClient, field: Field) -> None:
+        self._client, self._field = client, field
+        self._frames = 0
+        self._answered_s = time.monotonic()
+        self._begin_ns = time.time_ns()
+
+    def poll(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
+        """Tell it a moment of the match; return what it answers.
+
+        Raises
+        ------
+        ArgumentError
+            If the connection is lost, or it does not answer.
+        PacketError
+            If it answers what is no packet.
+        """
+        geometry = geometry_from_field(self._field) if self._frames == 0 else None
+        self._frames += 1
+        frame = tracked_frame(self._frames, self._begin_ns / _NS_PER_S + t_s, robots, ball, blue_positive)
+        now_ns = self._begin_ns + round(_NS_PER_S * t_s)
+        told = CiInput(now_ns, TrackerPacket(TRUTH_UUID, TRUTH_SOURCE, frame), geometry=geometry)
+        packets = self._client.exchange(told)
+        if packets:
+            self._answered_s = time.monotonic()
+        elif time.monotonic() - self._answered_s > _MAX_SILENCE_S:
+            raise ArgumentError(f"the game controller has not answered for {_MAX_SILENCE_S:g} s")
+        return packets
+
+
+class ForeignReferee:
+    """Satisfies `sim2d.world.referee.MatchReferee` by what a game controller says.
+
+    Parameters
+    ----------
+    source : RefereeSource
+        Where its packets come from.
+    """
+
+    def __init__(self, source: RefereeSource) -> None:
+        self._source = source
+        self._game = Game(Team.YELLOW)
+        self._packet: Referee | None = None
+        self._blue_positive = True
+        self.phase: Phase = "halt"
+        self.kick_off_side = 1
+        self.score = {1: 0, -1: 0}
+        self.placement_m: tuple[float, float] | None = None
+
+    def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
+        """Take in what the game controller says; return what follows from it at once."""
+        rulings: list[Ruling] = []
+        for packet in self._source.poll(t_s, robots, ball, self._blue_positive):
+            before, self._packet = self._packet, packet
+            self._game.update(packet)
+            if packet.blue_on_positive_half is not None:
+                self._blue_positive = packet.blue_on_positive_half
+            if before is None or before.command_counter != packet.command_counter:
+                rulings += self._put_ball(t_s, packet, ball)
+        if self._packet is not None:
+            yellow = self._yellow_side
+            goals = {yellow: self._packet.yellow.score, -yellow: self._packet.blue.score}
+            scorers = [side for side in (1, -1) if goals[side] > self.score[side]]
+            rulings += [Ruling(Event(t_s, "goal", side=side)) for side in scorers]
+            self.score = goals
+            state = self._game.state(t_s, (ball.x_m, ball.y_m))
+            self.phase = state.phase
+            self.kick_off_side = yellow if state.own_turn else -yellow
+            self.placement_m = state.placement_m if state.phase == "ball_placement" else None
+        return rulings
+
+    @property
+    def _yellow_side(self) -> int:
+        return 1 if self._blue_positive else -1
+
+    def _put_ball(self, t_s: float, packet: Referee, ball: BallState) -> list[Ruling]:
+        """Return the ball's ruling before a kick, where it lies elsewhere; whistle for a start."""
+        if packet.command in (RefereeCommand.NORMAL_START, RefereeCommand.FORCE_START):
+            return [Ruling(Event(t_s, "whistle"))]
+        if packet.command not in _KICKS:
+            return []
+        place = packet.designated_position
+        where = (0.0, 0.0) if packet.command in _KICK_OFFS else None if place is None else (place.x_m, place.y_m)
+        if where is None or not all(map(math.isfinite, where)):
+            return []
+        return [Ruling(None, where)] if math.dist(where, (ball.x_m, ball.y_m)) > _PLACED_M else []
+
+
+def tracked_frame(
+    number: int, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool
+) -> TrackedFrame:
+    """Return a moment of one of sim2d's own matches as a tracker tells it; blue defends the goal at +x, or yellow."""
+    yellow = 1 if blue_positive else -1
+    tracked = tuple(
+        TrackedRobot(
+            TrackedRobotId(robot.number, TeamColor.YELLOW if robot.side == yellow else TeamColor.BLUE),
+            Vector2(robot.pose.x_m, robot.pose.y_m),
+            robot.pose.theta_rad,
+            Vector2(*robot.velocity_mps),
+            robot.turn_rps,
+            1.0,
+        )
+        for robot in robots
+    )
+    here = TrackedBall(Vector3(ball.x_m, ball.y_m, ball.z_m), Vector3(ball.vx_mps, ball.vy_mps, ball.vz_mps), 1.0)
+    return TrackedFrame(number, t_s, (here,), tracked)
