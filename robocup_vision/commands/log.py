@@ -15,13 +15,16 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, words in (
         ("info", "what is in it"),
-        ("convert", "write detections.csv, referee.csv and tracked.csv"),
+        ("convert", "write detections.csv, referee.csv and tracked.csv, or an MCAP file"),
         ("score", "score our tracker beside the last detection, against the log's tracker packets"),
     ):
         action = actions.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
         action.add_argument("file", metavar="FILE", help="log; compressed where its name ends in gz")
         if name == "convert":
-            action.add_argument("--out", metavar="DIR", help="folder for the tables (default: out/NAME)")
+            action.add_argument(
+                "--to", choices=("csv", "mcap"), default="csv", help="tables, or one file for MCAP viewers"
+            )
+            action.add_argument("--out", metavar="DIR", help="folder for the tables or the file (default: out/NAME)")
     parser.set_defaults(run=run_log)
     return parser
 
@@ -40,7 +43,9 @@ def run_log(args: argparse.Namespace) -> int:
         if args.action == "info":
             return _info(log)
         if args.action == "convert":
-            return _convert(log, Path(args.out) if args.out else Path("out") / log.path.name.partition(".")[0])
+            name = log.path.name.partition(".")[0]
+            out = Path(args.out) if args.out else Path("out") / name
+            return _to_mcap(log, out / f"{name}.mcap") if args.to == "mcap" else _convert(log, out)
         return _score(log)
 
 
@@ -86,6 +91,14 @@ def _convert(log: Any, out: Path) -> int:
         print(f"{out / name}.csv: {rows} rows")
     if not tables:
         print("there is nothing in it that a table holds")
+    return 0
+
+
+def _to_mcap(log: Any, path: Path) -> int:
+    from robocup_vision.ssl.log_mcap import write_mcap
+
+    counts = write_mcap(log, path)
+    print(f"{path}: {', '.join(f'{count} on {topic}' for topic, count in sorted(counts.items())) or 'no messages'}")
     return 0
 
 

@@ -22,9 +22,9 @@ except ImportError:
         "the small-size league's messages need protobuf, which is not installed: pip install 'robocup-vision[ssl]'"
     ) from None
 
-__all__ = ["EncodeError", "UnknownFieldSet", "message_class", "parse"]
+__all__ = ["EncodeError", "UnknownFieldSet", "descriptor_set", "message_class", "message_name", "parse"]
 
-_PACKAGE = "robocup_vision"
+_PACKAGE, _FILE = "robocup_vision", "robocup_vision.proto"
 _FIELD = re.compile(
     r"(?P<number>\d+) (?P<name>\w+) (?P<type>[\w.]+)(?P<packed> packed)?(?P<label>!|\[\])?"
     r"(?: = (?P<default>[\w.]+))?(?: oneof (?P<oneof>\w+))?"
@@ -76,9 +76,23 @@ def message_class(name: str) -> Any:
     return message_factory.GetMessageClass(_pool().FindMessageTypeByName(f"{_PACKAGE}.{name}"))
 
 
+def message_name(name: str) -> str:
+    """Return a message's full name in `descriptor_set`."""
+    return f"{_PACKAGE}.{name}"
+
+
+@cache
+def descriptor_set() -> bytes:
+    """Return the definitions of all messages: a serialised google.protobuf.FileDescriptorSet."""
+    file = descriptor_pb2.FileDescriptorProto()
+    _pool().FindFileByName(_FILE).CopyToProto(file)
+    data: bytes = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+    return data
+
+
 @cache
 def _pool() -> Any:
-    file = descriptor_pb2.FileDescriptorProto(name="robocup_vision.proto", syntax="proto2")
+    file = descriptor_pb2.FileDescriptorProto(name=_FILE, syntax="proto2")
     # full names of messages and enums by table: a type is looked up there
     named = {table: re.findall(r"^(enum|message) ([\w.]+)$", text, re.MULTILINE) for table, text in TABLES.items()}
     pool = descriptor_pool.DescriptorPool()

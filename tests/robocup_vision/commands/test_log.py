@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import sys
 import time
 from pathlib import Path
 
@@ -113,3 +114,35 @@ def test_a_log_that_cannot_be_scored_says_why(capsys, tmp_path):
     with SslLogWriter(path):
         pass
     assert "nothing in it" in run(capsys, "convert", path, "--out", tmp_path / "t")[1]
+
+
+def test_an_mcap_file_holds_the_same_datagrams_and_what_reads_them(ours, tmp_path, capsys):
+    reader = pytest.importorskip("mcap.reader")
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    status, out, _ = run(capsys, "convert", ours, "--to=mcap", "--out", tmp_path)
+    assert status == 0
+    path = tmp_path / "ours.mcap"
+    assert str(path) in out
+    kinds = {"/vision": LogKind.VISION, "/tracker": LogKind.TRACKER, "/referee": LogKind.REFEREE}
+    with SslLog(ours) as log:
+        entries = [(entry.kind, entry.received_ns, entry.data) for entry in log]
+    with path.open("rb") as file:
+        found = list(reader.make_reader(file).iter_messages())
+    told = [(kinds[channel.topic], message.log_time, message.data) for _, channel, message in found]
+    assert sorted(told) == sorted(entries)
+    # a viewer knows nothing but the file
+    schema, _, message = next(one for one in found if one[1].topic == "/tracker")
+    pool = descriptor_pool.DescriptorPool()
+    for definition in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+        pool.Add(definition)
+    read = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name)).FromString(message.data)
+    assert read.source_name == "sim2d"
+    assert len(read.tracked_frame.robots) == 6
+
+
+def test_without_mcap_one_line_says_what_to_install(ours, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    status, _, err = run(capsys, "convert", ours, "--to=mcap", "--out", tmp_path)
+    assert status == 2
+    assert "MCAP files need mcap, which is not installed" in err

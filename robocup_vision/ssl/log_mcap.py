@@ -1,0 +1,80 @@
+"""A league log as an MCAP file: the same datagrams on topics, with their definitions, as MCAP viewers read them.
+
+Nothing is converted: the file holds the bytes that were received, and the descriptors of our tables as their schema.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from field_models.errors import FileError, RobocupVisionError
+from robocup_vision.ssl.log import LogKind, SslLog
+from robocup_vision.ssl.protocol.messages import descriptor_set, message_name
+from robocup_vision.ssl.values.detection import VisionPacket
+from robocup_vision.ssl.values.referee import Referee
+from robocup_vision.ssl.values.tracked import TrackerPacket
+
+# each topic's kind of entry and its message
+_TOPICS: dict[int, tuple[str, str]] = {
+    LogKind.VISION: ("/vision", "vision.SSL_WrapperPacket"),
+    LogKind.TRACKER: ("/tracker", "tracked.TrackerWrapperPacket"),
+    LogKind.REFEREE: ("/referee", "referee.Referee"),
+}
+_KINDS = {VisionPacket: LogKind.VISION, TrackerPacket: LogKind.TRACKER, Referee: LogKind.REFEREE}
+
+
+def write_mcap(log: SslLog, path: Path) -> dict[str, int]:
+    """Write the vision, tracker and referee packets of a log; blank entries and an index are left out.
+
+    Parameters
+    ----------
+    log : SslLog
+        What is written.
+    path : Path
+        Where to; its folder is made if missing.
+
+    Returns
+    -------
+    dict of str to int
+        Messages of each topic.
+
+    Raises
+    ------
+    RobocupVisionError
+        If mcap is not installed.
+    FileError
+        If the log is damaged, or the file cannot be written.
+    PacketError
+        If an entry of unknown kind is none of these packets.
+    """
+    try:
+        from mcap.writer import Writer
+    except ImportError:
+        raise RobocupVisionError(
+            "MCAP files need mcap, which is not installed: pip install 'robocup-vision[ros]'"
+        ) from None
+    counts: dict[str, int] = {}
+    channels: dict[int, int] = {}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("wb") as file:
+            writer: Any = Writer(file)
+            writer.start(library="robocup-vision")
+            for entry in log:
+                kind = entry.kind
+                if kind == LogKind.UNKNOWN and entry.value is not None:
+                    kind = _KINDS[type(entry.value)]
+                if kind not in _TOPICS:
+                    continue
+                topic, name = _TOPICS[kind]
+                if kind not in channels:
+                    schema = writer.register_schema(message_name(name), "protobuf", descriptor_set())
+                    channels[kind] = writer.register_channel(topic, "protobuf", schema)
+                time_ns = max(entry.received_ns, 0)
+                writer.add_message(channels[kind], time_ns, entry.data, time_ns, counts.get(topic, 0))
+                counts[topic] = counts.get(topic, 0) + 1
+            writer.finish()
+    except OSError as error:
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
+    return counts
