@@ -25,7 +25,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "render-goal",
         help="write a dataset folder of rendered pictures of a goal with truth",
-        description="Write a dataset folder of pictures of a goal as a pinhole camera sees it, with truth.",
+        description="Write a dataset folder of pictures of a goal by a pinhole camera, with truth.",
     )
     add = parser.add_argument
     add("--field", default="four_legged_2007", metavar="F", help="built-in field's name, or a field file (.toml)")

@@ -151,7 +151,7 @@ class PlayerLoopKind:
         return _PlayerLoop(Seat(player_factory(str(run.setup["player"])), setup))
 
     def frame_step(self, kind: str, inputs: Mapping[str, Any]) -> FrameStep:
-        """Return what a call tells of a frame; see `LoopKind`."""
+        """Return the results of a call for a frame; see `LoopKind`."""
         looks = inputs["frame_t_s"] is not None
         return FrameStep(looks, inputs["frame_t_s"], inputs["odometry"], None, inputs["frame_pan_rad"])
 

@@ -39,20 +39,40 @@ from sim2d.network.league import Channel, LeagueSimulator
 from sim2d.network.packets import REFEREE_SOURCE
 from sim2d.network.world import STEP_S
 
-# a step of the physics takes a fifth of a millisecond: so much is left between two for requests
-_REQUEST_TIME_S = 0.002
-# a game controller that has been silent for so long runs no more
-_REFEREE_SILENT_S = 1.0
-# what could not be kept up with is given up rather than hurried after
-_MAX_BEHIND_S = 0.25
-_PAUSED_WAIT_S = 0.05
-# a step with vision of 11 against 11 takes 1 ms; requests that come while it is worked out wait for the next step
-_AHEAD_S = 0.002
-# a sleep ends late by about this: the rest is waited for without sleeping
-_SPIN_S = 0.0003
-# as fast as it goes: requests are looked for every so many steps
-_STEPS_A_LOOK = 5
-_KEPT_LATENESSES = 100_000
+
+@dataclass(frozen=True, slots=True)
+class ServerSettings:
+    """Times of a `LeagueServer`.
+
+    Attributes
+    ----------
+    request_time_s : float
+        Time for requests between two steps: a step of the physics takes 0.2 ms, a period 3.3 ms.
+    referee_silent_s : float
+        After so long without a message, a game controller does not run any more, and the simulator publishes its own.
+    max_behind_s : float
+        A server that is later than this goes on from now, instead of hurrying to catch up.
+    ahead_s : float
+        A step is computed so long before it is due: with vision of 11 against 11 it takes 1 ms. Requests that come
+        meanwhile wait for the next step.
+    spin_s : float
+        A sleep ends late by about this: the rest is waited for without sleeping.
+    paused_wait_s : float
+        While the simulation is paused, requests are waited for in turns of this length.
+    request_steps : int
+        Without a clock, requests are answered every so many steps.
+    latenesses : int
+        So many latenesses of vision packets are stored: half an hour of them.
+    """
+
+    request_time_s: float = 0.002
+    referee_silent_s: float = 1.0
+    max_behind_s: float = 0.25
+    ahead_s: float = 0.002
+    spin_s: float = 0.0003
+    paused_wait_s: float = 0.05
+    request_steps: int = 5
+    latenesses: int = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +113,8 @@ class LeagueServer:
         ``loopback``, a network interface's name or its IPv4 address. Requests are taken on the loopback too.
     ports : Ports
         Where.
+    settings : ServerSettings, optional
+        Its times.
 
     Attributes
     ----------
@@ -107,9 +129,15 @@ class LeagueServer:
         If the interface or a port cannot be had.
     """
 
-    def __init__(self, simulator: LeagueSimulator, interface: str = "loopback", ports: Ports = Ports()) -> None:
-        self.simulator, self.ports = simulator, ports
-        self.lateness_s: deque[float] = deque(maxlen=_KEPT_LATENESSES)
+    def __init__(
+        self,
+        simulator: LeagueSimulator,
+        interface: str = "loopback",
+        ports: Ports = Ports(),
+        settings: ServerSettings = ServerSettings(),
+    ) -> None:
+        self.simulator, self.ports, self._settings = simulator, ports, settings
+        self.lateness_s: deque[float] = deque(maxlen=settings.latenesses)
         self.behind_s = 0.0
         self._referee_heard_s = -math.inf
         self._speed = simulator.speed
@@ -162,15 +190,15 @@ class LeagueServer:
             self._speed = simulator.speed
             self._anchor()
         if self._speed == 0:
-            self._answer(_PAUSED_WAIT_S)
+            self._answer(self._settings.paused_wait_s)
             return
         if math.isinf(self._speed):
-            if simulator.world.steps % _STEPS_A_LOOK == 0:
+            if simulator.world.steps % self._settings.request_steps == 0:
                 self._answer(0.0)
             self._take_step(None)
             return
         due_s = self._due_s()
-        ahead_s = min(_AHEAD_S, 0.5 * STEP_S / self._speed)
+        ahead_s = min(self._settings.ahead_s, 0.5 * STEP_S / self._speed)
         while (left_s := due_s - ahead_s - time.monotonic()) > 0:
             self._answer(left_s)
             if simulator.speed != self._speed:
@@ -178,7 +206,7 @@ class LeagueServer:
         self._answer(0.0)
         if simulator.speed != self._speed or self._due_s() != due_s:
             return
-        if time.monotonic() - due_s > _MAX_BEHIND_S:
+        if time.monotonic() - due_s > self._settings.max_behind_s:
             self.behind_s += time.monotonic() - due_s
             self._anchor()
             due_s = self._due_s()
@@ -191,10 +219,10 @@ class LeagueServer:
         return self._anchor_s + (self.simulator.world.steps + 1 - self._anchor_step) * STEP_S / self._speed
 
     def _take_step(self, due_s: float | None) -> None:
-        self.simulator.publishes_referee = time.monotonic() - self._referee_heard_s > _REFEREE_SILENT_S
+        self.simulator.publishes_referee = time.monotonic() - self._referee_heard_s > self._settings.referee_silent_s
         packets = self.simulator.step()
         if due_s is not None:
-            _wait_until(due_s)
+            _wait_until(due_s, self._settings.spin_s)
         self._publish(packets, due_s)
 
     def _publish(self, packets: list[tuple[Channel, bytes]], due_s: float | None) -> None:
@@ -218,7 +246,7 @@ class LeagueServer:
         ready, _, _ = select.select([self._referee, *self._sockets], [], [], wait_s)
         if not ready:
             return
-        end_s = time.monotonic() + _REQUEST_TIME_S
+        end_s = time.monotonic() + self._settings.request_time_s
         for listening in ready:
             while time.monotonic() < end_s:
                 try:
@@ -255,9 +283,9 @@ class LeagueServer:
             return
 
 
-def _wait_until(due_s: float) -> None:
+def _wait_until(due_s: float, spin_s: float) -> None:
     left_s = due_s - time.monotonic()
-    if left_s > _SPIN_S:
-        time.sleep(left_s - _SPIN_S)
+    if left_s > spin_s:
+        time.sleep(left_s - spin_s)
     while time.monotonic() < due_s:
         pass
