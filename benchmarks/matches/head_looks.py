@@ -26,7 +26,7 @@ from sim2d.robot_link import Command, PlayerSetup, PlayerStatus, Senses
 from sim2d.sensors.faults import BodyFault
 
 # (matches, seconds each)
-QUICK, DEFAULT, FULL = (1, 1.0), (3, 3.0), (20, 10.0)
+QUICK, DEFAULT, FULL = (1, 1.0), (2, 6.0), (20, 10.0)
 PLAYERS = ("planning", "asking", "looking")
 LOOKS = {"planning": "", "asking": "half", "looking": "floor"}
 CARRIED_AT_S = 0.5

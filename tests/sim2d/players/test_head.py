@@ -1,4 +1,4 @@
-"""The question for the half of the field: asked while two mirrored modes are left, answered by the filter."""
+"""Heads that ask for the half of the field while two mirrored modes are left, and that look at undecided floor."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.belief import Hypothesis
+from robocup_vision.belief import Hypothesis, MapPicture
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance
+from robocup_vision.mapping.occupancy import FREE, UNDECIDED
 from robocup_vision.planning import Neck
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory
 from sim2d.players.field_half import FieldHalf, FieldHalfSettings, mirrored
-from sim2d.players.head import Head, HeadView
+from sim2d.players.head import Head, HeadSettings, HeadView
 from sim2d.robot_link import RobotLimits
 
 FIELD = load_field("four_legged_2007")
@@ -76,11 +77,25 @@ def test_a_head_asks_before_it_watches_the_ball():
     assert head.gaze is None
 
 
+def test_a_head_looks_at_undecided_floor_on_the_way_when_it_does_not_watch_the_ball():
+    state = np.full((80, 80), FREE, dtype=np.uint8)
+    state[60:64, :] = UNDECIDED
+    floor = MapPicture(state, (-1.6, -1.6), 0.04)
+    pose = PoseEstimate(Pose2(0.0, 0.0, 0.3), SURE, 1.0, 0.5)
+    now = HeadView(pose, halves(0.999), (-0.5, 0.0), (), floor, (1.2, 0.0))
+    head = Head(FIELD, RobotLimits(), CAMERA, plans=True, looks_again=True)
+    sweeping_s = HeadSettings().watch_s + 0.1
+    assert head.turn(sweeping_s, now) == pytest.approx(-0.3, abs=0.2)
+    assert head.gaze.choice == "floor"
+    plain = Head(FIELD, RobotLimits(), CAMERA, plans=True)
+    plain.turn(sweeping_s, now)
+    assert plain.gaze.choice in ("planned", "sweep")
+
+
 @pytest.mark.slow
-def test_players_that_ask_and_look_again_play_on():
-    for name in ("asking", "looking"):
-        match = Match(FIELD, 1, 3, ours=player_factory(name))
-        robots = [moment.robots[0] for moment in match.play(2.0)]
-        assert not any(robot.stopped for robot in robots)
-        choices = {r.choice for robot in robots for r in robot.status.reasons if r.topic == "gaze"}
-        assert ("half" if name == "asking" else "floor") in choices
+@pytest.mark.parametrize("name", ["asking", "looking"])
+def test_players_that_ask_or_look_again_play_on(name):
+    match = Match(FIELD, 1, 3, ours=player_factory(name))
+    robots = [moment.robots[0] for moment in match.play(2.0)]
+    assert not any(robot.stopped for robot in robots)
+    assert any(robot.status.gaze_rad is not None for robot in robots)
