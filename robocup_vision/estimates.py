@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
@@ -86,3 +88,37 @@ class NotLocated:
 
     def __bool__(self) -> Literal[False]:
         return False
+
+
+class EdgeState(IntEnum):
+    """What a frame shows where an edge of the field was predicted.
+
+    `UNSEEN`: too faint there to look for; `FOUND`; `HIDDEN`: something stands before it; `MISSING`: plain carpet.
+    """
+
+    UNSEEN = 0
+    FOUND = 1
+    HIDDEN = 2
+    MISSING = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgePoints:
+    """Places on edges of the field that a pose predicts in a frame.
+
+    Parameters
+    ----------
+    pixels : (N, 2) float64
+        Where they are predicted, u and v.
+    state : (N,) uint8
+        What the frame shows there, values of `EdgeState`.
+    """
+
+    pixels: FloatArray
+    state: npt.NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pixels", read_only(self.pixels))
+        state = np.array(self.state, dtype=np.uint8)
+        state.flags.writeable = False
+        object.__setattr__(self, "state", state)

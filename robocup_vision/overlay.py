@@ -11,7 +11,7 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import NotLocated
+from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated
 from robocup_vision.image_layers import ImageLayerMaker, Paths
 from robocup_vision.vision import View, Vision
 
@@ -23,6 +23,11 @@ FREE_COLOR: Bgr = (120, 255, 120)
 OBSTACLE_COLOR: Bgr = (0, 160, 255)
 BALL_COLOR: Bgr = (255, 0, 255)
 LINE_POINT_COLOR: Bgr = (255, 160, 60)
+EDGE_COLORS: dict[EdgeState, Bgr] = {
+    EdgeState.FOUND: (60, 230, 60),
+    EdgeState.HIDDEN: (150, 150, 150),
+    EdgeState.MISSING: (0, 220, 255),
+}
 
 # smaller pictures are enlarged, so that thin lines and the text stay readable
 _MIN_WIDTH = 640
@@ -35,7 +40,8 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     """Draw a view over its frame.
 
     The fitted field and its goals of posts in cyan, the floor's detected edge in red, the free space as a green fan,
-    obstacles in orange, the ball in magenta, and the pose with its standard deviations as text.
+    obstacles in orange, the ball in magenta, and the pose with its standard deviations as text. Method "edges" adds
+    dots where edges of the field were predicted: green found, grey hidden, yellow missing.
 
     Parameters
     ----------
@@ -63,10 +69,18 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     for points, color in ((layers.lines_px, LINE_POINT_COLOR), (layers.edge_px, BOUNDARY_COLOR)):
         for u, v in points:
             cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
+    if view.edge_points is not None:
+        _draw_edge_points(canvas, view.edge_points, scale)
     _draw_paths(canvas, layers.obstacles_px, scale, OBSTACLE_COLOR, 2)
     _draw_paths(canvas, layers.ball_px, scale, BALL_COLOR, 2)
     _write(canvas, _summary(view))
     return canvas
+
+
+def _draw_edge_points(canvas: UInt8Array, points: EdgePoints, scale: int) -> None:
+    for state, color in EDGE_COLORS.items():
+        for u, v in points.pixels[points.state == state]:
+            cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
 
 
 def _draw_free_space(canvas: UInt8Array, outline_px: FloatArray, scale: int) -> None:

@@ -12,7 +12,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.belief import Belief
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
@@ -59,6 +59,8 @@ class View:
         Estimate over time, where `Vision` has a memory.
     measurement : PoseEstimate or None
         Estimate by the frame without the prior, where `pose` includes the prior; None: `pose` does not.
+    edge_points : EdgePoints or None
+        Where edges of the field were predicted and what the frame shows there, with method "edges"; else None.
     """
 
     pose: PoseEstimate | NotLocated
@@ -74,6 +76,7 @@ class View:
     t_s: float | None = None
     belief: Belief | None = None
     measurement: PoseEstimate | None = None
+    edge_points: EdgePoints | None = None
 
     def __post_init__(self) -> None:
         own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)

@@ -8,7 +8,7 @@ from typing import Protocol
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import ColorTable
 from robocup_vision.perception.floor_view import FloorView
@@ -66,12 +66,15 @@ class Localization:
     measurement : PoseEstimate or None
         Estimate by the frame without the prior, where `pose` includes the prior as a factor. The filter uses this one,
         so that the prior does not count twice. None where `pose` does not include the prior.
+    edge_points : EdgePoints or None
+        Where edges of the field were predicted and what the frame shows there; None: the localiser predicts none.
     """
 
     pose: PoseEstimate | NotLocated
     camera: Camera
     wall_px: FloatArray | None = None
     measurement: PoseEstimate | None = None
+    edge_points: EdgePoints | None = None
 
 
 class Localizer(Protocol):

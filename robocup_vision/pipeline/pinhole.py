@@ -168,9 +168,20 @@ class PinholePipeline(FramePipeline):
             nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
             timings["total"] = perf_counter() - begin
             free_space = FreeSpace(nothing, np.empty(0))
-            shown = answer.camera
             return View(
-                pose, free_space, None, timings, nothing, none, np.empty(0), None, shown, None, t_s, None, measured
+                pose,
+                free_space,
+                None,
+                timings,
+                nothing,
+                none,
+                np.empty(0),
+                None,
+                answer.camera,
+                None,
+                t_s,
+                measurement=measured,
+                edge_points=answer.edge_points,
             )
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
@@ -191,8 +202,8 @@ class PinholePipeline(FramePipeline):
             answer.camera,
             floor.grid,
             t_s,
-            None,
-            measured,
+            measurement=measured,
+            edge_points=answer.edge_points,
         )
 
     def _evidence(

@@ -7,9 +7,17 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.camera import Table
-from robocup_vision.estimates import NotLocated
+from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated
 from robocup_vision.geometry import Pose2
-from robocup_vision.overlay import BALL_COLOR, BOUNDARY_COLOR, FIELD_COLOR, FREE_COLOR, LINE_POINT_COLOR, draw
+from robocup_vision.overlay import (
+    BALL_COLOR,
+    BOUNDARY_COLOR,
+    EDGE_COLORS,
+    FIELD_COLOR,
+    FREE_COLOR,
+    LINE_POINT_COLOR,
+    draw,
+)
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
 
@@ -88,3 +96,16 @@ def test_a_table_that_ends_within_the_free_floor_is_drawn(ssl_field, paper_camer
     vision = Vision(ssl_field, camera)
     frame = np.full((220, 256, 3), (50, 130, 45), dtype=np.uint8)
     assert draw(vision.look(frame), frame, vision).shape == (660, 768, 3)
+
+
+def test_predicted_edges_show_whether_they_were_found(vision, nominal_samples):
+    vision.forget()
+    view = vision.look(nominal_samples[0].frame)
+    points = EdgePoints(np.array([[20.0, 20.0], [60.0, 20.0], [100.0, 20.0], [140.0, 20.0]]), np.array(list(EdgeState)))
+    picture = draw(dataclasses.replace(view, edge_points=points), np.zeros((220, 256, 3), np.uint8), vision)
+    without = draw(view, np.zeros((220, 256, 3), np.uint8), vision)
+    for (u, v), state in zip(points.pixels.astype(int) * 3 + 1, EdgeState, strict=True):
+        shown = tuple(int(c) for c in picture[v, u])
+        assert shown == EDGE_COLORS.get(state, tuple(without[v, u]))
+    with pytest.raises(ValueError, match="read-only"):
+        points.state[0] = 1

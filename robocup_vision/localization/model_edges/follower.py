@@ -15,7 +15,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Rooms, Scene, follow, prepare
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
@@ -150,6 +150,11 @@ class EdgeFollower:
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
         self._keep, self._dt_s = np.zeros(4), -1.0
         self.forget()
+
+    def edge_points(self) -> EdgePoints:
+        """Return where the last fit predicts the field's edges, and what its frame shows there."""
+        count = int(self._fit.figures[0])
+        return EdgePoints(self._room.samples.uv[:count], self._room.found.status[:count].astype(np.uint8))
 
     def forget(self) -> None:
         """Forget the last frame: the camera's pose, its orientation, and the odds of both."""

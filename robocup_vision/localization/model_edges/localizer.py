@@ -61,7 +61,7 @@ class EdgeLocalizer:
                 return by_goal
             answer = answer if by_goal is None else by_goal
         if isinstance(answer, NotLocated):
-            return Localization(answer, camera)
+            return Localization(answer, camera, edge_points=self.follower.edge_points())
         back = camera.camera_in_robot.inverse()
         oriented = replace(
             camera,
@@ -72,7 +72,8 @@ class EdgeLocalizer:
             roll_rad=answer.camera.roll_rad,
         )
         measurement = answer.measurement.seen_from(back)
-        return Localization(answer.estimate.seen_from(back), oriented, measurement=measurement)
+        points = self.follower.edge_points()
+        return Localization(answer.estimate.seen_from(back), oriented, measurement=measurement, edge_points=points)
 
     def _find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
         return self._made_finder().find(frame)
