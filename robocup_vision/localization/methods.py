@@ -42,6 +42,9 @@ class Method:
         Whether it takes the prior's covariance as a factor of its answer.
     is_baseline : bool
         Whether it is a published method, kept for comparison.
+    needs_samples : bool
+        Whether a pinhole camera's floor samples are needed before the pose: else they are taken as the pose says that
+        the camera is tilted.
     needs_map : bool
         Whether it needs a map of landmarks: `LandmarkVision` runs it, not `Vision`.
     """
@@ -52,6 +55,7 @@ class Method:
     needs_tilt: bool = False
     takes_covariance: bool = False
     is_baseline: bool = False
+    needs_samples: bool = False
     needs_map: bool = False
 
 
@@ -65,7 +69,7 @@ METHODS = (
     ),
     Method("goal", PINHOLE, "goals of posts and a bar"),
     Method("field", PINHOLE, "white lines", needs_tilt=True),
-    Method("floor", PINHOLE, "walls or boards that bound the floor, and a prior", needs_tilt=True),
+    Method("floor", PINHOLE, "walls or boards that bound the floor, and a prior", needs_tilt=True, needs_samples=True),
     Method("landmarks", PINHOLE, "a map of landmarks", needs_tilt=True, needs_map=True),
 )
 

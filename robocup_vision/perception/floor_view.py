@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.floor.turned_view import map_pixels
 
 BEARINGS = 160
 COLUMNS = 144
@@ -31,6 +32,11 @@ FAR_BELOW_PX = 20_000
 _UNCHANGED_BY_PAN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px", "bearings",
     "_columns_told", "below_px", "hidden_px", "pixels", "_map", "valid",
+)  # fmt: skip
+# what a nod or roll of the body leaves as it is: where the samples lie on the floor
+_UNCHANGED_BY_TURN = (
+    "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px",
+    "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "floor_m", "valid",
 )  # fmt: skip
 
 
@@ -88,6 +94,30 @@ class FloorView:
         first, width = self.span_rad
         kept = {name: getattr(self, name) for name in _UNCHANGED_BY_PAN}
         vars(other).update(kept, span_rad=(first + turn_rad, width))
+        return other
+
+    def turned(self, camera: PinholeCamera) -> FloorView:
+        """Return the view of the same samples on the floor by the same camera, turned a little and at the same pan.
+
+        The samples are found in the frame by the homography of a turn about the viewpoint: what the body's nod and roll
+        do. Nothing else is computed again; samples that the turn moves out of the frame show its rim.
+
+        Parameters
+        ----------
+        camera : PinholeCamera
+            As this one, at another tilt and roll.
+        """
+        other = replace(self, camera=camera)
+        vars(other).update({name: getattr(self, name) for name in _UNCHANGED_BY_TURN})
+        focal, (cu, cv) = self.camera.focal_px, self.camera.center_px
+        # pixels to directions of the camera frame (ahead, left, up), and back
+        ray = np.array([[0.0, 0.0, 1.0], [-1.0 / focal[0], 0.0, cu / focal[0]], [0.0, -1.0 / focal[1], cv / focal[1]]])
+        fu, fv = camera.focal_px
+        pixel = np.array([[camera.center_px[0], -fu, 0.0], [camera.center_px[1], 0.0, -fv], [1.0, 0.0, 0.0]])
+        homography = pixel @ camera.camera_to_robot.T @ self.camera.camera_to_robot @ ray
+        places = np.empty(self._map.shape, dtype=np.int16)
+        map_pixels(self.pixels, homography, *camera.size_px, places)
+        vars(other)["_map"] = places
         return other
 
     @cached_property

@@ -53,6 +53,13 @@ class _Floor:
         view = self.view.panned(camera.pan_rad or 0.0)
         return replace(self, camera=camera, view=view, grid=self.grid.panned(view))
 
+    def turned(self, camera: PinholeCamera) -> _Floor:
+        """Return the same for a frame in which the body has nodded and rolled to the orientation of `camera`."""
+        if (self.camera.tilt_rad, self.camera.roll_rad) == (camera.tilt_rad, camera.roll_rad):
+            return self
+        as_now = self.camera.with_orientation(self.camera.pan_rad, camera.tilt_rad, camera.roll_rad)
+        return replace(self, camera=as_now, view=self.view.turned(as_now))
+
     @property
     def turn_rad(self) -> float:
         """How far the head has turned since the finder was made."""
@@ -87,6 +94,7 @@ class PinholePipeline(FramePipeline):
         # so narrow a view may show nothing white, but a ball or a goal
         super().__init__(field, camera.size_px, colors, mask, _MAX_LOG_CAST)
         self.camera = camera
+        self._needs_samples = method.needs_samples
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
         self._directions, self._rings = directions, rings
         self._floor = self._make_floor(camera) if camera.known_orientation else None
@@ -152,7 +160,7 @@ class PinholePipeline(FramePipeline):
         samples = None
         if camera.known_orientation:
             self._floor = self._floor_for(camera)
-            if self._floor is not None:
+            if self._floor is not None and self._needs_samples:
                 samples = self._sample(frame, self._floor.view, timings)
         start = perf_counter()
         if prior is None and odometry is not None and self._last_pose is not None:
@@ -164,6 +172,8 @@ class PinholePipeline(FramePipeline):
         if not camera.known_orientation:
             self._floor = self._make_floor(_as_held(answer.camera)) if pose else None
         floor = self._floor
+        if floor is not None and pose and not self._needs_samples and camera.known_orientation:
+            floor = floor.turned(_as_held(answer.camera))
         if floor is None:
             nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
             timings["total"] = perf_counter() - begin

@@ -1,0 +1,53 @@
+"""Floor samples of a pinhole camera that nods and rolls with its body."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.vision import Vision
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Robot, Scene
+
+CAMERA = PinholeCamera(
+    (208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, pan_rad=0.4, tilt_rad=-0.17, roll_rad=0.0, roll_std_rad=0.03
+)
+
+
+@pytest.mark.parametrize(("nod_rad", "roll_rad"), [(0.03, 0.0), (-0.03, 0.02), (0.0, -0.05)])
+def test_a_turned_view_samples_the_same_floor(nod_rad, roll_rad):
+    view = FloorView(CAMERA)
+    held = replace(CAMERA, tilt_rad=CAMERA.tilt_rad + nod_rad, roll_rad=roll_rad)
+    turned = view.turned(held)
+    np.testing.assert_array_equal(turned.floor_m, view.floor_m)
+    expected = held.floor_to_pixel(view.floor_m.reshape(-1, 2)).reshape(view.floor_m.shape)
+    shown = np.isfinite(expected).all(axis=-1) & (expected >= 0).all(axis=-1) & (expected <= (207, 159)).all(axis=-1)
+    assert shown.sum() > 0.3 * shown.size
+    # the nearest pixel
+    np.testing.assert_allclose(turned._map[shown], expected[shown], atol=0.501)
+    np.testing.assert_allclose(turned.pixels[shown], expected[shown], atol=1e-6)
+
+
+def test_free_space_goes_by_the_tilt_that_the_frame_shows():
+    field = load_field("four_legged_2007")
+    camera = replace(CAMERA, pan_rad=0.0)
+    ahead_m = 1.2
+    scene = Scene(field, robots=(Robot(-0.5 + ahead_m + 0.12, -0.2, 0.12, 0.25),), carpet_margin_m=0.2)
+    vision = Vision(field, camera, rings=80)
+    measured = []
+    for nod_rad in (-0.025, 0.0, 0.025):
+        nodding = replace(camera, tilt_rad=camera.tilt_rad + nod_rad)
+        light = render_pinhole(nodding, scene, Pose2(-0.5, -0.2, 0.0), supersample=2)
+        vision.forget()
+        view = vision.look(np.clip(light, 0, 255).astype(np.uint8), prior=Pose2(-0.47, -0.22, 0.02))
+        assert view.pose
+        assert view.camera.tilt_rad == pytest.approx(nodding.tilt_rad, abs=math.radians(0.3))
+        bearing = np.argmin(np.abs(view.free_space.bearing_rad))
+        measured.append(float(view.free_space.range_m[bearing]))
+    # by the file's tilt a nod of 1.4 degrees makes 1.0 or 1.5 m of it
+    np.testing.assert_allclose(measured, ahead_m, rtol=0.06)
