@@ -8,13 +8,14 @@ PARALLEL := -n logical --dist worksteal
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help .venv test slow ros-test docs demo match examples figures bench-check clean
+.PHONY: help .venv test slow browser-test ros-test docs demo match examples figures bench-check clean
 
 help:
 	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
 	@echo "make test      ruff, mypy and pytest"
 	@echo "make slow      the tests that take longer than a few seconds each"
 	@echo "make ros-test  the tests of the ROS 2 node with rclpy, in an environment of its own (.venv-ros), on loopback alone"
+	@echo "make browser-test  open the live page in a headless Chromium, which is installed first"
 	@echo "make docs      the documentation: out/docs/index.html"
 	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"
 	@echo "make examples  run every program in examples/"
@@ -47,7 +48,7 @@ test: $(INSTALLED)
 	$(PYTHON) -m pytest $(PARALLEL) -m "not slow" --cov --cov-report=term:skip-covered --cov-fail-under=90
 
 slow: $(INSTALLED)
-	$(PYTHON) -m pytest $(PARALLEL) -m slow
+	$(PYTHON) -m pytest $(PARALLEL) -m "slow and not browser"
 
 # rclpy from wheels pins packages that the rest need not share. Without a network but loopback no other machine hears it
 ros-test: .venv-ros/installed
@@ -61,6 +62,13 @@ ros-test: .venv-ros/installed
 	.venv-ros/bin/python -m pip install -qq --disable-pip-version-check --editable '.[ros,report]' pytest hypothesis evo \
 		'ros-kilted-rclpy[fastrtps]' ros-sensor-msgs ros-nav-msgs ros-geometry-msgs
 	touch $@
+
+# npm's Chromium, or else Debian's; where neither can be had the test says "not run"
+browser-test: $(INSTALLED)
+	mkdir -p .venv/browser && cp tests/browser/package.json tests/browser/launch.mjs .venv/browser
+	-cd .venv/browser && npm install --no-audit --no-fund --loglevel=error
+	-node .venv/browser/launch.mjs || { apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; }
+	$(PYTHON) -m pytest tests/browser -rs
 
 docs: .venv/installed-docs
 	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs

@@ -1,0 +1,91 @@
+"""The live page in a real browser, during a simulated match: `make browser-test` installs the browser and runs this.
+
+Not run where neither npm's Chromium nor Debian's could be installed.
+"""
+
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from robocup_vision.evaluation.dataset import load_dataset
+
+HERE = Path(__file__).parent
+MODULES = HERE.parents[1] / ".venv" / "browser"
+
+pytestmark = [pytest.mark.slow, pytest.mark.browser]
+
+
+@pytest.fixture(scope="module")
+def node():
+    """Return a function that runs one of the programs beside this file."""
+    if shutil.which("node") is None or not (MODULES / "node_modules").is_dir():
+        pytest.skip("not run: no browser could be installed (make browser-test)")
+
+    def run(program, *arguments):
+        for path in HERE.glob("*.mjs"):
+            # programs find packages beside themselves only
+            shutil.copy(path, MODULES)
+        return subprocess.run(
+            ["node", str(MODULES / program), *map(str, arguments)], capture_output=True, text=True, timeout=400
+        )
+
+    probe = run("launch.mjs")
+    if probe.returncode:
+        pytest.skip(f"not run: {probe.stderr.strip().splitlines()[-1] if probe.stderr else 'no Chromium starts'}")
+    return run
+
+
+@pytest.fixture
+def match(tmp_path):
+    """Serve a match; yield the page's address."""
+    arguments = ["sim:ssl_2001,players=1,robots=0+1,seed=2,ours=memory", "--port", "0", "--out", str(tmp_path / "out")]
+    program = [sys.executable, "-m", "robocup_vision.cli", "live", *arguments, "--seconds", "400"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+        line = process.stdout.readline()
+        assert line.startswith("live at "), line
+        # compiled code is loaded before the browser comes
+        time.sleep(3.0)
+        yield line.split()[2]
+        process.terminate()
+
+
+def test_a_user_watches_a_match(node, match, tmp_path):
+    picture = tmp_path / "page.png"
+    done = node("live_page.mjs", match, picture)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["errors"] == []
+    assert told["done"]
+    assert told["console"] == []
+    host = match.split("//")[1]
+    elsewhere = [url for url in told["requests"] if not url.startswith((match, f"ws://{host}", "blob:", "data:"))]
+    assert told["requests"]
+    assert elsewhere == []
+
+    assert told["robots"] == 2
+    assert told["image_changes"]
+    assert len(told["poses"]) >= 20
+    for pose in told["poses"]:
+        error_m = math.dist(pose["shown"], pose["truth"][:2])
+        assert error_m < 0.01, pose
+        # the text a user reads is that pose
+        read = [float(text.replace("−", "-")) for text in re.findall(r"[xy] ([+−][0-9.]+) m", pose["text"])]
+        assert read == pytest.approx(pose["shown"], abs=6e-4)
+
+    assert told["stands_still"]
+    assert (told["step_on"], told["step_back"]) == (1, -1)
+    assert "before the newest" in told["state"]
+    assert all(layer["returns"] for layer in told["layers"].values())
+    changing = {name for name, layer in told["layers"].items() if layer["changes"]}
+    assert changing >= {"edge", "lines", "free", "field", "map", "truth"}
+    assert told["key_switches"]
+    assert told["theme_switches"]
+    assert len(load_dataset(told["saved"]).image_names) == 1
+    assert picture.stat().st_size > 20_000
