@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from robocup_vision.evaluation.dataset import FrameTime
     from robocup_vision.evaluation.run import Summary
 
 
@@ -90,8 +93,23 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
         topics=BagTopics(options.image_topic, options.truth_topic, options.odometry_topic),
     )
     out = _out_folder(options, dataset.name)
-    summary = evaluate(dataset, out, options.jobs, make_vision=PannedVision, draw_overlay=draw_panned)
+    moments = _moments(options.dataset, dataset.times or {})
+    summary = evaluate(dataset, out, options.jobs, make_vision=PannedVision, draw_overlay=draw_panned, moments=moments)
     return summary, dataset.name
+
+
+def _moments(path: str, times: Mapping[str, FrameTime]) -> dict[str, str]:
+    """Return the addresses of the images' moments in the live page; none for a bag that is no recording."""
+    from field_models.errors import RobocupVisionError
+    from robocup_vision.evaluation.moment_links import moment_link
+    from robocup_vision.recording.recording import Recording
+
+    try:
+        span = Recording(path).span_s
+    except (RobocupVisionError, OSError):
+        return {}
+    begin_s = 0.0 if span is None else span[0]
+    return {image: moment_link(Path(path).name, time.t_s - begin_s) for image, time in times.items()}
 
 
 def _out_folder(options: argparse.Namespace, name: str) -> Path:

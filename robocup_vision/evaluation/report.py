@@ -52,6 +52,7 @@ def render_report(
     notes: Sequence[str],
     spread: Mapping[int, bytes],
     worst: Sequence[tuple[int, bytes]],
+    moments: Mapping[str, str] | None = None,
 ) -> str:
     """Return the page as HTML text.
 
@@ -69,6 +70,8 @@ def render_report(
         JPEG overlays of evenly spread images, by row index.
     worst : sequence of (int, bytes)
         Row index and JPEG overlay of the worst images, the worst first.
+    moments : mapping of str to str, optional
+        By image: the address that opens its moment in the live page.
     """
     from jinja2 import Environment
 
@@ -94,6 +97,7 @@ def render_report(
             other_overlays=[_overlay(rows[index], jpeg) for index, jpeg in others],
             reasons=_reasons(rows),
             rows=[_line(row) for row in rows],
+            moments=moments or {},
         )
     )
     return page

@@ -7,7 +7,7 @@ import multiprocessing
 import signal
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
@@ -122,6 +122,7 @@ def evaluate(
     *,
     make_vision: MakeVision = make_default_vision,
     draw_overlay: DrawOverlay = draw_default_overlay,
+    moments: Mapping[str, str] | None = None,
 ) -> Summary:
     """Score a localiser on a dataset and write results.csv, summary.json, trajectory.tum and report.html.
 
@@ -140,6 +141,8 @@ def evaluate(
         Builds the localiser from the dataset. With `jobs` > 1 it must be importable, for it is sent to other processes.
     draw_overlay : callable
         ``draw_overlay(view, frame, vision)`` returns a BGR picture for the report; likewise.
+    moments : mapping of str to str, optional
+        By image: the address that opens its moment, for the report.
 
     Raises
     ------
@@ -186,7 +189,7 @@ def evaluate(
         write_summary(out / "summary.json", summary.figures)
         write_trajectory(out / "trajectory.tum", rows, dataset.times)
         if summary.report is not None:
-            text = report.render_report(dataset, rows, summary.figures, notes, spread, worst.pictures)
+            text = report.render_report(dataset, rows, summary.figures, notes, spread, worst.pictures, moments)
             summary.report.write_text(text, encoding="utf-8")
     except OSError as error:
         raise FileError(error.filename or out, f"cannot be written ({error.strerror or error})") from None

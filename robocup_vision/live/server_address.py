@@ -5,8 +5,9 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 from field_models.errors import ArgumentError
+from robocup_vision.evaluation.moment_links import LIVE_PORT
 
-DEFAULT_PORT = 8090
+DEFAULT_PORT = LIVE_PORT
 LOOPBACK = "127.0.0.1"
 
 

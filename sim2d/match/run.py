@@ -155,7 +155,8 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False, recor
     write_json(out / "match.json", match_json(arena.field.name, plan.players, plan.seed, figures, ours, theirs))
     video_path = None if video.problem else out / "match.webm"
     if report is not None:
-        text = match_report.render_report(arena.field, plan.seed, figures, story, planning, video_path, notes)
+        recorded = () if recorders is None else tuple(path.name for path in recorders.paths)
+        text = match_report.render_report(arena.field, plan.seed, figures, story, planning, video_path, notes, recorded)
         try:
             report.write_text(text, encoding="utf-8")
         except OSError as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from field_models.field import Field
+from robocup_vision.evaluation.moment_links import moment_link
 from robocup_vision.evaluation.plots import GREY, INK, draw_field, encode, new_figure, tidy
 from robocup_vision.evaluation.report import degrees, millimetres, missing_packages, package_version, percent
 from robocup_vision.evaluation.scoring import NEAR_M
@@ -24,6 +25,8 @@ __all__ = ["missing_packages", "render_report"]
 
 # orange for the side that attacks +x, blue for the other, one shade a robot
 _COLORS = {1: ("#b45309", "#d97706", "#f59e0b", "#92400e"), -1: ("#1d4ed8", "#3b82f6", "#60a5fa", "#1e3a8a")}
+# what led to a goal begins about so long before it
+_BEFORE_S = 2.0
 _WAYS_CAPTION = "Paths of the robots (colours as in the table) and of the ball (grey)."
 _SPEEDS_CAPTION = "Speed limit that planning set for each robot (a gap: it planned none)."
 _ERRORS_CAPTION = "Error of each estimated position (dashed: 5 cm; a gap: no estimate)."
@@ -37,6 +40,7 @@ def render_report(
     planning: PlanningStory,
     video: Path | None,
     notes: Sequence[str],
+    recordings: Sequence[str] = (),
 ) -> str:
     """Return the page as HTML text.
 
@@ -56,6 +60,8 @@ def render_report(
         The film, in the page's own folder.
     notes : sequence of str
         What could not be written, and why.
+    recordings : sequence of str
+        Names of the robots' recordings, in their order, in the page's own folder; empty: there are none.
     """
     from jinja2 import Environment
 
@@ -76,14 +82,24 @@ def render_report(
             notes=notes,
             stopped=[robot for robot in figures.robots if robot.stopped_reason],
             tiles=_tiles(figures),
-            goals=[(f"{t_s:.1f} s", "+x" if side > 0 else "-x") for t_s, side in figures.goals],
+            recordings=recordings,
+            goals=[
+                (f"{t_s:.1f} s", "+x" if side > 0 else "-x", _moment_links(recordings, t_s - _BEFORE_S))
+                for t_s, side in figures.goals
+            ],
             robots=[(_name(robot), _color(robot), _cells(robot)) for robot in figures.robots],
+            starts=_moment_links(recordings, 0.0),
             faults=[_fault_cells(fault) for fault in figures.faults],
             planned=[_planned_cells(figures, rate) for rate in planning.rates],
             plots=plots,
         )
     )
     return page
+
+
+def _moment_links(recordings: Sequence[str], t_s: float) -> list[tuple[int, str]]:
+    """Return the robots' numbers and the addresses that open a moment of their recordings."""
+    return [(number, moment_link(name, t_s)) for number, name in enumerate(recordings)]
 
 
 def _tiles(figures: MatchFigures) -> list[tuple[str, str]]:

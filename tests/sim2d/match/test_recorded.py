@@ -77,3 +77,17 @@ def test_a_player_that_is_not_built_in_is_recorded_but_not_replayed(tmp_path: Pa
         next(replay(recording))
     run_match(plan, tmp_path)
     assert not list(tmp_path.glob("*.mcap"))
+
+
+def test_the_report_links_the_recordings(recorded: MatchSummary) -> None:
+    assert recorded.report is not None
+    page = recorded.report.read_text(encoding="utf-8")
+    for path in recorded.recordings:
+        assert f'href="http://127.0.0.1:8090/?recording={path.name}&amp;t=0.000"' in page
+    assert "currentTime" in page
+
+
+def test_without_recordings_the_report_links_nothing(tmp_path: Path) -> None:
+    summary = run_match(PLAN, tmp_path)
+    assert summary.report is not None
+    assert "recording=" not in summary.report.read_text(encoding="utf-8")
