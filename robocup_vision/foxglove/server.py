@@ -134,7 +134,7 @@ class FoxgloveServer:
 
             def messages() -> list[Outgoing]:
                 out = [] if moved is None else self._topics.of_odometry(moved, at_s)
-                out += self._topics.of_frame(copied, at_s) + self._topics.of_look(view, at_s)
+                out += [*self._topics.of_frame(copied, at_s), *self._topics.of_look(view, at_s)]
                 return out if command is None else [*out, *self._topics.of_command(command, at_s)]
 
             self._frame = messages

@@ -7,6 +7,7 @@ empty array with the image's stamp; a pose that is not known is not sent.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -150,24 +151,22 @@ class Topics:
             self._out("/camera/camera_info", camera_info(self._camera, t_s, self._names.camera), t_s),
         ]
 
-    def of_look(self, view: View, t_s: float) -> list[Outgoing]:
-        """Tell what a frame shows, with the time it was taken."""
-        out: list[Outgoing] = []
+    def of_look(self, view: View, t_s: float) -> Iterator[Outgoing]:
+        """Tell what a frame shows, with the time it was taken; each message is made when it is asked for."""
         if isinstance(view.pose, PoseEstimate):
-            out.append(self._out("/vision/pose_with_covariance", self._pose(view.pose, t_s), t_s))
+            yield self._out("/vision/pose_with_covariance", self._pose(view.pose, t_s), t_s)
         believed = view.pose if view.belief is None else view.belief.pose
         if isinstance(believed, PoseEstimate):
-            out.append(self._out("/pose_with_covariance", self._pose(believed, t_s), t_s))
-        out += self._transforms(view, believed if isinstance(believed, PoseEstimate) else None, t_s)
-        out += self._surroundings(view, t_s)
+            yield self._out("/pose_with_covariance", self._pose(believed, t_s), t_s)
+        yield from self._transforms(view, believed if isinstance(believed, PoseEstimate) else None, t_s)
+        yield from self._surroundings(view, t_s)
         if view.belief is not None:
-            out.append(self._out("/tracks", self._tracks(view.belief.tracks, t_s), t_s))
+            yield self._out("/tracks", self._tracks(view.belief.tracks, t_s), t_s)
             picture = view.belief.free_map
             # time may begin anew
             if picture is not None and not 0.0 <= t_s - self._map_s < self._settings.map_period_s:
                 self._map_s = t_s
-                out.append(self._out("/map", occupancy_grid(picture, t_s, self._names.map), t_s))
-        return out
+                yield self._out("/map", occupancy_grid(picture, t_s, self._names.map), t_s)
 
     def of_command(self, command: SteeringCommand | tuple[float, float, float], t_s: float) -> list[Outgoing]:
         """Tell a command as geometry_msgs/TwistStamped, robot frame: of `Steering`, or (x, y m/s, radians a second)."""
@@ -218,17 +217,16 @@ class Topics:
     def _pans(self) -> bool:
         return isinstance(self._camera, PinholeCamera)
 
-    def _surroundings(self, view: View, t_s: float) -> list[Outgoing]:
+    def _surroundings(self, view: View, t_s: float) -> Iterator[Outgoing]:
         here = header(t_s, self._names.robot)
-        out = []
         if len(view.free_space.range_m) > 1:
-            out.append(self._out("/scan", self._scan(view, t_s), t_s))
+            yield self._out("/scan", self._scan(view, t_s), t_s)
         confidence = make("soccer_vision_attribute_msgs/msg/Confidence", _UNKNOWN_CONFIDENCE)
         balls = []
         if view.ball is not None:
             center = _point(view.ball.x_m, view.ball.y_m, self._field.ball_radius_m)
             balls.append(make("soccer_vision_3d_msgs/msg/Ball", center, confidence))
-        out.append(self._out("/balls", make("soccer_vision_3d_msgs/msg/BallArray", here, balls), t_s))
+        yield self._out("/balls", make("soccer_vision_3d_msgs/msg/BallArray", here, balls), t_s)
         obstacles = []
         for thing in view.obstacles:
             heading = pose_message(Pose2(thing.x_m, thing.y_m, thing.bearing_rad))
@@ -236,12 +234,10 @@ class Topics:
             size = make("geometry_msgs/msg/Vector3", thing.width_m, thing.width_m, 0.0)
             box = make("vision_msgs/msg/BoundingBox3D", heading, size)
             obstacles.append(make("soccer_vision_3d_msgs/msg/Obstacle", box, confidence))
-        message = make("soccer_vision_3d_msgs/msg/ObstacleArray", here, obstacles)
-        out.append(self._out("/obstacles", message, t_s))
+        yield self._out("/obstacles", make("soccer_vision_3d_msgs/msg/ObstacleArray", here, obstacles), t_s)
         points = [_point(x, y, 0.0) for x, y in boundary_m(view).tolist()]
         message = make("soccer_vision_3d_msgs/msg/FieldBoundary", here, points, confidence)
-        out.append(self._out("/field_boundary", message, t_s))
-        return out
+        yield self._out("/field_boundary", message, t_s)
 
     def _scan(self, view: View, t_s: float) -> Any:
         bearing, ranges = view.free_space.bearing_rad, view.free_space.range_m

@@ -8,7 +8,8 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,7 +20,9 @@ from robocup_vision.messages.types import definition, encode, require_ros_extra,
 Compression = Literal["lz4", "zstd", "none"]
 COMPRESSIONS: tuple[Compression, ...] = ("lz4", "zstd", "none")
 # a chunk ends after so long or so much: what a crash can cost, and what a reader must hold in memory
-_CHUNK_S, _CHUNK_BYTES = 0.5, 4 << 20
+_CHUNK_S, _CHUNK_BYTES = 0.5, 1 << 20
+# the loop is at rest when its last call ended so long ago; what has waited longer than this is written all the same
+_REST_S, _MAX_WAIT_S = 0.002, 0.25
 _PROFILE = "ros2"
 
 
@@ -78,7 +81,8 @@ class LogWriter:
         self._channels: dict[str, tuple[int, str]] = {}
         self._schemas: dict[str, int] = {}
         self._max_waiting, self._waits = max_waiting_bytes, when_full == "wait"
-        self._jobs: deque[tuple[int, Job]] = deque()
+        self._jobs: deque[tuple[int, float, Job]] = deque()
+        self._calls_now, self._rest_from_s = 0, 0.0
         self._waiting_bytes, self._dropped, self._messages = 0, 0, 0
         self._changed = threading.Condition()
         self._is_closing = False
@@ -125,10 +129,24 @@ class LogWriter:
                     self._dropped += 1
                     return False
                 self._changed.wait(1.0)
-            self._jobs.append((size_bytes, job))
+            self._jobs.append((size_bytes, time.monotonic(), job))
             self._waiting_bytes += size_bytes
             self._changed.notify_all()
         return True
+
+    @contextmanager
+    def in_call(self) -> Iterator[None]:
+        """While this is entered, the robot's loop is at work: the thread waits until it rests.
+
+        Two threads share one interpreter: messages made while the loop computes would hold it up. What has waited for a
+        quarter of a second is written all the same.
+        """
+        self._calls_now += 1
+        try:
+            yield
+        finally:
+            self._calls_now -= 1
+            self._rest_from_s = time.monotonic() + _REST_S
 
     def close(self, notes: dict[str, str] | None = None) -> None:
         """Write what waits and the file's index, and close it; raises as `add`.
@@ -164,11 +182,13 @@ class LogWriter:
                         break
                 if not self._jobs and self._is_closing:
                     return
-                size, job = self._jobs.popleft() if self._jobs else (0, None)
+                size, came_s, job = self._jobs.popleft() if self._jobs else (0, 0.0, None)
             try:
                 if job is not None:
+                    self._wait_for_rest(came_s)
                     for outgoing in job():
                         self._write(outgoing)
+                        self._wait_for_rest(came_s)
                 if time.monotonic() - self._chunk_since_s > _CHUNK_S:
                     self._writer.flush()
                     self._chunk_since_s = time.monotonic()
@@ -184,6 +204,14 @@ class LogWriter:
             with self._changed:
                 self._waiting_bytes -= size
                 self._changed.notify_all()
+
+    def _wait_for_rest(self, came_s: float) -> None:
+        """Wait while the loop is at work, but not for ever."""
+        while not self._is_closing:
+            now_s = time.monotonic()
+            if now_s > came_s + _MAX_WAIT_S or not (self._calls_now or now_s < self._rest_from_s):
+                return
+            time.sleep(_REST_S / 2)
 
     def _fail(self, error: RobocupVisionError) -> None:
         with self._changed:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 import platform
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -138,7 +139,20 @@ class CallWriter:
         """How many calls were left out, with `when_full` "drop"."""
         return self._log.dropped
 
-    def add_call(self, kind: str, t_s: float, inputs: Mapping[str, Any], make_rest: Any, size_bytes: int = 0) -> None:
+    @property
+    def in_call(self) -> AbstractContextManager[None]:
+        """While it is entered, the robot's loop is at work, and the writer's thread waits: see `LogWriter.in_call`."""
+        return self._log.in_call()
+
+    def add_call(
+        self,
+        kind: str,
+        t_s: float,
+        inputs: Mapping[str, Any],
+        make_outputs: Callable[[], Mapping[str, Any]],
+        make_messages: Job,
+        size_bytes: int = 0,
+    ) -> None:
         """Write a call.
 
         Parameters
@@ -149,18 +163,20 @@ class CallWriter:
             The time it is about.
         inputs : mapping
             What it took, but for the frame; must not change any more.
-        make_rest : callable
-            Returns the outputs and a list of messages that go before the call; called in the writer's thread.
+        make_outputs : callable
+            Returns what it gave; called in the writer's thread.
+        make_messages : callable
+            Returns the messages that go before the call; likewise.
         size_bytes : int
             About what it holds in memory.
         """
         number, self._number = self._number, self._number + 1
 
-        def job() -> Iterable[Outgoing]:
-            outputs, messages = make_rest()
-            packed = [np.frombuffer(self._codec.pack(value), dtype=np.uint8) for value in (inputs, outputs)]
+        def job() -> Iterator[Outgoing]:
+            yield from make_messages()
+            packed = [np.frombuffer(self._codec.pack(value), dtype=np.uint8) for value in (inputs, make_outputs())]
             call = make(CALL, header(t_s, ""), number, kind, *packed)
-            return [*messages, Outgoing(self._settings.prefix + CALL_TOPIC, call, t_s)]
+            yield Outgoing(self._settings.prefix + CALL_TOPIC, call, t_s)
 
         self._log.add(job, size_bytes)
 
@@ -244,8 +260,9 @@ class Recorder:
         pan_rad: float | None = None,
     ) -> View:
         """Look, and record it: `Vision.look`."""
-        view = self._vision.look(frame, t_s, odometry, prior, pan_rad)
-        self.add_look(view, frame, t_s, odometry, prior, pan_rad)
+        with self._calls.in_call:
+            view = self._vision.look(frame, t_s, odometry, prior, pan_rad)
+            self.add_look(view, frame, t_s, odometry, prior, pan_rad)
         return view
 
     def add_look(
@@ -264,11 +281,13 @@ class Recorder:
         kept = own_frame(frame)
         topics = self._calls.topics
 
-        def rest() -> tuple[dict[str, Any], list[Outgoing]]:
-            moved = [] if odometry is None else topics.of_odometry(odometry, at_s)
-            return look_outputs(view), [*moved, *topics.of_frame(kept, at_s), *topics.of_look(view, at_s)]
+        def messages() -> Iterator[Outgoing]:
+            if odometry is not None:
+                yield from topics.of_odometry(odometry, at_s)
+            yield from topics.of_frame(kept, at_s)
+            yield from topics.of_look(view, at_s)
 
-        self._calls.add_call(LOOK, at_s, inputs, rest, kept.nbytes)
+        self._calls.add_call(LOOK, at_s, inputs, lambda: look_outputs(view), messages, kept.nbytes)
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
         """Move what memory believes, and record it: `Vision.predict`."""
@@ -276,7 +295,7 @@ class Recorder:
         self._t_s = t_s
         topics = self._calls.topics
         inputs = {"odometry": odometry, "t_s": t_s}
-        self._calls.add_call(PREDICT, t_s, inputs, lambda: ({}, topics.of_odometry(odometry, t_s)))
+        self._calls.add_call(PREDICT, t_s, inputs, dict, lambda: topics.of_odometry(odometry, t_s))
 
     def steer(
         self,
@@ -298,9 +317,10 @@ class Recorder:
         if self._steering is None:
             raise ArgumentError("steer needs a Steering: Recorder(path, vision, steering)")
         moving = tuple(moving)
-        command = self._steering.steer(
-            free_space, velocity_mps, target_bearing_rad, target_distance_m, pending_mps, moving, speed_mps
-        )
+        with self._calls.in_call:
+            command = self._steering.steer(
+                free_space, velocity_mps, target_bearing_rad, target_distance_m, pending_mps, moving, speed_mps
+            )
         # of the view itself: a replay with other settings then steers by what that one shows
         of_view = self._view is not None and free_space is self._view.free_space
         inputs = {
@@ -316,7 +336,9 @@ class Recorder:
         }
         at_s = self._calls.clock_s if self._t_s is None else self._t_s
         topics = self._calls.topics
-        self._calls.add_call(STEER, at_s, inputs, lambda: (steer_outputs(command), topics.of_command(command, at_s)))
+        self._calls.add_call(
+            STEER, at_s, inputs, lambda: steer_outputs(command), lambda: topics.of_command(command, at_s)
+        )
         return command
 
     def forget(self) -> None:
@@ -325,7 +347,7 @@ class Recorder:
         if self._steering is not None:
             self._steering.forget()
         at_s = self._calls.clock_s if self._t_s is None else self._t_s
-        self._calls.add_call(FORGET, at_s, {}, lambda: ({}, []))
+        self._calls.add_call(FORGET, at_s, {}, dict, list)
 
     def add_truth(self, robot: Pose2, t_s: float, ball_m: tuple[float, float] | None = None) -> None:
         """Record where the robot, and the ball, truly were: topics of their own, which no replay reads."""

@@ -96,7 +96,7 @@ class VisionNode:
         self._located += bool(view.pose)
         self._reason = "" if isinstance(view.pose, PoseEstimate) else view.pose.reason
         self._took_s = float(view.timings_s["total"])
-        out = self._topics.of_look(view, t_s)
+        out = list(self._topics.of_look(view, t_s))
         if not self.settings.publish_tf:
             out = [outgoing for outgoing in out if outgoing.topic != "/tf"]
         return [*out, *self._steer(view, t_s)]

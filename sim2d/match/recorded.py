@@ -6,7 +6,8 @@ A replay makes the same player again and hands it the recorded senses: it does t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -94,18 +95,18 @@ class _RobotRecorder:
         frame_s = senses.t_s if senses.frame_t_s is None else senses.frame_t_s
         truth, ball = moment.state.robots[index].pose, moment.state.ball
 
-        def rest() -> tuple[dict[str, Any], list[Outgoing]]:
-            messages = topics.of_odometry(senses.odometry, senses.t_s)
+        def messages() -> Iterator[Outgoing]:
+            yield from topics.of_odometry(senses.odometry, senses.t_s)
             if senses.frame is not None:
-                messages += topics.of_frame(senses.frame, frame_s)
+                yield from topics.of_frame(senses.frame, frame_s)
             if view is not None:
-                messages += topics.of_look(view, frame_s)
-            messages += topics.of_command((command.forward_mps, command.left_mps, command.turn_rps), senses.t_s)
-            messages += topics.of_truth(truth, moment.state.t_s, None if ball is None else (ball.x_m, ball.y_m))
-            return _outputs(command, status, view), messages
+                yield from topics.of_look(view, frame_s)
+            yield from topics.of_command((command.forward_mps, command.left_mps, command.turn_rps), senses.t_s)
+            yield from topics.of_truth(truth, moment.state.t_s, None if ball is None else (ball.x_m, ball.y_m))
 
         size = 0 if senses.frame is None else senses.frame.nbytes
-        self._calls.add_call(_ACT, senses.t_s, inputs, rest, size)
+        outputs = partial(_outputs, command, status, view)
+        self._calls.add_call(_ACT, senses.t_s, inputs, outputs, messages, size)
 
 
 def _outputs(command: Command, status: PlayerStatus, view: View | None) -> dict[str, Any]:

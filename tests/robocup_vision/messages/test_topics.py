@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -31,7 +32,8 @@ from robocup_vision.messages.topics import (
 from robocup_vision.messages.types import decode, encode, to_seconds
 
 
-def _by_topic(messages: list[Outgoing]) -> dict[str, object]:
+def _by_topic(made: Iterable[Outgoing]) -> dict[str, object]:
+    messages = list(made)
     for outgoing in messages:
         # every one can be sent, and is of the type that is announced
         assert outgoing.message.__msgtype__ == TOPIC_TYPES[outgoing.topic.removeprefix("/robot1")]

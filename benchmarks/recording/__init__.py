@@ -1,0 +1,1 @@
+"""Recordings: what they cost the loop, and whether they come back."""

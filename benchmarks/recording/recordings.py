@@ -1,0 +1,158 @@
+"""Recordings: what recording costs a robot's loop, and whether a match comes back bit for bit.
+
+Cost: `Vision` with memory and `Steering` at 640 x 480 and 30 frames a second, rounds of 2 s with and without a
+`Recorder` in turn, so that the machine's load falls on both alike; the time of the loop's own work a frame (look and
+steer) less that without, as medians, means and 99th percentiles over all rounds, by the clock and by the processor's
+time of the loop's thread. Where the machine has other work, the clock measures that, too: the load is told, and the
+thread's time counts. The writer's thread runs beside the loop; its processor time is told.
+
+Replay: a match of 60 s, one against one, planning players; each robot's recording is replayed, and every call compared
+in every bit. Beside it the match's own speed while it is recorded, and the size of the files.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+
+from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import columns as col
+from field_models import load_field
+from robocup_vision import Memory, MotionLimits, Steering, Vision
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.geometry import Pose2
+from robocup_vision.recording import Recorder, Recording
+from robocup_vision.recording.replay import Differences, replay
+from sim2d.match.arena import Arena
+from sim2d.match.match import Match
+from sim2d.match.recorded import MatchRecorders
+from sim2d.players.catalog import PLAYERS
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.robot_link import Command
+
+FIELD = load_field("ssl_2001")
+MAX_COST_MS = 1.0
+FRAMES_A_ROUND, PERIOD_S = 60, 1 / 30
+
+
+def main() -> None:
+    """Run all parts."""
+    arguments = parse_arguments(__doc__ or "")
+    cv2.setNumThreads(0)
+    rounds = 2 if arguments.quick else 24 if arguments.full else 8
+    seconds = 6.0 if arguments.quick else 60.0
+    all_ok = measure_cost(rounds, arguments.seed)
+    all_ok &= measure_replay(seconds, arguments.seed)
+    finish(arguments.check, all_ok)
+
+
+def measure_cost(rounds: int, seed: int) -> bool:
+    """Print what recording costs the loop; return whether that is little enough."""
+    camera = sekimori_camera(640, 480)
+    frames = drive(Arena(FIELD, 2, seed, camera=camera))
+    vision = Vision(FIELD, camera, memory=Memory.of_everything(FIELD))
+    steering = Steering(0.09, MotionLimits(0.4, 0.3, 0.03))
+    plain: list[tuple[float, float]] = []
+    recorded: list[tuple[float, float]] = []
+    shares: list[float] = []
+    mebibytes = 0.0
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "cost.mcap"
+        loop(vision, steering, frames)
+        for _ in range(rounds):
+            vision.forget()
+            plain += loop(vision, steering, frames)
+            vision.forget()
+            with Recorder(path, vision, steering) as recorder:
+                began_s, own_s = time.process_time(), time.thread_time()
+                recorded += loop(recorder, recorder, frames)
+                other_s = time.process_time() - began_s - (time.thread_time() - own_s)
+            shares.append(other_s / (FRAMES_A_ROUND * PERIOD_S))
+            mebibytes = path.stat().st_size / 2**20 / (FRAMES_A_ROUND * PERIOD_S)
+    columns = ("of the loop's time a frame", "ms without", "ms with", col.measured("ms more"), "target", "verdict")
+    table = Table(columns, "Cost of recording, 640 x 480, 30 frames a second", name="cost")
+    both = [1e3 * np.array(times) for times in (plain, recorded)]
+    load = os.getloadavg()[0]
+    # beyond one other busy thread a core, the clock measures the neighbours
+    is_loaded = load > (os.cpu_count() or 1)
+    all_ok = True
+    for name, column, of in (
+        ("median by the clock", 0, np.median),
+        ("mean by the clock", 0, np.mean),
+        ("99th percentile by the clock", 0, lambda times: np.percentile(times, 99)),
+        ("mean of the thread's processor time", 1, np.mean),
+    ):
+        without, with_recorder = (float(of(times[:, column])) for times in both)
+        counts = name == ("mean of the thread's processor time" if is_loaded else "mean by the clock")
+        is_ok = with_recorder - without <= MAX_COST_MS
+        all_ok &= is_ok or not counts
+        bound, word = (f"<= {MAX_COST_MS:g}", verdict(is_ok)) if counts else ("", "")
+        table.row(name, round(without, 3), round(with_recorder, 3), round(with_recorder - without, 3), bound, word)
+    table.note(f"load of the machine: {load:.1f} on {os.cpu_count()} CPUs")
+    table.note(f"the writer's thread: {100 * float(np.median(shares)):.0f} % of a core, {mebibytes:.1f} MiB a second")
+    return all_ok
+
+
+def drive(arena: Arena) -> list[tuple[UInt8Array, Pose2]]:
+    """Return frames, with odometry, of a robot that drives a curve."""
+    frames = []
+    for _ in range(FRAMES_A_ROUND):
+        senses = arena.senses()[0]
+        assert senses.frame is not None
+        frames.append((senses.frame.copy(), senses.odometry))
+        arena.step({index: Command(0.3, 0.05 * index, 0.8) for index in range(4)})
+    return frames
+
+
+def loop(
+    looks: Vision | Recorder, steers: Steering | Recorder, frames: list[tuple[UInt8Array, Pose2]]
+) -> list[tuple[float, float]]:
+    """Run the loop at its rate; return the time of its own work in each frame: the clock's and the processor's."""
+    times = []
+    next_s = time.monotonic()
+    for number, (frame, odometry) in enumerate(frames):
+        next_s += PERIOD_S
+        begin_s, begin_cpu_s = time.perf_counter(), time.thread_time()
+        view = looks.look(frame, t_s=number * PERIOD_S, odometry=odometry)
+        steers.steer(view.free_space, (0.0, 0.0), 0.3)
+        times.append((time.perf_counter() - begin_s, time.thread_time() - begin_cpu_s))
+        time.sleep(max(0.0, next_s - time.monotonic()))
+    return times
+
+
+def measure_replay(seconds: float, seed: int) -> bool:
+    """Print whether a match comes back bit for bit; return whether it does."""
+    table = Table(
+        ("robot", "calls", col.rate("the same in every bit"), "file", "target", "verdict"),
+        f"A match of {seconds:g} s replayed",
+        name="replay",
+    )
+    planning = PLAYERS["planning"]
+    all_ok = True
+    with TemporaryDirectory() as folder:
+        match = Match(FIELD, 1, seed, ours=planning, theirs=planning)
+        recorders = MatchRecorders(Path(folder), match, ("planning", "planning"))
+        began_s = time.perf_counter()
+        for moment in match.play(seconds):
+            recorders.add(moment)
+        recorders.close()
+        took_s = time.perf_counter() - began_s
+        for number, path in enumerate(recorders.paths):
+            differences = Differences()
+            for call in replay(Recording(path)):
+                differences.add(call)
+            all_ok &= differences.is_same
+            same = f"{differences.same}/{differences.calls}"
+            size = f"{path.stat().st_size / 2**20:.0f} MiB"
+            table.row(str(number), differences.calls, same, size, "all", verdict(differences.is_same))
+    table.note(f"played and recorded at {seconds / took_s:.1f} times real time")
+    return all_ok
+
+
+if __name__ == "__main__":
+    main()
