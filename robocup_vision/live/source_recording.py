@@ -1,0 +1,114 @@
+"""Records what a source gives as it is looked at, without a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from field_models.errors import ArgumentError, FrameError
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.live.source import Source, SourceFrame
+from robocup_vision.recording.recorder import Recorder, RecorderSettings
+from robocup_vision.view import View
+
+# a source that gives nothing for so long is asked whether something is wrong
+_PATIENCE_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSummary:
+    """How many frames were recorded and located, how many could not be used, and why the first of these."""
+
+    frames: int
+    located: int
+    unusable: int
+    first_problem: str
+
+
+def record_source(
+    source: Source,
+    path: str | Path,
+    settings: RecorderSettings = RecorderSettings(),
+    seconds: float | None = None,
+    *,
+    show: Callable[[SourceFrame, View], None] | None = None,
+    say: Callable[[str], None] = print,
+) -> RecordedSummary:
+    """Look at a source's frames and record them, until they end, the time is up, or the program is interrupted.
+
+    Parameters
+    ----------
+    source : Source
+        Of one robot, with a camera file.
+    path : str or Path
+        The recording.
+    settings : RecorderSettings
+        How it is recorded.
+    seconds : float, optional
+        How long, by the frames' times; default: until they end.
+    show : callable, optional
+        Called with each frame and its view.
+    say : callable
+        Called with a line when a source that comes by itself gives no frames any more.
+
+    Raises
+    ------
+    ArgumentError
+        If the time is not positive, or the source is not one robot's with a camera file.
+    FileError
+        If the recording cannot be written.
+    """
+    if seconds is not None and not seconds > 0:
+        raise ArgumentError(f"--seconds must be positive, got {seconds:g}")
+    [setup, *others] = source.setups
+    vision = None if others else source.make_vision(setup)
+    if vision is None:
+        raise ArgumentError(
+            f"{source.name}: record needs the frames of one robot and its camera file (--camera); a simulated match is"
+            " recorded by `robocup-vision match --record`"
+        )
+    count = located = unusable = 0
+    first_problem, said, begin_s = "", "", None
+    moved: Pose2 | None = None
+    with Recorder(path, vision, settings=settings) as recorder:
+        try:
+            while True:
+                try:
+                    frames = source.read(_PATIENCE_S)
+                except FrameError as error:
+                    unusable, first_problem = unusable + 1, first_problem or str(error)
+                    continue
+                if frames is None:
+                    break
+                if source.problem != said:
+                    said = source.problem
+                    say(f"{source.name}: {said}" if said else f"{source.name}: gives frames again")
+                for now in frames:
+                    begin_s = now.t_s if begin_s is None else begin_s
+                    if seconds is not None and now.t_s - begin_s >= seconds:
+                        frames = None
+                        break
+                    if now.odometry is not None:
+                        # motion over a frame that could not be used is not lost
+                        moved = now.odometry if moved is None else moved.compose(now.odometry)
+                    if now.alone:
+                        recorder.forget()
+                    try:
+                        view = recorder.look(now.frame, now.t_s, moved, now.prior, now.pan_rad)
+                    except FrameError as error:
+                        unusable, first_problem = unusable + 1, first_problem or str(error)
+                        continue
+                    moved = None
+                    count += 1
+                    located += isinstance(view.pose, PoseEstimate)
+                    if now.truth is not None:
+                        recorder.add_truth(now.truth, now.t_s)
+                    if show is not None:
+                        show(now, view)
+                if frames is None:
+                    break
+        except KeyboardInterrupt:
+            pass
+    return RecordedSummary(count, located, unusable, first_problem)
