@@ -41,6 +41,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         metavar="IP",
         help="address to listen on (default: 127.0.0.1)",
     )
+    add("--foxglove", metavar="PORT", type=int, help="serve the first robot's topics to Foxglove (extra foxglove)")
     add("--seconds", type=float, metavar="T", help="end after this time (default: when interrupted)")
     parser.set_defaults(run=run_live)
     return parser
@@ -58,11 +59,13 @@ def run_live(args: argparse.Namespace) -> int:
     import time
 
     from field_models.errors import ArgumentError
+    from robocup_vision.foxglove.server import FoxgloveServer
     from robocup_vision.live.controls import Controls
     from robocup_vision.live.live_page import LivePage
     from robocup_vision.live.live_run import LiveRun
+    from robocup_vision.live.moment import Moment
     from robocup_vision.live.server_address import require_packages
-    from robocup_vision.live.source import Source, SourceOptions
+    from robocup_vision.live.source import Source, SourceFrame, SourceOptions
     from robocup_vision.live.sources.opening import open_source
 
     require_packages()
@@ -77,14 +80,29 @@ def run_live(args: argparse.Namespace) -> int:
         pages.append(LivePage(controls, out, port=args.port, host=args.host))
         return pages[0]
 
+    foxglove: FoxgloveServer | None = None
+    first = ""
+
+    def show(frame: SourceFrame, moment: Moment) -> None:
+        if foxglove is not None and moment.view is not None and frame.robot == first:
+            foxglove.show(frame.frame, moment.view, frame.t_s, frame.odometry)
+
     try:
         sources.extend(open_source(text, options) for text in texts)
-        run = LiveRun(make_page, sources, options, out, folder=folder)
+        if args.foxglove is not None:
+            setup = sources[0].setups[0]
+            if setup.camera is None:
+                raise ArgumentError("--foxglove needs a camera file (--camera)")
+            first, foxglove = setup.name, FoxgloveServer(setup.field, setup.camera, args.foxglove)
+            print(f"Foxglove: ws://{foxglove.host}:{foxglove.port}", flush=True)
+        run = LiveRun(make_page, sources, options, out, folder=folder, also_watch=show)
     except BaseException:
         for source in sources:
             source.close()
         for page in pages:
             page.close()
+        if foxglove is not None:
+            foxglove.close()
         raise
     try:
         if args.record is not None:
@@ -98,6 +116,8 @@ def run_live(args: argparse.Namespace) -> int:
             time.sleep(min(0.5, max(0.0, end_s - time.monotonic())))
     finally:
         run.close()
+        if foxglove is not None:
+            foxglove.close()
     return 0
 
 

@@ -38,6 +38,8 @@ class LiveRun(Controls):
         Its recordings, and nothing else, may be opened by a page.
     quiet : bool
         Say nothing on standard error: pages alone tell.
+    also_watch : callable, optional
+        Called with each frame and its moment, in the loops' threads.
 
     Raises
     ------
@@ -54,7 +56,9 @@ class LiveRun(Controls):
         *,
         folder: Path | None = None,
         quiet: bool = False,
+        also_watch: Callable[[SourceFrame, Moment], None] | None = None,
     ) -> None:
+        self._also_watch = also_watch
         self._options, self._out = options, out
         self._folder, self._quiet = folder, quiet
         self._display = make_display(self)
@@ -227,6 +231,8 @@ class LiveRun(Controls):
         """Record and collect; runs in the loops' threads."""
         if self._calibrator is not None:
             self._calibrator.add(frame.frame)
+        if self._also_watch is not None:
+            self._also_watch(frame, moment)
         recorder = self._recorders.get(frame.robot)
         if recorder is None or moment.view is None or frame.view is not None:
             return

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from field_models.errors import ArgumentError
 from sim2d.commands.match_options import add_match_options, match_plan
 
 if TYPE_CHECKING:
@@ -101,6 +100,7 @@ def run_match_command(args: argparse.Namespace) -> int:
 def _referee(args: argparse.Namespace, opened: ExitStack) -> RefereeFactory | None:
     """Return who makes the referee; its connection is closed with `opened`."""
     if args.ci is not None:
+        from field_models.errors import ArgumentError
         from robocup_vision.ssl.ci import CI_PORT, CiClient
         from sim2d.network.foreign_referee import DrivenReferee, ForeignReferee
 

@@ -19,6 +19,15 @@ def test_it_serves_a_dataset_for_some_seconds_and_records(images, tmp_path, capf
     assert list(Recording(path).frames())
 
 
+def test_it_serves_the_topics_to_foxglove_too(images, tmp_path, capfd, monkeypatch):
+    shown = []
+    monkeypatch.setattr("robocup_vision.foxglove.server.FoxgloveServer.show", lambda self, *now: shown.append(now))
+    arguments = ["live", str(images), "--port", "0", "--seconds", "1.5", "--foxglove", "0", "--out", str(tmp_path)]
+    assert cli.main(arguments) == 0
+    assert "Foxglove: ws://127.0.0.1:" in capfd.readouterr().out
+    assert shown
+
+
 @pytest.fixture
 def images(tmp_path):
     import shutil

@@ -117,7 +117,8 @@ def test_a_cut_recording_and_a_cut_bag_are_read_as_far_as_they_go(recorded: Path
     dataset = load_bag(tmp_path / "cut.mcap")
     by_topics = load_bag(tmp_path / "cut.mcap", topics=BagTopics(image="/camera/image"))
     assert 0 < len(dataset.image_names) < len(run_frames())
-    assert len(by_topics.image_names) == len(dataset.image_names)
+    # a cut may come between an image and its call
+    assert 0 <= len(by_topics.image_names) - len(dataset.image_names) <= 1
     assert any("was cut off" in note for note in dataset.notes)
     assert any("was cut off" in note for note in by_topics.notes)
 
