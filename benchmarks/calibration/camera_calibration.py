@@ -208,7 +208,7 @@ def measure_photographs(quick: bool) -> bool:
                 all_ok &= start is None
                 continue
             curve, residual = result.camera.floor_range, np.abs(result.frames[0].line_residual_px)
-            off, ok = "-", seconds <= MAX_SECONDS
+            off, ok = "-", True
             if isinstance(curve, Tangent):
                 off = f"{100 * (curve.a_m / a - 1):+.1f}, {100 * (curve.b_per_px / b - 1):+.1f}"
                 if folder == "omni_msl_6x4":
@@ -228,9 +228,9 @@ def measure_photographs(quick: bool) -> bool:
             cv2.imwrite(str(OUT / f"{folder}_{words}.png"), draw(vision.look(frame), frame, vision))
             u, v = result.camera.center_px
             held_back = f"{100 * np.mean(residual < 3):.0f} %, {result.choices[0].held_out_px:.2f}"
-            # without a start nothing is promised of photographs
+            # without a start nothing is promised of photographs; the time, which hangs on the machine, is judged apart
             table.row(label, off, f"{u:.1f}, {v:.1f}", held_back, picked, seconds, verdict(ok) if start else None)
-            all_ok &= ok or start is None
+            all_ok &= (ok and seconds <= MAX_SECONDS) or start is None
     return all_ok
 
 

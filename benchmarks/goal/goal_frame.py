@@ -84,7 +84,7 @@ def main() -> None:
             c = found[0]
             appearance = next(iter(search.proposals(frames[0]))).appearance
             refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, appearance)
-            once = median_s(refining, repeats)
+            once = median_s(refining, 5 * repeats)
             table.row("one refinement", 1e3 * once, once / unit, None)
     finish(arguments.check, all_ok)
 

@@ -79,6 +79,7 @@ def test_a_wrong_size_comes_alone_with_its_factor(write, capsys):
     assert "WRONG    size" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_centre_that_is_off_is_reported_with_its_offset(write, true_camera):
     u, v = true_camera.center_px
     findings = found(write(camera=dataclasses.replace(true_camera, center_px=(u + 2.0, v))))
@@ -88,12 +89,14 @@ def test_a_centre_that_is_off_is_reported_with_its_offset(write, true_camera):
     assert "calibrate omni" in findings["centre"].evidence
 
 
+@pytest.mark.slow
 def test_a_mirrored_camera_is_reported_by_truth(write, true_camera):
     findings = found(write(camera=dataclasses.replace(true_camera, mirrored=True)))
     assert findings["mirrored"].state == "wrong"
     assert "mirrored = false in the camera file?" in findings["mirrored"].evidence
 
 
+@pytest.mark.slow
 def test_a_turned_camera_is_reported_by_truth(write, true_camera):
     findings = found(write(camera=dataclasses.replace(true_camera, heading_rad=0.2)))
     assert findings["heading"].state == "wrong"
@@ -102,7 +105,7 @@ def test_a_turned_camera_is_reported_by_truth(write, true_camera):
     assert float(wanted) == pytest.approx(0.0, abs=7e-3)
 
 
-@pytest.mark.parametrize(("sign", "state"), [(1, "ok"), (-1, "wrong")])
+@pytest.mark.parametrize(("sign", "state"), [pytest.param(1, "ok", marks=pytest.mark.slow), (-1, "wrong")])
 def test_odometry_reports_mirroring(write, off_samples, sign, state):
     rows = ["image,t_s,dx_m,dy_m,dtheta_rad", "0.png,0.0,,,"]
     for i in range(1, 4):
@@ -114,12 +117,14 @@ def test_odometry_reports_mirroring(write, off_samples, sign, state):
     assert "turns between images" in findings["mirrored"].evidence
 
 
+@pytest.mark.slow
 def test_without_truth_and_odometry_mirroring_is_unknown(write):
     findings = found(write(with_truth=False))
     assert findings["mirrored"].state == "unknown"
     assert "looks the same in a mirror" in findings["mirrored"].evidence
 
 
+@pytest.mark.slow
 def test_another_field_s_name_is_reported_with_the_likelier_one(write):
     findings = found(write(field="ssl_division_b", with_truth=False))
     assert findings["field"].state == "wrong"
@@ -139,6 +144,7 @@ def test_images_of_nothing_are_unknown(tmp_path, true_camera):
     assert findings["centre"].state == "wrong"
 
 
+@pytest.mark.slow
 def test_colours_of_another_light_are_reported(write, ssl_field, true_camera, off_frames):
     vision = Vision(ssl_field, true_camera)
     vision.look(np.ascontiguousarray(off_frames[0][..., ::-1] // 3))

@@ -69,11 +69,11 @@ def test_the_page_shows_each_image(page: str) -> None:
     ("rows", "count"),
     [
         (ROWS, 3),
-        ([row for row in ROWS if row.truth is None], 2),
-        ([ROWS[2]], 3),
+        pytest.param([row for row in ROWS if row.truth is None], 2, marks=pytest.mark.slow),
+        pytest.param([ROWS[2]], 3, marks=pytest.mark.slow),
         ([ROWS[4]], 1),
-        ([ROWS[5]], 1),
-        ([located("exact.png", TRUTH, 0.0)], 3),
+        pytest.param([ROWS[5]], 1, marks=pytest.mark.slow),
+        pytest.param([located("exact.png", TRUTH, 0.0)], 3, marks=pytest.mark.slow),
     ],
 )
 def test_whatever_there_is_gets_drawn(rows: list[Row], count: int) -> None:

@@ -59,7 +59,7 @@ def robots_around(count, color, range_m=0.19):
 
 
 @pytest.mark.parametrize("color", [BLACK, WHITE, GREY, RED])
-@pytest.mark.parametrize("count", [1, 4, 6])
+@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), pytest.param(4, marks=pytest.mark.slow), 6])
 def test_a_robot_parked_at_the_camera_is_never_learnt(watch, color, count):
     watch.see()
     robots = robots_around(count, color)

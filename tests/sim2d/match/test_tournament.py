@@ -147,6 +147,7 @@ def test_stopping_early_leaves_no_work_behind():
     assert closed[0] is True
 
 
+@pytest.mark.slow
 def test_command_writes_the_same_file_for_any_workers(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tournament, "local_workers", lambda jobs: Workers(lambda: Here()))

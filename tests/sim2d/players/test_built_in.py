@@ -79,7 +79,7 @@ def test_two_against_two_know_where_they_are():
     assert team[1].status.view is not None
 
 
-@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("side", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_a_ball_before_the_opponents_goal_is_shot_into_it(side):
     def lay_out(period, world):
         if period == 40:
@@ -100,6 +100,7 @@ def test_a_minute_of_two_against_two_brings_goals():
     assert goals >= 1
 
 
+@pytest.mark.slow
 def test_a_robot_carried_off_knows_its_place_again_within_a_second():
     def carry(period, world):
         if period == 60:
@@ -135,13 +136,16 @@ def stretched(period, index, senses):
     return dataclasses.replace(senses, odometry=Pose2(x, y, theta))
 
 
-@pytest.mark.parametrize("spoil", [dropped(np.random.default_rng(5)), delayed, stretched])
+@pytest.mark.parametrize(
+    "spoil",
+    [dropped(np.random.default_rng(5)), *(pytest.param(f, marks=pytest.mark.slow) for f in (delayed, stretched))],
+)
 def test_lasting_faults_of_the_senses_leave_it_its_place(spoil):
     _, rows, _, _ = play(3.0, spoil=spoil, seed=7)
     assert right(rows[rows[:, 0] > 0.5]).mean() >= 0.95
 
 
-@pytest.mark.parametrize("fault", ["frozen", "black", "none"])
+@pytest.mark.parametrize("fault", ["frozen", *(pytest.param(f, marks=pytest.mark.slow) for f in ("black", "none"))])
 def test_a_camera_that_fails_for_a_second_stops_the_robot_until_it_sees_again(fault):
     kept = {}
 
@@ -217,6 +221,7 @@ def test_what_a_turning_head_sees_is_seen_from_where_it_was():
     assert believed().theta_rad == pytest.approx(truth.theta_rad + 0.55, abs=0.05)
 
 
+@pytest.mark.slow
 def test_players_that_remember_follow_the_others_and_know_the_floor():
     plan = MatchPlan(seconds=3.0, seed=3, ours=partial(BuiltInPlayer, remembers=True))
     match = plan.begin()

@@ -36,7 +36,7 @@ def edge_rows(image: npt.NDArray[np.float32], column: int, guess: float) -> floa
     return last + 0.5 - share.sum()
 
 
-@pytest.mark.parametrize("height_px", [220, 480])
+@pytest.mark.parametrize("height_px", [220, pytest.param(480, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("tilted", [False, True])
 def test_foot_of_the_wall_is_unbiased(height_px: int, tilted: bool):
     """Mean over many columns and places of the measured minus the true edge, below 0.02 px, single ones below 0.2."""
@@ -172,6 +172,7 @@ def test_taller_things_hide_what_is_behind_them():
     assert hidden[0] > 2 * hidden[2]
 
 
+@pytest.mark.slow
 def test_ball_is_round_and_where_it_lies():
     ball = Ball(0.35, 0.2, 0.0215)
     camera = sekimori_camera(640, 480)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from strategies import numbers
 
 from field_models import load_field
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import Backdrop
@@ -39,8 +40,14 @@ def coverage(camera: PinholeCamera, pose: Pose2, member: Member) -> FloatArray:
     """Share (H, W) of each pixel that shows a member of the goal: it shines, nothing else changes."""
     scene = Scene(FIELD, room=ROOM)
     shine = Glare(GOAL.side, member, 0.5, 100.0, 0.0, 100.0, BRIGHT)
-    dark, lit = (render_pinhole(camera, scene, pose, glare=glare) for glare in ((), (shine,)))
-    return np.asarray((lit - dark)[..., 0] / BRIGHT, dtype=np.float64)
+    lit = render_pinhole(camera, scene, pose, glare=(shine,))
+    return np.asarray((lit - bare(camera, pose))[..., 0] / BRIGHT, dtype=np.float64)
+
+
+@lru_cache(maxsize=8)
+def bare(camera: PinholeCamera, pose: Pose2) -> Float32Array:
+    """Render what nothing shines on, once for all members that are seen from there."""
+    return render_pinhole(camera, Scene(FIELD, room=ROOM), pose)
 
 
 def seen_at(camera: PinholeCamera, pose: Pose2, points: FloatArray) -> FloatArray:
@@ -83,7 +90,12 @@ def crossing_u(pixels: FloatArray, row: int) -> float:
 
 @pytest.mark.parametrize(
     ("x", "y", "tilt", "roll"),
-    [(2.2, -1.0, 0.1, 0.0), (1.2, 0.3, 0.05, 0.08), (-0.8, -1.5, 0.0, -0.05), (-2.3, 1.0, 0.1, 0.02)],
+    [
+        pytest.param(2.2, -1.0, 0.1, 0.0, marks=pytest.mark.slow),
+        (1.2, 0.3, 0.05, 0.08),
+        pytest.param(-0.8, -1.5, 0.0, -0.05, marks=pytest.mark.slow),
+        pytest.param(-2.3, 1.0, 0.1, 0.02, marks=pytest.mark.slow),
+    ],
 )
 @pytest.mark.parametrize(("member", "side"), [("positive_y", 1), ("negative_y", -1)])
 def test_posts_edges_are_where_projection_says(x: float, y: float, tilt: float, roll: float, member: Member, side: int):
@@ -100,7 +112,10 @@ def test_posts_edges_are_where_projection_says(x: float, y: float, tilt: float, 
         check_edge(np.array(errors))
 
 
-@pytest.mark.parametrize(("x", "roll"), [(1.2, 0.0), (0.0, 0.06), (-2.0, -0.04)])
+@pytest.mark.parametrize(
+    ("x", "roll"),
+    [(1.2, 0.0), pytest.param(0.0, 0.06, marks=pytest.mark.slow), pytest.param(-2.0, -0.04, marks=pytest.mark.slow)],
+)
 def test_bars_edges_are_where_projection_says(x: float, roll: float):
     camera, pose = looking_at_goal(x, 0.2, 0.05, roll)
     share = coverage(camera, pose, "bar")
@@ -121,7 +136,7 @@ def test_bars_edges_are_where_projection_says(x: float, roll: float):
         check_edge(np.array(errors))
 
 
-@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("side", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_posts_stand_on_the_floor_and_end_at_the_bars_upper_edge(side: int):
     camera, pose = looking_at_goal(1.0, 0.0, 0.05, 0.0)
     share = coverage(camera, pose, "positive_y" if side > 0 else "negative_y")
@@ -164,6 +179,7 @@ def test_offset_and_pan_place_the_camera_on_its_robot():
     assert np.quantile(np.abs(same), 0.999) < 2.0
 
 
+@pytest.mark.slow
 def test_distorted_lens_bends_the_picture_as_the_camera_says():
     camera, pose = looking_at_goal(0.8, 0.0, 0.05, 0.0)
     camera = dataclasses.replace(camera, distortion=(-0.25, 0.05, 0.0, 0.0))
@@ -183,10 +199,11 @@ def test_robot_in_front_hides_the_post():
     assert render_pinhole(camera, scene, pose, glare=(shine,)).max() < BRIGHT / 10
 
 
+@pytest.mark.slow
 def test_glare_stays_on_its_member_of_its_goal_and_turns_paint_white():
     camera, pose = looking_at_goal(1.0, 0.0, 0.05, 0.0)
     scene = Scene(FIELD, room=ROOM)
-    dark = render_pinhole(camera, scene, pose)
+    dark = bare(camera, pose)
     lit = render_pinhole(camera, scene, pose, glare=(Glare(1, "bar", 0.25, 0.1, 0.0, 0.5, 250.0),))
     added = (lit - dark)[..., 0]
     rows, columns = np.nonzero(added > 1)
@@ -207,6 +224,7 @@ def test_sunlight_falls_where_its_beam_goes():
     assert gain[round(outside[1]), round(outside[0])] == pytest.approx([1.0] * 3, rel=0.02)
 
 
+@pytest.mark.slow
 def test_backdrop_hangs_behind_everything_and_repeats():
     camera, pose = looking_at_goal(1.0, 0.0, 0.1, 0.0)
     scene = Scene(FIELD, room=ROOM)

@@ -36,7 +36,7 @@ def test_a_sample_depends_on_seed_and_number_alone(name: str):
 
 
 @pytest.mark.parametrize("name", field_names())
-@pytest.mark.parametrize("ring", [False, True])
+@pytest.mark.parametrize("ring", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_nothing_overlaps(name: str, ring: bool):
     field = load_field(name)
     condition = dataclasses.replace(CONDITIONS["crowd" if ring else "nominal"], ball_rate=1.0)
@@ -64,6 +64,7 @@ def test_nothing_overlaps(name: str, ring: bool):
     assert balls >= 9
 
 
+@pytest.mark.slow
 def test_crowd_stands_around_the_robot():
     distances, full = [], 0
     for index in range(40):

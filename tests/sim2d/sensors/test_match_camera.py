@@ -46,7 +46,12 @@ def random_state(field, rng, count=4):
 
 @pytest.mark.parametrize(
     ("name", "camera"),
-    [("ssl_2001", SEKIMORI), ("msl_6x4", HIGH), ("ssl_division_b", HIGH), ("four_legged_2007", HIGH)],
+    [
+        ("ssl_2001", SEKIMORI),
+        pytest.param("msl_6x4", HIGH, marks=pytest.mark.slow),
+        pytest.param("ssl_division_b", HIGH, marks=pytest.mark.slow),
+        ("four_legged_2007", HIGH),
+    ],
 )
 def test_frames_are_those_of_the_ray_caster(name, camera):
     field = load_field(name)

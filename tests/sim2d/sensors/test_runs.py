@@ -70,6 +70,7 @@ def test_movers_move_and_are_seen(vision):
     assert (gap.min(axis=1) < 0.05).all()
 
 
+@pytest.mark.slow
 def test_a_field_without_room_is_refused(vision):
     crowd = dataclasses.replace(KINDS["plain"], boxes=80)
     with pytest.raises(ArgumentError, match="has no room for all that shall stand on it"):

@@ -27,6 +27,7 @@ def test_a_rough_start_leads_to_the_true_camera(from_rough, true_camera, floor_e
     assert from_rough.camera.usable_radius_px == true_camera.usable_radius_px
 
 
+@pytest.mark.slow
 def test_no_start_at_all_leads_there_too(ssl_field, off_frames, true_camera, floor_error_m):
     result = calibrate_omni(ssl_field, off_frames[:4])
     assert isinstance(result, OmniCalibration)
@@ -109,6 +110,7 @@ def test_frames_that_are_of_no_use_are_left_out_by_name(ssl_field, off_frames, r
     ]
 
 
+@pytest.mark.slow
 def test_at_most_so_many_frames_are_looked_at(ssl_field, off_frames, paper_camera):
     seen = set()
 
@@ -133,14 +135,22 @@ def test_images_without_a_field_are_refused(ssl_field, rough_camera):
     assert isinstance(calibrate_omni(ssl_field, list(noise), rough_camera), NotCalibrated)
 
 
-@pytest.mark.parametrize("name", ["ssl_division_b", "msl_6x4"])
-@pytest.mark.parametrize("has_start", [True, False])
+@pytest.mark.parametrize(
+    ("name", "has_start"),
+    [
+        ("ssl_division_b", True),
+        pytest.param("ssl_division_b", False, marks=pytest.mark.slow),
+        pytest.param("msl_6x4", True, marks=pytest.mark.slow),
+        pytest.param("msl_6x4", False, marks=pytest.mark.slow),
+    ],
+)
 def test_images_of_another_field_are_refused(off_frames, rough_camera, name, has_start):
     refused = calibrate_omni(load_field(name), off_frames[:3], rough_camera if has_start else None)
     assert isinstance(refused, NotCalibrated)
     assert refused.reason
 
 
+@pytest.mark.slow
 def test_a_centre_beyond_the_bound_is_refused(ssl_field, off_frames, rough_camera):
     far = dataclasses.replace(rough_camera, center_px=(185.0, 60.0))
     assert isinstance(calibrate_omni(ssl_field, off_frames, far), NotCalibrated)

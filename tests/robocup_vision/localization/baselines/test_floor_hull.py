@@ -70,6 +70,7 @@ def test_a_clean_floor_gives_the_pose_up_to_a_half_turn(pose: Pose2) -> None:
     assert np.all(np.linalg.eigvalsh(estimate.covariance) > 0)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(camera=cameras(), pose=poses_inside())
 def test_any_mirror_camera(camera: OmniCamera, pose: Pose2) -> None:

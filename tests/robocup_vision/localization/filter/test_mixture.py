@@ -49,6 +49,7 @@ def test_a_kidnapped_robot_is_found_within_a_second_though_a_third_of_the_frames
     assert turn < math.radians(3)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(poses(1.2), seeds)
 def test_frames_that_disagree_with_each_other_found_no_belief(start, seed):

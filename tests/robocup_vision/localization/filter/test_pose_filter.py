@@ -182,6 +182,7 @@ def test_no_place_of_the_field_is_special_to_frames_that_tell_the_half(start, dx
     np.testing.assert_allclose(there.covariance, here.covariance, rtol=1e-7)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(seeds)
 def test_the_order_in_which_frames_come_does_not_matter(seed):

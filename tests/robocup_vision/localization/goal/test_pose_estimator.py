@@ -130,6 +130,7 @@ def test_tilt_roll_and_height_are_estimated_too(clean, estimator):
     assert found.unknowns[HEIGHT] == pytest.approx(camera.height_m, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_goal_s_colour_gives_the_side(estimator):
     samples = list(sample_goal(FIELD, CLEAN, 8, 6, supersample=3))
     assert {sample.goal.side for sample in samples} == {1, -1}
@@ -163,6 +164,7 @@ def test_half_a_goal_needs_a_prior(estimator):
     assert located >= 2
 
 
+@pytest.mark.slow
 def test_white_goals_have_two_candidates_and_a_prior_chooses():
     condition = GOAL_CONDITIONS["white_640x480"]
     estimator = GoalPoseEstimator(WHITE_FIELD, condition.camera)
@@ -191,7 +193,7 @@ def test_bad_arguments_are_named(estimator):
 
 
 @pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
-@pytest.mark.parametrize("focal_ratio", [1.0, 0.97, 1.03])
+@pytest.mark.parametrize("focal_ratio", [1.0, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (0.97, 1.03))])
 def test_photographs_of_a_white_goal(focal_ratio):
     camera = load_camera(PHOTOS / "camera.toml")
     fu, fv = camera.focal_px

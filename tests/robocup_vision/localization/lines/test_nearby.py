@@ -54,6 +54,7 @@ def drawn(rng):
     return truth, held, prior, *locate_nearby(seen_points(truth, held, rng), MAP, prior, CAMERA)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_it_never_ends_worse_than_the_prior_by_more_than_it_owns_to(seed):
@@ -63,6 +64,7 @@ def test_it_never_ends_worse_than_the_prior_by_more_than_it_owns_to(seed):
         assert np.all(after <= before + 4 * estimate.std)
 
 
+@pytest.mark.slow
 def test_it_helps_and_says_how_well_it_knows():
     rng = np.random.default_rng(7)
     before, after, nees = [], [], []

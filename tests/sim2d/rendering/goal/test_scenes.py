@@ -38,6 +38,10 @@ TINY = {
 }
 
 
+# for those that ask only where things are: the hall's wall is the dearest part of so small a picture
+PLAIN = dataclasses.replace(TINY["clean"], backdrop="plain")
+
+
 def outline_pixels(sample: GoalSample) -> np.ndarray:
     """(2, N, 2): pixels around the feet and tops of the post at negative and at positive y."""
     outline = goal_outline(sample.goal)
@@ -75,7 +79,7 @@ def test_the_66_places_of_the_paper():
 
 def test_goal_is_wholly_in_view_from_each_of_the_66_places():
     places = paper_places(DOGS)
-    for sample in sample_goal(DOGS, TINY["clean"], 3, 66, places=places, supersample=2):
+    for sample in sample_goal(DOGS, PLAIN, 3, 66, places=places, supersample=2):
         assert inside(sample).all()
         assert (sample.pose.x_m, sample.pose.y_m) == places[sample.index]
         assert sample.goal.side == 1
@@ -91,7 +95,8 @@ def test_goal_anywhere_is_in_view_and_no_robot_hides_a_post(field, name: str):
         else dataclasses.replace(condition.camera, size_px=(128, 96), focal_px=(123.2, 123.2), center_px=(63.5, 47.5))
     )
     sides = set()
-    for sample in sample_goal(field, dataclasses.replace(condition, camera=camera), 5, 12, supersample=2):
+    condition = dataclasses.replace(condition, camera=camera, backdrop="plain")
+    for sample in sample_goal(field, condition, 5, 12, supersample=2):
         assert inside(sample).all()
         assert field.contains([sample.pose.x_m, sample.pose.y_m])
         sides.add(sample.goal.side)
@@ -153,6 +158,7 @@ def test_ers7_sees_56_9_degrees_across():
     assert math.degrees(math.acos(left @ right)) == pytest.approx(56.9)
 
 
+@pytest.mark.slow
 def test_heavier_glare_washes_out_more_paint():
     rng = np.random.default_rng(0)
 
@@ -176,19 +182,23 @@ def test_heavier_glare_washes_out_more_paint():
 
 
 def test_true_height_strays_as_set():
-    strays = dataclasses.replace(TINY["clean"], height_std_m=0.01)
+    strays = dataclasses.replace(PLAIN, height_std_m=0.01)
     heights = [s.camera.height_m for s in sample_goal(DOGS, strays, 0, 12, supersample=2)]
     assert 0.003 < np.std(heights) < 0.03
-    assert {s.camera.height_m for s in sample_goal(DOGS, TINY["clean"], 0, 3, supersample=2)} == {0.185}
+    assert {s.camera.height_m for s in sample_goal(DOGS, PLAIN, 0, 3, supersample=2)} == {0.185}
 
 
 def test_what_cannot_be_drawn_is_refused():
     with pytest.raises(ArgumentError, match="'ssl_2001' has no goals of posts"):
         next(iter(sample_goal(load_field("ssl_2001"), TINY["clean"], 0, 1)))
-    with pytest.raises(ArgumentError, match=r"never in view from \(2\.60, 0\.00\)"):
-        next(iter(sample_goal(DOGS, TINY["clean"], 0, 1, places=[(2.6, 0.0)])))
     with pytest.raises(ArgumentError, match="places must not be empty"):
         next(iter(sample_goal(DOGS, TINY["clean"], 0, 1, places=[])))
+
+
+@pytest.mark.slow
+def test_a_place_too_near_the_goal_is_refused():
+    with pytest.raises(ArgumentError, match=r"never in view from \(2\.60, 0\.00\)"):
+        next(iter(sample_goal(DOGS, TINY["clean"], 0, 1, places=[(2.6, 0.0)])))
 
 
 # ---- the command

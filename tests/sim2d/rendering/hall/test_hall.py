@@ -71,6 +71,7 @@ def test_far_textures_are_smoothed():
     assert image[15, 20] == pytest.approx([127.5] * 3, abs=3)
 
 
+@pytest.mark.slow
 def test_the_same_seed_makes_the_same_hall():
     first, second, other = make_hall(4), make_hall(4), make_hall(5)
     assert first.panels == second.panels
