@@ -109,12 +109,12 @@ def render_headlines(folder: Path) -> str:
 
 
 def _row_cells(figures: Figures, table_name: str, labels: str) -> dict[str, str]:
-    """Cells by column of the row whose first cells, joined by ", ", begin so; empty first cells repeat the last."""
+    """Cells by column of the row whose first cells, without indents, joined by ", ", begin so; empty: as above."""
     table = figures.table(table_name)
     first: Cell = ""
     for row in table.rows:
         first = first if row.cells[0] in (None, "") else row.cells[0]
-        name = ", ".join(cell_text(cell) for cell in (first, *row.cells[1:]) if cell not in (None, ""))
+        name = ", ".join(cell_text(cell).strip() for cell in (first, *row.cells[1:]) if cell not in (None, ""))
         if f"{name}, ".startswith(f"{labels}, "):
             names = [column.name for column in table.columns]
             return {key: cell_text(cell) for key, cell in zip(names, row.cells, strict=True)}
