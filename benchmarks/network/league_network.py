@@ -10,17 +10,21 @@ places and one follows the ball and kicks it, vision as real as `rc2021`; errors
 detection: at the exposures, by the frames until then, and at the moment of each true frame ("now"), by what was
 received until then. Beside it what robots' velocities change from the exposure until now, which is the error of who
 knew the velocity at the exposure exactly. Robots as quick as sim2d's own players are (1 m/s, 1.2 m/s^2), and as quick
-as the league's.
+as the league's. A long run: memory that grows and a clock that drifts, over five minutes; `--soak-hours 24` takes about
+three hours.
 """
 
 from __future__ import annotations
 
+import argparse
+import gc
 import math
 import os
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -51,6 +55,8 @@ from sim2d.network.world import STEPS_PER_S
 FIELD = load_field("ssl_division_b")
 TEAMS = (Team.YELLOW, Team.BLUE)
 KINDS = {Channel.VISION: LogKind.VISION, Channel.TRACKER: LogKind.TRACKER, Channel.REFEREE: LogKind.REFEREE}
+# what the allocator holds on to varies by some hundred kB; a leak of one object a frame would be more in a minute
+MAX_GROWTH_KB, MAX_DRIFT_S = 2048.0, 1e-6
 MIN_SPEED, MAX_LATE_MS = 8.0, 4.0
 MAX_PLACE_RATIO, MAX_VELOCITY_MPS, MAX_REFOUND_S = 0.6, 0.08, 0.2
 # away from the ports of a simulator that may be running
@@ -185,6 +191,36 @@ def measure_decoders(count: int, seed: int) -> bool:
     return faults == 0
 
 
+def measure_soak(seconds: float) -> bool:
+    """Print whether a long run grows or drifts; return whether it does neither."""
+    made = LeagueSimulator(FIELD, 11, REALISMS["rc2021"])
+    run(made, 0.25 * seconds)
+    before_kb = resident_kb()
+    run(made, 0.75 * seconds)
+    grown_kb = resident_kb() - before_kb
+    # what a frame says of its time, against the number of exposures so far
+    newest = next(
+        value.detection
+        for _ in range(1000)
+        for channel, data in made.step()
+        if channel is Channel.VISION and (value := decode(VisionPacket, data)).detection is not None
+    )
+    drift_s = abs(newest.t_capture_s - newest.frame_number * STEPS_A_FRAME / STEPS_PER_S)
+    ok = grown_kb < MAX_GROWTH_KB and drift_s < MAX_DRIFT_S
+    columns = ("simulated", "memory grew kB", "clock drifted s", "target", "verdict")
+    table = Table(columns, "A long run, 11 against 11 on rc2021", name="soak")
+    target = f"< {MAX_GROWTH_KB:g}, < {MAX_DRIFT_S:g}"
+    table.row(f"{seconds / 3600:.2f} h", round(grown_kb), f"{drift_s:.1e}", target, verdict(ok))
+    return ok
+
+
+def resident_kb() -> float:
+    """Return how much memory this process holds."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1024
+
+
 def measure_tracker(seconds: float, seed: int) -> bool:
     """Print the tracker's errors; return whether they are small enough for robots like sim2d's."""
     columns = (
@@ -282,12 +318,15 @@ def recorded(spec: LeagueRobotSpec, seconds: float, seed: int) -> list[LogEntry]
 
 def main() -> None:
     """Run all parts."""
-    arguments = parse_arguments(__doc__ or "")
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--soak-hours", type=float, metavar="H", help="length of the long run (default: 5 minutes)")
+    arguments = parse_arguments(__doc__ or "", parser=parser)
     size = 0.2 if arguments.quick else 5.0 if arguments.full else 1.0
     all_ok = measure_speed(20 * size)
     all_ok &= measure_punctuality(20 * size)
     all_ok &= measure_decoders(round(200_000 * size), arguments.seed)
     all_ok &= measure_tracker(60 * size, arguments.seed)
+    all_ok &= measure_soak(300 * size if arguments.soak_hours is None else 3600 * arguments.soak_hours)
     finish(arguments.check, all_ok)
 
 

@@ -198,6 +198,11 @@ class LeagueReferee:
         """Return how many of its robots a side may have on the field."""
         return max(players - len(self.cards[side]), 0)
 
+    def halt(self, t_s: float, ball: BallState) -> None:
+        """Halt the game, as a person may at any time; it goes on where it was, for everybody."""
+        self._stop(t_s, ("force_start", 0, self._legal((ball.x_m, ball.y_m))))
+        self._give("halt", 0, t_s)
+
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
         """Return the rulings of a moment: what happened, and where the ball is put."""
         self.cards = {side: [end for end in ends if end > t_s] for side, ends in self.cards.items()}

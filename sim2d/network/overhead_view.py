@@ -82,6 +82,8 @@ class OverheadView:
         self._rotation: FloatArray = np.asarray(down @ turn.T, dtype=np.float64)
         shift = np.array(mounting.shift_m)
         self._position: FloatArray = np.array([camera.x_m, camera.y_m, camera.z_m]) + shift
+        self._rows: list[list[float]] = self._rotation.tolist()
+        self._place: list[float] = self._position.tolist()
         self._background: UInt8Array | None = None
 
     def project(self, points_m: FloatArray) -> FloatArray:
@@ -89,6 +91,14 @@ class OverheadView:
         seen = (points_m - self._position) @ self._rotation.T
         scale = self.camera.focal_length_px / np.maximum(seen[:, 2], 1e-6)
         return np.asarray(seen[:, :2] * scale[:, None] + np.array(SIZE_PX) / 2)
+
+    def pixel(self, x_m: float, y_m: float, z_m: float) -> tuple[float, float]:
+        """Return where one point is in the image: as `project`, without arrays."""
+        px, py, pz = self._place
+        dx, dy, dz = x_m - px, y_m - py, z_m - pz
+        (a, b, c), (d, e, f), (g, h, i) = self._rows
+        scale = self.camera.focal_length_px / max(g * dx + h * dy + i * dz, 1e-6)
+        return (a * dx + b * dy + c * dz) * scale + SIZE_PX[0] / 2, (d * dx + e * dy + f * dz) * scale + SIZE_PX[1] / 2
 
     def on_field(self, u_px: float, v_px: float, z_m: float) -> tuple[float, float]:
         """Return where the calibration says a pixel is on the plane at a height."""
@@ -199,12 +209,12 @@ class OverheadView:
         scale = self.camera.focal_length_px / (self._position[2] - robot.height_m)
         for place, radius_m, color in dots:
             x, y = robot.pose.transform(place).tolist()
-            _disc(image, self.project(np.array([[x, y, robot.height_m]]))[0], radius_m * scale, color)
+            _disc(image, np.array(self.pixel(x, y, robot.height_m)), radius_m * scale, color)
 
     def _ball_circle(self, state: LeagueState) -> tuple[FloatArray, float]:
         ball, radius_m = state.ball, self._field.ball_radius_m
         height = min(ball.z_m + radius_m, 0.9 * float(self._position[2]))
-        center = self.project(np.array([[ball.x_m, ball.y_m, height]]))[0]
+        center = np.array(self.pixel(ball.x_m, ball.y_m, height))
         return center, radius_m * self.camera.focal_length_px / float(self._position[2] - height)
 
     def _silhouette(self, robot: LeagueRobotState) -> FloatArray:

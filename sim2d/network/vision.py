@@ -109,7 +109,7 @@ class OverheadVision:
         u, v = camera.pixel(x, y, robot.height_m)
         if self._is_off:
             # where it is in the image, carried to the field by the calibration
-            u, v = self.views[index].project(np.array([[x, y, robot.height_m]]))[0].tolist()
+            u, v = self.views[index].pixel(x, y, robot.height_m)
             x, y = self.views[index].on_field(u, v, robot.height_m)
         angle = wrap_angle(pose.theta_rad + realism.robot_std_rad * noise[2])
         return DetectionRobot(1.0, robot.number, x, y, angle, u, v, robot.height_m)
@@ -148,7 +148,7 @@ class OverheadVision:
         height = z if z > 0 and not realism.floor_rays else None
         u, v = camera.pixel(x, y)
         if self._is_off:
-            u, v = self.views[index].project(np.array([[x, y, 0.0]]))[0].tolist()
+            u, v = self.views[index].pixel(x, y, 0.0)
             x, y = self.views[index].on_field(u, v, 0.0)
         return DetectionBall(visible, x, y, u, v, area, height)
 

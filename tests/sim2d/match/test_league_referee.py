@@ -197,3 +197,11 @@ def test_halves_end_and_then_the_match():
     match.go(30)
     assert match.referee.stage == "post_game"
     assert match.referee.phase == "halt"
+
+
+def test_a_person_halts_the_game_and_it_goes_on_where_it_was():
+    match = in_play()
+    match.referee.halt(match.t_s, match.ball)
+    assert match.referee.phase == "halt"
+    match.until("force_start")
+    assert (match.ball.x_m, match.ball.y_m) == pytest.approx((0.3, 0.0))

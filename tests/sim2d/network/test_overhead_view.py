@@ -43,6 +43,7 @@ def test_without_an_error_pixels_are_the_calibrations():
     points = np.array([[-3.0, -2.0, 0.0], [-1.0, -0.5, 0.15], [-4.0, -2.5, 0.5]])
     for point, pixel in zip(points, view.project(points), strict=True):
         assert pixel == pytest.approx(CAMERA.pixel(*point), abs=1e-9)
+        assert view.pixel(*point) == pytest.approx(tuple(pixel), abs=1e-9)
         assert view.on_field(*pixel, point[2]) == pytest.approx(point[:2], abs=1e-9)
 
 
