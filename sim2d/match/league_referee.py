@@ -61,7 +61,7 @@ class LeagueRefereeSettings:
     in_play_m : float
         A kicked ball is in play once it has moved so far.
     stop_mps, stop_grace_s : float
-        Robots may drive so fast in a stop, and have so long to slow down.
+        Robots may drive so fast in a stop, and have so long to slow down, and to make room for a ball that is placed.
     ball_room_m : float
         Between robots and the ball in a stop and at the other team's kicks.
     ball_mps : float
@@ -175,6 +175,7 @@ class LeagueReferee:
         self._kicker_left = False
         self._still = (math.inf, math.inf, 0.0)
         self._noted: set[tuple[int, int, FoulKind]] = set()
+        self._near_since_s: dict[tuple[int, int], float] = {}
 
     @property
     def kick_off_side(self) -> int:
@@ -321,6 +322,7 @@ class LeagueReferee:
     def _stop(self, t_s: float, restart: tuple[Restart, int, Point]) -> None:
         self._next, self._kick_from, self.placement_m = restart, None, None
         self._noted.clear()
+        self._near_since_s.clear()
         self._give("stop", 0, t_s)
 
     def _give(self, command: Command, side: int, t_s: float) -> None:
@@ -377,10 +379,17 @@ class LeagueReferee:
             if robot.side not in sides:
                 continue
             away = math.dist((robot.pose.x_m, robot.pose.y_m), (ball.x_m, ball.y_m)) - self._radius_m
-            if away < self._settings.ball_room_m:
-                self._note(t_s, robot.side, robot.number, "near_ball")
+            key = robot.side, robot.number
+            if away >= self._settings.ball_room_m:
+                self._near_since_s.pop(key, None)
+            elif self.command != "ball_placement" or self._is_in_the_way(key, t_s):
+                self._note(t_s, *key, "near_ball")
             if self.command == "stop" and math.hypot(*robot.velocity_mps) > self._settings.stop_mps:
                 self._note(t_s, robot.side, robot.number, "fast_in_stop")
+
+    def _is_in_the_way(self, key: tuple[int, int], t_s: float) -> bool:
+        """Whether a robot has stayed near a ball that is being placed: who makes room in time may."""
+        return t_s - self._near_since_s.setdefault(key, t_s) > self._settings.stop_grace_s
 
     def _foul(self, t_s: float, side: int, number: int, kind: FoulKind, ball: BallState) -> None:
         self._stop(t_s, self._restart_after(side, kind, ball))

@@ -205,3 +205,19 @@ def test_a_person_halts_the_game_and_it_goes_on_where_it_was():
     assert match.referee.phase == "halt"
     match.until("force_start")
     assert (match.ball.x_m, match.ball.y_m) == pytest.approx((0.3, 0.0))
+
+
+def test_who_makes_room_for_a_ball_that_is_placed_commits_no_foul_and_who_stays_does():
+    match = in_play()
+    match.ball = BallState(1.0, 3.1)
+    match.until("ball_placement").go(2.5)
+    other = -match.referee.command_side
+    match.places[other, 3] = (1.2, 2.9)
+    match.go(1.5)
+    match.places[other, 3] = (3.0, 0.0)
+    match.go(0.5)
+    match.places[other, 3] = (1.2, 2.9)
+    match.go(1.5)
+    assert match.referee.fouls == []
+    match.go(1.0)
+    assert [(foul.side, foul.kind) for foul in match.referee.fouls] == [(other, "near_ball")]
