@@ -1,7 +1,7 @@
 """Our players as a network team: a refereed match on division B, and the tracker that they see by.
 
 Six against six on `rc2021`: yellow by overhead vision, as `robocup-vision play` plays, blue the opponents named, inside
-the simulator. Judged by the league's rules; every 15 s of play a person halts it. All through encoded packets, without
+the simulator. Judged by the league's rules; every 4 s of play a person halts it. All through encoded packets, without
 sockets, as fast as it goes; the truth is measured. Rows: goals; fouls of our team for speed and distance in a stop, and
 all others; how long after a halt the last command that moves a robot was sent, and how long until all stand (a robot
 at 1.5 m/s needs 0.25 s to brake); and the tracker's errors on the match's own log. Default 30 s of opponents
@@ -30,7 +30,7 @@ from sim2d.network.team.team import OverheadTeam
 from sim2d.network.world import STEPS_PER_S
 
 FIELD = load_field("ssl_division_b")
-PLAYERS, HALT_EVERY_S = 6, 15.0
+PLAYERS, HALT_EVERY_S = 6, 4.0
 KINDS = {Channel.VISION: LogKind.VISION, Channel.TRACKER: LogKind.TRACKER, Channel.REFEREE: LogKind.REFEREE}
 STANDS_MPS, MAX_HALT_S, MAX_BRAKE_S = 0.01, 0.1, 0.4
 MAX_PLACE_RATIO, MAX_VELOCITY_MPS, MAX_REFOUND_S = 0.6, 0.08, 0.2
