@@ -279,7 +279,9 @@ class LeagueReferee:
             or abs(ball.vx_mps) + abs(ball.vy_mps) > 0.1
         ):
             if kind == "force_start":
-                return [Ruling(None, place)]
+                # somebody has moved it since it was put there
+                self._stop(t_s, self._next)
+                return []
             self.placement_m = place
             self._give("ball_placement", side, t_s)
             return []
@@ -321,6 +323,8 @@ class LeagueReferee:
 
     def _stop(self, t_s: float, restart: tuple[Restart, int, Point]) -> None:
         self._next, self._kick_from, self.placement_m = restart, None, None
+        # a ball that is nobody's turn is put by a person, before anybody must keep away from it
+        self._is_moved_by_hand |= restart[0] == "force_start"
         self._noted.clear()
         self._near_since_s.clear()
         self._give("stop", 0, t_s)

@@ -221,3 +221,16 @@ def test_who_makes_room_for_a_ball_that_is_placed_commits_no_foul_and_who_stays_
     assert match.referee.fouls == []
     match.go(1.0)
     assert [(foul.side, foul.kind) for foul in match.referee.fouls] == [(other, "near_ball")]
+
+
+def test_a_ball_that_is_put_elsewhere_in_a_stop_leaves_time_to_keep_away():
+    match = in_play()
+    match.ball = BallState(-4.0, 0.2)
+    match.referee.halt(match.t_s, match.ball)
+    match.until("stop").go(0.7)
+    place = (match.ball.x_m, match.ball.y_m)
+    assert place[0] > -3.5
+    match.places[1, 5] = (place[0] + 0.3, place[1])
+    match.go(1.0)
+    match.places[1, 5] = (0.0, 2.0)
+    assert match.until("force_start").referee.fouls == []
