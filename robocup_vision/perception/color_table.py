@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
+import cv2
 import msgspec
 import numpy as np
 import numpy.typing as npt
@@ -115,7 +116,11 @@ def _colors_beside(
     floor: FloorColor, samples: UInt8Array, valid: UInt8Array, field: Field, strongest_cast: float
 ) -> Colors:
     # every other bearing is enough for white
-    white = _learn_white(samples[::2][valid[::2] > 0].astype(np.float64), floor)
+    shown = valid[::2] > 0
+    if field.ball_color not in ("white", "black"):
+        shown &= ~_near_paint(samples[::2], field.ball_color)
+    min_bearings = 0.0 if math.isinf(strongest_cast) else 0.25
+    white = _learn_white(samples[::2].astype(np.float64), shown, floor, min_bearings)
     if max(abs(math.log(ratio)) for ratio in (white.red_ratio, white.blue_ratio)) >= strongest_cast:
         white = PaintColor(1.0, 1.0)
     return colors_for(field, floor, white)
@@ -132,17 +137,39 @@ def colors_for(field: Field, floor: FloorColor, white: PaintColor) -> Colors:
     return Colors(floor, white, under_this_light(field.ball_color), *goals)
 
 
-def _learn_white(colors: FloatArray, floor: FloorColor) -> PaintColor:
-    blue, green, red = colors.T
+def _near_paint(samples: UInt8Array, name: str) -> npt.NDArray[np.bool_]:
+    """(K, M) bool: samples nearer to a named paint than to white, under neutral light, and what lies beside them.
+
+    A ball that fills much of a narrow view is most of what is brighter than the floor: neither it nor its glare and its
+    blurred rim may pass for white.
+    """
+    blue, green, red = COLOR_NAMES[name]
+    paint = np.log([red / green, blue / green])
+    # the perpendicular half-way between white, at 0, and the paint
+    wide = np.log(samples.astype(np.float32) + 1.0)
+    along = (wide[..., 2] - wide[..., 1]) * paint[0] + (wide[..., 0] - wide[..., 1]) * paint[1]
+    is_paint = (along > 0.5 * float(paint @ paint)).astype(np.uint8)
+    return np.asarray(cv2.dilate(is_paint, np.ones((5, 5), np.uint8)) > 0)
+
+
+def _learn_white(
+    samples: FloatArray, shown: npt.NDArray[np.bool_], floor: FloorColor, min_bearings: float
+) -> PaintColor:
+    blue, green, red = colors = samples[shown].T
     level = (red + 2 * green + blue) / 4
     not_floor = floor.log_likelihood_ratio(blue, green, red) < 0
-    unsaturated = colors.max(axis=1) < 250
+    unsaturated = colors.max(axis=0) < 250
     bright = not_floor & unsaturated & (level > floor.level)
     if np.count_nonzero(bright) < 30:
         return PaintColor(1.0, 1.0)
     bright &= level >= np.percentile(level[bright], 60)
+    if min_bearings:
+        # one thing alone, which may have any colour, does not reach over so many bearings
+        of_bearing = np.nonzero(shown)[0][bright]
+        if len(np.unique(of_bearing)) < min_bearings * np.count_nonzero(shown.any(axis=1)):
+            return PaintColor(1.0, 1.0)
     # the brightest things may be coloured (a yellow goal, a window): the median of their ratios is white while most are
-    blue, green, red = np.maximum(colors[bright], 1.0).T
+    blue, green, red = np.maximum(colors[:, bright], 1.0)
     return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
 
 
