@@ -14,7 +14,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.kernels.floor import free_floor
-from robocup_vision.perception.ball import Ball
+from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.obstacles import Obstacle, find_obstacles
@@ -36,8 +36,8 @@ class View:
         The robot on the field, as this frame alone shows it.
     free_space : FreeSpace
         Free range in each direction.
-    ball : Ball or None
-        The ball, robot frame.
+    balls : tuple of Ball
+        All balls, robot frame, the likeliest first.
     timings_s : mapping of str to float
         Seconds each stage took, and ``total``.
     boundary_radius_px : (K,) float64
@@ -65,7 +65,7 @@ class View:
 
     pose: PoseEstimate | NotLocated
     free_space: FreeSpace
-    ball: Ball | None
+    balls: tuple[Ball, ...]
     timings_s: Mapping[str, float]
     boundary_radius_px: FloatArray
     marks: UInt8Array
@@ -82,6 +82,11 @@ class View:
         own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)
         for array in own:
             array.flags.writeable = False
+
+    @property
+    def ball(self) -> Ball | None:
+        """The likeliest ball, robot frame; None: none is seen."""
+        return self.balls[0] if self.balls else None
 
     @cached_property
     def camera_pose(self) -> PoseEstimate | NotLocated:

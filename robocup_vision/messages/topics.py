@@ -223,8 +223,8 @@ class Topics:
             yield self._out("/scan", self._scan(view, t_s), t_s)
         confidence = make("soccer_vision_attribute_msgs/msg/Confidence", _UNKNOWN_CONFIDENCE)
         balls = []
-        if view.ball is not None:
-            center = _point(view.ball.x_m, view.ball.y_m, self._field.ball_radius_m)
+        for ball in view.balls:
+            center = _point(ball.x_m, ball.y_m, self._field.ball_radius_m)
             balls.append(make("soccer_vision_3d_msgs/msg/Ball", center, confidence))
         yield self._out("/balls", make("soccer_vision_3d_msgs/msg/BallArray", here, balls), t_s)
         obstacles = []

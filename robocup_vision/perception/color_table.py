@@ -37,6 +37,8 @@ CLASS_NAMES = ("other", "floor", "line", "ball", "goal_positive_x", "goal_negati
 # log-likelihood ratios are stored as int8 in these units, clipped so that no single sample outvotes its neighbours
 LLR_PER_UNIT = 1.0 / 16
 LLR_CLIP = 4.0
+# what is white in a narrow view reaches over this ratio of its bearings, which one thing alone does not
+_MIN_WHITE_BEARINGS = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +119,12 @@ def _colors_beside(
 ) -> Colors:
     # every other bearing is enough for white
     shown = valid[::2] > 0
-    if field.ball_color not in ("white", "black"):
-        shown &= ~_near_paint(samples[::2], field.ball_color)
-    min_bearings = 0.0 if math.isinf(strongest_cast) else 0.25
+    min_bearings = 0.0
+    if math.isfinite(strongest_cast):
+        # a narrow view: the ball may be most of what is bright in it
+        min_bearings = _MIN_WHITE_BEARINGS
+        if field.ball_color not in ("white", "black"):
+            shown &= ~_near_paint(samples[::2], field.ball_color)
     white = _learn_white(samples[::2].astype(np.float64), shown, floor, min_bearings)
     if max(abs(math.log(ratio)) for ratio in (white.red_ratio, white.blue_ratio)) >= strongest_cast:
         white = PaintColor(1.0, 1.0)
@@ -164,7 +169,6 @@ def _learn_white(
         return PaintColor(1.0, 1.0)
     bright &= level >= np.percentile(level[bright], 60)
     if min_bearings:
-        # one thing alone, which may have any colour, does not reach over so many bearings
         of_bearing = np.nonzero(shown)[0][bright]
         if len(np.unique(of_bearing)) < min_bearings * np.count_nonzero(shown.any(axis=1)):
             return PaintColor(1.0, 1.0)

@@ -31,7 +31,7 @@ FAR_BELOW_PX = 20_000
 # what a head's pan leaves as it is: where the samples lie in the picture, and how far away
 _UNCHANGED_BY_PAN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px", "bearings",
-    "_columns_told", "below_px", "hidden_px", "pixels", "_map", "valid",
+    "_columns_told", "below_px", "hidden_px", "pixels", "_map", "valid", "near_count",
 )  # fmt: skip
 # what a nod or roll of the body leaves as it is: where the samples lie on the floor
 _UNCHANGED_BY_TURN = (
@@ -298,6 +298,11 @@ class FloorView:
         width, height = self.camera.size_px
         nearest = np.nan_to_num(np.rint(self.pixels))
         return np.ascontiguousarray(np.clip(nearest, 0, (width - 1, height - 1)), dtype=np.int16)
+
+    @cached_property
+    def near_count(self) -> int:
+        """Number of samples in the nearest third of the columns that may be looked at, at least 1."""
+        return max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
 
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples."""

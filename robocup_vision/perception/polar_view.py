@@ -140,6 +140,11 @@ class PolarView:
     def _map(self) -> npt.NDArray[np.int16]:
         return np.ascontiguousarray(np.rint(self.pixels), dtype=np.int16)
 
+    @cached_property
+    def near_count(self) -> int:
+        """Number of samples in the nearest third of the columns that may be looked at, at least 1."""
+        return max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
+
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples.
 

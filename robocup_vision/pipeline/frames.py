@@ -14,7 +14,7 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
-from robocup_vision.perception.ball import Ball
+from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.color_memory import ColorMemory
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
@@ -87,6 +87,16 @@ class FramePipeline:
     def colors(self) -> Colors | None:
         """The colours in use, None before the first frame."""
         return self._color_memory.colors
+
+    def _on_floor(self, balls: tuple[Ball, ...], pose: Pose2 | None) -> tuple[Ball, ...]:
+        """Return those of the balls that a known pose puts on the floor, where walls or boards bound it."""
+        if pose is None or not self.field.is_bounded:
+            return balls
+        return tuple(ball for ball in balls if self._is_on_floor(ball, pose))
+
+    def _near_floor_nats(self, llr: npt.NDArray[np.int8], view: PolarView | FloorView) -> float:
+        """Mean log-likelihood ratio of the floor in the nearest third of the columns of samples (K, M)."""
+        return float(llr[:, : llr.shape[1] // 3].sum(dtype=np.int64)) * LLR_PER_UNIT / view.near_count
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
         on_field = pose.compose(Pose2(ball.x_m, ball.y_m, 0.0))

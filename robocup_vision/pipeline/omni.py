@@ -15,7 +15,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import Method, make_mirror_localizer
-from robocup_vision.perception.ball import BallFinder
+from robocup_vision.perception.balls.mirror import MirrorBallFinder
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
@@ -47,7 +47,7 @@ class OmniPipeline(FramePipeline):
         self.grid = FreeSpaceGrid(self.polar, directions, rings)
         self._marking = FloorMarking(self.polar, field.line_width_m, 2 * field.robot_radius_m)
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
-        self._ball = BallFinder(field, camera, mask)
+        self._ball_finder = MirrorBallFinder(field, camera, mask)
         rays = camera.polar_to_pixel(self.polar.bearing_rad, 1.0) - camera.center_px
         self._ray_u, self._ray_v = np.ascontiguousarray(rays[:, 0]), np.ascontiguousarray(rays[:, 1])
         self._radius_or_none = np.append(self.polar.radius_px, np.nan)
@@ -62,6 +62,11 @@ class OmniPipeline(FramePipeline):
         )
         other._color_memory, other._last_pose = self._color_memory, self._last_pose
         return other
+
+    def forget(self) -> None:
+        """See `FramePipeline.forget`."""
+        super().forget()
+        self._ball_finder.forget()
 
     def look(
         self,
@@ -88,12 +93,11 @@ class OmniPipeline(FramePipeline):
         answer = self._localizer.locate(evidence, prior)
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
-        ball = self._ball.find(frame, table)
-        if ball is not None and pose and self.field.is_bounded and not self._is_on_floor(ball, pose.pose):
-            ball = None
+        balls = self._ball_finder.find(frame, table, self._near_floor_nats(llr, self.polar))
+        balls = self._on_floor(balls, pose.pose if pose else None)
         balled = perf_counter()
-        if ball is not None:
-            self._ball.clear(ball, self.polar, marks)
+        for ball in balls:
+            self._ball_finder.clear(ball, self.polar, marks)
         free_space = self.grid.measure(marks)
         end = perf_counter()
         self._last_pose = pose.pose if pose else None
@@ -105,7 +109,7 @@ class OmniPipeline(FramePipeline):
             "free_space": end - balled + marked - outlined,
             "total": end - begin,
         }
-        return View(pose, free_space, ball, timings, edge, marks, walls, self.polar, self.camera, self.grid, t_s)
+        return View(pose, free_space, balls, timings, edge, marks, walls, self.polar, self.camera, self.grid, t_s)
 
     def _outline(
         self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
@@ -132,7 +136,7 @@ class OmniPipeline(FramePipeline):
         return View(
             NotLocated("no floor is found around the robot: too dark, or none in view"),
             free_space,
-            None,
+            (),
             {"total": perf_counter() - begin},
             self._nothing,
             np.zeros(shape, dtype=np.uint8),

@@ -20,9 +20,9 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import Method, make_pinhole_localizer
 from robocup_vision.localization.wall_ranges import wall_px
-from robocup_vision.perception.ball import Ball
+from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.pinhole import PinholeBallFinder
 from robocup_vision.perception.color_table import Colors, ColorTable
-from robocup_vision.perception.floor_ball import FloorBallFinder
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.pipeline.frames import FramePipeline
@@ -45,7 +45,7 @@ class _Floor:
     view: FloorView
     grid: FreeSpaceGrid
     marking: FloorMarking
-    finder: FloorBallFinder
+    finder: PinholeBallFinder
     pan_rad: float
 
     def panned(self, camera: PinholeCamera) -> _Floor:
@@ -131,7 +131,7 @@ class PinholePipeline(FramePipeline):
             view,
             FreeSpaceGrid(view, self._directions, self._rings),
             FloorMarking(view, self.field.line_width_m, 2 * self.field.robot_radius_m),
-            FloorBallFinder(self.field, camera, self._mask),
+            PinholeBallFinder(self.field, camera, self._mask),
             camera.pan_rad or 0.0,
         )
 
@@ -143,6 +143,12 @@ class PinholePipeline(FramePipeline):
         floor = self._floor or self._make_floor(camera)
         if floor is not None:
             self._see_floor(frame, floor, self._sample(frame, floor.view), None, {})
+
+    def forget(self) -> None:
+        """See `FramePipeline.forget`."""
+        super().forget()
+        if self._floor is not None:
+            self._floor.finder.forget()
 
     def look(
         self,
@@ -181,7 +187,7 @@ class PinholePipeline(FramePipeline):
             return View(
                 pose,
                 free_space,
-                None,
+                (),
                 timings,
                 nothing,
                 none,
@@ -195,7 +201,7 @@ class PinholePipeline(FramePipeline):
             )
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
-        marks, ball, free_space = self._see_floor(frame, floor, samples, robot, timings)
+        marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
         walls = np.full(floor.view.bearings, np.nan)
         if robot is not None and self.field.is_bounded:
             walls = wall_px(self.field.walls, robot, floor.view)
@@ -203,7 +209,7 @@ class PinholePipeline(FramePipeline):
         return View(
             pose,
             free_space,
-            ball,
+            balls,
             timings,
             samples.edge_px,
             marks,
@@ -235,8 +241,8 @@ class PinholePipeline(FramePipeline):
 
     def _see_floor(
         self, frame: UInt8Array, floor: _Floor, samples: _FloorSamples, robot: Pose2 | None, timings: dict[str, float]
-    ) -> tuple[UInt8Array, Ball | None, FreeSpace]:
-        """Find what the samples (K, M) show, the ball and the free space, robot frame.
+    ) -> tuple[UInt8Array, tuple[Ball, ...], FreeSpace]:
+        """Find what the samples (K, M) show, the balls and the free space, robot frame.
 
         Parameters
         ----------
@@ -252,22 +258,23 @@ class PinholePipeline(FramePipeline):
             Takes what the stages took, seconds.
         """
         begin = perf_counter()
+        balls: tuple[Ball, ...] = ()
         if samples.table is None:
-            marks, ball = np.zeros(samples.llr.shape, dtype=np.uint8), None
+            marks = np.zeros(samples.llr.shape, dtype=np.uint8)
             free_space = FreeSpace(floor.grid.bearing_rad, np.zeros(len(floor.grid.bearing_rad)))
             ball_found = perf_counter()
         else:
-            found = floor.finder.find(frame, samples.table)
-            ball = found if found is None or not floor.turn_rad else found.turned(floor.turn_rad)
-            if ball is not None and robot is not None and self.field.is_bounded and not self._is_on_floor(ball, robot):
-                ball = None
+            balls = floor.finder.find(frame, samples.table, self._near_floor_nats(samples.llr, floor.view))
+            if floor.turn_rad:
+                balls = tuple(ball.turned(floor.turn_rad) for ball in balls)
+            balls = self._on_floor(balls, robot)
             ball_found = perf_counter()
             marks = floor.marking.mark(samples.colors, samples.llr)
-            if ball is not None:
+            for ball in balls:
                 floor.finder.clear(ball, floor.view, marks)
             free_space = floor.grid.measure(marks)
         timings |= {"ball": ball_found - begin, "free_space": perf_counter() - ball_found}
-        return marks, ball, free_space
+        return marks, balls, free_space
 
 
 def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:

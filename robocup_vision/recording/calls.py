@@ -19,7 +19,7 @@ from robocup_vision.avoidance.steering import SteeringCommand
 from robocup_vision.belief import Belief
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.ball import Ball
+from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.view import View
 
 # the calls of loop "vision"; other loops have kinds of their own
@@ -85,7 +85,8 @@ def view_digest(view: View) -> str:
     arrays = (view.free_space.bearing_rad, view.free_space.range_m, view.boundary_radius_px, view.wall_radius_px)
     for array in (*arrays, view.marks):
         digest.add_array(array)
-    digest.add_ball(view.ball)
+    for ball in view.balls:
+        digest.add_ball(ball)
     digest.add_numbers(view.t_s)
     if view.belief is not None:
         digest.add_belief(view.belief)
@@ -123,10 +124,9 @@ class _Digest:
         else:
             self.add_text("" if estimate is None else estimate.reason)
 
-    def add_ball(self, ball: Ball | None) -> None:
-        if ball is not None:
-            self.add_numbers(ball.x_m, ball.y_m, ball.u_px, ball.v_px)
-            self.add_array(ball.covariance)
+    def add_ball(self, ball: Ball) -> None:
+        self.add_numbers(ball.x_m, ball.y_m, ball.u_px, ball.v_px, ball.log_likelihood_ratio)
+        self.add_array(ball.covariance)
 
     def add_belief(self, belief: Belief) -> None:
         self.add_numbers(belief.t_s)

@@ -10,7 +10,7 @@ from typing import Any
 from field_models.errors import ArgumentError
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import wrap_angle
-from robocup_vision.perception.ball import Ball
+from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.recording.loops import Changes, loop_kind
 from robocup_vision.recording.recording import Recording
 from robocup_vision.recording.values import ValueCodec

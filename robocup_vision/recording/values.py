@@ -25,7 +25,7 @@ VALUE_TYPES: Mapping[str, str] = {
     "NotLocated": "robocup_vision.estimates",
     "Disc": "robocup_vision.disc",
     "FreeSpace": "robocup_vision.perception.free_space",
-    "Ball": "robocup_vision.perception.ball",
+    "Ball": "robocup_vision.perception.balls.ball",
     "Field": "field_models.field",
     "Goal": "field_models.field",
     "Beacon": "field_models.field",

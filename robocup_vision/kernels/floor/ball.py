@@ -1,8 +1,9 @@
-"""Compiled search for a small coloured blob on the floor, of the size a ball has there.
+"""Compiled search for small coloured blobs on the floor, about as large as a ball is there.
 
 1. `_flood` gathers the pixels of the ball's colour around a seed.
 2. `_half_sizes` measures the blob along and across the ray from the camera's axis.
-3. `_open_floor` looks for floor before the blob and beside it.
+
+`ball_evidence` weighs each of them as a ball.
 """
 
 from __future__ import annotations
@@ -15,14 +16,19 @@ from numba import njit
 from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, UInt8Array, UInt16Array
 
 NEVER = 2**31 - 1
-# areas in units of the expected one: a ball half hidden or in deep shade, and one whose glow spreads
-MIN_AREA_RATIO, MAX_AREA_RATIO = 0.15, 2.2
-# half sizes in units of the expected ones, with a pixel's slack: blur and a shaded side change them by so much
-MIN_SIZE_RATIO, MAX_SIZE_RATIO = 0.35, 1.6
-# floor is looked for so many half sizes, and pixels, from the blob's centre: just beyond its rim and the blur
-_RIM_RATIO, _RIM_PX = 1.35, 2.0
-# places around the blob, and how many of them, before it and beside it, must show floor
-_AROUND, _WANTED = 16, 9
+# a channel from here on is clipped, and its ratio to the others tells nothing
+CLIPPED = 250
+# areas in units of the expected ones: smaller is a speck, larger is another thing; the size's evidence does the rest
+_MIN_AREA_RATIO, _MAX_AREA_RATIO = 0.15, 2.2
+# so much of a blob unmixed is enough to measure it by
+_UNMIXED_RATIO = 0.5
+# what is known of a blob: centre, half sizes along and across the ray, sum of weights, whether the picture cuts it
+U, V, ALONG, ACROSS, TOTAL, CUT = range(6)
+COLUMNS = 6
+
+
+# B, G, R; scalars, as an array in a tuple costs more at each call than the test itself
+Bgr = tuple[float, float, float]
 
 
 class BallColor(NamedTuple):
@@ -30,8 +36,18 @@ class BallColor(NamedTuple):
 
     Parameters
     ----------
-    from_white, from_floor : (3,) float64
-        A pixel has it if both dot products with its B, G, R are positive.
+    from_white, from_floor : (float, float, float)
+        Unit normals in B, G, R of the planes through black that part the ball's colour from white and from the floor.
+    half_white : (float, float, float)
+        As `from_white`, half-way: what lies beyond is the ball, unmixed.
+    plane_ratio, apart_rad : float
+        Where `from_white` lies on the way from white to the ball's colour, and how long that is.
+    min_hue : float
+        The dot product with `from_white` must exceed this: noise.
+    weak, middle : int
+        Channels in which the ball is darkest beside white, and in between.
+    clipped_ratio : float
+        Where a channel is clipped, the weak one must be less than this times the middle one.
     min_level : float
         Darker pixels (sum of B, G, R) have no colour.
     sure : float
@@ -40,8 +56,15 @@ class BallColor(NamedTuple):
         The sum of these dot products over a blob must reach this times the root of its area: more than noise gives.
     """
 
-    from_white: FloatArray
-    from_floor: FloatArray
+    from_white: Bgr
+    from_floor: Bgr
+    half_white: Bgr
+    plane_ratio: float
+    apart_rad: float
+    min_hue: float
+    weak: int
+    middle: int
+    clipped_ratio: float
     min_level: float
     sure: float
     min_signal: float
@@ -58,6 +81,10 @@ class BallSize(NamedTuple):
         What is nearer to there shows the robot itself.
     along_px, across_px : (R,) float64
         Half the ball's size along and across the ray, by its distance from there in whole pixels; 0 where none can be.
+    log_std : (R,) float64
+        Standard deviation of the size's logarithm there: by a camera that sways, and by shade.
+    shape_std : float
+        Of the logarithm of the ratio of both half sizes.
     """
 
     axis_u: float
@@ -65,6 +92,8 @@ class BallSize(NamedTuple):
     body_px: float
     along_px: FloatArray
     across_px: FloatArray
+    log_std: FloatArray
+    shape_std: float
 
 
 class FloorTable(NamedTuple):
@@ -83,24 +112,27 @@ class Scratch(NamedTuple):
         Pixels that carry a frame's first stamp or more have been visited in it; those that carry NEVER are not to be.
     stack : (N,) int32
         N >= H W.
+    sums : (2, 6) float64
+        Of a blob's weights, of their offsets from the seed, u and v, and of the offsets' products uu, uv and vv: over
+        all pixels, and over the unmixed ones.
     """
 
     stamps: Int32Array
     stack: Int32Array
+    sums: FloatArray
 
 
 @njit(cache=True, nogil=True)
-def find_ball(
+def find_blobs(
     frame: UInt8Array,
     seeds: Int32Array,
     scratch: Scratch,
     first_stamp: int,
     color: BallColor,
     size: BallSize,
-    table: FloorTable,
     out: FloatArray,
-) -> tuple[float, int]:
-    """Find the blob that is most like a ball on open floor.
+) -> tuple[int, int]:
+    """Find the blobs that may be balls.
 
     Parameters
     ----------
@@ -112,76 +144,77 @@ def find_ball(
         Used and changed.
     first_stamp : int
         Greater than any stamp of the frame before.
-    color, size, table
-        What a ball looks like, and what the floor looks like.
-    out : (4,) float64
-        Filled with the blob's centre u, v, its half sizes' mean ratio to the expected, and its ratio of floor before
-        and beside it.
+    color, size
+        What a ball looks like.
+    out : (M, COLUMNS) float64
+        Filled with the blobs; those beyond M are left out.
 
     Returns
     -------
-    (float, int)
-        The best blob's score: the ratio of floor before and beside it, less what has its own colour; 0 when none. And
-        the last stamp used.
+    (int, int)
+        Number of blobs, and the last stamp used.
     """
-    stamp = first_stamp
-    best = 0.0
+    stamp, count = first_stamp, 0
     for n in range(seeds.shape[0]):
         v0, u0 = seeds[n, 0], seeds[n, 1]
         b, g, r = frame[v0, u0, 0], frame[v0, u0, 1], frame[v0, u0, 2]
-        if not _has_hue(color, b, g, r):
+        if not has_hue(color, b, g, r):
             continue
         if float(b) + g + r < color.min_level or scratch.stamps[v0, u0] >= first_stamp:
             continue
         at_seed = int(math.sqrt((u0 - size.axis_u) ** 2 + (v0 - size.axis_v) ** 2) + 0.5)
         if at_seed >= size.along_px.shape[0] or not size.along_px[at_seed] > 0.0:
             continue
-        largest = 3.0 * math.pi * (size.along_px[at_seed] + 1.0) * (size.across_px[at_seed] + 1.0)
+        largest = _MAX_AREA_RATIO * math.exp(2.0 * size.log_std[at_seed])
+        largest *= math.pi * (size.along_px[at_seed] + 1.0) * (size.across_px[at_seed] + 1.0)
         stamp += 1
-        alone, area, signal, total, sum_u, sum_v, sum_uu, sum_uv, sum_vv = _flood(
-            frame, scratch, first_stamp, stamp, color, u0, v0, largest
-        )
-        if not alone or signal < color.min_signal * math.sqrt(area):
+        alone, cut, area, signal = _flood(frame, scratch, first_stamp, stamp, color, u0, v0, largest)
+        if not alone or area < 3 or signal < color.min_signal * math.sqrt(area):
             continue
+        # its shadow, glare and compression shift the rim of a mixed blob: what is unmixed says where it is
+        unmixed = scratch.sums[1, 0] >= _UNMIXED_RATIO * scratch.sums[0, 0]
+        total, sum_u, sum_v, sum_uu, sum_uv, sum_vv = scratch.sums[1 if unmixed else 0]
         cu, cv = sum_u / total, sum_v / total
         x, y = u0 + cu - size.axis_u, v0 + cv - size.axis_v
         radius = math.sqrt(x * x + y * y)
         index = int(radius + 0.5)
         if index >= size.along_px.shape[0] or not size.along_px[index] > 0.0:
             continue
-        a, t = size.along_px[index], size.across_px[index]
-        expected = math.pi * (a + 0.25) * (t + 0.25)
-        if area < max(2.0, MIN_AREA_RATIO * expected) or area > MAX_AREA_RATIO * (a + 0.75) * (t + 0.75) * math.pi:
+        smallest = _MIN_AREA_RATIO * math.exp(-2.0 * size.log_std[index])
+        if area < smallest * math.pi * (size.along_px[index] + 0.25) * (size.across_px[index] + 0.25):
             continue
+        if count >= out.shape[0]:
+            break
         ex, ey = x / radius, y / radius
         uu = sum_uu / total - cu * cu + 1.0 / 12
         uv = sum_uv / total - cu * cv
         vv = sum_vv / total - cv * cv + 1.0 / 12
-        along, across = _half_sizes(ex, ey, uu, uv, vv)
-        if along > MAX_SIZE_RATIO * a + 1.0 or across > MAX_SIZE_RATIO * t + 1.0:
-            continue
-        if along < MIN_SIZE_RATIO * a - 0.5 or across < MIN_SIZE_RATIO * t - 0.5:
-            continue
-        floor, like, wanted = _open_floor(frame, color, size, table, x, y, a, t)
-        if not wanted:
-            continue
-        score = floor / wanted - like / 8.0
-        if score > best:
-            best = score
-            out[0] = size.axis_u + x
-            out[1] = size.axis_v + y
-            out[2] = 0.5 * (along / a + across / t)
-            out[3] = floor / wanted
-    return best, stamp
+        out[count, U], out[count, V] = u0 + cu, v0 + cv
+        out[count, ALONG], out[count, ACROSS] = _half_sizes(ex, ey, uu, uv, vv)
+        out[count, TOTAL] = total
+        out[count, CUT] = cut
+        count += 1
+    return count, stamp
 
 
 @njit(cache=True, nogil=True)
-def _has_hue(color: BallColor, blue: int, green: int, red: int) -> bool:
-    """Whether a pixel lies on the ball's side of both planes, however dark it is."""
+def has_hue(color: BallColor, blue: float, green: float, red: float) -> bool:
+    """Whether a pixel has the ball's hue, however dark it is."""
     f, w = color.from_floor, color.from_white
-    if f[0] * blue + f[1] * green + f[2] * red <= 0.0:
+    if f[0] * blue + f[1] * green + f[2] * red > 0.0:
+        if w[0] * blue + w[1] * green + w[2] * red > color.min_hue:
+            return True
+    return _is_burnt_out(color, blue, green, red)
+
+
+@njit(cache=True, nogil=True)
+def _is_burnt_out(color: BallColor, blue: float, green: float, red: float) -> bool:
+    """Whether a pixel with a clipped channel may be a ball's: what is not clipped still has less of the weak one."""
+    if blue < CLIPPED and green < CLIPPED and red < CLIPPED:
         return False
-    return bool(w[0] * blue + w[1] * green + w[2] * red > 0.0)
+    weak = blue if color.weak == 0 else green if color.weak == 1 else red
+    middle = blue if color.middle == 0 else green if color.middle == 1 else red
+    return bool(weak < color.clipped_ratio * middle)
 
 
 @njit(cache=True, nogil=True)
@@ -194,47 +227,53 @@ def _flood(
     u0: int,
     v0: int,
     largest: float,
-) -> tuple[bool, int, float, float, float, float, float, float, float]:
+) -> tuple[bool, bool, int, float]:
     """Flood over the ball's colour from a seed, but no farther than a ball there could reach.
 
     Returns
     -------
     tuple
-        Whether the blob is whole and alone (what touches an earlier flood is the rest of a thing that was too large);
-        its area and signal; the sum of the pixels' weights, of their offsets from the seed, u and v, and of the
-        offsets' products uu, uv and vv.
+        Whether the blob is whole and alone (what touches an earlier flood is the rest of a thing that was too large),
+        and whether it reaches the picture's edge; its area and signal. The sums are in `scratch`.
     """
     stamps, stack = scratch.stamps, scratch.stack
     height, width = frame.shape[0], frame.shape[1]
     f0, f1, f2 = color.from_floor[0], color.from_floor[1], color.from_floor[2]
+    h0, h1, h2 = color.half_white[0], color.half_white[1], color.half_white[2]
+    sums = scratch.sums
+    sums[:] = 0.0
     stack[0] = v0 * width + u0
     stamps[v0, u0] = stamp
-    top, area, alone = 1, 0, True
-    total, sum_u, sum_v, sum_uu, sum_uv, sum_vv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    top, area, alone, cut = 1, 0, True, False
     signal = 0.0
     while top > 0 and alone:
         top -= 1
         v, u = stack[top] // width, stack[top] % width
         b, g, r = frame[v, u, 0], frame[v, u, 1], frame[v, u, 2]
-        # a mixed pixel at the rim counts in part, a shaded one inside as a whole
+        # a mixed pixel at the rim counts in part, a shaded or a burnt-out one inside as a whole
         value = f0 * b + f1 * g + f2 * r
+        burnt_out = _is_burnt_out(color, b, g, r)
+        if value < color.sure and burnt_out:
+            value = color.sure
         signal += value
         weight = min(1.0, value / color.sure)
         area += 1
-        total += weight
+        cut = cut or u == 0 or v == 0 or u == width - 1 or v == height - 1
         du, dv = float(u - u0), float(v - v0)
-        sum_u += weight * du
-        sum_v += weight * dv
-        sum_uu += weight * du * du
-        sum_uv += weight * du * dv
-        sum_vv += weight * dv * dv
+        for row in range(2 if burnt_out or h0 * b + h1 * g + h2 * r > 0.0 else 1):
+            sums[row, 0] += weight
+            sums[row, 1] += weight * du
+            sums[row, 2] += weight * dv
+            sums[row, 3] += weight * du * du
+            sums[row, 4] += weight * du * dv
+            sums[row, 5] += weight * dv * dv
         for side in range(4):
             nu = u + (1 if side == 0 else -1 if side == 1 else 0)
             nv = v + (1 if side == 2 else -1 if side == 3 else 0)
             if nu < 0 or nv < 0 or nu >= width or nv >= height or stamps[nv, nu] == stamp:
                 continue
             b, g, r = frame[nv, nu, 0], frame[nv, nu, 1], frame[nv, nu, 2]
-            if not _has_hue(color, b, g, r):
+            if not has_hue(color, b, g, r):
                 continue
             if float(b) + g + r < color.min_level or stamps[nv, nu] == NEVER:
                 continue
@@ -243,7 +282,7 @@ def _flood(
             stack[top] = nv * width + nu
             top += 1
         alone = alone and area <= largest
-    return alone, area, signal, total, sum_u, sum_v, sum_uu, sum_uv, sum_vv
+    return alone, cut, area, signal
 
 
 @njit(cache=True, nogil=True)
@@ -253,56 +292,3 @@ def _half_sizes(ex: float, ey: float, uu: float, uv: float, vv: float) -> tuple[
         2.0 * math.sqrt(max(0.0, ex * ex * uu + 2 * ex * ey * uv + ey * ey * vv)),
         2.0 * math.sqrt(max(0.0, ey * ey * uu - 2 * ex * ey * uv + ex * ex * vv)),
     )
-
-
-@njit(cache=True, nogil=True)
-def _open_floor(
-    frame: UInt8Array,
-    color: BallColor,
-    size: BallSize,
-    table: FloorTable,
-    x: float,
-    y: float,
-    along_px: float,
-    across_px: float,
-) -> tuple[int, int, int]:
-    """Count the places around a blob that show floor, and those that show the ball's colour.
-
-    Floor must lie before the blob and on both sides; behind it may be anything but more of its own colour. At the
-    picture's edge the nearest places in view do; where the robot's own body is before the blob, fewer places do.
-
-    Returns
-    -------
-    (int, int, int)
-        Places with floor, places with the ball's colour, and how many places with floor are wanted.
-    """
-    height, width = frame.shape[0], frame.shape[1]
-    radius = math.sqrt(x * x + y * y)
-    ex, ey = x / radius, y / radius
-    floor, like, asked, wanted = 0, 0, 0, _WANTED
-    for k in range(_AROUND):
-        step = 8 + ((k + 1) // 2 if k % 2 else -(k // 2))
-        angle = step * math.pi / 8
-        along = (_RIM_RATIO * along_px + _RIM_PX) * math.cos(angle)
-        aside = (_RIM_RATIO * across_px + _RIM_PX) * math.sin(angle)
-        u = int(size.axis_u + x + along * ex - aside * ey + 0.5)
-        v = int(size.axis_v + y + along * ey + aside * ex + 0.5)
-        if u < 1 or v < 1 or u >= width - 1 or v >= height - 1:
-            continue
-        if (u - size.axis_u) ** 2 + (v - size.axis_v) ** 2 < (size.body_px + 2.0) ** 2:
-            wanted -= 1
-            continue
-        asked += 1
-        blue, green, red = 0, 0, 0
-        for nv in range(v - 1, v + 2):
-            for nu in range(u - 1, u + 2):
-                blue += frame[nv, nu, 0]
-                green += frame[nv, nu, 1]
-                red += frame[nv, nu, 2]
-        blue, green, red = blue // 9, green // 9, red // 9
-        packed = table.packing[0, blue] + table.packing[1, green] + table.packing[2, red]
-        if _has_hue(color, blue, green, red):
-            like += blue + green + red >= color.min_level
-        elif asked <= wanted and table.floor_llr[packed] > 0:
-            floor += 1
-    return floor, like, wanted

@@ -1,4 +1,4 @@
-"""The ball in a pinhole camera's frame: the mirror camera's search, along the picture's own up and down."""
+"""Balls in a pinhole camera's frame: the mirror camera's search, along the picture's own up and down."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor import free_floor
-from robocup_vision.perception.ball import Ball, BallSearch, BallSettings
+from robocup_vision.perception.balls.ball import Ball, BallSettings
+from robocup_vision.perception.balls.search import BallSearch
 from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
 
-# half the size of the smallest ball that is searched for
-_MIN_HALF_PX = 2.0
 
-
-class FloorBallFinder(BallSearch):
-    """Finds the ball in frames of one pinhole camera; holds scratch memory, so one object a thread.
+class PinholeBallFinder(BallSearch):
+    """Finds balls in frames of one pinhole camera; holds scratch memory, so one object a thread.
 
     Parameters
     ----------
@@ -38,9 +36,9 @@ class FloorBallFinder(BallSearch):
         field: Field,
         camera: PinholeCamera,
         mask: UInt8Array | None = None,
-        settings: BallSettings | None = None,
+        settings: BallSettings = BallSettings(),
     ) -> None:
-        super().__init__(field, camera, mask, settings or BallSettings())
+        super().__init__(field, camera, mask, settings)
         self.camera = camera
 
     @cached_property
@@ -51,6 +49,19 @@ class FloorBallFinder(BallSearch):
     def _axis_px(self) -> tuple[float, float]:
         (u, v), (down_u, down_v) = self.camera.center_px, self._down
         return u + FAR_BELOW_PX * down_u, v + FAR_BELOW_PX * down_v
+
+    @property
+    def _white_ratios(self) -> tuple[float, ...]:
+        return self.settings.pinhole_white_ratios
+
+    @property
+    def _shape_std(self) -> float:
+        return self.settings.pinhole_shape_std
+
+    @property
+    def _sway_px(self) -> float:
+        sway = self.settings.sway_std_rad if self.camera.roll_std_rad is None else self.camera.roll_std_rad
+        return sway * self.camera.focal_px[1]
 
     @cached_property
     def _reach_px(self) -> int:
@@ -87,15 +98,16 @@ class FloorBallFinder(BallSearch):
         down_u, down_v = self._down
         rows: list[FloatArray] = []
         place = float(FAR_BELOW_PX - self._reach_px)
+        settings, pitch = self.settings, self.settings.pinhole_seed_pitch
         while place < FAR_BELOW_PX + self._reach_px:
             half_px = across[round(place)]
-            if half_px < _MIN_HALF_PX:
+            if half_px < settings.min_half_px:
                 place += 1.0
                 continue
-            aside = np.arange(-self._reach_px, self._reach_px, half_px) + (len(rows) % 2) * half_px / 2
+            aside = np.arange(-self._reach_px, self._reach_px, pitch * half_px) + (len(rows) % 2) * pitch * half_px / 2
             middle = np.array(self._axis_px) - place * np.array([down_u, down_v])
             rows.append(middle + aside[:, None] * np.array([down_v, -down_u]))
-            place += max(along[round(place)], 1.0)
+            place += max(pitch * along[round(place)], 1.0)
         return rows
 
     def _on_plane(self, u: float, v: float) -> tuple[float, float]:

@@ -1,0 +1,125 @@
+"""A ball as one frame shows it, and what the search for it can be tuned by."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.kernels.floor.ball_evidence import BallEvidence
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ball:
+    """Where a ball is.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its centre in the robot frame, metres.
+    covariance : (2, 2) float64
+        Of its position, square metres.
+    u_px, v_px : float
+        Its centre in the frame.
+    log_likelihood_ratio : float
+        How much more likely a ball looks so than anything else that has its colour, nats.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: FloatArray
+    u_px: float
+    v_px: float
+    log_likelihood_ratio: float = 0.0
+
+    def turned(self, angle_rad: float) -> Ball:
+        """Return the ball in a frame in which directions are larger by an angle."""
+        c, s = math.cos(angle_rad), math.sin(angle_rad)
+        turn = np.array([[c, -s], [s, c]])
+        x, y = (turn @ (self.x_m, self.y_m)).tolist()
+        return replace(self, x_m=x, y_m=y, covariance=turn @ self.covariance @ turn.T)
+
+
+@dataclass(frozen=True, slots=True)
+class BallSettings:
+    """What the search for balls can be tuned by.
+
+    Parameters
+    ----------
+    evidence : BallEvidence
+        What a ball looks like, and everything else.
+    min_log_likelihood_ratio : float
+        A find with less is no ball: of some hundred things of its colour in a frame none may pass by chance.
+    again_nats, again_half_sizes : float
+        It may be so much less where the last frame showed a ball within so many half sizes: balls stay.
+    max_balls : int
+        More are not reported.
+    max_blobs : int
+        More are not looked at: a picture full of the ball's colour.
+    mirror_white_ratios, pinhole_white_ratios : tuple of float
+        So far on the way from white to the ball's colour begins the ball's colour; all are tried. Half-way parts a ball
+        from pale things beside it; of a far ball under a lamp, blur and compression leave a third of its colour.
+    white_noise_stds : float
+        And so many standard deviations of the noise beyond: dark grey has any hue in noise.
+    clipped_ratio : float
+        As `white_ratio` where a channel is at its end, by the others: a ball burnt out by a lamp is nearly white.
+    floor_stds : float
+        Standard deviations by which floor seldom differs from itself: the ball's colour begins beyond.
+    min_level : float
+        Brightness of the ball's shaded side, sum of its channels, as a ratio of the lit floor's.
+    min_signal : float
+        Standard deviations by which a blob must differ from the floor.
+    min_half : float
+        Mirror: balls with a smaller half size, in units of 1/86 of the usable radius (the paper's pixels), are too far.
+    min_half_px : float
+        Pinhole camera: half the size of the smallest ball.
+    seed_pitch : float
+        Mirror: distance between seeds, in half sizes of the ball: at 1 a ball covers at least two.
+    pinhole_seed_pitch : float
+        Of a pinhole camera: of a far ball under a lamp a quarter has its colour.
+    sway_std_rad : float
+        Of a pinhole camera's tilt where the camera file gives no `roll_std_rad`: robots nod when they start and stop.
+    mirror_shape_std : float
+        Of the logarithms of size and slenderness in a mirror: a calibration by the floor says little of what stands
+        on it.
+    pinhole_shape_std : float
+        The same for a pinhole camera: shade and glare cut a ball's outline.
+    floor_nats, floor_slope, min_floor, max_floor : float
+        Floor near the robot is carpet where its mean log-likelihood ratio exceeds the first; nats for each nat more or
+        less, and their bounds. Photographs of anything have 1.3 (median), of fields 3 to 4.
+    green_scale, green_nats : float
+        Carpet is greener than grey by so much, as a logarithm; nats by which a grey floor is doubted, and half as many
+        as a floor less green than grey.
+    center_std_px : float
+        Of the blob's centre.
+    """
+
+    evidence: BallEvidence = field(default_factory=BallEvidence)
+    min_log_likelihood_ratio: float = 6.5
+    again_nats: float = 2.0
+    again_half_sizes: float = 8.0
+    max_balls: int = 8
+    max_blobs: int = 128
+    mirror_white_ratios: tuple[float, ...] = (0.5,)
+    pinhole_white_ratios: tuple[float, ...] = (0.5, 0.2)
+    white_noise_stds: float = 0.5
+    clipped_ratio: float = 0.15
+    floor_stds: float = 3.5
+    min_level: float = 0.6
+    min_signal: float = 4.0
+    min_half: float = 1.0
+    min_half_px: float = 2.0
+    seed_pitch: float = 1.0
+    pinhole_seed_pitch: float = 0.5
+    sway_std_rad: float = math.radians(1.0)
+    mirror_shape_std: float = 0.3
+    pinhole_shape_std: float = 0.15
+    floor_nats: float = 2.3
+    floor_slope: float = 2.0
+    min_floor: float = -8.0
+    max_floor: float = 1.0
+    green_scale: float = 0.1
+    green_nats: float = 2.0
+    center_std_px: float = 0.3

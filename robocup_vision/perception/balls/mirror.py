@@ -1,0 +1,132 @@
+"""Balls in a mirror camera's frame: rays from the mirror's axis outwards."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.kernels.floor import free_floor
+from robocup_vision.perception.balls.ball import Ball, BallSettings
+from robocup_vision.perception.balls.search import BallSearch
+from robocup_vision.perception.polar_view import PolarView
+
+
+class MirrorBallFinder(BallSearch):
+    """Finds balls in frames of one mirror camera; holds scratch memory, so one object a thread.
+
+    Parameters
+    ----------
+    field : Field
+        Gives the ball's size and colour; a white ball cannot be told from lines.
+    camera : OmniCamera
+        The camera.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    settings : BallSettings
+        Thresholds of the search.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        mask: UInt8Array | None = None,
+        settings: BallSettings = BallSettings(),
+    ) -> None:
+        super().__init__(field, camera, mask, settings)
+        self.camera = camera
+
+    @property
+    def _axis_px(self) -> tuple[float, float]:
+        return self.camera.center_px
+
+    @property
+    def _white_ratios(self) -> tuple[float, ...]:
+        return self.settings.mirror_white_ratios
+
+    @property
+    def _shape_std(self) -> float:
+        return self.settings.mirror_shape_std
+
+    @property
+    def _body_px(self) -> float:
+        return self.camera.usable_radius_px[0]
+
+    @cached_property
+    def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
+        camera = self.camera
+        inner, outer = camera.usable_radius_px
+        radius = np.arange(math.ceil(outer) + 2, dtype=np.float64)
+        q = np.full(len(radius), np.nan)
+        q[1:] = camera.floor_range.inverse_range_per_m(radius[1:])
+        height = camera.height_m
+        if height is None:
+            # without a height its top is unknown: as on the floor, and round
+            across = self.radius_m * q * radius
+            along = across
+        else:
+            depression = np.arctan(q * height)
+            distance = (height - self.radius_m) / np.sin(depression)
+            with np.errstate(invalid="ignore"):
+                half = np.arcsin(np.where(self.radius_m < distance, self.radius_m / distance, np.nan))
+            near = camera.floor_range.radius_px(np.tan(depression + half) / height)
+            far = camera.floor_range.radius_px(np.tan(depression - half) / height)
+            along = (far - near) / 2
+            across = radius * np.sin(half) / np.cos(depression)
+        # a ball that reaches over the axis has no near side: it is none that could lie there
+        usable = (radius >= inner) & (radius <= outer) & (q > 0) & (along > 0)
+        return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
+
+    @property
+    def _seed_rows(self) -> list[FloatArray]:
+        along, across = self._sizes_px
+        inner, outer = self.camera.usable_radius_px
+        min_px = self.settings.min_half * max(1.0, (outer - inner) / 86.0)
+        rings: list[FloatArray] = []
+        radius = inner + 1.0
+        while radius < outer and across[round(radius)] >= min_px:
+            pitch = self.settings.seed_pitch * across[round(radius)]
+            angles = np.arange(0.0, math.tau, pitch / radius) + (len(rings) % 2) * pitch / radius / 2
+            rings.append(self.camera.polar_to_pixel(angles, radius))
+            radius += self.settings.seed_pitch * along[round(radius)]
+        return rings
+
+    def clear(self, ball: Ball, view: PolarView, marks: UInt8Array) -> None:
+        """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
+        u, v = ball.u_px - self.camera.center_px[0], ball.v_px - self.camera.center_px[1]
+        radius = math.hypot(u, v)
+        along, across = (float(sizes[round(radius)]) for sizes in self._sizes_px)
+        bearing = math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad
+        row = bearing / math.tau * view.bearings
+        # the shadow reaches about half a radius beyond the ball, the samples' blur a column
+        half_px = 1.5 * along + view.step_px + 1.5
+        half_rows = (1.5 * across + 1.5) / radius / math.tau * view.bearings + 1
+        free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)
+
+    @cached_property
+    def _rays(self) -> tuple[float, float, list[float], list[list[float]], list[float]]:
+        inner, outer = self.camera.usable_radius_px
+        radius = np.linspace(inner, outer, 4096)
+        fall = self.camera.floor_range.inverse_range_per_m(radius) * float(self.camera.viewpoint_m[2])
+        turn = self.camera.camera_to_robot.tolist()
+        return inner, float(radius[1] - radius[0]), fall.tolist(), turn, self.camera.viewpoint_m.tolist()
+
+    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
+        """Where a pixel's ray meets the plane of the ball's centre, robot frame; in plain floats, as points are few."""
+        inner, step, fall, turn, (x0, y0, z0) = self._rays
+        du, dv = u - self.camera.center_px[0], v - self.camera.center_px[1]
+        place = max(0.0, min(len(fall) - 1.001, (math.hypot(du, dv) - inner) / step))
+        cell = int(place)
+        down = fall[cell] + (place - cell) * (fall[cell + 1] - fall[cell])
+        bearing = math.atan2(dv if self.camera.mirrored else -dv, du) + self.camera.heading_rad
+        ray = (math.cos(bearing), math.sin(bearing), -down)
+        x, y, z = (row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2] for row in turn)
+        # without a height the ball lies as flat as the floor
+        fallen = z0 if self.camera.height_m is None else z0 - self.radius_m
+        scale = fallen / max(-z, 1e-9)
+        return x0 + scale * x, y0 + scale * y

@@ -1,0 +1,261 @@
+"""The search for coloured balls, the same for every camera: blobs of the colour, weighed one by one."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.floor import ball as kernel
+from robocup_vision.kernels.floor.ball_evidence import weigh_blobs
+from robocup_vision.perception.balls.ball import Ball, BallSettings
+from robocup_vision.perception.balls.colors import ball_colors, floor_evidence
+from robocup_vision.perception.color_table import ColorTable
+
+# points all over a disc of radius 1, and how often a ball that the picture cuts is moved until its part in it fits
+_DISC = np.array([(x, y) for x in np.linspace(-1, 1, 33) for y in np.linspace(-1, 1, 33) if x * x + y * y <= 1])
+_CUT_STEPS = 12
+
+
+class BallSearch(ABC):
+    """Search for balls, the same for every camera: rows of seeds along rays, and the size it must have at each.
+
+    Parameters
+    ----------
+    field, camera, mask, settings
+        See `MirrorBallFinder`.
+    """
+
+    def __init__(
+        self, field: Field, camera: OmniCamera | PinholeCamera, mask: UInt8Array | None, settings: BallSettings
+    ) -> None:
+        self._any_camera = camera
+        self.settings = settings
+        self.radius_m = field.ball_radius_m
+        self.has_color = field.ball_color not in ("white", "black")
+        width, height = camera.size_px
+        self._mask = mask
+        stamps = np.zeros((height, width), dtype=np.int32)
+        if mask is not None:
+            stamps[mask > 0] = kernel.NEVER
+        self._scratch = kernel.Scratch(stamps, np.empty(height * width, dtype=np.int32), np.empty((2, 6)))
+        self._stamp = 0
+        self._table: ColorTable | None = None
+        self._colors: tuple[kernel.BallColor, ...] = ()
+        self._floor_table = kernel.FloorTable(np.empty((3, 256), dtype=np.uint16), np.empty(0, dtype=np.int8))
+        self._blobs = np.empty((settings.max_blobs, kernel.COLUMNS))
+        self._ratios = np.empty(settings.max_blobs)
+        self._last_px: list[tuple[float, float, float]] = []
+
+    @property
+    @abstractmethod
+    def _axis_px(self) -> tuple[float, float]:
+        """Where, in the picture's plane, rays from the robot outwards start."""
+
+    @property
+    def _body_px(self) -> float:
+        """How near to there the picture shows the robot itself."""
+        return 0.0
+
+    @property
+    @abstractmethod
+    def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
+        """Half the ball's size along and across the ray, (R,) float64 each, by its centre's distance from there."""
+
+    @property
+    @abstractmethod
+    def _shape_std(self) -> float:
+        """Standard deviation of the logarithms of a blob's size and slenderness."""
+
+    @property
+    @abstractmethod
+    def _white_ratios(self) -> tuple[float, ...]:
+        """Where on the way from white the ball's colour begins, in turn."""
+
+    @property
+    def _sway_px(self) -> float:
+        """How far along the ray a ball may be from where it seems to be by its size: the camera's sway."""
+        return 0.0
+
+    @cached_property
+    def _size(self) -> kernel.BallSize:
+        u, v = self._axis_px
+        along, across = self._sizes_px
+        known = (along > 0) & (across > 0)
+        size = np.log(np.where(known, along * across, 1.0)) / 2
+        # neighbours tell how fast the size changes along the ray; at the ends of what is known they tell nothing
+        change = np.abs(np.gradient(size)) * (known & np.roll(known, 1) & np.roll(known, -1))
+        # where the sway is as long as the way to the horizon, any size may be
+        log_std = np.hypot(self._shape_std, np.minimum(self._sway_px * change, 0.8))
+        return kernel.BallSize(float(u), float(v), float(self._body_px), along, across, log_std, self._shape_std)
+
+    @property
+    @abstractmethod
+    def _seed_rows(self) -> list[FloatArray]:
+        """Pixels (N, 2) of each row of seeds."""
+
+    @cached_property
+    def _seeds(self) -> npt.NDArray[np.int32]:
+        """Pixels (N, 2) int32, v and u, in rows so dense that a ball anywhere on the floor covers some of them."""
+        rings = self._seed_rows
+        width, height = self._any_camera.size_px
+        pixels = np.rint(np.vstack(rings)).astype(np.int32) if rings else np.empty((0, 2), dtype=np.int32)
+        inside = (pixels >= 1).all(axis=1) & (pixels[:, 0] < width - 1) & (pixels[:, 1] < height - 1)
+        pixels = pixels[inside]
+        if self._mask is not None:
+            pixels = pixels[self._mask[pixels[:, 1], pixels[:, 0]] == 0]
+        # in the order of memory
+        return np.ascontiguousarray(np.unique(pixels[:, ::-1], axis=0))
+
+    def find(self, frame: UInt8Array, table: ColorTable, near_floor_nats: float) -> tuple[Ball, ...]:
+        """Find the balls in a frame, the likeliest first.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        table : ColorTable
+            The frame's colours.
+        near_floor_nats : float
+            Mean log-likelihood ratio of the floor near the robot: how much of it is of the learnt floor's colour.
+        """
+        if not self.has_color:
+            return ()
+        if self._table is not table:
+            self._table = table
+            self._colors = ball_colors(table.colors, self.settings, self._white_ratios)
+            self._floor_table = kernel.FloorTable(table.packing, table.floor_llr)
+        count = 0
+        for color in self._colors:
+            count += self._weigh(frame, color, count)
+        before, self._last_px = self._last_px, []
+        if not count:
+            return ()
+        of_floor = floor_evidence(table.colors.floor, near_floor_nats, self.settings)
+        ratios = [ratio + of_floor for ratio in self._ratios[:count].tolist()]
+        found: list[Ball] = []
+        for n in sorted(range(count), key=lambda n: -ratios[n]):
+            needed = self.settings.min_log_likelihood_ratio
+            if ratios[n] < needed - self.settings.again_nats or len(found) == self.settings.max_balls:
+                break
+            u, v, half_px = self._blob(n)
+            if any(
+                math.hypot(u - other_u, v - other_v) < max(half_px, other) for other_u, other_v, other in self._last_px
+            ):
+                # the same ball, at another threshold of its colour
+                continue
+            again = self.settings.again_half_sizes
+            if any(math.hypot(u - last_u, v - last_v) <= again * last for last_u, last_v, last in before):
+                needed -= self.settings.again_nats
+            if self._blobs[n, kernel.CUT] and ratios[n] >= needed:
+                ratios[n] += self._cut_evidence(self._blobs[n])
+            if ratios[n] >= needed:
+                self._last_px.append((u, v, half_px))
+                found.append(self._ball_at(self._blobs[n, :2], ratios[n]))
+        return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio))
+
+    def _weigh(self, frame: UInt8Array, color: kernel.BallColor, first: int) -> int:
+        """Find and weigh the blobs of a colour, into the rows from `first` on, and return their number."""
+        if self._stamp > kernel.NEVER // 2:
+            self._scratch.stamps[self._scratch.stamps != kernel.NEVER] = 0
+            self._stamp = 0
+        blobs = self._blobs[first:]
+        count, self._stamp = kernel.find_blobs(
+            frame, self._seeds, self._scratch, self._stamp + 1, color, self._size, blobs
+        )
+        if count:
+            evidence, ratios = self.settings.evidence, self._ratios[first:]
+            weigh_blobs(frame, blobs[:count], color, self._size, self._floor_table, evidence, ratios)
+        return count
+
+    def _blob(self, n: int) -> tuple[float, float, float]:
+        """Centre and half size of a blob, pixels."""
+        blob = self._blobs[n]
+        half_px = math.sqrt(blob[kernel.ALONG] * blob[kernel.ACROSS])
+        return float(blob[kernel.U]), float(blob[kernel.V]), half_px
+
+    def forget(self) -> None:
+        """Forget where balls were in the last frame."""
+        self._last_px = []
+
+    def _ball_at(self, blob_px: FloatArray, ratio: float) -> Ball:
+        if self._is_cut(float(blob_px[0]), float(blob_px[1])):
+            center, visible_ratio, _ = self._whole(blob_px)
+            return self._place(center, visible_ratio, ratio)
+        return self._place(blob_px, 1.0, ratio)
+
+    def _is_cut(self, u: float, v: float) -> bool:
+        """Whether a ball with its centre there may reach beyond the picture; in plain floats, as it is once a frame."""
+        axis_u, axis_v = self._axis_px
+        along_px, across_px = self._sizes_px
+        index = min(round(math.hypot(u - axis_u, v - axis_v)), len(along_px) - 1)
+        reach = max(float(along_px[index]), float(across_px[index])) - 0.5
+        width, height = self._any_camera.size_px
+        return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
+
+    def _cut_evidence(self, blob: FloatArray) -> float:
+        """Weigh how well a blob at the picture's edge is the part of a ball that it would show: nats."""
+        center, visible_ratio, shown = self._whole(blob[:2])
+        if len(shown) < 2:
+            return 0.0
+        axis = np.array(self._axis_px)
+        ray = (blob[:2] - axis) / max(float(np.hypot(*(blob[:2] - axis))), 1e-9)
+        index = min(round(float(np.hypot(*(center - axis)))), len(self._sizes_px[0]) - 1)
+        area = math.pi * float(self._sizes_px[0][index] * self._sizes_px[1][index]) * visible_ratio
+        along, across = (2.0 * float(np.std(shown @ way)) for way in (ray, np.array([-ray[1], ray[0]])))
+        measured = (blob[kernel.ALONG], blob[kernel.ACROSS], math.sqrt(blob[kernel.TOTAL]))
+        evidence = self.settings.evidence
+        nats = 0.0
+        for one, expected in zip(measured, (along, across, math.sqrt(max(area, 1.0))), strict=True):
+            std = math.hypot(self._shape_std, 1.0 / max(expected, 1.0))
+            off = math.log(max(one, 0.5) / max(expected, 0.5)) / std
+            density = math.exp(-0.5 * off * off) / (std * math.sqrt(math.tau))
+            nats += math.log((1 - evidence.outlier_ratio) * density * evidence.shape_span + evidence.outlier_ratio)
+        return nats
+
+    def _whole(self, blob_px: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+        """Centre (2,) of the whole ball whose part in the picture has this centre, and its visible ratio.
+
+        With points (N, 2) all over that part.
+
+        Parameters
+        ----------
+        blob_px : (2,) float64
+            Centre of what is shown.
+        """
+        axis, last = np.array(self._axis_px), np.array(self._any_camera.size_px) - 0.5
+        along_px, across_px = self._sizes_px
+        center, visible_ratio, seen = blob_px.copy(), 1.0, np.empty((0, 2))
+        for _ in range(_CUT_STEPS):
+            ray = center - axis
+            radius = math.hypot(*ray)
+            index = min(round(radius), len(along_px) - 1)
+            along, across = float(along_px[index]), float(across_px[index])
+            ray /= max(radius, 1e-9)
+            points = center + _DISC @ np.array([along * ray, [-across * ray[1], across * ray[0]]])
+            shown = points[((points >= -0.5) & (points <= last)).all(axis=1)]
+            if not len(shown):
+                break
+            visible_ratio, seen = len(shown) / len(points), shown
+            center += blob_px - shown.mean(axis=0)
+        return center, visible_ratio, seen
+
+    def _place(self, pixel: FloatArray, visible_ratio: float, ratio: float) -> Ball:
+        u, v = float(pixel[0]), float(pixel[1])
+        x, y = self._on_plane(u, v)
+        (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
+        (x_down, y_down), (x_up, y_up) = self._on_plane(u, v + 0.5), self._on_plane(u, v - 0.5)
+        jacobian = np.array([[x_right - x_left, x_down - x_up], [y_right - y_left, y_down - y_up]])
+        covariance = read_only((self.settings.center_std_px / visible_ratio) ** 2 * jacobian @ jacobian.T)
+        return Ball(x, y, covariance, u, v, ratio)
+
+    @abstractmethod
+    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
+        """Where a pixel's ray meets the plane of the ball's centre, robot frame."""
