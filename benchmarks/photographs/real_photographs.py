@@ -15,6 +15,8 @@ The forward camera: six photographs from a small-size robot, with poses from ove
 moves, so that the given pose is that of another moment (drawn from it, the lines lie up to 5 degrees beside those in
 the picture). Of each, priors are drawn about the given pose (0.1 m, 0.1 m, 5 degrees, one standard deviation), and the
 mean errors of prior and refined pose stand side by side; "stiff": with tilt and roll fixed as the camera file says.
+
+Further rows stand in modules of their own, named in `ROW_MODULES`: balls.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
+from benchmarks.photographs import balls
 from field_models import load_field
 from robocup_vision import PoseEstimate, Vision, draw, load_camera
 from robocup_vision.arrays import FloatArray
@@ -46,6 +49,8 @@ HAND_PICKED = "line_points_a_center.csv"
 REFERENCE, MAX_OFF_M, MAX_OFF_RAD = Pose2(0.102, 0.048, math.radians(-1.5)), 0.03, math.radians(1.0)
 MAX_MEDIAN_M, MAX_P90_M, MAX_SEARCH_MS = 0.02, 0.05, 150.0
 SECTORS = 12
+# each has a tuple ROWS of functions that measure one row
+ROW_MODULES = {"balls": balls.ROWS}
 ONBOARD, ONBOARD_FIELD = (
     "onboard_ssl",
     Path(__file__).resolve().parents[2] / "tests" / "data" / "onboard_ssl_field.toml",
@@ -144,6 +149,21 @@ def error_text(errors: list[FloatArray], which: int) -> str:
     return f"{away:.3f}, {math.degrees(turn):.1f}"
 
 
+def measured_rows() -> bool:
+    """Print the rows of each module; whether all that are installed meet their targets."""
+    all_ok = True
+    for name, measure in ROW_MODULES.items():
+        table = Table((f"{name:<28}", "measured" + " " * 30, "target" + " " * 20, col.compared_verdict()), name=name)
+        for one in measure:
+            row = one()
+            if row is None:
+                table.row("photographs", "not installed", None, None)
+                continue
+            table.row(row.name, row.measured, row.target, verdict(row.is_met))
+            all_ok &= row.is_met
+    return all_ok
+
+
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__))
@@ -206,6 +226,7 @@ def main() -> None:
             table.row(label, measured, due, None if due is None else verdict(ok), kind=kind)
             all_ok &= ok
     all_ok &= forward_camera(2 * repeats, arguments.seed)
+    all_ok &= measured_rows()
     finish(arguments.check, all_ok)
 
 

@@ -1,0 +1,151 @@
+"""Balls in photographs: found where somebody marked them, and nowhere else.
+
+"alone": each frame with a `Vision` that has forgotten all others; "in sequence": one `Vision` for all frames in their
+order. A hit is a first ball (`view.ball`) whose centre lies in a marked box and a pixel around it, or within 8 pixels
+of a marked centre. "precision": hits by frames in which any ball is reported.
+
+Photographs of other things are scaled to each camera's size; what is counted is the looks that report a ball. The
+cameras are those of the photographs, and two of the project's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from benchmarks.photographs.rows import REAL, PhotographRow, photographs, table_of
+from field_models import Field, load_field
+from robocup_vision import Vision, load_camera
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from sim2d.rendering.cameras import sekimori_camera
+
+# balls in the six photographs of onboard_ssl, read by eye, pixels; the near one is 110 wide
+ONBOARD_BALLS = {"sqr_02_901.png": (360.0, 72.0), "sqr_02_953.png": (323.0, 92.0), "igs_02_240.png": (588.0, 450.0)}
+NEAR_BALL, NEAR_PX, HIT_PX = "igs_02_240.png", 25.0, 8.0
+# colour and place of each ball in the mirror photographs, read by eye
+MIRROR_BALLS = (
+    ("omni_msl_noisy", "y_1bakbak_pic0.png", "camera_y_1bakbak_pic0.toml", "yellow", (160.0, 305.0)),
+    ("omni_msl_noisy", "y_2_pic0.png", "camera_y_2_pic0.toml", "yellow", (301.0, 149.0)),
+    ("omni_msl_noisy", "y_100_pic0.png", "camera_y_100_pic0.toml", "orange", (352.0, 253.0)),
+    ("omni_msl_6x4_b", "b_center.png", "camera.toml", "yellow", (291.0, 144.0)),
+)
+MIRROR_HIT_PX = 10.0
+MIN_ALONE, MIN_SEQUENCE, MIN_PRECISION, MAX_FALSE = 0.90, 0.96, 0.98, 1 / 200
+
+
+def onboard_sequence(*, alone: bool) -> PhotographRow | None:
+    """Measure the small-size robot's camera with a teal cast."""
+    if not (REAL / "ball_onboard").is_dir():
+        return None
+    boxes: dict[str, list[list[float]]] = {}
+    for row in table_of("ball_onboard", "boxes.csv"):
+        if row["class"] == "ball":
+            boxes.setdefault(row["image"], []).append([float(row[key]) for key in ("xmin", "ymin", "xmax", "ymax")])
+    vision = Vision(
+        load_field(REAL / "ball_onboard" / "field.toml"), load_camera(REAL / "ball_onboard" / "camera.toml")
+    )
+    hits = reported = 0
+    for name, frame in photographs("ball_onboard"):
+        if alone:
+            vision.forget()
+        ball = vision.look(frame).ball
+        if ball is None:
+            continue
+        reported += 1
+        hits += any(
+            x0 - 1 <= ball.u_px <= x1 + 1 and y0 - 1 <= ball.v_px <= y1 + 1 for x0, y0, x1, y1 in boxes.get(name, [])
+        )
+    needed = MIN_ALONE if alone else MIN_SEQUENCE
+    ratio, precision = hits / len(boxes), hits / max(reported, 1)
+    return PhotographRow(
+        f"teal cast, {'alone' if alone else 'in sequence'}",
+        f"{hits}/{len(boxes)}, precision {hits}/{reported}",
+        f">= {needed:.0%}, {MIN_PRECISION:.0%}",
+        ratio >= needed and precision >= MIN_PRECISION,
+    )
+
+
+def before_boards() -> PhotographRow | None:
+    """Measure a small-size robot's camera before black boards."""
+    folders = ("onboard_ssl_more", "onboard_ssl")
+    if not all((REAL / folder).is_dir() for folder in folders):
+        return None
+    marked = dict(ONBOARD_BALLS)
+    for row in table_of("onboard_ssl_more", "balls.csv"):
+        marked[row["image"]] = (float(row["u_px"]), float(row["v_px"]))
+    where = REAL / "onboard_ssl_more"
+    vision = Vision(load_field(where / "field.toml"), load_camera(where / "camera.toml"))
+    hits = false = 0
+    for folder in folders:
+        for name, frame in photographs(folder):
+            vision.forget()
+            view = vision.look(frame)
+            reach = NEAR_PX if name == NEAR_BALL else HIT_PX
+            near = [
+                name in marked and np.hypot(ball.u_px - marked[name][0], ball.v_px - marked[name][1]) <= reach
+                for ball in view.balls
+            ]
+            hits += bool(near and near[0])
+            false += near.count(False)
+    return PhotographRow(
+        "before black boards",
+        f"{hits}/{len(marked)}, {false} false",
+        ">= 90 %, 0",
+        hits >= 0.9 * len(marked) and not false,
+    )
+
+
+def noisy_mirrors() -> PhotographRow | None:
+    """Measure yellow and orange middle-size balls in mirrors."""
+    if not all((REAL / folder).is_dir() for folder, *_ in MIRROR_BALLS):
+        return None
+    hits = 0
+    for folder, image, camera, color, (u, v) in MIRROR_BALLS:
+        field = replace(load_field("msl_6x4"), ball_color=color)
+        vision = Vision(field, load_camera(REAL / folder / camera))
+        ball = vision.look(dict(photographs(folder))[image]).ball
+        hits += ball is not None and np.hypot(ball.u_px - u, ball.v_px - v) <= MIRROR_HIT_PX
+    return PhotographRow(
+        "middle-size, noisy mirrors", f"{hits}/{len(MIRROR_BALLS)}", ">= 7/8", hits >= 7 / 8 * len(MIRROR_BALLS)
+    )
+
+
+def other_things() -> PhotographRow | None:
+    """Count the balls seen in photographs of other things, by mirror and pinhole cameras."""
+    frames = [frame for _, frame in photographs("negatives")]
+    if not frames or not (REAL / "onboard_ssl_more").is_dir():
+        return None
+    looks = false = 0
+    for field, camera in _cameras():
+        # the pose is found by the quickest method: it only removes balls beyond the floor
+        vision = Vision(field, camera, method="floor" if field.is_bounded else "field")
+        for frame in frames:
+            vision.forget()
+            scaled = cv2.resize(frame, camera.size_px, interpolation=cv2.INTER_AREA)
+            false += bool(vision.look(np.asarray(scaled, dtype=np.uint8)).balls)
+            looks += 1
+    return PhotographRow("other things", f"{false}/{looks} show a ball", "<= 1/200", false <= MAX_FALSE * looks)
+
+
+def _cameras() -> list[tuple[Field, OmniCamera | PinholeCamera]]:
+    mirror = load_camera(REAL / "omni_msl_6x4_b" / "camera.toml")
+    middle_size = load_field("msl_6x4")
+    found = [
+        (load_field("ssl_2001"), sekimori_camera()),
+        (middle_size, mirror),
+        (replace(middle_size, ball_color="yellow"), mirror),
+    ]
+    forward = (REAL / folder for folder in ("onboard_ssl_more", "ball_onboard"))
+    return found + [(load_field(folder / "field.toml"), load_camera(folder / "camera.toml")) for folder in forward]
+
+
+ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
+    lambda: onboard_sequence(alone=True),
+    lambda: onboard_sequence(alone=False),
+    before_boards,
+    noisy_mirrors,
+    other_things,
+)
