@@ -32,7 +32,7 @@ import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
-from benchmarks.photographs import balls
+from benchmarks.scores import photograph_balls as balls
 from field_models import load_field
 from robocup_vision import PoseEstimate, Vision, draw, load_camera
 from robocup_vision.arrays import FloatArray

@@ -1,9 +1,9 @@
-"""Balls in photographs from robots, and in photographs of other things, where the folder beside the project has them."""
+"""Balls in photographs from robots, and in photographs of other things, where the folder beside the project is."""
 
 import pytest
 
-from benchmarks.photographs import balls
-from benchmarks.photographs.rows import REAL
+from benchmarks.scores import photograph_balls as balls
+from benchmarks.scores.photograph_rows import REAL
 
 pytestmark = [
     pytest.mark.slow,

@@ -16,7 +16,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from benchmarks.photographs.rows import REAL, PhotographRow, photographs, table_of
+from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs, table_of
 from field_models import Field, load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.camera import OmniCamera, PinholeCamera
