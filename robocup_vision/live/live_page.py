@@ -112,6 +112,11 @@ class LivePage:
         return 0.0 if self._slots is None else self._slots.cpu_s
 
     @property
+    def process_id(self) -> int:
+        """The page's own process."""
+        return self._process.pid
+
+    @property
     def is_alive(self) -> bool:
         """Whether the page's process runs."""
         return not self._closed and self._process.poll() is None

@@ -144,6 +144,15 @@ class Viewer(Controls):
             )
         )
 
+    @property
+    def process_id(self) -> int:
+        """The page's own process."""
+        return self._page.process_id
+
+    def wait(self, timeout_s: float = 5.0) -> bool:
+        """Wait until all that was shown can be seen; return whether that is so. Not for a robot's loop."""
+        return self._page.wait_until_made(timeout_s)
+
     def say(self, line: str) -> None:
         """Show a line among the page's messages."""
         self._page.say(line)

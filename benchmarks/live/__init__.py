@@ -1,0 +1,1 @@
+"""The live page: what it costs the robot's loop."""
