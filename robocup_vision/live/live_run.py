@@ -237,6 +237,8 @@ class LiveRun(Controls):
         if recorder is None or moment.view is None or frame.view is not None:
             return
         try:
+            if frame.alone:
+                recorder.add_forget()
             recorder.add_look(moment.view, frame.frame, frame.t_s, frame.odometry, frame.prior, frame.pan_rad)
             if frame.truth is not None:
                 recorder.add_truth(frame.truth, frame.t_s)

@@ -346,6 +346,10 @@ class Recorder:
         self._vision.forget()
         if self._steering is not None:
             self._steering.forget()
+        self.add_forget()
+
+    def add_forget(self) -> None:
+        """Record that `Vision` and `Steering` have been made to forget."""
         at_s = self._calls.clock_s if self._t_s is None else self._t_s
         self._calls.add_call(FORGET, at_s, {}, dict, list)
 

@@ -205,6 +205,20 @@ def test_a_recording_begun_in_the_middle_says_so(tmp_path: Path) -> None:
     assert Recording(tmp_path / "b.mcap").run.caveat == ""
 
 
+def test_frames_that_stand_alone_replay_alone(tmp_path: Path) -> None:
+    vision = make_vision()
+    with Recorder(tmp_path / "a.mcap", vision) as recorder:
+        for now in run_frames()[:3]:
+            vision.forget()
+            recorder.add_forget()
+            recorder.add_look(vision.look(now.frame, 0.0), now.frame, 0.0)
+    recording = Recording(tmp_path / "a.mcap")
+    loop = loop_kind(recording.run.loop).make(recording.run, Changes())
+    calls = list(recording.calls())
+    assert [call.kind for call in calls] == ["forget", "look"] * 3
+    assert all(loop.call(call).get("digest") == call.outputs.get("digest") for call in calls)
+
+
 def test_a_full_queue_drops_by_count_where_asked_to(tmp_path: Path) -> None:
     settings = RecorderSettings(max_waiting_bytes=1, when_full="drop")
     vision = make_vision()
