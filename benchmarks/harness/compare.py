@@ -9,8 +9,8 @@ worse if
 - an error rises, or a score falls, by more than the factor 1 + 3 sqrt(2 / n): the relative standard deviation of a
   median or root mean square of n samples is about 1 / sqrt(n) (a factor of 2 where n is not said);
 - a count rises by more than 3 standard deviations of a Poisson count;
-- a ratio of times rises by more than the factor 5: quick runs time a few calls, and the machine has other work (with
-  seven processes for each core, the same code gave up to 3.2 times the ratio). It finds what got slower by far;
+- a ratio of times rises by more than the factor 5: quick runs time a few calls, and on a busy machine two runs of the
+  same code were up to 1.7 times apart. This finds only what got slower by far; the default runs say the rest;
 - a verdict that stands for a figure without a number turns from "ok" to "SHORT";
 - a figure, row or table is missing. What says "not installed" is left out.
 
