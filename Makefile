@@ -51,8 +51,10 @@ slow: $(INSTALLED)
 	$(PYTHON) -m pytest $(PARALLEL) -m "slow and not browser"
 
 # rclpy from wheels pins packages that the rest need not share. Without a network but loopback no other machine hears it
-ros-test: .venv-ros/installed
-	@if unshare --map-root-user --net true 2>/dev/null; then apart="unshare --map-root-user --net"; \
+ros-test: $(INSTALLED)
+	@$(MAKE) --no-print-directory .venv-ros/installed || echo "not run: rclpy cannot be installed here"
+	@if [ ! -e .venv-ros/installed ]; then exit 0; fi; \
+	if unshare --map-root-user --net true 2>/dev/null; then apart="unshare --map-root-user --net"; \
 	else apart=""; echo "no network namespaces here: discovery is limited to this machine alone"; fi; \
 	$$apart sh -c 'if [ -n "$$1" ]; then ip link set lo up; fi; exec env RMW_IMPLEMENTATION=rmw_fastrtps_cpp \
 	ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST .venv-ros/bin/python -m pytest tests/ros -s' sh "$$apart"
