@@ -114,7 +114,7 @@ class BallSettings:
     seed_pitch: float = 1.0
     pinhole_seed_pitch: float = 0.5
     sway_std_rad: float = math.radians(1.0)
-    mirror_shape_std: float = 0.3
+    mirror_shape_std: float = 0.22
     pinhole_shape_std: float = 0.15
     floor_nats: float = 2.3
     floor_slope: float = 2.0
