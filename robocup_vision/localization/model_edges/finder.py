@@ -50,6 +50,8 @@ class FinderSettings:
     # of the samples looked for, that must be found: hidden is neutral for who has a prior, but without one a pose whose
     # samples are mostly hidden is an accident (five right answers of one development sequence found 0.73 and more)
     min_found_of_all: float = 0.35
+    # and where nothing upright is found: lines are alike, and parts of them fit in many places
+    min_found_of_lines: float = 0.75
 
 
 class EdgeFinder:
@@ -122,6 +124,8 @@ class EdgeFinder:
     def judge(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> FollowedCamera | NotLocated:
         """Fit every proposed pose of the camera, and return the one that the frame confirms, if it is the only one.
 
+        Where its half turn about the field's centre explains the frame about as well, that is a second candidate.
+
         Parameters
         ----------
         frame : (H, W, 3) uint8
@@ -130,13 +134,7 @@ class EdgeFinder:
             Whoever proposes them.
         """
         s, follower = self.settings, self.follower
-        covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
-        answers: list[tuple[float, FollowedCamera]] = []
-        for pose in proposals:
-            follower.forget()
-            answer = follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1)
-            if answer and answer.evidence.found >= s.min_found_of_all * answer.evidence.looked_for:
-                answers.append((answer.evidence.log_odds(follower.settings), answer))
+        answers = [fit for pose in proposals if (fit := self._fit(frame, pose)) is not None]
         follower.forget()
         if not answers:
             return NotLocated("no pose on the field explains what is in view")
@@ -145,10 +143,29 @@ class EdgeFinder:
         if odds < s.min_log_odds:
             return NotLocated(f"the best of all poses is not sure enough: odds {math.exp(odds):.2g} to 1")
         for other_odds, other in answers[1:]:
-            away, turn = other.estimate.pose.error_to(best.estimate.pose, symmetric=not follower.field.halves_differ)
+            away, turn = other.estimate.pose.error_to(best.estimate.pose, symmetric=True)
             if (away > s.apart_m or turn > s.apart_rad) and other_odds > odds - s.min_lead:
                 return NotLocated("two poses explain what is in view about equally well")
-        follower.resume(best)
+        is_alone = False
         if follower.field.halves_differ:
-            return best
-        return best.with_twin()
+            # lines alone look alike from both halves, whichever of them was proposed
+            twin = self._fit(frame, best.estimate.pose.half_turn())
+            if twin is not None and twin[0] > odds:
+                twin, (odds, best) = (odds, best), twin
+            is_alone = twin is None or twin[0] <= odds - s.min_lead
+        follower.resume(best)
+        return best if is_alone else best.with_twin()
+
+    def _fit(self, frame: UInt8Array, pose: Pose2) -> tuple[float, FollowedCamera] | None:
+        """Fit one pose: logarithm of its odds, and the answer; None where the frame does not confirm it."""
+        s, follower = self.settings, self.follower
+        covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
+        follower.forget()
+        answer = follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1)
+        if not answer:
+            return None
+        evidence = answer.evidence
+        min_found = s.min_found_of_all if evidence.found_upright > 0 else s.min_found_of_lines
+        if evidence.found < min_found * evidence.looked_for:
+            return None
+        return evidence.log_odds(follower.settings), answer

@@ -124,3 +124,19 @@ def test_photographs_without_a_field_tell_no_pose(name, fl_shot):
         if vision.look(frame).pose:
             found.append(path.name)
     assert found == []
+
+    follower = EdgeFollower(fl_shot.field, fl_shot.camera)
+    finder = EdgeFinder(follower)
+    found = finder.judge(fl_shot.frame, [fl_shot.pose])
+    assert found
+    assert len(found.estimate.candidates) == 1
+    # the goal and what is beyond the field are hidden
+    lines = fl_shot.frame.copy()
+    green = (lines[..., 1] > lines[..., 2] + 25) & (lines[..., 1] > lines[..., 0] + 25)
+    white = lines.min(axis=-1) > 120
+    rows = np.arange(len(lines))[:, None]
+    first = np.argmax(green.mean(axis=1) > 0.5)
+    lines[~(green | white) | (rows < first)] = (30, 30, 34)
+    for proposal in (fl_shot.pose, fl_shot.pose.half_turn()):
+        both = finder.judge(lines, [proposal])
+        assert not both or len(both.estimate.candidates) == 2
