@@ -97,7 +97,7 @@ def test_errors_are_one_line(hall_folder, short_run, tmp_path, capsys):
         ("--count", "0", "--count must be at least 1"),
         ("--seed", "-1", "--seed must not be negative"),
         ("--turns", "0", "--turns must be positive"),
-        ("--moved", "2", "share must be within 0 to 1"),
+        ("--moved", "2", "fraction must be within 0 to 1"),
     ],
 )
 def test_render_hall_refuses(tmp_path, capsys, option, value, message):
