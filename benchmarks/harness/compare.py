@@ -7,7 +7,8 @@ worse if
 - a rate (per cent or a/b) falls, or a loss rises, by more than 3 standard deviations of the difference of two
   binomial ratios, both taken to be the earlier one;
 - an error rises, or a score falls, by more than the factor 1 + 3 sqrt(2 / n): the relative standard deviation of a
-  median or root mean square of n samples is about 1 / sqrt(n) (a factor of 2 where n is not said);
+  median or root mean square of n samples is about 1 / sqrt(n) (a factor of 2 where n is not said). Of fewer than 20
+  samples it is not compared: one kick in eight that went otherwise changed a log loss by a factor of 7;
 - a count rises by more than 3 standard deviations of a Poisson count;
 - a ratio of times rises by more than the factor 5: quick runs time a few calls, and on a busy machine two runs of the
   same code were up to 1.7 times apart. This finds only what got slower by far; the default runs say the rest;
@@ -26,6 +27,7 @@ from benchmarks.harness.figures import Cell, Column, Figures, FigureTable, Kind,
 
 SIGMAS = 3.0
 UNKNOWN_SAMPLES_FACTOR = 2.0
+MIN_SAMPLES = 20
 TIME_FACTOR = 5.0
 NOT_INSTALLED = "not installed"
 
@@ -112,6 +114,8 @@ def is_worse(column: Column, kind: Kind, before: float, now: float, samples: int
     if kind is Kind.COUNT:
         slack = SIGMAS * math.sqrt(max(before, 1.0))
         return f"at most {slack:.3g} more" if now - before > slack else ""
+    if kind in (Kind.ERROR, Kind.SCORE) and samples is not None and samples < MIN_SAMPLES:
+        return ""
     if kind is Kind.ERROR:
         before, now = abs(before), abs(now)
     factor = TIME_FACTOR if kind is Kind.TIME_RATIO else UNKNOWN_SAMPLES_FACTOR

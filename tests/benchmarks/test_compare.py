@@ -49,6 +49,10 @@ def one(kind: Kind, cell: object, samples: int | None = None, label: str = "near
         (Kind.ERROR, 1.0, 1.99, None, False),
         (Kind.ERROR, 1.0, 2.01, None, True),
         (Kind.ERROR, 0.0, 0.1, None, True),
+        # heavy tails of few samples
+        (Kind.ERROR, 1.0, 9.0, 19, False),
+        (Kind.ERROR, 1.0, 9.0, 20, True),
+        (Kind.ERROR, 1.0, None, 19, True),
         (Kind.SCORE, 0.9, 0.61, 72, False),
         (Kind.SCORE, 0.9, 0.59, 72, True),
         (Kind.COUNT, 0, 3, None, False),
