@@ -60,13 +60,13 @@ def run_live(args: argparse.Namespace) -> int:
 
     from field_models.errors import ArgumentError
     from robocup_vision.foxglove.server import FoxgloveServer
-    from robocup_vision.live.controls import Controls
+    from robocup_vision.live.handover.controls import Controls
+    from robocup_vision.live.handover.moment import Moment
+    from robocup_vision.live.handover.server_address import require_packages
     from robocup_vision.live.live_page import LivePage
     from robocup_vision.live.live_run import LiveRun
-    from robocup_vision.live.moment import Moment
-    from robocup_vision.live.server_address import require_packages
-    from robocup_vision.live.source import Source, SourceFrame, SourceOptions
     from robocup_vision.live.sources.opening import open_source
+    from robocup_vision.live.sources.source import Source, SourceFrame, SourceOptions
 
     require_packages()
     for option, value in (("--from", args.from_s), ("--seconds", args.seconds)):

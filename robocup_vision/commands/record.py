@@ -41,9 +41,9 @@ def run_record(options: argparse.Namespace) -> int:
     from contextlib import ExitStack, closing
 
     from robocup_vision.foxglove.server import FoxgloveServer
-    from robocup_vision.live.source import SourceFrame, SourceOptions
-    from robocup_vision.live.source_recording import record_source
     from robocup_vision.live.sources.opening import open_source
+    from robocup_vision.live.sources.source import SourceFrame, SourceOptions
+    from robocup_vision.live.sources.source_recording import record_source
     from robocup_vision.recording.recorder import RecorderSettings
     from robocup_vision.view import View
 

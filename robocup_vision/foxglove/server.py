@@ -13,6 +13,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.avoidance.steering import SteeringCommand
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.closing import Closing
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.topics import TOPIC_TYPES, Outgoing, Topics, TopicSettings
 from robocup_vision.messages.types import definition, encode, prepare, to_nanoseconds
@@ -21,7 +22,7 @@ from robocup_vision.view import View
 NAME = "robocup-vision"
 
 
-class FoxgloveServer:
+class FoxgloveServer(Closing):
     """Serves one robot's frames and what they show.
 
     Parameters
@@ -149,12 +150,6 @@ class FoxgloveServer:
             self._changed.notify()
         self._thread.join()
         self._server.stop()
-
-    def __enter__(self) -> FoxgloveServer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _run(self) -> None:
         while True:

@@ -16,13 +16,13 @@ from typing import IO, Any
 
 from field_models import errors
 from field_models.errors import ArgumentError, RobocupVisionError
-from robocup_vision.live.controls import Controls
-from robocup_vision.live.feed_settings import FeedSettings
-from robocup_vision.live.frame_slots import FrameSlots, Handed
-from robocup_vision.live.moment import Moment, RobotSetup
-from robocup_vision.live.moment_codec import MomentWriter
-from robocup_vision.live.pipe_messages import read_message, write_message
-from robocup_vision.live.server_address import DEFAULT_PORT, LOOPBACK, require_packages
+from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.handover.feed_settings import FeedSettings
+from robocup_vision.live.handover.frame_slots import FrameSlots, Handed
+from robocup_vision.live.handover.moment import Moment, RobotSetup
+from robocup_vision.live.handover.moment_codec import MomentWriter
+from robocup_vision.live.handover.pipe_messages import read_message, write_message
+from robocup_vision.live.handover.server_address import DEFAULT_PORT, LOOPBACK, require_packages
 
 # beside one for each robot: they bear a hiccup of the page's process
 _SPARE_SLOTS, _MAX_SLOTS = 2, 32
@@ -77,7 +77,9 @@ class LivePage:
         self._status: dict[str, Any] = {}
         self._closed = False
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "robocup_vision.live.page_process"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            [sys.executable, "-m", "robocup_vision.live.page.page_process"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None

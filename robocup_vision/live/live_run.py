@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.live.calibrating import Calibrator
-from robocup_vision.live.controls import Controls
-from robocup_vision.live.display import Display
-from robocup_vision.live.moment import Moment, RobotSetup
-from robocup_vision.live.source import Source, SourceFrame, SourceOptions
-from robocup_vision.live.source_loop import SourceLoop
+from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.handover.display import Display
+from robocup_vision.live.handover.moment import Moment, RobotSetup
 from robocup_vision.live.sources.opening import open_source, recordings_in
+from robocup_vision.live.sources.source import Source, SourceFrame, SourceOptions
+from robocup_vision.live.sources.source_loop import SourceLoop
 
 if TYPE_CHECKING:
     from robocup_vision.recording.recorder import Recorder

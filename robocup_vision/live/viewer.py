@@ -10,17 +10,18 @@ import numpy as np
 
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.live.controls import Controls
-from robocup_vision.live.feed_settings import FeedSettings
-from robocup_vision.live.frame_rate import FrameRate
+from robocup_vision.closing import Closing
+from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.handover.feed_settings import FeedSettings
+from robocup_vision.live.handover.moment import Moment, Point, RobotPlan, RobotSetup
+from robocup_vision.live.handover.server_address import DEFAULT_PORT, LOOPBACK
 from robocup_vision.live.live_page import LivePage
-from robocup_vision.live.moment import Moment, Point, RobotPlan, RobotSetup
-from robocup_vision.live.server_address import DEFAULT_PORT, LOOPBACK
+from robocup_vision.live.sources.frame_rate import FrameRate
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
 
-class Viewer(Controls):
+class Viewer(Controls, Closing):
     """Serves a page that shows what a robot sees, while its loop goes on.
 
     `show` copies the frame and returns; a process of its own makes pictures and serves pages. Frames that come faster
@@ -160,9 +161,3 @@ class Viewer(Controls):
     def close(self) -> None:
         """End the page."""
         self._page.close()
-
-    def __enter__(self) -> Viewer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -22,6 +22,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
 from robocup_vision.camera.files import save_camera
+from robocup_vision.closing import Closing
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -84,7 +85,7 @@ class RecorderSettings:
             raise ArgumentError(f"max_waiting_bytes must be at least 1, got {self.max_waiting_bytes!r}")
 
 
-class CallWriter:
+class CallWriter(Closing):
     """Writes the calls of a run of any loop, and messages beside them, to a recording.
 
     Parameters
@@ -194,14 +195,8 @@ class CallWriter:
         """
         self._log.close({"calls": str(self._number), "dropped": str(self._log.dropped)})
 
-    def __enter__(self) -> CallWriter:
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
-class Recorder:
+class Recorder(Closing):
     """Records what a `Vision` and a `Steering` take and give.
 
     Call `look`, `predict`, `steer` and `forget` of this object instead of theirs; or call theirs, and hand over what
@@ -361,12 +356,6 @@ class Recorder:
     def close(self) -> None:
         """Write what waits, and close the file; raises as `CallWriter.close`."""
         self._calls.close()
-
-    def __enter__(self) -> Recorder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _at(self, t_s: float | None) -> float:
         if t_s is None:

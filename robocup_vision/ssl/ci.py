@@ -8,9 +8,9 @@ from __future__ import annotations
 import select
 import socket
 import time
-from types import TracebackType
 
 from field_models.errors import ArgumentError, PacketError
+from robocup_vision.closing import Closing
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.referee import CiInput, CiOutput, Referee
 
@@ -20,7 +20,7 @@ MAX_FRAME_BYTES = 8 * 1024 * 1024
 _CHUNK_BYTES = 1 << 16
 
 
-class CiClient:
+class CiClient(Closing):
     """A connection to a game controller. Close it, or use it in a ``with``.
 
     Parameters
@@ -47,14 +47,6 @@ class CiClient:
             raise ArgumentError(f"cannot reach a game controller at {self._name}: {words}") from None
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._buffer = bytearray()
-
-    def __enter__(self) -> CiClient:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the connection."""

@@ -14,10 +14,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, cast
 
 from field_models.errors import ArgumentError, FileError, PacketError
+from robocup_vision.closing import Closing
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
@@ -97,7 +97,7 @@ def log_entry(received_ns: int, value: LogValue) -> LogEntry:
     return LogEntry(received_ns, _KINDS[type(value)], encode(value))
 
 
-class SslLog:
+class SslLog(Closing):
     """Reads a log; iterate over it to get its entries, as often as you like. Close it, or use it in a ``with``.
 
     Parameters
@@ -127,14 +127,6 @@ class SslLog:
         if version != VERSION:
             self._file.close()
             raise FileError(path, f"must be of version {VERSION}", key="version", value=version)
-
-    def __enter__(self) -> SslLog:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the file."""
@@ -215,7 +207,7 @@ class SslLog:
         return LogEntry(received_ns, kind, data)
 
 
-class SslLogWriter:
+class SslLogWriter(Closing):
     """Writes a log. Close it, or use it in a ``with``: only then it is whole.
 
     Parameters
@@ -245,14 +237,6 @@ class SslLogWriter:
         except OSError as error:
             raise FileError(path, f"cannot be written ({_words(error)})") from None
         self._write(_FILE_HEAD.pack(MAGIC, VERSION))
-
-    def __enter__(self) -> SslLogWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def write(self, entry: LogEntry) -> None:
         """Append an entry.

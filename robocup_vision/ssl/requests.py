@@ -5,10 +5,10 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from field_models.errors import ArgumentError, PacketError
+from robocup_vision.closing import Closing
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.sockets import (
     BLUE_PORT,
@@ -35,10 +35,9 @@ from robocup_vision.ssl.values.simulation import (
 
 T = TypeVar("T")
 U = TypeVar("U")
-S = TypeVar("S", bound="_Client[Any]")
 
 
-class _Client(Generic[T]):
+class _Client(Closing, Generic[T]):
     """Sends to one address and receives from there alone. Close it, or use it in a ``with``.
 
     Parameters
@@ -68,14 +67,6 @@ class _Client(Generic[T]):
         except (OSError, OverflowError) as error:
             self._socket.close()
             raise ArgumentError(f"cannot reach {host}:{port}: {getattr(error, 'strerror', None) or error}") from None
-
-    def __enter__(self: S) -> S:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the socket."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import socket
 import time
-from types import TracebackType
 from typing import Generic, TypeVar
 
 from field_models.errors import PacketError
+from robocup_vision.closing import Closing
 from robocup_vision.ssl.overview import CameraMerge, Overview
 from robocup_vision.ssl.protocol.mapping import decode
 from robocup_vision.ssl.sockets import (
@@ -30,10 +30,9 @@ from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket
 
 T = TypeVar("T")
-S = TypeVar("S", bound="Subscription[object]")
 
 
-class Subscription(Generic[T]):
+class Subscription(Closing, Generic[T]):
     """Listens to a multicast group. Close it, or use it in a ``with``.
 
     Parameters
@@ -65,14 +64,6 @@ class Subscription(Generic[T]):
         self._socket: socket.socket = multicast_receiver(group, port, interface)
         self.bad_datagrams = 0
         self.last_problem = ""
-
-    def __enter__(self: S) -> S:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the socket."""

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import load_camera
-from robocup_vision.live.moment import RobotPlan, RobotSetup
-from robocup_vision.live.source import SourceFrame, SourceOptions
+from robocup_vision.live.handover.moment import RobotPlan, RobotSetup
+from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.vision import Vision
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError, FileError
+from robocup_vision.closing import Closing
 from robocup_vision.evaluation.result_files import prepare_folder
 from sim2d.network.vision import OverheadVision
 from sim2d.network.world import LeagueState
@@ -17,7 +18,7 @@ TABLE = "images.csv"
 COLUMNS = ("image", "camera_id", "frame_number", "t_capture_s")
 
 
-class CameraImages:
+class CameraImages(Closing):
     """Writes ``camera0_000060.png`` and so on, and ``images.csv``. Close it, or use it in a ``with``.
 
     Parameters
@@ -50,12 +51,6 @@ class CameraImages:
             raise FileError(self.folder / TABLE, f"cannot be written ({error.strerror or error})") from None
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._rows.writerow(COLUMNS)
-
-    def __enter__(self) -> CameraImages:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the table."""

@@ -15,9 +15,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
 
 from field_models.errors import PacketError
+from robocup_vision.closing import Closing
 from robocup_vision.ssl.protocol.mapping import decode
 from robocup_vision.ssl.sockets import (
     LOOPBACK,
@@ -102,7 +102,7 @@ class Ports:
         return self.control + 2
 
 
-class LeagueServer:
+class LeagueServer(Closing):
     """Serves a simulator on the network. Close it, or use it in a ``with``.
 
     Parameters
@@ -157,14 +157,6 @@ class LeagueServer:
     def _open(self, made: socket.socket) -> socket.socket:
         self._opened.append(made)
         return made
-
-    def __enter__(self) -> LeagueServer:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close all sockets."""

@@ -17,9 +17,9 @@ import numpy as np
 
 from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.live.moment import RobotSetup
-from robocup_vision.live.source import SourceFrame, SourceOptions
+from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
+from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.vision import Vision
 
 # a camera that is gone is looked for as often as this

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.files.images import IMAGE_SUFFIXES
-from robocup_vision.live.source import Source, SourceOptions
+from robocup_vision.live.sources.source import Source, SourceOptions
 
 # packages register functions of a source's text after "NAME:" and the options
 GROUP = "robocup_vision.live_sources"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
-from robocup_vision.live.moment import RobotSetup
-from robocup_vision.live.source import SourceOptions
+from robocup_vision.live.handover.moment import RobotSetup
+from robocup_vision.live.sources.source import SourceOptions
 from robocup_vision.mapping.view_motion import ViewMotion
 from robocup_vision.memory import Memory
 from robocup_vision.perception.color_table import load_colors

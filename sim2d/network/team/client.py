@@ -7,9 +7,9 @@ import select
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from types import TracebackType
 
 from field_models import Field
+from robocup_vision.closing import Closing
 from robocup_vision.ssl.requests import RobotClient
 from robocup_vision.ssl.sockets import LOOPBACK, SIMULATED_VISION_PORT
 from robocup_vision.ssl.subscriptions import RefereeClient, VisionClient
@@ -25,7 +25,7 @@ _WAY_S = 0.01
 _BLIND_S = 0.3
 
 
-class TeamClient:
+class TeamClient(Closing):
     """Plays one team. Close it, or use it in a ``with``.
 
     Parameters
@@ -82,14 +82,6 @@ class TeamClient:
         self._due_s = 0.0
         self._heard_s = -math.inf
         self._delay_s = _USUAL_DELAY_S
-
-    def __enter__(self) -> TeamClient:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close all sockets."""

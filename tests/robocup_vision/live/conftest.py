@@ -7,7 +7,8 @@ import pytest
 
 from field_models import load_field
 from robocup_vision import Memory, Pose2, Vision, load_camera
-from robocup_vision.live.moment import Moment, RobotSetup
+from robocup_vision.live.handover.moment import Moment, RobotSetup
+from robocup_vision.live.page.feed import Feed
 
 DATASET = Path(__file__).parents[3] / "images" / "omni_ssl_2001"
 
@@ -30,6 +31,14 @@ def vision():
 @pytest.fixture
 def setup(vision):
     return RobotSetup("robot", vision.field, vision.camera, vision.field.robot_radius_m)
+
+
+@pytest.fixture
+def feed(setup):
+    made = Feed()
+    made.set_robots((setup,))
+    yield made
+    made.close()
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision.live.feed import Feed
+from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.live_run import LiveRun
-from robocup_vision.live.moment import RobotSetup
-from robocup_vision.live.picture import split_picture
-from robocup_vision.live.source import SourceFrame, SourceOptions
+from robocup_vision.live.page.feed import Feed
+from robocup_vision.live.page.picture import split_picture
 from robocup_vision.live.sources.opening import open_source
+from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.recording.recorder import Recorder
 from robocup_vision.recording.recording import Recording
 
@@ -127,7 +127,7 @@ def test_after_a_bad_frame_the_run_goes_on(run_of, vision, frames):
 
 
 def test_a_stall_is_said_and_that_it_is_over(run_of, vision, frames, monkeypatch):
-    monkeypatch.setattr("robocup_vision.live.source_loop._STALL_S", 0.05)
+    monkeypatch.setattr("robocup_vision.live.sources.source_loop._STALL_S", 0.05)
     script = [(0.0, frames[0]), 0.06, 0.06, 0.01, (0.2, frames[0])]
     run, feed = run_of(_Scripted(vision, script))
     run.start()

@@ -12,7 +12,7 @@ from websockets.sync.client import connect
 
 from field_models.errors import ArgumentError, FrameError, RobocupVisionError
 from robocup_vision.live import Viewer
-from robocup_vision.live.picture import split_picture
+from robocup_vision.live.page.picture import split_picture
 
 WAIT_S = 30.0
 

@@ -3,8 +3,8 @@
 import pytest
 
 from field_models.errors import ArgumentError
-from robocup_vision.live.source import SourceOptions
 from robocup_vision.live.sources.opening import open_source
+from robocup_vision.live.sources.source import SourceOptions
 from sim2d.match.live_source import open_match
 
 

@@ -32,35 +32,11 @@ WAIT_S = 10.0
 FOREIGN_TEAM = Path(__file__).with_name("foreign_team.py")
 
 
-def free_ports():
-    """Return ports of which the control's next two are free as well."""
-    while True:
-        control = free_port()
-        try:
-            with (
-                socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
-                socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
-            ):
-                first.bind(("127.0.0.1", control + 1))
-                second.bind(("127.0.0.1", control + 2))
-        except (OSError, OverflowError):
-            continue
-        return Ports(control, free_port(), free_port())
-
-
 @pytest.fixture
-def running():
-    """Run a simulator in a thread until the test is over."""
-    simulator = LeagueSimulator(load_field("ssl_division_b"), 6, Realism(), epoch_s=time.time())
-    simulator.vision_port = free_port()
-    end_s = time.monotonic() + 60
-    with LeagueServer(simulator, ports=free_ports()) as served:
-        stop = threading.Event()
-        thread = threading.Thread(target=served.run, args=(lambda: not stop.is_set() and time.monotonic() < end_s,))
-        thread.start()
+def running(serve):
+    """Run a simulator of division B, six a side."""
+    with serve(load_field("ssl_division_b"), 6) as served:
         yield served
-        stop.set()
-        thread.join(WAIT_S)
 
 
 def test_our_clients_see_a_robot_that_they_drive(running):
@@ -154,9 +130,8 @@ def test_who_floods_it_slows_nobody(running):
     assert simulated_s + running.behind_s > 0.5 * gone_s
 
 
-def test_a_port_that_is_taken_is_reported():
+def test_a_port_that_is_taken_is_reported(ports):
     simulator = LeagueSimulator(load_field("ssl_division_b"), 1, Realism())
-    ports = free_ports()
     with (
         LeagueServer(simulator, ports=ports) as served,
         pytest.raises(ArgumentError, match=f"cannot listen on 127.0.0.1:{ports.control}"),
@@ -174,15 +149,14 @@ def command_line(ports, vision_port, *more):
     return ["simulate", *given, *more]
 
 
-def test_the_command_runs_as_fast_as_it_goes_and_ends(capsys):
-    assert main(command_line(free_ports(), free_port(), "--speed", "0", "--seconds", "3", "--players", "2")) == 0
+def test_the_command_runs_as_fast_as_it_goes_and_ends(ports, capsys):
+    assert main(command_line(ports, free_port(), "--speed", "0", "--seconds", "3", "--players", "2")) == 0
     out = capsys.readouterr().out
     assert "3.0 s simulated, 0 bad datagrams" in out
     assert "realism none, network loopback" in out
 
 
-def test_the_command_shows_bad_datagrams_and_ends_by_an_interrupt():
-    ports = free_ports()
+def test_the_command_shows_bad_datagrams_and_ends_by_an_interrupt(ports):
     command = [sys.executable, "-m", "robocup_vision.cli", *command_line(ports, free_port(), "--seconds", "60")]
     # a test run in the background ignores interrupts, and what it starts would, too
     heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)

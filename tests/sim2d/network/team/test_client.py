@@ -1,6 +1,5 @@
 """The command `play` on the loopback: it plays on a running simulator, and tells what a user can mend."""
 
-import threading
 import time
 
 import pytest
@@ -9,9 +8,6 @@ from ssl_sockets import free_port
 from field_models import load_field
 from robocup_vision.cli import main
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.league import LeagueSimulator
-from sim2d.network.realism import Realism
-from sim2d.network.server import LeagueServer, Ports
 from sim2d.network.team.client import TeamClient
 
 FIELD = load_field("ssl_division_b")
@@ -19,19 +15,10 @@ WAIT_S = 20.0
 
 
 @pytest.fixture
-def running():
-    """Run a simulator in a thread until the test is over; ports that are taken are tried again."""
-    simulator = LeagueSimulator(FIELD, 2, Realism(), epoch_s=time.time())
-    simulator.vision_port = free_port()
-    ports = Ports(free_port(), free_port(), free_port())
-    end_s = time.monotonic() + 60
-    with LeagueServer(simulator, ports=ports) as served:
-        stop = threading.Event()
-        thread = threading.Thread(target=served.run, args=(lambda: not stop.is_set() and time.monotonic() < end_s,))
-        thread.start()
+def running(serve):
+    """Run a simulator, two a side."""
+    with serve(FIELD, 2) as served:
         yield served
-        stop.set()
-        thread.join(WAIT_S)
 
 
 def test_a_team_on_the_network_goes_for_the_ball(running):

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from field_models.errors import FrameError, RobocupVisionError
-from robocup_vision.live.display import Display
-from robocup_vision.live.frame_rate import FrameRate
-from robocup_vision.live.moment import Moment, RobotSetup
-from robocup_vision.live.source import Source, SourceFrame
+from robocup_vision.live.handover.display import Display
+from robocup_vision.live.handover.moment import Moment, RobotSetup
+from robocup_vision.live.sources.frame_rate import FrameRate
+from robocup_vision.live.sources.source import Source, SourceFrame
 from robocup_vision.vision import Vision
 
 # a source that gives nothing for so long stalls

@@ -8,7 +8,7 @@ from typing import Protocol
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.live.moment import RobotPlan, RobotSetup
+from robocup_vision.live.handover.moment import RobotPlan, RobotSetup
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.view import View
 from robocup_vision.vision import Vision

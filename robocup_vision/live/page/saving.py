@@ -12,9 +12,9 @@ from field_models.catalog import field_names
 from field_models.errors import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import save_camera
-from robocup_vision.live.feed import Feed
-from robocup_vision.live.moment import Moment, RobotSetup
-from robocup_vision.live.picture import split_picture
+from robocup_vision.live.handover.moment import Moment, RobotSetup
+from robocup_vision.live.page.feed import Feed
+from robocup_vision.live.page.picture import split_picture
 from robocup_vision.perception.color_table import save_colors
 
 # names that are tried for a new folder

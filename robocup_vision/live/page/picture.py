@@ -19,7 +19,7 @@ from robocup_vision.belief import Belief, MapPicture
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.image_layers import ImageLayerMaker, Paths
-from robocup_vision.live.moment import Moment, RobotSetup
+from robocup_vision.live.handover.moment import Moment, RobotSetup
 from robocup_vision.mapping.occupancy import FREE, NO_GO
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.view import View

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from robocup_vision.image_layers import ImageLayerMaker
-from robocup_vision.live.moment_codec import MomentReader, MomentWriter
-from robocup_vision.live.picture import describe
+from robocup_vision.live.handover.moment_codec import MomentReader, MomentWriter
+from robocup_vision.live.page.picture import describe
 
 
 def test_a_moment_is_described_alike_on_both_sides(setup, remembered):

@@ -8,9 +8,9 @@ import pytest
 from field_models.errors import ArgumentError, FileError
 from robocup_vision import Pose2
 from robocup_vision.evaluation.dataset import load_dataset
-from robocup_vision.live.feed import Feed
-from robocup_vision.live.feed_settings import FeedSettings
-from robocup_vision.live.saving import save_from, save_moment
+from robocup_vision.live.handover.feed_settings import FeedSettings
+from robocup_vision.live.page.feed import Feed
+from robocup_vision.live.page.saving import save_from, save_moment
 
 
 def test_a_saved_moment_is_a_dataset(setup, moment, tmp_path):

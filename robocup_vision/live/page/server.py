@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from field_models.errors import ArgumentError, PacketError, RobocupVisionError
-from robocup_vision.live.controls import Controls
-from robocup_vision.live.feed import Feed
-from robocup_vision.live.messages import MAX_MESSAGE_BYTES, read_message
-from robocup_vision.live.page_link import PageLink
-from robocup_vision.live.server_address import DEFAULT_PORT, LOOPBACK, require_packages
+from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.handover.server_address import DEFAULT_PORT, LOOPBACK, require_packages
+from robocup_vision.live.page.feed import Feed
+from robocup_vision.live.page.messages import MAX_MESSAGE_BYTES, read_message
+from robocup_vision.live.page.page_link import PageLink
 
 if TYPE_CHECKING:
     import anyio
@@ -178,7 +178,7 @@ def make_app(feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> St
 @cache
 def page() -> tuple[str, str]:
     """Return the page and the policy that lets its own script and style run, and nothing from elsewhere."""
-    text = (files("robocup_vision.live") / "page.html").read_text(encoding="utf-8")
+    text = (files("robocup_vision.live.page") / "page.html").read_text(encoding="utf-8")
     hashes = {tag: _hashes(text, tag) for tag in ("script", "style")}
     return text, (
         f"default-src 'none'; script-src {hashes['script']}; style-src {hashes['style']}; img-src data: blob:; "

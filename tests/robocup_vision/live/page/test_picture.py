@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robocup_vision.estimates import NotLocated
-from robocup_vision.live.moment import RobotPlan
-from robocup_vision.live.picture import PictureMaker, split_picture
+from robocup_vision.live.handover.moment import RobotPlan
+from robocup_vision.live.page.picture import PictureMaker, split_picture
 
 LAYERS = {"edge", "lines", "free", "field", "goals", "obstacles", "ball"}
 

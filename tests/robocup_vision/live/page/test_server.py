@@ -13,21 +13,12 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 from field_models.errors import ArgumentError, RobocupVisionError
-from robocup_vision.live.controls import Controls
-from robocup_vision.live.feed import Feed
-from robocup_vision.live.picture import split_picture
-from robocup_vision.live.server import MAX_BAD_MESSAGES, MAX_PAGES, PageServer, allowed_hosts, make_app, page
+from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.page.picture import split_picture
+from robocup_vision.live.page.server import MAX_BAD_MESSAGES, MAX_PAGES, PageServer, allowed_hosts, make_app, page
 
 HOST = "127.0.0.1:8090"
 ORIGIN = {"host": HOST, "origin": f"http://{HOST}"}
-
-
-@pytest.fixture
-def feed(setup):
-    made = Feed()
-    made.set_robots((setup,))
-    yield made
-    made.close()
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import pytest
 
 from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
 from robocup_vision import Pose2
-from robocup_vision.live.source import SourceOptions
 from robocup_vision.live.sources.capture import CameraSource
 from robocup_vision.live.sources.opening import open_source, recordings_in
+from robocup_vision.live.sources.source import SourceOptions
 from robocup_vision.recording.recorder import Recorder
 
 FIELD = SourceOptions(field="ssl_2001")

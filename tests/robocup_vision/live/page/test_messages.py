@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import PacketError
-from robocup_vision.live import messages
+from robocup_vision.live.page import messages
 
 GOOD = [
     ({"type": "drawn", "robot": "robot", "number": 3}, messages.Drawn("robot", 3)),

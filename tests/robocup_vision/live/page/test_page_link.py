@@ -5,11 +5,11 @@ import json
 import pytest
 
 from field_models.errors import ArgumentError
-from robocup_vision.live.controls import Controls
-from robocup_vision.live.feed import Feed
-from robocup_vision.live.messages import read_message
-from robocup_vision.live.page_link import PageLink
-from robocup_vision.live.picture import split_picture
+from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.page.feed import Feed
+from robocup_vision.live.page.messages import read_message
+from robocup_vision.live.page.page_link import PageLink
+from robocup_vision.live.page.picture import split_picture
 
 
 class Camera(Controls):
@@ -29,14 +29,6 @@ class _Film(Controls):
 
     def step(self):
         self.calls.append(("step",))
-
-
-@pytest.fixture
-def feed(setup):
-    made = Feed()
-    made.set_robots((setup,))
-    yield made
-    made.close()
 
 
 @pytest.fixture
@@ -114,7 +106,7 @@ def test_back_shows_what_was_so_long_ago(feed, fill):
 
 
 def test_what_a_page_stands_still_at_stays_though_it_is_kept_no_more(setup, moment):
-    from robocup_vision.live.feed_settings import FeedSettings
+    from robocup_vision.live.handover.feed_settings import FeedSettings
 
     feed = Feed(FeedSettings(history_s=1.0))
     feed.set_robots((setup,))

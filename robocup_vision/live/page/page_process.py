@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import IO, Any
 
 from field_models.errors import RobocupVisionError
-from robocup_vision.live.controls import Controls
-from robocup_vision.live.feed import Feed
-from robocup_vision.live.feed_settings import FeedSettings
-from robocup_vision.live.frame_slots import FrameSlots
-from robocup_vision.live.moment import RobotSetup
-from robocup_vision.live.moment_codec import MomentReader
-from robocup_vision.live.pipe_messages import read_message, write_message
-from robocup_vision.live.saving import save_from
-from robocup_vision.live.server import PageServer
+from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.handover.feed_settings import FeedSettings
+from robocup_vision.live.handover.frame_slots import FrameSlots
+from robocup_vision.live.handover.moment import RobotSetup
+from robocup_vision.live.handover.moment_codec import MomentReader
+from robocup_vision.live.handover.pipe_messages import read_message, write_message
+from robocup_vision.live.page.feed import Feed
+from robocup_vision.live.page.saving import save_from
+from robocup_vision.live.page.server import PageServer
 
 # so much later in the queue for a processor than the robot's loop
 _NICENESS = 5

@@ -9,7 +9,7 @@ from pathlib import Path
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.live.source import Source, SourceFrame
+from robocup_vision.live.sources.source import Source, SourceFrame
 from robocup_vision.recording.recorder import Recorder, RecorderSettings
 from robocup_vision.view import View
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from field_models.field import COLOR_NAMES
-from robocup_vision.live import messages
-from robocup_vision.live.controls import Controls
-from robocup_vision.live.feed import Feed
-from robocup_vision.live.moment import RobotSetup
-from robocup_vision.live.picture import Picture
+from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.handover.moment import RobotSetup
+from robocup_vision.live.page import messages
+from robocup_vision.live.page.feed import Feed
+from robocup_vision.live.page.picture import Picture
 
 # pictures of a robot that may be on their way to a page: one is drawn while the next one comes
 _MAX_ON_THE_WAY = 2

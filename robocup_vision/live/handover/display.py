@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from robocup_vision.live.moment import Moment, RobotSetup
+from robocup_vision.live.handover.moment import Moment, RobotSetup
 
 
 class Display(Protocol):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.live.moment import Moment
+from robocup_vision.live.handover.moment import Moment
 from robocup_vision.view import View
 
 # parts of a view, and then of a moment, that are sent when they are another object than the time before

@@ -13,9 +13,9 @@ from field_models.errors import ArgumentError, FrameError
 from robocup_vision import cli
 from robocup_vision.camera.files import save_camera
 from robocup_vision.geometry import Pose2
-from robocup_vision.live.moment import RobotSetup
-from robocup_vision.live.source import SourceFrame
-from robocup_vision.live.source_recording import record_source
+from robocup_vision.live.handover.moment import RobotSetup
+from robocup_vision.live.sources.source import SourceFrame
+from robocup_vision.live.sources.source_recording import record_source
 from robocup_vision.recording import Recording
 from robocup_vision.vision import Vision
 

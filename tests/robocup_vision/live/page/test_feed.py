@@ -5,8 +5,8 @@ import threading
 import pytest
 
 from field_models.errors import ArgumentError
-from robocup_vision.live.feed import Feed
-from robocup_vision.live.feed_settings import FeedSettings
+from robocup_vision.live.handover.feed_settings import FeedSettings
+from robocup_vision.live.page.feed import Feed
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robocup_vision.live.frame_slots import FrameSlots, Handed
+from robocup_vision.live.handover.frame_slots import FrameSlots, Handed
 
 
 @pytest.fixture
