@@ -36,6 +36,7 @@ def add_parser(subparsers: Any) -> None:
     evaluate.add_argument("--truth-topic", metavar="T", help="topic of a bag with true poses (default: /truth/pose)")
     evaluate.add_argument("--odometry-topic", metavar="T", help="topic of the odometry of a bag that has several")
     evaluate.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
+    evaluate.add_argument("--force", action="store_true", help="write into a folder that holds other files, too")
     evaluate.add_argument("--jobs", metavar="N", type=int, default=1, help="number of processes (default: 1)")
     evaluate.set_defaults(run=run_evaluate)
 
@@ -74,7 +75,7 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
         method=options.method,
         landmark_map=options.map,
     )
-    return evaluate(dataset, _out_folder(options, dataset.name), options.jobs), dataset.name
+    return evaluate(dataset, _out_folder(options, dataset.name), options.jobs, force=options.force), dataset.name
 
 
 def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
@@ -94,7 +95,15 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
     )
     out = _out_folder(options, dataset.name)
     moments = _moments(options.dataset, dataset.times or {})
-    summary = evaluate(dataset, out, options.jobs, make_vision=PannedVision, draw_overlay=draw_panned, moments=moments)
+    summary = evaluate(
+        dataset,
+        out,
+        options.jobs,
+        make_vision=PannedVision,
+        draw_overlay=draw_panned,
+        moments=moments,
+        force=options.force,
+    )
     return summary, dataset.name
 
 

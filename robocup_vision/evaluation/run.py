@@ -26,6 +26,7 @@ from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, spread_indices
 from robocup_vision.evaluation.result_files import prepare_folder, write_results, write_summary, write_trajectory
 from robocup_vision.evaluation.scoring import Figures, Row, figures, pose_error
+from robocup_vision.files.output_folder import refuse_foreign_files
 from robocup_vision.geometry import Pose2
 from robocup_vision.progress import progress
 
@@ -123,6 +124,7 @@ def evaluate(
     make_vision: MakeVision = make_default_vision,
     draw_overlay: DrawOverlay = draw_default_overlay,
     moments: Mapping[str, str] | None = None,
+    force: bool = False,
 ) -> Summary:
     """Score a localiser on a dataset and write results.csv, summary.json, trajectory.tum and report.html.
 
@@ -143,20 +145,23 @@ def evaluate(
         ``draw_overlay(view, frame, vision)`` returns a BGR picture for the report; likewise.
     moments : mapping of str to str, optional
         By image: the address that opens its moment, for the report.
+    force : bool
+        Go on where the folder holds other files, too, and keep them.
 
     Raises
     ------
     ArgumentError
         If `jobs` is not positive.
     FileError
-        If the files cannot be written.
+        If the folder holds files of others, or the files cannot be written.
     RobocupVisionError
         If the localiser does not accept the dataset's field, camera or colours.
     """
     if jobs < 1:
         raise ArgumentError(f"jobs must be at least 1, got {jobs}")
     out = Path(out)
-    prepare_folder(out, OUTPUT_NAMES)
+    if not force:
+        refuse_foreign_files(out, OUTPUT_NAMES)
     notes = list(dataset.notes)
     missing = report.missing_packages()
     if missing:
@@ -167,6 +172,7 @@ def evaluate(
     plan = _Plan(dataset, make_vision, draw_overlay, not missing)
     # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
     scorer = _FrameScorer(plan)
+    prepare_folder(out, OUTPUT_NAMES)
     results = _score_here(scorer) if jobs == 1 else _score_elsewhere(plan, jobs)
 
     rows: list[Row] = []

@@ -28,6 +28,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--record", action="store_true", help="write a recording of each robot, robot_0.mcap and so on (extra ros)"
     )
+    parser.add_argument("--force", action="store_true", help="write into a folder that holds other files, too")
     judge = parser.add_mutually_exclusive_group()
     judge.add_argument(
         "--referee",
@@ -67,7 +68,7 @@ def run_match_command(args: argparse.Namespace) -> int:
     with ExitStack() as opened:
         plan = dataclasses.replace(plan, referee=_referee(args, opened))
         realtime = args.realtime or args.referee == "network"
-        summary = run_match(plan, args.out, realtime=realtime, record=args.record)
+        summary = run_match(plan, args.out, realtime=realtime, record=args.record, force=args.force)
     figures = summary.figures
     print(f"{args.field}, {args.players} against {args.players}, {figures.seconds:g} s, seed {args.seed}")
     print(f"score {figures.score[0]} : {figures.score[1]}")

@@ -56,6 +56,7 @@ def run_render(args: argparse.Namespace) -> int:
         For anything the user can mend.
     """
     from field_models import load_field
+    from field_models.errors import FileError
     from robocup_vision.commands.options import require_count, require_seed
     from robocup_vision.progress import progress
     from sim2d.rendering.cameras import camera_by_name
@@ -77,6 +78,8 @@ def run_render(args: argparse.Namespace) -> int:
     condition = dataclasses.replace(CONDITIONS[args.condition], **given)
 
     field, camera = load_field(args.field), camera_by_name(args.camera)
+    if camera.height_m is None:
+        raise FileError(args.camera, "is needed to render what stands on the floor", key="viewpoint_height_m")
     symmetry: Literal["none", "point"] = args.symmetry or "point"
     count = write_dataset(
         args.out,

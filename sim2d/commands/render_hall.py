@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from pathlib import Path
 from typing import Any
 
 FIELD = "four_legged_2007"
@@ -40,6 +41,7 @@ def run_render_hall(args: argparse.Namespace) -> int:
     """
     from field_models.errors import ArgumentError
     from robocup_vision.commands.options import require_count, require_seed
+    from robocup_vision.files.output_folder import require_empty_folder, written_at_once
     from robocup_vision.progress import progress
     from sim2d.rendering.hall.hall import HallLight, loop_path, make_hall
     from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, take, write_run, write_second_run
@@ -60,10 +62,12 @@ def run_render_hall(args: argparse.Namespace) -> int:
     path = loop_path(args.count, turns=args.turns)
     cameras = (HALL_RIG.right, HALL_RIG.left, HALL_RIG.top)
     first = take(hall, cameras, path, args.seed)
-    write_run(args.out, HALL_RIG, progress(first, args.count, "run"), command)
     shifted = loop_path(args.second, shift_m=_SECOND_SHIFT_M, turns=args.turns)
     second = take(changed, (HALL_CAMERA,), shifted, args.seed + 1, light=light)
-    write_second_run(args.out, FIELD, HALL_CAMERA, progress(second, args.second, "dataset"), command)
+    require_empty_folder(Path(args.out))
+    with written_at_once(Path(args.out), ()) as work:
+        write_run(work, HALL_RIG, progress(first, args.count, "run"), command)
+        write_second_run(work, FIELD, HALL_CAMERA, progress(second, args.second, "dataset"), command)
     print(f"{args.count} moments in {args.out}/run, {args.second} images in {args.out}/dataset; next:")
     print(f"  robocup-vision map build {args.out}/run --out {args.out}/map.npz")
     print(f"  robocup-vision evaluate {args.out}/dataset")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from field_models import load_field
 from field_models.errors import ArgumentError, FileError
-from robocup_vision.evaluation.result_files import prepare_folder
+from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
 from robocup_vision.progress import progress
 from sim2d.match.arena import Camera
 from sim2d.match.match import Match, periods
@@ -25,7 +25,7 @@ from sim2d.robot_link import CONTROL_PERIOD_S, PlayerFactory
 from sim2d.sensors.faults import Fault
 from sim2d.world.referee import RefereeFactory
 
-OUTPUT_NAMES = ("match.json", "match.webm", "report.html")
+OUTPUT_NAMES = ("match.json", "match.webm", "report.html", "robot_*.mcap")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +98,10 @@ class MatchSummary:
     recordings: tuple[Path, ...] = ()
 
 
-def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False, record: bool = False) -> MatchSummary:
-    """Play a match and write its files.
+def run_match(
+    plan: MatchPlan, out: str | Path, *, realtime: bool = False, record: bool = False, force: bool = False
+) -> MatchSummary:
+    """Play a match and write its files; a match that fails or is interrupted leaves the folder as it was.
 
     Parameters
     ----------
@@ -112,15 +114,26 @@ def run_match(plan: MatchPlan, out: str | Path, *, realtime: bool = False, recor
         Play no faster than a clock; default: as fast as it goes.
     record : bool
         Write a recording of each robot, robot_0.mcap and so on; needs the extra `ros`.
+    force : bool
+        Go on where the folder holds other files, too, and keep them.
 
     Raises
     ------
     ArgumentError, FileError
-        If the plan cannot be played, or the files cannot be written.
+        If the plan cannot be played, the folder holds files of others, or the files cannot be written.
     """
     out = Path(out)
-    prepare_folder(out, (*OUTPUT_NAMES, *(path.name for path in sorted(out.glob("robot_*.mcap")))))
+    if not force:
+        refuse_foreign_files(out, OUTPUT_NAMES)
     match = plan.begin()
+    with written_at_once(out, OUTPUT_NAMES) as work:
+        summary = _play(plan, match, work, realtime=realtime, record=record)
+    video, report = (None if path is None else out / path.name for path in (summary.video, summary.report))
+    recordings = tuple(out / path.name for path in summary.recordings)
+    return replace(summary, out=out, video=video, report=report, recordings=recordings)
+
+
+def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: bool) -> MatchSummary:
     arena = match.arena
     robots = arena.state.robots
     video = MatchVideo(out / "match.webm", arena.field, arena.camera, len(robots), arena.limits.radius_m)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.camera import Camera, save_camera
+from robocup_vision.files.output_folder import require_empty_folder, written_at_once
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.scene import Scene
 
@@ -54,7 +55,7 @@ def write_dataset(
     command: str | None = None,
     jpeg_quality: int | None = None,
 ) -> int:
-    """Write dataset.toml, camera.toml, truth.csv and images/NNNN.png or .jpg.
+    """Write dataset.toml, camera.toml, truth.csv and images/NNNN.png or .jpg; all of them, or nothing.
 
     Parameters
     ----------
@@ -81,11 +82,25 @@ def write_dataset(
     Raises
     ------
     ArgumentError
-        If the folder is not empty, is a file or cannot be written.
+        If the folder is not empty or is a file.
+    FileError
+        If it cannot be written.
     """
-    root = Path(folder)
-    _make_empty(root)
-    field = str(field_name_or_path)
+    require_empty_folder(Path(folder))
+    with written_at_once(Path(folder), ()) as root:
+        return _write(root, str(field_name_or_path), camera, samples, symmetry, command, jpeg_quality)
+
+
+def _write(
+    root: Path,
+    field: str,
+    camera: Camera,
+    samples: Iterable[Picture],
+    symmetry: str,
+    command: str | None,
+    jpeg_quality: int | None,
+) -> int:
+    (root / "images").mkdir()
     if field.endswith(".toml"):
         shutil.copyfile(field, root / "field.toml")
         field = "field.toml"
@@ -108,12 +123,3 @@ def write_dataset(
             rows.writerow((name, f"{pose.x_m:.6f}", f"{pose.y_m:.6f}", f"{pose.theta_rad:.6f}", *place))
             count += 1
     return count
-
-
-def _make_empty(root: Path) -> None:
-    try:
-        if root.exists() and (not root.is_dir() or any(root.iterdir())):
-            raise ArgumentError(f"{root} is not an empty folder; nothing was written")
-        (root / "images").mkdir(parents=True)
-    except OSError as error:
-        raise ArgumentError(f"{root} cannot be written ({error.strerror or error})") from None

@@ -77,12 +77,9 @@ def write_run(folder: str | Path, rig: TrinocularRig, frames: Iterable[HallFrame
     Raises
     ------
     ArgumentError
-        If the folder is not empty or cannot be written.
+        If it cannot be written.
     """
-    root = Path(folder)
-    if root.exists() and (not root.is_dir() or any(root.iterdir())):
-        raise ArgumentError(f"{root} is not an empty folder; nothing was written")
-    run = root / "run"
+    run = Path(folder) / "run"
     poses = []
     for index, frame in enumerate(frames):
         for camera, image in zip(CAMERAS, frame.images, strict=True):

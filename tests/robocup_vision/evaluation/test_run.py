@@ -195,7 +195,9 @@ def test_a_process_that_dies_is_reported(folder: Path, fake: ModuleType, tmp_pat
 
 
 def test_a_picture_that_cannot_be_drawn_costs_no_figure(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
-    summary = evaluate(load_dataset(folder), tmp_path, make_vision=fake.FakeVision, draw_overlay=fake.draw_badly)
+    summary = evaluate(
+        load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw_badly
+    )
     assert summary.figures.located == 5
     assert summary.notes == (
         "overlays show the bare image where drawing fails: internal error: RuntimeError: no paint",
@@ -206,13 +208,15 @@ def test_without_the_report_packages_the_other_files_are_written(
     folder: Path, fake: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(report, "find_spec", lambda name: None)
-    (tmp_path / "report.html").write_text("of an earlier run")
-    summary = evaluate(load_dataset(folder), tmp_path, make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "report.html").write_text("of an earlier run")
+    summary = evaluate(load_dataset(folder), out, make_vision=fake.FakeVision, draw_overlay=fake.draw)
     assert summary.report is None
     assert summary.notes == (
         "no report.html: matplotlib and jinja2 not installed (pip install 'robocup-vision[report]')",
     )
-    assert sorted(path.name for path in tmp_path.glob("*.*")) == ["results.csv", "summary.json", "trajectory.tum"]
+    assert sorted(path.name for path in out.iterdir()) == ["results.csv", "summary.json", "trajectory.tum"]
 
 
 def test_arguments_that_cannot_be_meant(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
@@ -222,6 +226,18 @@ def test_arguments_that_cannot_be_meant(folder: Path, fake: ModuleType, tmp_path
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError, match=r"file: cannot be written \(File exists"):
         evaluate(dataset, tmp_path / "file", make_vision=fake.FakeVision)
+
+
+def test_files_of_others_are_refused_unless_forced(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    dataset = load_dataset(folder)
+    precious = tmp_path / "precious.txt"
+    precious.write_text("mine")
+    with pytest.raises(FileError, match=r"holds files of others \(plug_in and 2 more\)"):
+        evaluate(dataset, tmp_path, make_vision=fake.FakeVision)
+    assert not (tmp_path / "results.csv").exists()
+    evaluate(dataset, tmp_path, make_vision=fake.FakeVision, draw_overlay=fake.draw, force=True)
+    assert (tmp_path / "results.csv").exists()
+    assert precious.read_text() == "mine"
 
 
 def test_a_datasets_poses_may_be_those_of_the_camera(folder: Path, tmp_path: Path, fake: ModuleType) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import dataclasses
 import math
 import shlex
 from pathlib import Path
@@ -13,9 +14,9 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from field_models.errors import ArgumentError
+from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import read_toml
-from robocup_vision.camera import load_camera, save_camera
+from robocup_vision.camera import Tangent, load_camera, save_camera
 from sim2d.commands.render import add_parser, run_render
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.dataset import write_dataset
@@ -103,6 +104,24 @@ def test_full_folder_is_refused_and_left_alone(tmp_path: Path):
     assert [p.name for p in tmp_path.iterdir()] == ["precious.txt"]
     with pytest.raises(ArgumentError, match="not an empty folder"):
         write_dataset(tmp_path / "precious.txt", "ssl_2001", sekimori_camera(), [])
+
+
+def test_a_failure_leaves_nothing_behind(tmp_path: Path):
+    def pictures():
+        yield from sample(SSL, sekimori_camera(128, 110), CONDITIONS["nominal"], 1, 1)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_dataset(tmp_path / "deep" / "data", "ssl_2001", sekimori_camera(128, 110), pictures())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_camera_without_height_is_named_with_its_file(tmp_path: Path):
+    camera = tmp_path / "mirror.toml"
+    save_camera(dataclasses.replace(sekimori_camera(128, 110), floor_range=Tangent(a_m=0.2, b_per_px=0.025)), camera)
+    with pytest.raises(FileError, match=r"mirror\.toml: key 'viewpoint_height_m': is needed to render"):
+        render("--field", "ssl_2001", "--camera", camera, tmp_path / "data")
+    assert [path.name for path in tmp_path.iterdir()] == ["mirror.toml"]
 
 
 def test_subset_keeps_its_numbers(tmp_path: Path):

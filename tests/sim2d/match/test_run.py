@@ -93,10 +93,40 @@ def test_a_film_that_cannot_be_written_is_one_note(tmp_path, monkeypatch):
 
 
 def test_files_of_an_earlier_match_do_not_stay(tmp_path):
+    (tmp_path / "robot_7.mcap").write_text("old")
     (tmp_path / "report.html").write_text("old")
+    run_match(SHORT, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["match.json", "match.webm", "report.html"]
+    assert (tmp_path / "report.html").read_text() != "old"
+
+
+def test_a_match_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
     with pytest.raises(ArgumentError, match="players_per_side must be at least 1, got 0"):
-        run_match(MatchPlan(players=0), tmp_path)
+        run_match(MatchPlan(players=0), tmp_path / "deep" / "out")
     assert list(tmp_path.iterdir()) == []
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(match_run.MatchStory, "add", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_match(SHORT, tmp_path / "deep" / "out")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "report.html").write_text("of the match before")
+    with pytest.raises(KeyboardInterrupt):
+        run_match(SHORT, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_files_of_others_are_refused_unless_forced(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(FileError, match=r"holds files of others \(notes.txt\)"):
+        run_match(SHORT, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    summary = run_match(SHORT, tmp_path, force=True)
+    assert summary.report == tmp_path / "report.html"
+    assert summary.report.exists()
+    assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
 def test_realtime_keeps_to_the_clock(tmp_path, monkeypatch):

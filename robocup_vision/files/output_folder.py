@@ -1,0 +1,122 @@
+"""The folder that a run's files go to: files of others are not mixed with them, and a failed run leaves nothing."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from fnmatch import fnmatch
+from pathlib import Path
+
+from field_models.errors import ArgumentError, FileError
+
+_UNFINISHED = ".unfinished"
+
+
+def refuse_foreign_files(folder: Path, own: Sequence[str]) -> None:
+    """Refuse a folder in which another program, or the user, keeps files.
+
+    Parameters
+    ----------
+    folder : Path
+        May be absent.
+    own : sequence of str
+        Names of the files that a run writes; ``*`` stands for any text. Hidden files count as nobody's.
+
+    Raises
+    ------
+    FileError
+        If there are other files, or it is no folder.
+    """
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise FileError(folder, f"cannot be written ({os.strerror(errno.EEXIST)})")
+    try:
+        foreign = sorted(entry.name for entry in folder.iterdir() if not _is_own(entry.name, (*own, ".*")))
+    except OSError as error:
+        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None
+    if foreign:
+        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        raise FileError(
+            folder,
+            f"holds files of others ({foreign[0]}{more}), nothing was written: choose another folder, or go on with "
+            "--force, which keeps them",
+        )
+
+
+def require_empty_folder(folder: Path) -> None:
+    """Refuse a folder that is not empty.
+
+    Raises
+    ------
+    ArgumentError
+        If it holds anything, or is a file.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ArgumentError(f"{folder} is not an empty folder; nothing was written")
+
+
+@contextmanager
+def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
+    """Yield an empty folder to write into; its content goes to `folder` at the end of the block.
+
+    Where the block fails, `folder` is as it was. Files of an earlier run, those of the names in `own`, are replaced or
+    deleted at the end.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if missing, with those it lies in.
+    own : sequence of str
+        As in `refuse_foreign_files`.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
+    made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    # in the same file system as the result, whatever is mounted where
+    work = (folder.parent if made else folder) / f"{_UNFINISHED}-{folder.name}-{os.getpid()}"
+    done = False
+    try:
+        with _told(folder):
+            work.mkdir(parents=True)
+        yield work
+        with _told(folder):
+            if made:
+                work.rename(folder)
+            else:
+                _move_into(work, folder, own)
+        done = True
+    finally:
+        if not done:
+            shutil.rmtree(work, ignore_errors=True)
+            for parent in made[1:]:
+                with suppress(OSError):
+                    parent.rmdir()
+
+
+def _move_into(work: Path, folder: Path, own: Sequence[str]) -> None:
+    fresh = {entry.name for entry in work.iterdir()}
+    for entry in list(folder.iterdir()):
+        if _is_own(entry.name, own) and entry.name not in fresh:
+            entry.unlink()
+    for name in sorted(fresh):
+        (work / name).replace(folder / name)
+    work.rmdir()
+
+
+def _is_own(name: str, own: Sequence[str]) -> bool:
+    return any(fnmatch(name, pattern) for pattern in own)
+
+
+@contextmanager
+def _told(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None

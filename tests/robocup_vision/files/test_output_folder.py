@@ -1,0 +1,77 @@
+"""A run's folder: files of others are not mixed with its own, and a run that fails leaves nothing behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from field_models.errors import FileError
+from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
+
+OWN = ("figures.json", "robot_*.mcap")
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_files_of_others_are_refused(tmp_path: Path) -> None:
+    refuse_foreign_files(tmp_path / "absent", OWN)
+    for name in ("figures.json", "robot_3.mcap", ".gitignore"):
+        (tmp_path / name).touch()
+    refuse_foreign_files(tmp_path, OWN)
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(FileError, match=r"holds files of others \(notes\.txt\), nothing was written.*--force"):
+        refuse_foreign_files(tmp_path, OWN)
+    (tmp_path / "thesis").mkdir()
+    with pytest.raises(FileError, match=r"\(notes\.txt and 1 more\)"):
+        refuse_foreign_files(tmp_path, OWN)
+    with pytest.raises(FileError, match=r"notes\.txt: cannot be written \(.+\)"):
+        refuse_foreign_files(tmp_path / "notes.txt", OWN)
+
+
+def test_a_new_folder_appears_when_all_is_written(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "out"
+    with written_at_once(out, OWN) as work:
+        (work / "images").mkdir()
+        (work / "figures.json").touch()
+        assert not out.exists()
+    assert names(out) == ["figures.json", "images"]
+    assert names(out.parent) == ["out"]
+
+
+def test_files_of_an_earlier_run_are_replaced_and_all_else_stays(tmp_path: Path) -> None:
+    for name in ("figures.json", "robot_0.mcap", "notes.txt"):
+        (tmp_path / name).write_text("old")
+    with written_at_once(tmp_path, OWN) as work:
+        (work / "figures.json").write_text("new")
+        assert (tmp_path / "figures.json").read_text() == "old"
+    assert names(tmp_path) == ["figures.json", "notes.txt"]
+    assert (tmp_path / "figures.json").read_text() == "new"
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_a_failure_leaves_the_folder_as_it_was(tmp_path: Path, error: type[BaseException]) -> None:
+    def fail(folder: Path) -> None:
+        with written_at_once(folder, OWN) as work:
+            (work / "figures.json").write_text("half")
+            raise error
+
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "figures.json").write_text("old")
+    for folder in (tmp_path / "deep" / "new", tmp_path / "kept"):
+        with pytest.raises(error):
+            fail(folder)
+    assert names(tmp_path) == ["kept"]
+    assert names(tmp_path / "kept") == ["figures.json"]
+    assert (tmp_path / "kept" / "figures.json").read_text() == "old"
+
+
+def test_what_is_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match=r"file: cannot be written \(.+\)"), written_at_once(tmp_path / "file", OWN):
+        pass
+    (tmp_path / "figures.json").mkdir()
+    with pytest.raises(FileError, match=r"cannot be written \(.+\)"), written_at_once(tmp_path, OWN) as work:
+        (work / "figures.json").touch()
