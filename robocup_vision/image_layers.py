@@ -13,12 +13,13 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
-from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 
 Paths = tuple[FloatArray, ...]
 
 _NO_POINTS = np.empty((0, 2))
+# points of a straight piece, as fractions of half its width
+_ACROSS = np.linspace(-1.0, 1.0, 7)
 # a mirror camera's paths are drawn a little beyond the radius that it is used to
 _BEYOND_RADIUS = 1.05
 
@@ -67,7 +68,8 @@ class ImageLayerMaker:
         self._field = field
         self._lines, self._line_ends = _stacked(field_outlines(field))
         self._posts, self._post_ends = _stacked(_post_outlines(field))
-        self._goal_walls, self._goal_wall_ends = _stacked(_goal_wall_outlines(field))
+        goal_walls, self._goal_wall_ends = _stacked(_goal_wall_outlines(field))
+        self._floor = np.vstack([self._lines, goal_walls])
 
     def layers(self, view: View) -> ImageLayers:
         """Return the layers of a view."""
@@ -87,9 +89,11 @@ class ImageLayerMaker:
         if not view.pose:
             return (), ()
         camera, to_robot = view.camera, view.pose.pose.inverse()
-        field_px = _floor_pieces(camera, to_robot, self._lines, self._line_ends)
+        # one projection costs less than two
+        floor_px = camera.floor_to_pixel(to_robot.transform(self._floor))
+        field_px = _pieces(camera, floor_px[: len(self._lines)], self._line_ends)
         if not isinstance(camera, PinholeCamera):
-            return field_px, _floor_pieces(camera, to_robot, self._goal_walls, self._goal_wall_ends)
+            return field_px, _pieces(camera, floor_px[len(self._lines) :], self._goal_wall_ends)
         if not len(self._posts):
             return field_px, ()
         points = np.column_stack([to_robot.transform(self._posts[:, :2]), self._posts[:, 2]])
@@ -150,12 +154,10 @@ def _stacked(paths: list[FloatArray]) -> tuple[FloatArray, Int64Array]:
     return np.vstack(paths), np.cumsum([len(path) for path in paths])
 
 
-def _floor_pieces(camera: OmniCamera | PinholeCamera, to_robot: Pose2, points: FloatArray, ends: Int64Array) -> Paths:
-    return _pieces(camera, camera.floor_to_pixel(to_robot.transform(points)), ends) if len(points) else ()
-
-
 def _pieces(camera: OmniCamera | PinholeCamera, pixels: FloatArray, ends: Int64Array) -> Paths:
     """Return the stretches of paths that lie in the picture."""
+    if not len(pixels):
+        return ()
     if isinstance(camera, PinholeCamera):
         # what lies far outside the picture need not be drawn, nor fit into OpenCV's numbers
         off_px = np.abs(pixels - camera.center_px)
@@ -166,9 +168,11 @@ def _pieces(camera: OmniCamera | PinholeCamera, pixels: FloatArray, ends: Int64A
     first = np.zeros(len(pixels), dtype=bool)
     first[0] = True
     first[ends[:-1]] = True
-    # a stretch begins where the point before is not shown, or belongs to another path
-    begins = np.flatnonzero(shown & (first | ~np.roll(shown, 1)))
-    stops = np.flatnonzero(shown & (np.roll(first, -1) | ~np.roll(shown, -1))) + 1
+    # a stretch goes on where the point before is shown, too, and belongs to the same path
+    goes_on = np.zeros(len(pixels) + 1, dtype=bool)
+    goes_on[1:-1] = shown[:-1] & shown[1:] & ~first[1:]
+    begins = np.flatnonzero(shown & ~goes_on[:-1])
+    stops = np.flatnonzero(shown & ~goes_on[1:]) + 1
     return tuple(
         pixels[begin:stop] for begin, stop in zip(begins.tolist(), stops.tolist(), strict=True) if stop - begin > 1
     )
@@ -177,12 +181,11 @@ def _pieces(camera: OmniCamera | PinholeCamera, pixels: FloatArray, ends: Int64A
 def _obstacles(view: View) -> Paths:
     if view.polar is None or not view.obstacles:
         return ()
-    points = []
-    for obstacle in view.obstacles:
-        across = np.array([-math.sin(obstacle.bearing_rad), math.cos(obstacle.bearing_rad)]) * obstacle.width_m / 2
-        points.append(np.array([obstacle.x_m, obstacle.y_m]) + np.linspace(-1.0, 1.0, 7)[:, None] * across)
-    stacked, ends = _stacked(points)
-    return _pieces(view.polar.camera, view.polar.camera.floor_to_pixel(stacked), ends)
+    x, y, bearing, width = np.array([(o.x_m, o.y_m, o.bearing_rad, o.width_m) for o in view.obstacles]).T[..., None]
+    along = width / 2 * _ACROSS
+    points = np.stack([x - along * np.sin(bearing), y + along * np.cos(bearing)], axis=2).reshape(-1, 2)
+    ends = len(_ACROSS) * np.arange(1, len(view.obstacles) + 1)
+    return _pieces(view.polar.camera, view.polar.camera.floor_to_pixel(points), ends)
 
 
 def _free_outline(view: View) -> FloatArray:

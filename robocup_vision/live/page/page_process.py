@@ -28,8 +28,10 @@ from robocup_vision.live.page.server import PageServer
 # so much later in the queue for a processor than the robot's loop
 _NICENESS = 5
 _MADE_S = 1.0
-# how often moments are looked for, and how often once none has come for so long
+# how often moments are looked for, and how often when none is to be expected: one has just come, or none for long
 _LOOK_S, _LOOK_SELDOM_S, _SILENT_S = 0.008, 0.03, 1.0
+# of the time between the last two moments, so much passes before the next is to be expected
+_EXPECTED_RATIO = 0.6
 
 
 class _FarControls(Controls):
@@ -146,12 +148,17 @@ class _PageProcess:
             self._take()
 
     def _take_moments(self) -> None:
-        silent_since_s = time.monotonic()
+        silent_since_s, wait_s = time.monotonic(), _LOOK_S
         while not self._ended.is_set():
-            time.sleep(_LOOK_S if time.monotonic() - silent_since_s < _SILENT_S else _LOOK_SELDOM_S)
+            time.sleep(wait_s)
             with self._lock:
-                if self._take():
-                    silent_since_s = time.monotonic()
+                has_taken = self._take()
+            silent_s = time.monotonic() - silent_since_s
+            if has_taken:
+                silent_since_s += silent_s
+                wait_s = min(max(_EXPECTED_RATIO * silent_s, _LOOK_S), _LOOK_SELDOM_S)
+            else:
+                wait_s = _LOOK_S if silent_s < _SILENT_S else _LOOK_SELDOM_S
 
     def _take(self) -> bool:
         """Take what waits, if anything does; the lock is held."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -228,6 +229,7 @@ def _ellipse(covariance: FloatArray) -> list[float]:
     return _rounded((half[1], half[0], math.atan2(vectors[1, 1], vectors[0, 1])), 4)
 
 
+@lru_cache(maxsize=8)
 def _swatches(colors: Colors) -> list[list[str]]:
     """Return class names and what their colours look like in this light, as ``#rrggbb``."""
     floor = colors.floor
@@ -262,4 +264,11 @@ def _flat(points: FloatArray) -> list[float]:
 
 
 def _all_flat(paths: Paths) -> list[list[float]]:
-    return [_flat(path) for path in paths]
+    if not paths:
+        return []
+    told, begin = _flat(np.concatenate(paths)), 0
+    cut = []
+    for path in paths:
+        cut.append(told[begin : begin + path.size])
+        begin += path.size
+    return cut
