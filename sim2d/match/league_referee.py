@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from field_models import Field
-from sim2d.defence_area import defence_area
-from sim2d.kick_off import center_circle_radius_m
+from sim2d.match.pitch_rules import FoulKind, NextPlay, PitchRules, Point, Restart
 from sim2d.robot_link import Phase, RobotLimits
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
@@ -29,11 +28,6 @@ Command = Literal[
     "ball_placement",
 ]
 Stage = Literal["first_half", "half_time", "second_half", "post_game"]
-Restart = Literal["kick_off", "free_kick", "penalty", "force_start"]
-FoulKind = Literal["fast_in_stop", "near_ball", "fast_ball", "double_touch", "own_area", "their_area"]
-Point = tuple[float, float]
-
-_FREE_KICK_OF: frozenset[FoulKind] = frozenset({"fast_ball", "double_touch", "their_area"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +148,7 @@ class LeagueReferee:
     ) -> None:
         self._field, self._radius_m, self._settings = field, robot_radius_m, settings
         self.keepers = keepers or {1: 0, -1: 0}
-        self._area = defence_area(field)
+        self._rules = PitchRules(field, robot_radius_m)
         self.score = {1: 0, -1: 0}
         self.command: Command = "halt"
         self.command_side, self.command_counter, self.command_s = 0, 1, 0.0
@@ -165,7 +159,7 @@ class LeagueReferee:
         self.cards: dict[int, list[float]] = {1: [], -1: []}
         self.placement_failures = {1: 0, -1: 0}
         self._is_moved_by_hand = True
-        self._next: tuple[Restart, int, Point] = ("kick_off", 1, (0.0, 0.0))
+        self._next = NextPlay("kick_off", 1, (0.0, 0.0))
         self._kick_from: Point | None = None
         self._kind: Restart = "kick_off"
         # by side and number: who touches the ball now, who did last, who kicked it off and may not touch it again
@@ -201,7 +195,7 @@ class LeagueReferee:
 
     def halt(self, t_s: float, ball: BallState) -> None:
         """Halt the game, as a person may at any time; it goes on where it was, for everybody."""
-        self._stop(t_s, ("force_start", 0, self._legal((ball.x_m, ball.y_m))))
+        self._stop(t_s, NextPlay("force_start", 0, self._rules.legal_place((ball.x_m, ball.y_m))))
         self._give("halt", 0, t_s)
 
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
@@ -221,13 +215,15 @@ class LeagueReferee:
             self._watch_room(t_s, robots, ball, (1, -1))
             if self._is_moved_by_hand and waited >= self._settings.by_hand_s:
                 self._is_moved_by_hand = False
-                return [Ruling(None, self._next[2])]
+                return [Ruling(None, self._next.place_m)]
             return self._after_stop(t_s, ball) if waited >= self._settings.stop_s else []
         if self.command == "ball_placement":
             self._watch_room(t_s, robots, ball, (-self.command_side,))
             return self._while_placing(t_s, robots, ball)
         if self.command in ("prepare_kick_off", "prepare_penalty"):
-            ready = waited >= self._settings.prepare_s and (self.command == "prepare_penalty" or self._is_ready(robots))
+            ready = waited >= self._settings.prepare_s and (
+                self.command == "prepare_penalty" or self._rules.is_ready_for_kick_off(self.command_side, robots)
+            )
             if ready or waited >= self._settings.max_prepare_s:
                 self._kick_from = (ball.x_m, ball.y_m)
                 self._touching = self._last = self._kicker = None
@@ -238,22 +234,22 @@ class LeagueReferee:
 
     def _in_play(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
         settings = self._settings
-        scored = self._goal_side(ball)
+        scored = self._rules.goal_of(ball)
         if scored:
             self.score[scored] += 1
-            self._stop(t_s, ("kick_off", -scored, (0.0, 0.0)))
+            self._stop(t_s, NextPlay("kick_off", -scored, (0.0, 0.0)))
             # no robot gets a ball out of a goal
             self._is_moved_by_hand = True
             return [Ruling(Event(t_s, "goal", side=scored))]
-        if self._is_out(ball):
-            self._stop(t_s, self._restart_from_out(ball))
+        if self._rules.is_out(ball):
+            self._stop(t_s, self._rules.after_out(self._last[0] if self._last else 1, ball))
             return [Ruling(Event(t_s, "ball_out"))]
         if self._kick_from is not None:
             moved = math.dist(self._kick_from, (ball.x_m, ball.y_m))
             if moved <= settings.in_play_m:
                 self._watch_room(t_s, robots, ball, (-self.command_side,))
                 if t_s - self.command_s > settings.kick_s:
-                    self._stop(t_s, ("force_start", 0, (ball.x_m, ball.y_m)))
+                    self._stop(t_s, NextPlay("force_start", 0, (ball.x_m, ball.y_m)))
                 return []
             self._kick_from, self._kicker, self._kicker_left = None, self._last, False
             self._still = (ball.x_m, ball.y_m, t_s)
@@ -262,12 +258,12 @@ class LeagueReferee:
             return []
         is_penalty = self._kind == "penalty" and self.command == "normal_start"
         if is_penalty and t_s - self.command_s > settings.kick_s:
-            self._stop(t_s, ("free_kick", -self.command_side, self._legal((ball.x_m, ball.y_m))))
+            self._stop(t_s, NextPlay("free_kick", -self.command_side, self._rules.legal_place((ball.x_m, ball.y_m))))
             return []
         if math.hypot(ball.x_m - self._still[0], ball.y_m - self._still[1]) > settings.still_m:
             self._still = (ball.x_m, ball.y_m, t_s)
         elif t_s - self._still[2] > settings.still_s:
-            self._stop(t_s, ("force_start", 0, self._legal((ball.x_m, ball.y_m))))
+            self._stop(t_s, NextPlay("force_start", 0, self._rules.legal_place((ball.x_m, ball.y_m))))
             return [Ruling(Event(t_s, "drop"))]
         self._watch_touches(t_s, ball)
         return []
@@ -288,11 +284,11 @@ class LeagueReferee:
         return self._restart(t_s)
 
     def _while_placing(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
-        settings, place = self._settings, self._next[2]
+        settings, place = self._settings, self._next.place_m
         lies = (
             math.dist(place, (ball.x_m, ball.y_m)) < settings.placed_m and math.hypot(ball.vx_mps, ball.vy_mps) < 0.05
         )
-        room_m = settings.left_kicker_m if self._next[0] == "free_kick" else settings.left_m
+        room_m = settings.left_kicker_m if self._next.kind == "free_kick" else settings.left_m
         left = all(
             math.dist((robot.pose.x_m, robot.pose.y_m), (ball.x_m, ball.y_m)) - self._radius_m > room_m
             for robot in robots
@@ -321,10 +317,10 @@ class LeagueReferee:
             self._give("prepare_kick_off" if kind == "kick_off" else "prepare_penalty", side, t_s)
         return [Ruling(Event(t_s, "whistle"))] if kind in ("force_start", "free_kick") else []
 
-    def _stop(self, t_s: float, restart: tuple[Restart, int, Point]) -> None:
+    def _stop(self, t_s: float, restart: NextPlay) -> None:
         self._next, self._kick_from, self.placement_m = restart, None, None
         # a ball that is nobody's turn is put by a person, before anybody must keep away from it
-        self._is_moved_by_hand |= restart[0] == "force_start"
+        self._is_moved_by_hand |= restart.kind == "force_start"
         self._noted.clear()
         self._near_since_s.clear()
         self._give("stop", 0, t_s)
@@ -337,7 +333,7 @@ class LeagueReferee:
         if self.stage == "first_half":
             self.stage = "half_time"
             self.stage_end_s = t_s + self._settings.half_time_s + self._settings.half_s
-            self._next = ("kick_off", -1, (0.0, 0.0))
+            self._next = NextPlay("kick_off", -1, (0.0, 0.0))
             self._is_moved_by_hand = True
         else:
             self.stage = "post_game"
@@ -365,7 +361,7 @@ class LeagueReferee:
         if self._touching is None:
             return
         side, number = self._touching
-        area, inside_m = self._area, -self._field.ball_radius_m
+        area, inside_m = self._rules.area, -self._field.ball_radius_m
         if self._kicker == self._touching and self._kicker_left:
             self._foul(t_s, side, number, "double_touch", ball)
         elif area is None:
@@ -396,7 +392,7 @@ class LeagueReferee:
         return t_s - self._near_since_s.setdefault(key, t_s) > self._settings.stop_grace_s
 
     def _foul(self, t_s: float, side: int, number: int, kind: FoulKind, ball: BallState) -> None:
-        self._stop(t_s, self._restart_after(side, kind, ball))
+        self._stop(t_s, self._rules.after_foul(side, kind, ball))
         self._note(t_s, side, number, kind)
         self._touching = self._last = self._kicker = None
 
@@ -416,50 +412,3 @@ class LeagueReferee:
     def foul_count(self, side: int) -> int:
         """Return how many fouls a side has committed."""
         return sum(foul.side == side for foul in self.fouls)
-
-    def _restart_after(self, side: int, kind: FoulKind, ball: BallState) -> tuple[Restart, int, Point]:
-        if kind in _FREE_KICK_OF:
-            return "free_kick", -side, self._legal((ball.x_m, ball.y_m))
-        # six metres before the goal that is shot at on division B: two thirds of the field
-        return "penalty", -side, (side * self._field.length_m / 6, 0.0)
-
-    def _restart_from_out(self, ball: BallState) -> tuple[Restart, int, Point]:
-        last = self._last[0] if self._last else 1
-        half_x, half_y = self._field.length_m / 2, self._field.width_m / 2
-        sx, sy = math.copysign(1.0, ball.x_m), math.copysign(1.0, ball.y_m)
-        if abs(ball.x_m) > half_x:
-            # over the goal line: a corner kick if its defenders touched it last, else a goal kick
-            corner = sx == -last
-            return "free_kick", -last, (sx * (half_x - (0.2 if corner else 1.0)), sy * (half_y - 0.2))
-        return "free_kick", -last, self._legal((ball.x_m, sy * half_y))
-
-    def _legal(self, place: Point) -> Point:
-        """Return the nearest place for a free kick: 0.2 m from the lines, and clear of the defence areas."""
-        limit_x, limit_y = self._field.length_m / 2 - 0.2, self._field.width_m / 2 - 0.2
-        x, y = max(-limit_x, min(limit_x, place[0])), max(-limit_y, min(limit_y, place[1]))
-        area = self._area
-        if area is not None and area.holds(1 if x > 0 else -1, x, y, 0.2 + self._radius_m):
-            x = math.copysign(area.line_x_m - area.depth_m - 0.2 - 2 * self._radius_m, x)
-        return x, y
-
-    def _is_ready(self, robots: Sequence[RobotState]) -> bool:
-        """Whether all stand in their own half, and those of the other side outside the centre circle."""
-        circle_m, slack_m = center_circle_radius_m(self._field), self._radius_m
-        for robot in robots:
-            near = math.hypot(robot.pose.x_m, robot.pose.y_m) < circle_m
-            if robot.side == self.command_side and near:
-                continue
-            if robot.side * robot.pose.x_m > slack_m or near:
-                return False
-        return True
-
-    def _goal_side(self, ball: BallState) -> int:
-        for goal in self._field.goals:
-            beyond = goal.side * (ball.x_m - goal.line_x_m)
-            if beyond > self._field.ball_radius_m and abs(ball.y_m) < goal.width_m / 2 and ball.z_m < goal.height_m:
-                return goal.side
-        return 0
-
-    def _is_out(self, ball: BallState) -> bool:
-        radius = self._field.ball_radius_m
-        return abs(ball.x_m) > self._field.length_m / 2 + radius or abs(ball.y_m) > self._field.width_m / 2 + radius

@@ -1,0 +1,97 @@
+"""What the small-size league's rules say of places: where the ball is out or in a goal, where and how a match goes on.
+
+What a referee decides by geometry alone, apart from what it remembers of a match.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+from field_models import Field
+from sim2d.defence_area import defence_area
+from sim2d.kick_off import center_circle_radius_m
+from sim2d.world.state import BallState, RobotState
+
+Restart = Literal["kick_off", "free_kick", "penalty", "force_start"]
+FoulKind = Literal["fast_in_stop", "near_ball", "fast_ball", "double_touch", "own_area", "their_area"]
+Point = tuple[float, float]
+
+_FREE_KICK_OF: frozenset[FoulKind] = frozenset({"fast_ball", "double_touch", "their_area"})
+# a free kick's distance from lines and defence areas, and a goal kick's from its goal line
+_CLEAR_M, _GOAL_KICK_M = 0.2, 1.0
+
+
+class NextPlay(NamedTuple):
+    """How a match goes on: by what, whose turn it is (0: nobody's), and where the ball lies then."""
+
+    kind: Restart
+    side: int
+    place_m: Point
+
+
+class PitchRules:
+    """The rules of one field's places.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    robot_radius_m : float
+        Of the robots.
+    """
+
+    def __init__(self, field: Field, robot_radius_m: float) -> None:
+        self._field, self._radius_m = field, robot_radius_m
+        self.area = defence_area(field)
+
+    def after_foul(self, side: int, kind: FoulKind, ball: BallState) -> NextPlay:
+        """Return how it goes on after a side's foul at the ball."""
+        if kind in _FREE_KICK_OF:
+            return NextPlay("free_kick", -side, self.legal_place((ball.x_m, ball.y_m)))
+        # six metres before the goal that is shot at on division B: two thirds of the field
+        return NextPlay("penalty", -side, (side * self._field.length_m / 6, 0.0))
+
+    def after_out(self, last_side: int, ball: BallState) -> NextPlay:
+        """Return how it goes on after a side was the last to touch a ball that is out."""
+        half_x, half_y = self._field.length_m / 2, self._field.width_m / 2
+        sx, sy = math.copysign(1.0, ball.x_m), math.copysign(1.0, ball.y_m)
+        if abs(ball.x_m) > half_x:
+            # over the goal line: a corner kick if its defenders touched it last, else a goal kick
+            back_m = _CLEAR_M if sx == -last_side else _GOAL_KICK_M
+            return NextPlay("free_kick", -last_side, (sx * (half_x - back_m), sy * (half_y - _CLEAR_M)))
+        return NextPlay("free_kick", -last_side, self.legal_place((ball.x_m, sy * half_y)))
+
+    def legal_place(self, place: Point) -> Point:
+        """Return the nearest place for a free kick: clear of the lines and of the defence areas."""
+        limit_x, limit_y = self._field.length_m / 2 - _CLEAR_M, self._field.width_m / 2 - _CLEAR_M
+        x, y = max(-limit_x, min(limit_x, place[0])), max(-limit_y, min(limit_y, place[1]))
+        area = self.area
+        if area is not None and area.holds(1 if x > 0 else -1, x, y, _CLEAR_M + self._radius_m):
+            x = math.copysign(area.line_x_m - area.depth_m - _CLEAR_M - 2 * self._radius_m, x)
+        return x, y
+
+    def is_ready_for_kick_off(self, kicking_side: int, robots: Sequence[RobotState]) -> bool:
+        """Return whether all stand in their own half, and those of the other side outside the centre circle."""
+        circle_m, slack_m = center_circle_radius_m(self._field), self._radius_m
+        for robot in robots:
+            near = math.hypot(robot.pose.x_m, robot.pose.y_m) < circle_m
+            if robot.side == kicking_side and near:
+                continue
+            if robot.side * robot.pose.x_m > slack_m or near:
+                return False
+        return True
+
+    def goal_of(self, ball: BallState) -> int:
+        """Return the side of the goal that the ball is in; 0 if it is in none."""
+        for goal in self._field.goals:
+            beyond = goal.side * (ball.x_m - goal.line_x_m)
+            if beyond > self._field.ball_radius_m and abs(ball.y_m) < goal.width_m / 2 and ball.z_m < goal.height_m:
+                return goal.side
+        return 0
+
+    def is_out(self, ball: BallState) -> bool:
+        """Return whether the whole ball has left the field."""
+        radius = self._field.ball_radius_m
+        return abs(ball.x_m) > self._field.length_m / 2 + radius or abs(ball.y_m) > self._field.width_m / 2 + radius
