@@ -18,7 +18,8 @@ sides = st.sampled_from((1, -1))
 @given(places)
 def test_a_free_kick_is_clear_of_lines_and_defence_areas(place):
     x, y = RULES.legal_place(place)
-    assert abs(x) <= HALF_X_M - 0.2 and abs(y) <= HALF_Y_M - 0.2
+    assert abs(x) <= HALF_X_M - 0.2
+    assert abs(y) <= HALF_Y_M - 0.2
     assert not any(RULES.area.holds(side, x, y, 0.2 + RADIUS_M) for side in (1, -1))
 
 
@@ -32,7 +33,8 @@ def test_a_legal_place_stays(place):
 def test_a_ball_that_is_out_is_the_other_sides(place, last_side):
     ball = BallState(*place)
     after = RULES.after_out(last_side, ball)
-    assert after.kind == "free_kick" and after.side == -last_side
+    assert after.kind == "free_kick"
+    assert after.side == -last_side
     assert not RULES.is_out(BallState(*after.place_m))
 
 
@@ -53,12 +55,14 @@ def test_a_ball_behind_the_line_between_the_posts_is_a_goal_under_the_bar_alone(
 def test_a_corner_kick_follows_the_defenders_touch_and_a_goal_kick_the_attackers():
     ball = BallState(HALF_X_M + 0.1, 1.0)
     corner, goal_kick = RULES.after_out(-1, ball), RULES.after_out(1, ball)
-    assert corner.side == 1 and corner.place_m[0] > goal_kick.place_m[0]
+    assert corner.side == 1
+    assert corner.place_m[0] > goal_kick.place_m[0]
     assert goal_kick.side == -1
 
 
 def test_a_foul_in_the_own_area_is_a_penalty_before_that_goal():
     after = RULES.after_foul(-1, "own_area", BallState(HALF_X_M - 0.3, 0.0))
-    assert after.kind == "penalty" and after.side == 1
+    assert after.kind == "penalty"
+    assert after.side == 1
     # side -1 defends the goal at +x: two thirds of the field before it
     assert after.place_m == (-FIELD.length_m / 6, 0.0)
