@@ -90,6 +90,11 @@ class NotLocated:
         return False
 
 
+@dataclass(frozen=True, slots=True)
+class SwappedChannels(NotLocated):
+    """No pose, as red and blue seem to be swapped: goals would decide on the wrong half."""
+
+
 class EdgeState(IntEnum):
     """What a frame shows where an edge of the field was predicted.
 

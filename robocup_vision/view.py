@@ -61,6 +61,8 @@ class View:
         Estimate by the frame without the prior, where `pose` includes the prior; None: `pose` does not.
     edge_points : EdgePoints or None
         Where edges of the field were predicted and what the frame shows there, with method "edges"; else None.
+    warnings : tuple of str
+        What seems to be wrong with the set-up, each told once: red and blue swapped. Empty in almost every view.
     """
 
     pose: PoseEstimate | NotLocated
@@ -77,6 +79,7 @@ class View:
     belief: Belief | None = None
     measurement: PoseEstimate | None = None
     edge_points: EdgePoints | None = None
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
+from typing import Literal, Protocol
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
@@ -18,6 +18,7 @@ from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.perception.polar_view import PolarView
+from robocup_vision.pipeline.frames import to_bgr
 from robocup_vision.pipeline.omni import OmniPipeline
 from robocup_vision.pipeline.pinhole import PinholePipeline
 from robocup_vision.view import View
@@ -66,6 +67,10 @@ class Vision:
     online : CameraRefiner, optional
         An `OnlineCalibration`, which refines this mirror camera's centre and tilt while frames are looked at; `camera`
         is then the one now in use, and `online.state` holds how far it has moved.
+    channels : {"bgr", "rgb"}
+        Order of the frames' channels: "bgr" as OpenCV reads images, "rgb" as rgb8 of ROS, picamera2 and Pillow give
+        them. Where the goals' colours show that it is the other one, the answer is `SwappedChannels`, which is
+        `NotLocated`, and the view has a warning.
     memory : Memory, optional
         Joins the frames: `view.belief` is then the estimate over time, and its pose the prior of the next
         frame. Frames need `t_s`, and the robot's `odometry` between them, or a memory with `ego_motion`.
@@ -73,8 +78,8 @@ class Vision:
     Raises
     ------
     ArgumentError
-        If the mask's size is not the camera's, the method does not fit the field or the camera, `online` was made for
-        another camera, or the memory's `ego_motion` is to serve a pinhole camera.
+        If `channels` is neither, the mask's size is not the camera's, the method does not fit the field or the camera,
+        `online` was made for another camera, or the memory's `ego_motion` is to serve a pinhole camera.
     """
 
     def __init__(
@@ -89,6 +94,7 @@ class Vision:
         rings: int | tuple[float, ...] = 20,
         online: CameraRefiner | None = None,
         memory: Memory | None = None,
+        channels: Literal["bgr", "rgb"] = "bgr",
     ) -> None:
         if online is not None and online.camera is not camera:
             raise ArgumentError("online must be made for this very camera, which must be a mirror camera")
@@ -99,17 +105,32 @@ class Vision:
         self._pipeline: OmniPipeline | PinholePipeline
         if isinstance(camera, PinholeCamera):
             self._pipeline = PinholePipeline(
-                field, camera, colors, method=chosen, mask=mask, directions=directions, rings=rings
+                field,
+                camera,
+                colors,
+                method=chosen,
+                mask=mask,
+                directions=directions,
+                rings=rings,
+                channels=channels,
             )
         else:
             self._pipeline = OmniPipeline(
-                field, camera, colors, method=chosen, mask=mask, directions=directions, rings=rings
+                field,
+                camera,
+                colors,
+                method=chosen,
+                mask=mask,
+                directions=directions,
+                rings=rings,
+                channels=channels,
             )
         self.field = field
         self.camera = camera
         self.method = chosen.name
         self.mask, self.directions, self.rings = mask, directions, rings
         self.fixed_colors, self.online = colors, online
+        self.channels = channels
         self._is_fresh = True
         self._takes_covariance = chosen.takes_covariance
 
@@ -126,7 +147,7 @@ class Vision:
         Parameters
         ----------
         frame : (H, W, 3) uint8
-            BGR, of the camera's size.
+            Of the camera's size, its channels as said by `channels`.
         t_s : float, optional
             When it was taken; stands in the view. Needed with a memory.
         odometry : Pose2, optional
@@ -152,7 +173,7 @@ class Vision:
         else:
             view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, pan_rad)
         if self.online is not None and isinstance(self._pipeline, OmniPipeline):
-            better = self.online.follow(frame, view)
+            better = self.online.follow(to_bgr(frame, self.channels), view)
             if better is not None:
                 self._pipeline = self._pipeline.with_camera(better)
                 self.camera = better

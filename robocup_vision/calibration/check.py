@@ -22,7 +22,7 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.progress import progress
@@ -39,7 +39,7 @@ class Finding:
     Parameters
     ----------
     subject : str
-        "size", "field", "mirrored", "heading", "centre", "curve" or "colours".
+        "size", "channels", "field", "mirrored", "heading", "centre", "curve" or "colours".
     state : {"ok", "wrong", "unknown"}
         The result.
     evidence : str
@@ -77,6 +77,8 @@ class CheckSettings:
         Of the floor by fixed colours or by colours learnt from the image, the part on which both agree.
     min_turns : int
         Turns, or headings, that are needed for a decision.
+    min_ball_ratio : float
+        Swapped channels are suspected if they show a ball in so many times as many images.
     min_turn_rad, max_turn_rad : float
         Odometry turns that can be compared: larger than its noise, smaller than the ambiguity of a half turn.
     """
@@ -93,6 +95,7 @@ class CheckSettings:
     max_heading_error_rad: float = math.radians(3.0)
     min_color_agreement: float = 0.8
     min_turns: int = 3
+    min_ball_ratio: float = 3.0
     min_turn_rad: float = math.radians(2.0)
     max_turn_rad: float = math.radians(60.0)
 
@@ -167,8 +170,11 @@ class _Check:
         self.views = self._look(self._vision(dataset.field), frames)
 
     def run(self) -> list[Finding]:
+        channels = self._check_channels()
+        if channels is not None and channels.state == "wrong":
+            return [channels]
         field = self._check_field()
-        findings = [field]
+        findings = [field] if channels is None else [channels, field]
         if isinstance(self.dataset.camera, OmniCamera):
             if field.state != "wrong":
                 findings += self._check_turning(self.dataset.camera)
@@ -177,13 +183,20 @@ class _Check:
             findings.append(self._check_colors())
         return findings
 
-    def _vision(self, field: Field, *, learnt: bool = False, camera: OmniCamera | None = None) -> Vision:
+    def _vision(
+        self,
+        field: Field,
+        *,
+        learnt: bool = False,
+        camera: OmniCamera | None = None,
+        channels: Literal["bgr", "rgb"] = "bgr",
+    ) -> Vision:
         d = self.dataset
         colors = None if learnt else d.colors
         method = (
             None if d.method == "landmarks" or (d.method in ("floor", "hull") and not field.is_bounded) else d.method
         )
-        return Vision(field, camera or d.camera, colors, method=method, mask=d.mask)
+        return Vision(field, camera or d.camera, colors, method=method, mask=d.mask, channels=channels)
 
     def _look(self, vision: Vision, frames: list[UInt8Array], label: str = "looking") -> list[View]:
         views = []
@@ -191,6 +204,25 @@ class _Check:
             vision.forget()
             views.append(vision.look(frame))
         return views
+
+    def _check_channels(self) -> Finding | None:
+        """Whether red and blue are swapped, by the goals, or else by the ball; None where the field has no colours."""
+        count = len(self.views)
+        swapped = sum(isinstance(view.pose, SwappedChannels) for view in self.views)
+        advice = "the images were written with red and blue swapped (RGB arrays by OpenCV's imwrite?)"
+        if swapped:
+            evidence = f"in {swapped} of {count} images the goals look as with red and blue swapped"
+            return Finding("channels", "wrong" if 2 * swapped > count else "unknown", f"{evidence}: {advice}?")
+        if self.dataset.field.ball_color in ("white", "black"):
+            return None
+        chosen = slice(None, None, -(-count // self.settings.max_tried))
+        vision = self._vision(self.dataset.field, channels="rgb")
+        balls = sum(bool(view.balls) for view in self.views[chosen])
+        if_swapped = sum(bool(view.balls) for view in self._look(vision, self.frames[chosen], "channels"))
+        evidence = f"a ball in {balls} of {len(self.views[chosen])} images, with red and blue swapped in {if_swapped}"
+        if if_swapped >= self.settings.min_turns and if_swapped > self.settings.min_ball_ratio * balls:
+            return Finding("channels", "unknown", f"{evidence}: perhaps {advice}")
+        return Finding("channels", "ok", evidence)
 
     def _check_field(self) -> Finding:
         name = self.dataset.field.name

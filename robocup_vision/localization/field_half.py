@@ -1,4 +1,7 @@
-"""Which of the two halves: goals of different colours decide between a pose and its half turn."""
+"""Which of the two halves: goals of different colours decide between a pose and its half turn.
+
+Where the goals look as with red and blue swapped, nothing is decided: the half would be the wrong one.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,15 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.estimates import PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.goal.colors import MirrorProjection, vote_goal_colors
+from robocup_vision.kernels.goal.colors import GoalPalette, GoalVotes, MirrorProjection, vote_goal_colors
+from robocup_vision.localization.swapped_channels import SwappedChannelsSettings, are_swapped
 from robocup_vision.perception.color_table import Colors
+
+# one grey level in each of nine pixels: no logarithm of zero
+_DARKEST = 9
+_NO_VOTES = GoalVotes(0, 0, 0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +40,15 @@ class GoalSideSettings:
         Difference in (B - R)/(B + G + R) from which two goals count as differently coloured.
     table_size : int
         Image radii tabulated over inverse range: so many that their steps stay below a pixel.
+    channels : SwappedChannelsSettings
+        When the goals show that red and blue are swapped.
     """
 
     min_votes: int = 4
     majority: float = 2
     min_hue_difference: float = 0.2
     table_size: int = 1024
+    channels: SwappedChannelsSettings = SwappedChannelsSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +118,7 @@ class GoalSide:
 
     def choose(
         self, frame: npt.NDArray[np.uint8], estimate: PoseEstimate, colors: Colors, prior: Pose2 | None = None
-    ) -> PoseEstimate:
+    ) -> PoseEstimate | NotLocated:
         """Put the right half first.
 
         Parameters
@@ -123,10 +134,16 @@ class GoalSide:
 
         Returns
         -------
-        PoseEstimate
-            With a single candidate if the goals decide, else with both.
+        PoseEstimate or SwappedChannels
+            With a single candidate if the goals decide, else with both; no pose if the goals fit swapped channels
+            better.
         """
-        right, wrong = self._vote(frame, estimate.pose, colors) if self.is_able else (0, 0)
+        right, wrong, own, swapped = self._vote(frame, estimate.pose, colors) if self.is_able else _NO_VOTES
+        decides = max(right, wrong, swapped) >= self.settings.min_votes
+        if decides and self._is_doubtful(own, swapped, colors) and self._are_swapped(frame, estimate.pose, colors):
+            return SwappedChannels(
+                "the goals look as with red and blue swapped: are the frames RGB? Vision(..., channels='rgb')"
+            )
         most = max(right, wrong)
         if most >= self.settings.min_votes and most >= self.settings.majority * min(right, wrong):
             better = estimate if right > wrong else estimate.half_turn()
@@ -137,9 +154,36 @@ class GoalSide:
             return turned if there < here else estimate
         return estimate
 
-    def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> tuple[int, int]:
-        hues = colors.goal_hues
-        if abs(hues[0] - hues[1]) < self.settings.min_hue_difference:
-            return 0, 0
-        right, wrong = vote_goal_colors(frame, pose.array, *self._points, self._projection, hues, self._hidden)
-        return int(right), int(wrong)
+    def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> GoalVotes:
+        palette = GoalPalette(colors.goal_hues, colors.goal_log_ratios)
+        if abs(palette.hues[0] - palette.hues[1]) < self.settings.min_hue_difference:
+            return _NO_VOTES
+        return vote_goal_colors(frame, pose.array, *self._points, self._projection, palette, self._hidden)
+
+    def _is_doubtful(self, own: int, swapped: int, colors: Colors) -> bool:
+        """Whether the votes leave open that red and blue are swapped: they go by white, which may be some paint."""
+        settings = self.settings.channels
+        if colors.swap_distance < settings.min_distance:
+            return False
+        if own < self.settings.min_votes or settings.min_ratio * swapped > own:
+            return True
+        return float(np.abs(colors.goal_log_ratios[4]).max()) > settings.max_neutral
+
+    def _are_swapped(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> bool:
+        points, sides = self._points
+        on_robot = np.column_stack([pose.inverse().transform(points[:, :2]), points[:, 2]])
+        pixels = np.nan_to_num(self.camera.point_to_pixel(on_robot), nan=-1.0)
+        height, width = frame.shape[:2]
+        u, v = np.rint(pixels).astype(int).T
+        radius = np.hypot(*(pixels - self.camera.center_px).T)
+        inner, outer = self.camera.usable_radius_px
+        shown = (radius >= inner) & (radius <= outer) & (u > 0) & (v > 0) & (u < width - 1) & (v < height - 1)
+        u, v, sides = u[shown], v[shown], sides[shown]
+        if self.mask is not None:
+            shown = self._hidden[v, u] == 0
+            u, v, sides = u[shown], v[shown], sides[shown]
+        around = np.arange(-1, 2)
+        patches = frame[v[:, None, None] + around[:, None], u[:, None, None] + around]
+        blue, green, red = np.log(patches.sum(axis=(1, 2), dtype=np.int64) + _DARKEST).T
+        log_ratios = np.stack([red - green, blue - green], axis=1)
+        return are_swapped(log_ratios, sides > 0, colors.goal_log_ratios, self.settings.channels)

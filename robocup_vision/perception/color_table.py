@@ -67,6 +67,20 @@ class Colors:
         paints = (self.goal_positive_x, self.goal_negative_x, self.line)
         return read_only([(p.blue_ratio - p.red_ratio) / (p.blue_ratio + 1.0 + p.red_ratio) for p in paints])
 
+    @cached_property
+    def goal_log_ratios(self) -> FloatArray:
+        """(5, 2) float64: log R/G and B/G of the goals at +x, -x, of both with red and blue swapped, and of white."""
+        white = np.log([self.line.red_ratio, self.line.blue_ratio])
+        goals = np.log([[p.red_ratio, p.blue_ratio] for p in (self.goal_positive_x, self.goal_negative_x)])
+        # light falls on the paint as it is: only what the paint adds to white is swapped
+        return read_only([*goals, *(white + (goals - white)[:, ::-1]), white])
+
+    @cached_property
+    def swap_distance(self) -> float:
+        """How far, in `goal_log_ratios`, the goals' colours are at least from those with red and blue swapped."""
+        goals, swapped = self.goal_log_ratios[:2], self.goal_log_ratios[2:4]
+        return float(np.linalg.norm(goals[:, None] - swapped[None], axis=-1).min())
+
 
 def learn_colors(
     samples: UInt8Array,

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
 from robocup_vision.perception.balls.ball import Ball
@@ -19,6 +20,8 @@ from robocup_vision.perception.color_memory import ColorMemory
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
+
+BGR, RGB = CHANNELS = ("bgr", "rgb")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,13 @@ class FloorEdgeSettings:
     min_contrast: float = 5.0
 
 
+def to_bgr(frame: UInt8Array, channels: str) -> UInt8Array:
+    """Return a frame (H, W, 3) as a plain array of blue, green, red: itself where it is one."""
+    if channels == BGR:
+        return np.require(frame, requirements=("C", "W"))
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2BGR), dtype=np.uint8)
+
+
 class FramePipeline:
     """The steps of `Vision` that every camera needs.
 
@@ -52,6 +62,8 @@ class FramePipeline:
         See `Vision`.
     size_px : (int, int)
         Of the frames.
+    channels : str
+        See `Vision`.
     strongest_cast : float
         See `ColorMemory`.
     """
@@ -62,11 +74,16 @@ class FramePipeline:
         size_px: tuple[int, int],
         colors: Colors | None,
         mask: UInt8Array | None,
+        channels: str = BGR,
         strongest_cast: float = math.inf,
     ) -> None:
+        if channels not in CHANNELS:
+            raise ArgumentError(f"channels must be 'bgr' or 'rgb', got {channels!r}")
         self.field = field
         self.edge_settings = FloorEdgeSettings()
         self._size_px = size_px
+        self.channels = channels
+        self._has_warned = False
         width, height = size_px
         if mask is not None:
             # a copy: the caller's array may be a view, or change
@@ -80,6 +97,7 @@ class FramePipeline:
 
     def forget(self) -> None:
         """Forget learnt colours and the last pose: the next frame stands alone."""
+        self._has_warned = False
         self._color_memory.forget()
         self._last_pose = None
 
@@ -110,6 +128,13 @@ class FramePipeline:
         polar.outer_boundary(llr, view.valid, certain, settings.line_gap_columns, strip, columns)
         return columns
 
+    def _warnings(self, pose: PoseEstimate | NotLocated) -> tuple[str, ...]:
+        """Return what a user must be told of the frames, once."""
+        if self._has_warned or not isinstance(pose, SwappedChannels):
+            return ()
+        self._has_warned = True
+        return (pose.reason,)
+
     def _checked(self, frame: UInt8Array) -> UInt8Array:
         width, height = self._size_px
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
@@ -117,7 +142,7 @@ class FramePipeline:
         if frame.shape != (height, width, 3):
             raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
         # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled for anew
-        plain = np.require(frame, requirements=("C", "W"))
+        plain = to_bgr(frame, self.channels)
         if self._keep is None:
             return plain
         # masked pixels are black, so that no stage can read them

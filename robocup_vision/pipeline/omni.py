@@ -19,7 +19,7 @@ from robocup_vision.perception.balls.mirror import MirrorBallFinder
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
-from robocup_vision.pipeline.frames import FramePipeline
+from robocup_vision.pipeline.frames import BGR, FramePipeline
 from robocup_vision.view import View
 
 
@@ -36,8 +36,9 @@ class OmniPipeline(FramePipeline):
         mask: UInt8Array | None = None,
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
+        channels: str = BGR,
     ) -> None:
-        super().__init__(field, camera.size_px, colors, mask)
+        super().__init__(field, camera.size_px, colors, mask, channels)
         mask = self._mask
         self.camera = camera
         self.method = method
@@ -56,11 +57,17 @@ class OmniPipeline(FramePipeline):
 
     def with_camera(self, camera: OmniCamera) -> OmniPipeline:
         """Return a pipeline of the same settings and colours with another calibration of its camera."""
-        rings = self.grid.rings
         other = OmniPipeline(
-            self.field, camera, method=self.method, mask=self._mask, directions=self.grid.directions, rings=rings
+            self.field,
+            camera,
+            method=self.method,
+            mask=self._mask,
+            directions=self.grid.directions,
+            rings=self.grid.rings,
+            channels=self.channels,
         )
         other._color_memory, other._last_pose = self._color_memory, self._last_pose
+        other._has_warned = self._has_warned
         return other
 
     def forget(self) -> None:
@@ -109,7 +116,20 @@ class OmniPipeline(FramePipeline):
             "free_space": end - balled + marked - outlined,
             "total": end - begin,
         }
-        return View(pose, free_space, balls, timings, edge, marks, walls, self.polar, self.camera, self.grid, t_s)
+        return View(
+            pose,
+            free_space,
+            balls,
+            timings,
+            edge,
+            marks,
+            walls,
+            self.polar,
+            self.camera,
+            self.grid,
+            t_s,
+            warnings=self._warnings(pose),
+        )
 
     def _outline(
         self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable

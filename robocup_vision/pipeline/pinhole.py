@@ -25,7 +25,7 @@ from robocup_vision.perception.balls.pinhole import PinholeBallFinder
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
-from robocup_vision.pipeline.frames import FramePipeline
+from robocup_vision.pipeline.frames import BGR, FramePipeline
 from robocup_vision.view import View
 
 # logarithm of the strongest cast of light: white beyond it is some paint
@@ -90,9 +90,10 @@ class PinholePipeline(FramePipeline):
         mask: UInt8Array | None = None,
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
+        channels: str = BGR,
     ) -> None:
         # so narrow a view may show nothing white, but a ball or a goal
-        super().__init__(field, camera.size_px, colors, mask, _MAX_LOG_CAST)
+        super().__init__(field, camera.size_px, colors, mask, channels, _MAX_LOG_CAST)
         self.camera = camera
         self._needs_samples = method.needs_samples
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)

@@ -88,6 +88,8 @@ def view_digest(view: View) -> str:
     for ball in view.balls:
         digest.add_ball(ball)
     digest.add_numbers(view.t_s)
+    for warning in view.warnings:
+        digest.add_text(warning)
     if view.belief is not None:
         digest.add_belief(view.belief)
     return digest.text

@@ -31,6 +31,7 @@ from robocup_vision.messages.topics import TOPIC_TYPES, Outgoing, Topics, TopicS
 from robocup_vision.messages.types import CALL, header, make, prepare
 from robocup_vision.perception.color_table import save_colors
 from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.pipeline.frames import to_bgr
 from robocup_vision.recording.calls import FORGET, LOOK, PREDICT, STEER, look_outputs, steer_outputs
 from robocup_vision.recording.log_writer import COMPRESSIONS, Compression, Job, LogWriter
 from robocup_vision.recording.run import Run
@@ -273,7 +274,8 @@ class Recorder(Closing):
         self._view = view
         at_s = self._at(t_s)
         inputs = {"t_s": t_s, "odometry": odometry, "prior": prior, "pan_rad": pan_rad}
-        kept = own_frame(frame)
+        # recordings hold BGR, whatever the camera gives
+        kept = own_frame(to_bgr(frame, self._vision.channels))
         topics = self._calls.topics
 
         def messages() -> Iterator[Outgoing]:

@@ -23,6 +23,7 @@ VALUE_TYPES: Mapping[str, str] = {
     "Pose2": "robocup_vision.geometry",
     "PoseEstimate": "robocup_vision.estimates",
     "NotLocated": "robocup_vision.estimates",
+    "SwappedChannels": "robocup_vision.estimates",
     "Disc": "robocup_vision.disc",
     "FreeSpace": "robocup_vision.perception.free_space",
     "Ball": "robocup_vision.perception.balls.ball",

@@ -1,10 +1,14 @@
-"""Compiled vote on which goal is which: whether the frame shows the right colour where a pose predicts a goal."""
+"""Compiled vote on which goal is which: whether the frame shows the right colour where a pose predicts a goal.
+
+The same points vote on whether red and blue are swapped in the frame.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from robocup_vision.arrays import FloatArray, UInt8Array
@@ -41,6 +45,49 @@ class MirrorProjection(NamedTuple):
     radius_of_q: FloatArray
 
 
+class GoalPalette(NamedTuple):
+    """Colours of the goals under a frame's light.
+
+    Parameters
+    ----------
+    hues : (3,) float64
+        (B - R) / (B + G + R) of the goal at +x, the goal at -x, and white.
+    log_ratios : (5, 2) float64
+        Logarithms of R/G and B/G: of the goal at +x and at -x, of both with red and blue swapped, and of white.
+    """
+
+    hues: FloatArray
+    log_ratios: FloatArray
+
+
+class GoalVotes(NamedTuple):
+    """Points on the goals that agree.
+
+    Parameters
+    ----------
+    right, wrong : int
+        With a pose, and with its half turn, by hue.
+    own, swapped : int
+        With the goals' own colours, and with those of swapped red and blue; each of the better half.
+    """
+
+    right: int
+    wrong: int
+    own: int
+    swapped: int
+
+
+@njit(cache=True, nogil=True)
+def _nearest_ratio(log_ratios: FloatArray, red: float, blue: float) -> int:
+    """Row of the palette that is nearest to the logarithms of R/G and B/G."""
+    nearest, least = 0, np.inf
+    for k in range(log_ratios.shape[0]):
+        away = (red - log_ratios[k, 0]) ** 2 + (blue - log_ratios[k, 1]) ** 2
+        if away < least:
+            nearest, least = k, away
+    return nearest
+
+
 @njit(cache=True, nogil=True)
 def _goal_pixel(camera: MirrorProjection, x: float, y: float, z: float) -> tuple[int, int]:
     """Pixel of a direction from the viewpoint, robot frame; (-1, -1) where the camera does not see it."""
@@ -71,9 +118,9 @@ def vote_goal_colors(
     points: FloatArray,
     sides: FloatArray,
     camera: MirrorProjection,
-    hues: FloatArray,
+    palette: GoalPalette,
     hidden: UInt8Array,
-) -> tuple[int, int]:
+) -> GoalVotes:
     """Count points on the goals that have their own goal's colour, and those that have the other goal's.
 
     Parameters
@@ -87,20 +134,17 @@ def vote_goal_colors(
         +1 or -1: which goal each point is on.
     camera : MirrorProjection
         The camera.
-    hues : (3,) float64
-        (B - R) / (B + G + R) of the goal at +x, the goal at -x, and white.
+    palette : GoalPalette
+        Colours of the goals.
     hidden : (H, W) uint8, or (0, 0)
         Non-zero: neither this pixel nor its neighbours may be looked at.
-
-    Returns
-    -------
-    (int, int)
-        Votes for this pose and for its half turn.
     """
     height, width = frame.shape[0], frame.shape[1]
     c, s = math.cos(pose[2]), math.sin(pose[2])
     viewpoint = camera.viewpoint
+    hues = palette.hues
     right, wrong = 0, 0
+    own_here, own_there, swapped_here, swapped_there = 0, 0, 0, 0
     for n in range(points.shape[0]):
         dx, dy = points[n, 0] - pose[0], points[n, 1] - pose[1]
         x = c * dx + s * dy - viewpoint[0]
@@ -112,17 +156,26 @@ def vote_goal_colors(
         if hidden.shape[0] == height and hidden[v, u] != 0:
             continue
         blue, red, total = 0.0, 0.0, 1.0
+        is_positive = sides[n] > 0
         for j in range(-1, 2):
             for i in range(-1, 2):
                 blue += frame[v + j, u + i, 0]
                 red += frame[v + j, u + i, 2]
                 total += float(frame[v + j, u + i, 0]) + frame[v + j, u + i, 1] + frame[v + j, u + i, 2]
+        green = total - blue - red
+        # one grey level more in each of the nine pixels: no logarithm of zero
+        log_green = math.log(green + 8.0)
+        nearest = _nearest_ratio(palette.log_ratios, math.log(red + 9.0) - log_green, math.log(blue + 9.0) - log_green)
+        own_here += nearest == (0 if is_positive else 1)
+        own_there += nearest == (1 if is_positive else 0)
+        swapped_here += nearest == (2 if is_positive else 3)
+        swapped_there += nearest == (3 if is_positive else 2)
         hue = (blue - red) / total
         to_positive, to_negative, to_white = abs(hue - hues[0]), abs(hue - hues[1]), abs(hue - hues[2])
         if to_white <= min(to_positive, to_negative):
             continue
-        if (to_positive < to_negative) == (sides[n] > 0):
+        if (to_positive < to_negative) == is_positive:
             right += 1
         else:
             wrong += 1
-    return right, wrong
+    return GoalVotes(right, wrong, max(own_here, own_there), max(swapped_here, swapped_there))

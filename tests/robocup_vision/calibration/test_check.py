@@ -49,6 +49,16 @@ def found(path):
     return {finding.subject: finding for finding in check_dataset(load_dataset(path))}
 
 
+def test_swapped_channels_are_found_and_told_how_they_came(write, off_samples):
+    path = write()
+    for i, one in enumerate(off_samples[:4]):
+        cv2.imwrite(str(path / "images" / f"{i}.png"), np.ascontiguousarray(one.frame[..., ::-1]))
+    findings = check_dataset(load_dataset(path))
+    assert [finding.subject for finding in findings] == ["size", "channels"]
+    assert findings[1].state == "wrong"
+    assert re.match(r"in [34] of 4 images the goals look as with red and blue swapped", findings[1].evidence)
+
+
 def test_a_sound_set_up_is_reported_to_be_one(write, capsys, ssl_field, true_camera, off_frames):
     vision = Vision(ssl_field, true_camera)
     vision.look(off_frames[0])

@@ -1,0 +1,109 @@
+"""Order of a frame's channels: RGB frames as good as BGR ones where it is said, and told where it is not."""
+
+import dataclasses
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import load_camera
+from robocup_vision.estimates import SwappedChannels
+from robocup_vision.pipeline.frames import to_bgr
+from robocup_vision.vision import Vision
+from sim2d.rendering.random_scenes import CONDITIONS, sample
+
+SAMPLES = Path(__file__).resolve().parents[2] / "images" / "omni_ssl_2001"
+
+
+@pytest.fixture(scope="module")
+def sample_frames():
+    return [cv2.imread(str(path), cv2.IMREAD_COLOR) for path in sorted((SAMPLES / "images").iterdir())]
+
+
+@pytest.fixture(scope="module")
+def visions():
+    field, camera = load_field("ssl_2001"), load_camera(SAMPLES / "camera.toml")
+    return {channels: Vision(field, camera, channels=channels) for channels in ("bgr", "rgb")}
+
+
+def look_alone(vision, frame):
+    vision.forget()
+    return vision.look(frame)
+
+
+def test_rgb_frames_give_the_very_view_of_bgr_frames(visions, sample_frames):
+    for frame in sample_frames[:5]:
+        one = look_alone(visions["bgr"], frame)
+        # reversed views, as libraries hand them out, and plain arrays
+        for swapped in (frame[..., ::-1], np.ascontiguousarray(frame[..., ::-1])):
+            other = look_alone(visions["rgb"], swapped)
+            assert other.pose.candidates == one.pose.candidates
+            np.testing.assert_array_equal(other.marks, one.marks)
+            assert [ball.u_px for ball in other.balls] == [ball.u_px for ball in one.balls]
+            assert not other.warnings
+
+
+def test_swapped_channels_are_told_and_never_give_half_a_turn(visions, sample_frames):
+    assert len(sample_frames) == 20
+    for frame in sample_frames:
+        right = look_alone(visions["bgr"], frame)
+        assert right.pose
+        assert not right.warnings
+        for channels, given in (("bgr", frame[..., ::-1]), ("rgb", frame)):
+            view = look_alone(visions[channels], given)
+            assert isinstance(view.pose, SwappedChannels)
+            assert view.warnings == (view.pose.reason,)
+            assert "red and blue swapped" in view.pose.reason
+
+
+def test_the_warning_comes_once_until_all_is_forgotten(visions, sample_frames):
+    vision, swapped = visions["bgr"], sample_frames[0][..., ::-1]
+    vision.forget()
+    assert [len(vision.look(swapped).warnings) for _ in range(3)] == [1, 0, 0]
+    vision.forget()
+    assert len(vision.look(swapped).warnings) == 1
+
+
+def test_no_prior_makes_swapped_channels_decide(visions, sample_frames):
+    vision, frame = visions["bgr"], sample_frames[0]
+    pose = look_alone(vision, frame).pose.pose
+    vision.forget()
+    assert not vision.look(frame[..., ::-1], prior=pose.half_turn()).pose
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_right_frames_never_warn_and_swapped_ones_never_mislead(ssl_field, paper_camera, condition):
+    vision = Vision(ssl_field, paper_camera)
+    for one in sample(ssl_field, paper_camera, CONDITIONS[condition], seed=18, count=25, supersample=2):
+        assert not look_alone(vision, one.frame).warnings
+        swapped = look_alone(vision, one.frame[..., ::-1])
+        if swapped.pose and len(swapped.pose.candidates) == 1:
+            assert swapped.pose.pose.error_to(one.pose)[0] < 0.1
+
+
+def test_goals_that_are_each_others_swapped_colour_decide_as_ever(ssl_field, paper_camera):
+    """Yellow with red and blue swapped is cyan: such goals cannot tell."""
+    goals = tuple(
+        dataclasses.replace(goal, color=color) for goal, color in zip(ssl_field.goals, ("yellow", "cyan"), strict=True)
+    )
+    field = dataclasses.replace(ssl_field, goals=goals)
+    one = next(iter(sample(field, paper_camera, CONDITIONS["nominal"], seed=4, count=1, supersample=2)))
+    view = Vision(field, paper_camera).look(one.frame)
+    assert not view.warnings
+    assert len(view.pose.candidates) == 1
+    assert view.pose.pose.error_to(one.pose)[0] < 0.02
+
+
+def test_an_order_that_is_none_is_refused():
+    with pytest.raises(ArgumentError, match=r"channels must be 'bgr' or 'rgb', got 'RGB'"):
+        Vision(load_field("ssl_2001"), load_camera(SAMPLES / "camera.toml"), channels="RGB")
+
+
+def test_a_plain_bgr_frame_is_not_copied(sample_frames):
+    frame = sample_frames[0]
+    assert to_bgr(frame, "bgr") is frame
+    np.testing.assert_array_equal(to_bgr(frame, "rgb"), frame[..., ::-1])
