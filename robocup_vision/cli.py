@@ -50,8 +50,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RobocupVisionError as error:
         print(f"robocup-vision {options.command}: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        from robocup_vision.progress import reached
+
+        # a command that keeps what is finished says so; of others, how far they have come
+        told = str(interrupt) or reached()
+        newline = "\n" if sys.stderr.isatty() else ""
+        print(f"{newline}robocup-vision {options.command}: interrupted{': ' + told if told else ''}", file=sys.stderr)
         return 130
     return status
 

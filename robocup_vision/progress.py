@@ -13,18 +13,31 @@ WIDTH = 30
 SECONDS_BETWEEN_DRAWINGS = 0.1
 
 
+# how far the loop of this process that moved last has come: for the line that an interrupted command ends with
+_reached = ""
+
+
+def reached() -> str:
+    """Return how far the latest loop has come, as ``label done/total``; empty before the first."""
+    return _reached
+
+
 def progress(iterable: Iterable[T], total: int, label: str) -> Iterator[T]:
     """Yield the items of `iterable`; while stderr is a terminal, draw there how many of `total` are done."""
-    if not sys.stderr.isatty():
-        yield from iterable
-        return
+    global _reached
+    is_drawn = sys.stderr.isatty()
     drawn_s = 0.0
+    _reached = f"{label} 0/{total}"
     for done, item in enumerate(iterable, start=1):
         yield item
+        _reached = f"{label} {done}/{total}"
+        if not is_drawn:
+            continue
         now_s = time.monotonic()
         if done >= total or now_s - drawn_s >= SECONDS_BETWEEN_DRAWINGS:
             drawn_s = now_s
             filled = WIDTH * min(done, total) // max(total, 1)
             sys.stderr.write(f"\r{label} [{'#' * filled}{'.' * (WIDTH - filled)}] {done}/{total}")
             sys.stderr.flush()
-    sys.stderr.write("\n")
+    if is_drawn:
+        sys.stderr.write("\n")

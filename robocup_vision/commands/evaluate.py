@@ -37,6 +37,7 @@ def add_parser(subparsers: Any) -> None:
     evaluate.add_argument("--odometry-topic", metavar="T", help="topic of the odometry of a bag that has several")
     evaluate.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
     evaluate.add_argument("--force", action="store_true", help="write into a folder that holds other files, too")
+    evaluate.add_argument("--resume", action="store_true", help="go on with an interrupted run in the same folder")
     evaluate.add_argument("--jobs", metavar="N", type=int, default=1, help="number of processes (default: 1)")
     evaluate.set_defaults(run=run_evaluate)
 
@@ -75,7 +76,8 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
         method=options.method,
         landmark_map=options.map,
     )
-    return evaluate(dataset, _out_folder(options, dataset.name), options.jobs, force=options.force), dataset.name
+    out = _out_folder(options, dataset.name)
+    return evaluate(dataset, out, options.jobs, force=options.force, resume=options.resume), dataset.name
 
 
 def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
@@ -103,6 +105,7 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
         draw_overlay=draw_panned,
         moments=moments,
         force=options.force,
+        resume=options.resume,
     )
     return summary, dataset.name
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -26,7 +27,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
 from robocup_vision.files.csv_table import read_csv
 from robocup_vision.files.images import IMAGE_SUFFIXES, read_image, read_mask
-from robocup_vision.files.video import count_video_frames, read_video
+from robocup_vision.files.video import VideoInfo, read_video, video_info
 from robocup_vision.geometry import Pose2
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class Dataset:
     method : str
         How the pose is found.
     times : mapping of str to FrameTime, or None
-        By image; a dataset with times is a sequence.
+        By image, from frames.csv or the video; a dataset with times is a sequence.
     truth : mapping of str to Truth
         By image; may cover only a part of the images, or none.
     mask : (H, W) uint8 or None
@@ -137,12 +138,12 @@ class Dataset:
             raise ArgumentError(f"{self.path}: frames of a video are read in order, by read_frames")
         return read_image(self.path / self.image_names[index], self.camera.size_px)
 
-    def read_frames(self) -> Iterator[UInt8Array | FrameError]:
-        """Read all frames in order, one at a time; where one cannot be used, yield the error in its place."""
+    def read_frames(self, first: int = 0) -> Iterator[UInt8Array | FrameError]:
+        """Read all frames from number `first` on; where one cannot be used, yield the error in its place."""
         if self.is_video:
-            yield from read_video(self.path, len(self.image_names), self.camera.size_px)
+            yield from islice(read_video(self.path, len(self.image_names), self.camera.size_px), first, None)
             return
-        for index in range(len(self.image_names)):
+        for index in range(first, len(self.image_names)):
             try:
                 yield self.read_frame(index)
             except FrameError as error:
@@ -203,7 +204,10 @@ def load_dataset(
     loaded_camera = load_camera(camera if camera is not None else folder / description.camera)
     colors_path = colors if colors is not None else _beside(folder, description.colors)
     mask_path = _beside(folder, description.mask)
-    image_names, notes = _find_images(description_path, source, mask_path)
+    image_names, video, notes = _find_images(description_path, source, mask_path)
+    times = _times(_beside(folder, description.frames), image_names)
+    if times is None and video is not None and video.has_times:
+        times = {name: FrameTime(t_s, None) for name, t_s in zip(image_names, video.times_s, strict=True)}
     map_path = Path(landmark_map) if landmark_map is not None else _beside(folder, description.map)
     wanted = method or ("landmarks" if landmark_map is not None else description.method)
     chosen = _method(description_path, wanted, loaded_field, loaded_camera)
@@ -215,7 +219,7 @@ def load_dataset(
         camera=loaded_camera,
         colors=_colors(colors_path),
         method=chosen,
-        times=_times(_beside(folder, description.frames), image_names),
+        times=times,
         truth=_truth(_beside(folder, description.truth), image_names),
         mask=_mask(mask_path, loaded_camera.size_px),
         symmetry=_one_of(description_path, "symmetry", description.symmetry, SYMMETRIES),
@@ -274,7 +278,9 @@ def _landmarks(path: Path, map_path: Path | None, camera: OmniCamera | PinholeCa
     return load_map(map_path)
 
 
-def _find_images(path: Path, source: Path, mask_path: Path | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _find_images(
+    path: Path, source: Path, mask_path: Path | None
+) -> tuple[tuple[str, ...], VideoInfo | None, tuple[str, ...]]:
     key = "images" if path.suffix == ".toml" else None
     value: object = source.name if key else ...
     if not source.exists():
@@ -289,16 +295,19 @@ def _find_images(path: Path, source: Path, mask_path: Path | None) -> tuple[tupl
         if not names:
             kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
             raise FileError(path, f"no images found in this folder ({kinds})", key=key, value=value)
-        return tuple(names), ()
+        return tuple(names), None, ()
     if source.suffix.lower() in IMAGE_SUFFIXES:
         raise FileError(path, "is a single image, must be a folder of images or a video", key=key, value=value)
-    count, announced = count_video_frames(source)
+    video = video_info(source)
+    count, announced = len(video.times_s), video.announced
     if count == 0:
         raise FileError(path, "is neither a folder of images nor a video that can be read", key=key, value=value)
     note = f"{source.name}: {count} frames can be decoded, its header announces {announced}: is it cut off?"
     # a header may be off by a frame or by rounding
-    notes = (note,) if announced - count > 1 + announced // 50 else ()
-    return tuple(f"frame_{index:06d}" for index in range(count)), notes
+    notes: tuple[str, ...] = (note,) if announced - count > 1 + announced // 50 else ()
+    if not video.has_times:
+        notes += (f"{source.name}: tells no times, so its frames are looked at one by one",)
+    return tuple(f"frame_{index:06d}" for index in range(count)), video, notes
 
 
 def _truth(path: Path | None, image_names: tuple[str, ...]) -> dict[str, Truth]:

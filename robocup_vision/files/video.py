@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -12,19 +13,42 @@ from field_models.errors import FrameError
 from robocup_vision.arrays import UInt8Array
 
 
-def count_video_frames(path: str | Path) -> tuple[int, int]:
-    """Return how many frames can be decoded, 0 if it is no video, and how many its header announces.
+@dataclass(frozen=True, slots=True)
+class VideoInfo:
+    """What a video holds, found by decoding it: containers only estimate how many frames there are.
 
-    They are counted by decoding, because containers only estimate their number.
+    Parameters
+    ----------
+    announced : int
+        Number of frames that its header announces.
+    times_s : tuple of float
+        When each frame is shown, seconds from the beginning, strictly increasing; empty where it is no video.
+    has_times : bool
+        False where it tells no times: `times_s` then counts frames.
     """
+
+    announced: int
+    times_s: tuple[float, ...]
+    has_times: bool = True
+
+
+def video_info(path: str | Path) -> VideoInfo:
+    """Return how many frames of a file can be decoded, and when each is shown; none if it is no video."""
     capture = cv2.VideoCapture(str(path))
     try:
-        count = 0
+        shown_s = []
         while capture.isOpened() and capture.grab():
-            count += 1
-        return count, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if count else 0
+            shown_s.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
+        if not shown_s:
+            return VideoInfo(0, ())
+        announced, rate = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), capture.get(cv2.CAP_PROP_FPS)
     finally:
         capture.release()
+    if np.isfinite(shown_s).all() and (np.diff(shown_s) > 0).all():
+        return VideoInfo(announced, tuple(shown_s))
+    has_rate = bool(np.isfinite(rate) and rate > 0)
+    period_s = 1.0 / rate if has_rate else 1.0
+    return VideoInfo(announced, tuple(index * period_s for index in range(len(shown_s))), has_rate)
 
 
 def read_video(path: str | Path, count: int, size_px: tuple[int, int]) -> Iterator[UInt8Array | FrameError]:

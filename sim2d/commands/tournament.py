@@ -7,6 +7,8 @@ from typing import Any
 
 from sim2d.commands.match_options import add_match_options, match_plan
 
+UNFINISHED_NAME = "unfinished.jsonl"
+
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `tournament` to the subparsers of an argparse parser."""
@@ -23,6 +25,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     where.add_argument(
         "--dask", metavar="ADDRESS", help="scheduler of a dask.distributed cluster, e.g. tcp://host:8786"
     )
+    parser.add_argument("--resume", action="store_true", help="go on with an interrupted tournament in the same folder")
     parser.set_defaults(run=run_tournament)
     return parser
 
@@ -37,8 +40,16 @@ def run_tournament(args: argparse.Namespace) -> int:
     """
     from pathlib import Path
 
+    from robocup_vision.files.resume_file import ResumeFile
     from robocup_vision.progress import progress
-    from sim2d.match.tournament import dask_workers, local_workers, plan_matches, play_matches, tournament_json
+    from sim2d.match.tournament import (
+        dask_workers,
+        local_workers,
+        plan_json,
+        plan_matches,
+        play_matches,
+        tournament_json,
+    )
     from sim2d.report.match_file import write_json
 
     plan = match_plan(args)
@@ -46,10 +57,21 @@ def run_tournament(args: argparse.Namespace) -> int:
     workers = local_workers(args.jobs) if args.dask is None else dask_workers(args.dask)
     # an error of the plan is reported here once, before any worker starts
     plan.begin()
-    results = dict(progress(play_matches(plans, workers), len(plans), "tournament"))
-    values = tournament_json(plan, [results[index] for index in range(len(plans))])
     path = Path(args.out) / "tournament.json"
-    write_json(path, values)
+    with ResumeFile(path.with_name(UNFINISHED_NAME), plan_json(plan), resume=args.resume) as kept:
+        results = {index: result for index, result in kept.found.items() if index < len(plans)}
+        missing = [index for index in range(len(plans)) if index not in results]
+        playing = play_matches([plans[index] for index in missing], workers)
+        try:
+            for place, result in progress(playing, len(missing), "tournament"):
+                results[missing[place]] = result
+                kept.add(missing[place], result)
+        except KeyboardInterrupt:
+            told = f"{len(results)} of {len(plans)} matches are played and kept in {kept.path}; --resume goes on"
+            raise KeyboardInterrupt(told) from None
+        values = tournament_json(plan, [results[index] for index in range(len(plans))])
+        write_json(path, values)
+        kept.delete()
     totals = values["totals"]
     print(f"{args.field}, {args.players} against {args.players}, {totals['matches']} matches of {args.seconds:g} s")
     print(f"goals {totals['goals'][0]} : {totals['goals'][1]}")

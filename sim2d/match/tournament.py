@@ -6,10 +6,8 @@ its worker is played again.
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, as_completed
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -19,6 +17,7 @@ import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError, RobocupVisionError
+from robocup_vision.workers import worker_processes
 from sim2d.match.run import MatchPlan
 from sim2d.players.catalog import player_name
 from sim2d.report.match_file import match_json
@@ -54,8 +53,7 @@ def local_workers(jobs: int) -> Workers:
     """
     if jobs < 1:
         raise ArgumentError(f"jobs must be at least 1, got {jobs}")
-    context = multiprocessing.get_context("spawn")
-    return Workers(lambda: ProcessPoolExecutor(jobs, context, initializer=_start_worker))
+    return Workers(lambda: worker_processes(jobs))
 
 
 def dask_workers(address: str) -> Workers:
@@ -130,7 +128,7 @@ def play_matches(plans: Sequence[MatchPlan], workers: Workers) -> Iterator[tuple
                 for index, result in _play_once(missing, executor, workers.losses):
                     del missing[index]
                     yield index, result
-            except GeneratorExit:
+            except (GeneratorExit, KeyboardInterrupt):
                 executor.shutdown(wait=False, cancel_futures=True)
                 raise
         barren = barren + 1 if len(missing) == before else 0
@@ -153,6 +151,19 @@ def _play_once(
         except losses:
             continue
         yield futures[future], result
+
+
+def plan_json(plan: MatchPlan) -> dict[str, Any]:
+    """Return as JSON values what the matches of a tournament depend on, besides their number."""
+    return {
+        "format": 1,
+        "field": plan.field,
+        "players": plan.players,
+        "seconds": plan.seconds,
+        "seed": plan.seed,
+        "ours": player_name(plan.ours),
+        "theirs": player_name(plan.theirs),
+    }
 
 
 def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -183,7 +194,3 @@ def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[
         },
         "matches": list(results),
     }
-
-
-def _start_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process stops the run

@@ -139,7 +139,10 @@ def test_an_interrupt_is_130(folder: Path, capsys: pytest.CaptureFixture[str], m
 
     monkeypatch.setattr(BrightnessVision, "look", interrupt)
     assert evaluate() == 130
-    assert capsys.readouterr().err == "interrupted\n"
+    assert capsys.readouterr().err == (
+        "robocup-vision evaluate: interrupted: 0 of 3 images are done and kept in out/drive/results.csv; "
+        "--resume goes on\n"
+    )
 
 
 def test_fields_are_listed(capsys: pytest.CaptureFixture[str]) -> None:

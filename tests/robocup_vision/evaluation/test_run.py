@@ -135,7 +135,7 @@ def test_a_sequence_hands_on_time_and_odometry(folder: Path, fake: ModuleType, t
         make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
         draw_overlay=fake.draw,
     )
-    assert summary.notes == ("a sequence (frames.csv) runs in order in one process: --jobs is ignored",)
+    assert summary.notes == ("a sequence runs in order in one process: --jobs is ignored",)
     assert made[0].calls == [
         ("look", 10.0, None),
         ("look", 12.0, Pose2(0.1, 0, 1).compose(Pose2(0.2, 0, 0))),  # over the frame that could not be read
@@ -170,8 +170,7 @@ def test_the_results_do_not_depend_on_jobs(folder: Path, fake: ModuleType, tmp_p
     assert 8 < len(pictures[0]) <= 24
 
 
-@pytest.mark.slow
-def test_a_video_in_several_processes(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
     path = tmp_path / "drive.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 56))
     for level in range(100, 130, 3):
@@ -180,10 +179,21 @@ def test_a_video_in_several_processes(folder: Path, fake: ModuleType, tmp_path: 
         writer.write(image)
     writer.release()
     dataset = load_dataset(path, field="ssl_2001", camera=folder / "camera.toml")
-    for jobs in (1, 2):
-        evaluate(dataset, tmp_path / str(jobs), jobs, make_vision=fake.FakeVision, draw_overlay=fake.draw)
-    rows = without_times(tmp_path / "1")
-    assert rows == without_times(tmp_path / "2")
+    made = []
+    summary = evaluate(
+        dataset,
+        tmp_path / "out",
+        2,
+        make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
+        draw_overlay=fake.draw,
+    )
+    assert summary.notes == ("a sequence runs in order in one process: --jobs is ignored",)
+    times_s = [call[1] for call in made[0].calls if call[0] == "look"]
+    assert times_s == pytest.approx([0.1 * index for index in range(10)])
+    assert ("forget",) not in made[0].calls
+    lines = (tmp_path / "out" / "trajectory.tum").read_text().splitlines()
+    assert [float(line.split()[0]) for line in lines] == times_s
+    rows = without_times(tmp_path / "out")
     assert [row["image"] for row in rows] == [f"frame_{i:06d}" for i in range(10)]
     assert len({row["x_m"] for row in rows}) > 5
 
@@ -265,3 +275,50 @@ def test_a_localiser_without_camera_poses_cannot_be_scored_by_them(
         'the localiser gives no camera_pose, which pose_of = "camera" in dataset.toml needs'
     }
     assert summary.problem is not None
+
+
+def test_an_interrupted_run_keeps_what_is_done_and_is_gone_on_with(
+    folder: Path, fake: ModuleType, tmp_path: Path
+) -> None:
+    class Interrupted(fake.FakeVision):
+        def look(self, frame, t_s=None, odometry=None):
+            if sum(call[0] == "look" for call in self.calls) == 3:
+                raise KeyboardInterrupt
+            return super().look(frame, t_s, odometry)
+
+    dataset, out = load_dataset(folder), tmp_path / "out"
+    code(folder / "images" / "1.png", 1)
+    with pytest.raises(KeyboardInterrupt, match=r"3 of 5 images are done and kept in .*results\.csv; --resume goes on"):
+        evaluate(dataset, out, make_vision=Interrupted, draw_overlay=fake.draw)
+    assert [row["image"] for row in read_rows(out)] == ["0.png", "1.png", "2.png"]
+    assert sorted(path.name for path in out.iterdir()) == ["results.csv", "unfinished.jsonl"]
+
+    made = []
+    evaluate(
+        dataset,
+        out,
+        make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
+        draw_overlay=fake.draw,
+        resume=True,
+    )
+    assert sum(call[0] == "look" for call in made[0].calls) == 2
+    evaluate(dataset, tmp_path / "whole", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    assert without_times(out) == without_times(tmp_path / "whole")
+    for name in ("summary.json", "trajectory.tum"):
+        texts = [(where / name).read_text().split('"median_ms"')[0] for where in (out, tmp_path / "whole")]
+        assert texts[0] == texts[1]
+    pages = [(where / "report.html").read_text().count("data:image/jpeg") for where in (out, tmp_path / "whole")]
+    assert pages == [5, 5]
+    assert not (out / "unfinished.jsonl").exists()
+
+
+def test_a_sequence_is_looked_at_from_its_beginning_again(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    with (folder / "dataset.toml").open("a") as stream:
+        stream.write('frames = "frames.csv"\n')
+    rows = [f"{index}.png,{index}" for index in range(5)]
+    (folder / "frames.csv").write_text("\n".join(["image,t_s", *rows]) + "\n")
+    summary = evaluate(
+        load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw, resume=True
+    )
+    assert summary.notes == ("a sequence cannot be gone on with in its middle: --resume is ignored",)
+    assert summary.figures.located == 5

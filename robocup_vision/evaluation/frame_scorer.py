@@ -1,0 +1,236 @@
+"""Scores single frames, in this process or in several: an error of one becomes its row's reason and costs no other."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections import deque
+from collections.abc import Callable, Generator
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+
+from field_models.errors import ArgumentError, FrameError, RobocupVisionError
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.evaluation.kept_rows import FrameResult
+from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, spread_indices
+from robocup_vision.evaluation.scoring import Row, pose_error
+from robocup_vision.geometry import Pose2
+from robocup_vision.workers import worker_processes
+
+
+class ViewLike(Protocol):
+    """What a localiser returns for one frame.
+
+    A dataset with `pose_of = "camera"` needs a property `camera_pose` of the same type beside `pose`.
+    """
+
+    @property
+    def pose(self) -> PoseEstimate | NotLocated:
+        """The robot's pose as this frame alone shows it."""
+        ...
+
+
+class VisionLike(Protocol):
+    """What can be scored: `robocup_vision.Vision`, or a team's own localiser."""
+
+    def look(self, frame: UInt8Array, t_s: float | None = None, odometry: Pose2 | None = None) -> ViewLike:
+        """Look at one frame, (H, W, 3) uint8 BGR, with its time and the motion since the frame before if known."""
+        ...
+
+    def forget(self) -> None:
+        """Forget everything learnt from earlier frames."""
+        ...
+
+
+MakeVision = Callable[[Dataset], VisionLike]
+DrawOverlay = Callable[[Any, UInt8Array, Any], UInt8Array]
+
+
+def make_default_vision(dataset: Dataset) -> VisionLike:
+    """Build the library's own `Vision` for a dataset; for method "landmarks" its `LandmarkVision`."""
+    if dataset.landmarks is not None and isinstance(dataset.camera, PinholeCamera):
+        from robocup_vision.landmarks.vision import LandmarkVision
+
+        return LandmarkVision(dataset.landmarks, dataset.camera, mask=dataset.mask)
+    from robocup_vision import vision
+
+    return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
+
+
+def draw_default_overlay(view: Any, frame: UInt8Array, vision: Any) -> UInt8Array:
+    """Draw a frame with what `Vision` or `LandmarkVision` found in it."""
+    from robocup_vision.landmarks.vision import LandmarkView, draw_landmarks
+
+    if isinstance(view, LandmarkView):
+        return draw_landmarks(view, frame)
+    from robocup_vision.overlay import draw
+
+    return draw(view, frame, vision)
+
+
+@dataclass(frozen=True, slots=True)
+class ScorePlan:
+    """What is scored, and how; may be sent to another process.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The images.
+    make_vision, draw_overlay : callable
+        See `evaluate`.
+    wants_overlays : bool
+        Whether there will be a report that shows pictures.
+    """
+
+    dataset: Dataset
+    make_vision: MakeVision
+    draw_overlay: DrawOverlay
+    wants_overlays: bool
+
+    @property
+    def spread(self) -> frozenset[int]:
+        """Numbers of the images that the report shows in any case."""
+        return spread_indices(len(self.dataset.image_names))
+
+
+class FrameScorer:
+    """One localiser of one process, and the ranking of the worst frames so far."""
+
+    def __init__(self, plan: ScorePlan) -> None:
+        self._plan = plan
+        self.dataset = plan.dataset
+        self._spread = plan.spread
+        self._worst = WorstSoFar()
+        self._unused_odometry: Pose2 | None = Pose2(0.0, 0.0, 0.0)
+        self._vision = plan.make_vision(plan.dataset)
+
+    def score(self, index: int, frame: UInt8Array | FrameError) -> FrameResult:
+        """Score one frame; an error of any kind becomes its row's reason."""
+        image = self.dataset.image_names[index]
+        row = Row(image, truth=self.dataset.truth.get(image))
+        t_s, odometry = self._motion(image)
+        if isinstance(frame, FrameError):
+            self._unused_odometry = odometry
+            return FrameResult(replace(row, reason=_one_line(str(frame).removeprefix(f"{image}: ")), failed=True))
+        self._unused_odometry = Pose2(0.0, 0.0, 0.0)
+        view = None
+        try:
+            if self.dataset.times is None:
+                self._vision.forget()
+            started_s = time.perf_counter()
+            view = self._vision.look(frame, t_s=t_s, odometry=odometry)
+            row = replace(row, time_s=time.perf_counter() - started_s)
+            row = self._score(row, self._pose(view))
+        except Exception as error:  # a bug in one frame must not cost the others
+            row = replace(row, estimate=None, error=None, reason=_describe(error), failed=True)
+            with contextlib.suppress(Exception):
+                self._vision.forget()  # its state after an error is unknown
+        return self._picture(index, row, view, frame)
+
+    def _motion(self, image: str) -> tuple[float | None, Pose2 | None]:
+        if self.dataset.times is None:
+            return None, None
+        now = self.dataset.times[image]
+        # the step since the last frame that was looked at, over any that could not be
+        if now.odometry is None or self._unused_odometry is None:
+            return now.t_s, None
+        return now.t_s, self._unused_odometry.compose(now.odometry)
+
+    def _score(self, row: Row, pose: PoseEstimate | NotLocated) -> Row:
+        if not isinstance(pose, PoseEstimate):
+            return replace(row, reason=_one_line(pose.reason) or "no reason given")
+        values = [*pose.pose.array, *pose.covariance.ravel(), pose.inlier_ratio, pose.residual_px]
+        if not (np.isfinite(values).all() and (np.diag(pose.covariance) >= 0).all()):
+            raise ValueError("the estimate is not finite or has a negative variance")
+        error = None
+        if row.truth is not None:
+            error = pose_error(pose, row.truth, symmetric=self.dataset.symmetry == "point")
+        return replace(row, estimate=pose, error=error)
+
+    def _pose(self, view: ViewLike) -> PoseEstimate | NotLocated:
+        if self.dataset.pose_of == "robot":
+            return view.pose
+        pose = getattr(view, "camera_pose", None)
+        if not isinstance(pose, PoseEstimate | NotLocated):
+            raise ArgumentError('the localiser gives no camera_pose, which pose_of = "camera" in dataset.toml needs')
+        return pose
+
+    def _picture(self, index: int, row: Row, view: ViewLike | None, frame: UInt8Array) -> FrameResult:
+        is_worst = self._worst.admits(index, row.severity)
+        if not self._plan.wants_overlays or not (is_worst or index in self._spread):
+            return FrameResult(row)
+        picture, problem = frame, ""
+        if view is not None:
+            try:
+                picture = self._plan.draw_overlay(view, frame, self._vision)
+            except Exception as error:  # a picture is no reason to lose a figure
+                problem = _describe(error)
+        jpeg = encode_jpeg(picture)
+        if is_worst:
+            self._worst.add(index, row.severity, b"")  # only the ranking is needed here, the caller keeps the picture
+        return FrameResult(row, jpeg, problem)
+
+
+def _describe(error: Exception) -> str:
+    if isinstance(error, RobocupVisionError):
+        return _one_line(str(error))
+    return _one_line(f"internal error: {type(error).__name__}: {error}")
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def score_here(scorer: FrameScorer, first: int = 0) -> Generator[FrameResult, None, None]:
+    """Score a dataset's frames from number `first` on, in this process."""
+    for index, frame in enumerate(scorer.dataset.read_frames(first), start=first):
+        yield scorer.score(index, frame)
+
+
+_worker: FrameScorer | None = None  # one per worker process, which is what an initialiser is for
+
+
+def _start_worker(plan: ScorePlan) -> None:
+    global _worker
+    cv2.setNumThreads(0)
+    _worker = FrameScorer(plan)
+
+
+def _score_in_worker(index: int) -> FrameResult:
+    assert _worker is not None
+    frame: UInt8Array | FrameError
+    try:
+        frame = _worker.dataset.read_frame(index)
+    except FrameError as error:
+        frame = error
+    return _worker.score(index, frame)
+
+
+def score_elsewhere(plan: ScorePlan, jobs: int, first: int = 0) -> Generator[FrameResult, None, None]:
+    """Score a dataset's images from number `first` on, each by itself, in several processes.
+
+    Raises
+    ------
+    RobocupVisionError
+        If a process dies.
+    """
+    count = len(plan.dataset.image_names)
+    waiting: deque[Future[FrameResult]] = deque()
+    with worker_processes(min(jobs, count), _start_worker, (plan,)) as executor:
+        try:
+            for index in range(first, count):
+                waiting.append(executor.submit(_score_in_worker, index))
+                if len(waiting) >= 4 * jobs:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        except BrokenProcessPool:
+            raise RobocupVisionError("a worker process ended abruptly; run again with --jobs 1 to see why") from None

@@ -1,0 +1,72 @@
+"""Results of single images as JSON values, so that an interrupted run can be gone on with."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.evaluation.scoring import Row, pose_error
+from robocup_vision.geometry import Pose2
+
+
+@dataclass(frozen=True, slots=True)
+class FrameResult:
+    """A row of the results; where the report may show it, an encoded picture, and why its overlay was not drawn."""
+
+    row: Row
+    jpeg: bytes | None = None
+    overlay_problem: str = ""
+
+
+def run_json(dataset: Dataset) -> dict[str, Any]:
+    """Return what the rows of a dataset depend on."""
+    return {
+        "format": 1,
+        "images": len(dataset.image_names),
+        "image names": _digest(dataset.image_names),
+        "field": dataset.field.name,
+        "camera": _digest(dataset.camera),
+        "colors": _digest(dataset.colors),
+        "method": dataset.method,
+        "pose_of": dataset.pose_of,
+    }
+
+
+def _digest(value: object) -> str:
+    return hashlib.sha256(repr(value).encode()).hexdigest()[:12]
+
+
+def result_json(result: FrameResult) -> dict[str, Any]:
+    """Return a result as JSON values; truth and error are left to the dataset."""
+    row = result.row
+    values: dict[str, Any] = {"image": row.image, "time_s": row.time_s, "reason": row.reason, "failed": row.failed}
+    if row.estimate is not None:
+        estimate = row.estimate
+        values["candidates"] = [pose.array.tolist() for pose in estimate.candidates]
+        values["covariance"] = estimate.covariance.tolist()
+        values["inlier_ratio"], values["residual_px"] = float(estimate.inlier_ratio), float(estimate.residual_px)
+    if result.jpeg is not None:
+        values["jpeg"] = base64.b64encode(result.jpeg).decode()
+        values["overlay_problem"] = result.overlay_problem
+    return values
+
+
+def result_of(values: dict[str, Any], dataset: Dataset) -> FrameResult:
+    """Return the result that `result_json` took apart."""
+    truth = dataset.truth.get(values["image"])
+    estimate = error = None
+    if "candidates" in values:
+        candidates = tuple(Pose2(*pose) for pose in values["candidates"])
+        covariance = np.array(values["covariance"])
+        estimate = PoseEstimate(candidates[0], covariance, values["inlier_ratio"], values["residual_px"], candidates)
+        if truth is not None:
+            error = pose_error(estimate, truth, symmetric=dataset.symmetry == "point")
+    row = Row(values["image"], estimate, truth, error, values["time_s"], values["reason"], values["failed"])
+    jpeg = values.get("jpeg")
+    return FrameResult(row, None if jpeg is None else base64.b64decode(jpeg), values.get("overlay_problem", ""))

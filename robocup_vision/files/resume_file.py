@@ -1,0 +1,86 @@
+"""Keeps the results of a long run as they come, so that an interrupted or killed run can be gone on with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from field_models.errors import FileError
+from robocup_vision.closing import Closing
+
+
+class ResumeFile(Closing):
+    """One JSON value a finished piece of a run, each in a line of its own; the first line says of which run.
+
+    Parameters
+    ----------
+    path : Path
+        The file; made with the folders it lies in.
+    run : mapping of str to JSON values
+        What the results depend on.
+    resume : bool
+        Go on with the run in the file, if there is one; else begin anew.
+
+    Attributes
+    ----------
+    found : dict of int to JSON value
+        By number of the piece: what was finished before. A last line that was cut off is not among it.
+
+    Raises
+    ------
+    FileError
+        If the file is of another run, damaged, or cannot be written.
+    """
+
+    def __init__(self, path: Path, run: Mapping[str, Any], *, resume: bool) -> None:
+        self.path = path
+        run = json.loads(json.dumps(run))
+        self.found: dict[int, Any] = self._read(run) if resume and path.exists() else {}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._stream = path.open("w", encoding="utf-8")
+        except OSError as error:
+            raise FileError(path, f"cannot be written ({error.strerror or error})") from None
+        self._write(run)
+        for index, value in self.found.items():
+            self._write([index, value])
+        self._stream.flush()
+
+    def _read(self, run: Mapping[str, Any]) -> dict[int, Any]:
+        try:
+            lines = self.path.read_bytes().split(b"\n")[:-1]
+            before, *pieces = [json.loads(line) for line in lines]
+            found = {int(index): value for index, value in pieces}
+        except OSError as error:
+            raise FileError(self.path, f"cannot be read ({error.strerror or error})") from None
+        except (ValueError, TypeError):
+            raise FileError(self.path, "is damaged; begin anew without --resume") from None
+        for key, value in run.items():
+            there = before.get(key) if isinstance(before, dict) else None
+            if there != value:
+                raise FileError(
+                    self.path, f"is of another run: {key} was {there!r}, is now {value!r}; begin anew without --resume"
+                )
+        return found
+
+    def add(self, index: int, value: Any) -> None:
+        """Keep the result of a piece, whatever happens to this process next."""
+        self._write([index, value])
+        self._stream.flush()
+
+    def _write(self, value: Any) -> None:
+        try:
+            self._stream.write(json.dumps(value, allow_nan=False) + "\n")
+        except OSError as error:
+            raise FileError(self.path, f"cannot be written ({error.strerror or error})") from None
+
+    def close(self) -> None:
+        """Close the file, which stays."""
+        self._stream.close()
+
+    def delete(self) -> None:
+        """Delete the file: the run is finished."""
+        self.close()
+        self.path.unlink(missing_ok=True)

@@ -1,0 +1,130 @@
+"""Ctrl-C at a terminal: long commands end, say how much is done, and go on from there when asked to.
+
+A terminal sends the signal to a command and to all processes it has started.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robocup_vision import cli
+
+DATASET = Path(__file__).parents[2] / "images" / "omni_ssl_2001"
+WAIT_S = 120
+pytestmark = pytest.mark.slow
+
+
+def interrupt_when(ready: Callable[[], bool], *words: str | Path, terminal: int | None = None) -> str:
+    """Start a command, interrupt it and all its processes when `ready`, and return its standard error."""
+    # a test run in the background ignores interrupts, and what it starts would, too
+    heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    command = [sys.executable, "-m", "robocup_vision.cli", *map(str, words)]
+    error = subprocess.PIPE if terminal is None else terminal
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=error, text=True, start_new_session=True, preexec_fn=heed
+    ) as process:
+        try:
+            wait_until(lambda: ready() or process.poll() is not None, "is never ready to be interrupted")
+            assert process.poll() is None, "ended before it could be interrupted"
+            os.killpg(process.pid, signal.SIGINT)
+            _, text = process.communicate(timeout=WAIT_S)
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == 130
+    wait_until(lambda: not works(process.pid), "leaves workers behind")
+    return text or ""
+
+
+def wait_until(ready: Callable[[], bool], problem: str) -> None:
+    end_s = time.monotonic() + WAIT_S
+    while not ready():
+        assert time.monotonic() < end_s, problem
+        time.sleep(0.05)
+
+
+def works(group: int) -> bool:
+    """Return whether a process of a group still runs; one that has ended may not have been reaped yet."""
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, group_of_it = status.read_text().rpartition(")")[2].split()[:3]
+        except OSError:
+            continue
+        if int(group_of_it) == group and state not in "ZX":
+            return True
+    return False
+
+
+def has_lines(path: Path, count: int) -> bool:
+    return path.exists() and path.read_bytes().count(b"\n") >= count
+
+
+def test_evaluate_in_processes_goes_on_where_it_was(tmp_path: Path) -> None:
+    data, out = tmp_path / "data", tmp_path / "out"
+    (data / "images").mkdir(parents=True)
+    for name in ("dataset.toml", "camera.toml"):
+        shutil.copy(DATASET / name, data)
+    lines = [line for line in (data / "dataset.toml").read_text().splitlines() if not line.startswith("truth")]
+    (data / "dataset.toml").write_text("\n".join(lines))
+    sources = sorted((DATASET / "images").iterdir())
+    for index in range(100):
+        (data / "images" / f"{index:04d}.png").symlink_to(sources[index % len(sources)])
+    unfinished = out / "unfinished.jsonl"
+    error = interrupt_when(lambda: has_lines(unfinished, 10), "evaluate", data, "--jobs", 2, "--out", out)
+    assert error.startswith("robocup-vision evaluate: interrupted: ")
+    assert "of 100 images are done and kept in" in error
+    with (out / "results.csv").open() as stream:
+        done = list(csv.DictReader(stream))
+    assert 9 <= len(done) < 100
+    assert cli.main(["evaluate", str(data), "--jobs", "2", "--out", str(out), "--resume"]) == 0
+    with (out / "results.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert rows[: len(done)] == done
+    assert len({row["image"] for row in rows}) == len(rows) == 100
+
+
+def test_a_tournament_goes_on_where_it_was(tmp_path: Path) -> None:
+    words = ["tournament", "--players", "1", "--seconds", "1", "--matches", "6", "--jobs", "2", "--out"]
+    out = tmp_path / "out"
+    error = interrupt_when(lambda: has_lines(out / "unfinished.jsonl", 2), *words, out)
+    assert error.startswith("robocup-vision tournament: interrupted: ")
+    assert "of 6 matches are played and kept in" in error
+    assert [path.name for path in out.iterdir()] == ["unfinished.jsonl"]
+    assert cli.main([*words, str(out), "--resume"]) == 0
+    assert cli.main([*words, str(tmp_path / "whole")]) == 0
+    assert [path.name for path in out.iterdir()] == ["tournament.json"]
+    assert (out / "tournament.json").read_bytes() == (tmp_path / "whole" / "tournament.json").read_bytes()
+
+
+def test_a_calibration_says_how_far_it_has_come(tmp_path: Path) -> None:
+    screen, terminal = os.openpty()
+    os.set_blocking(screen, False)
+    seen = b""
+
+    def reads(text: bytes) -> bool:
+        nonlocal seen
+        try:
+            seen += os.read(screen, 65536)
+        except BlockingIOError:
+            return False
+        return text in seen
+
+    words = ["calibrate", "omni", DATASET / "images", "--field", "ssl_2001", "--out", tmp_path / "camera.toml"]
+    interrupt_when(lambda: reads(b"points ["), *words, terminal=terminal)
+    reads(b"")
+    os.close(terminal)
+    os.close(screen)
+    assert b"robocup-vision calibrate: interrupted: points " in seen
+    assert b"/20" in seen
+    assert list(tmp_path.iterdir()) == []
