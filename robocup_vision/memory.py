@@ -7,7 +7,7 @@ the map, and both are updated from the filtered pose, not from the pose of a sin
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,10 +22,13 @@ from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.mapping.view_motion import ViewMotion
+from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, MovingObjectsSettings, ReturnDetector
 from robocup_vision.view import View
 
 _FLOOR = "floor"
+# odometry is a little off, and robots are a little faster than they should be
+_FASTER = 1.5
 _NO_TIME = "memory needs the time of a frame: hand t_s to look"
 
 
@@ -83,7 +86,7 @@ class Memory:
     field : Field
         The pitch.
     poses : PoseFilter, optional
-        A pose filter; default: one with the settings' values.
+        A pose filter; default: one with the settings' values, whose poses stay within the field's walls.
     objects : MovingObjects or None
         Tracks other robots. None: none are tracked.
     free_map : FreeSpaceMap or None
@@ -93,13 +96,15 @@ class Memory:
     ego_motion : ViewMotion, optional
         Estimates the motion between the views of a mirror camera: the odometry where none is handed over, and fused
         with it where it is, as wheels may slip. Frames must then come in the order they were taken in.
+    limits : MotionLimits, optional
+        Of this robot: odometry that is half as fast again is not believed. Without them only what no robot can do is.
     settings : MemorySettings, optional
         Of this object; those of its parts count for the parts that it makes.
 
     Raises
     ------
     ArgumentError
-        If the map has no sensor ``floor``.
+        If the map has no sensor ``floor``, or limits come with a pose filter, which has its own.
 
     Notes
     -----
@@ -117,12 +122,19 @@ class Memory:
         free_map: FreeSpaceMap | None = None,
         object_radius_m: float | None = None,
         ego_motion: ViewMotion | None = None,
+        limits: MotionLimits | None = None,
         settings: MemorySettings = MemorySettings(),
     ) -> None:
+        if limits is not None:
+            if poses is not None:
+                raise ArgumentError("limits are for the pose filter that Memory makes: leave out poses or limits")
+            max_speed_mps = _FASTER * limits.speed_mps
+            settings = replace(settings, poses=replace(settings.poses, max_speed_mps=max_speed_mps))
         if free_map is not None and _FLOOR not in free_map.sensors:
             raise ArgumentError(f"the map needs a sensor {_FLOOR!r}, it has {', '.join(free_map.sensors)}")
         self.settings = settings
-        self.poses = poses or PoseFilter(settings=settings.poses)
+        self.field = field
+        self.poses = poses or PoseFilter(settings=settings.poses, field=field)
         self.objects, self.free_map = objects, free_map
         self.ego_motion = ego_motion
         # odometry handed over since the last view; None: none was
@@ -137,13 +149,16 @@ class Memory:
         self._last: tuple[float, Pose2] | None = None
 
     @classmethod
-    def of_everything(cls, field: Field, settings: MemorySettings = MemorySettings()) -> Memory:
+    def of_everything(
+        cls, field: Field, settings: MemorySettings = MemorySettings(), limits: MotionLimits | None = None
+    ) -> Memory:
         """Return a memory that tracks other robots, and maps the free floor by the camera alone."""
         floor = {_FLOOR: default_sensors()[_FLOOR]}
         return cls(
             field,
             objects=MovingObjects(settings.objects),
             free_map=FreeSpaceMap(floor, settings.free_map),
+            limits=limits,
             settings=settings,
         )
 
@@ -181,12 +196,18 @@ class Memory:
                 "with ego_motion no frame may be older than the last predict:"
                 f" got {t_s!r} s after {self._predicted_s!r} s"
             )
+        if odometry is not None and not self.can_move(odometry, t_s):
+            odometry = None
         before = self._since_view
         reported = odometry if before is None else before if odometry is None else before.compose(odometry)
         motion = self.ego_motion.update(view, reported).motion
         # `predict` has already moved the estimate by a part of it
         self.poses.predict(motion if before is None else before.inverse().compose(motion), t_s)
         self._since_view = None
+
+    def can_move(self, odometry: Pose2, t_s: float) -> bool:
+        """Return whether a robot can have moved so far by this time since the last `predict`: else it is a glitch."""
+        return self.poses.can_move(odometry, t_s)
 
     def prior(self, t_s: float) -> Pose2 | None:
         """Return the pose at a time, a prior for its frame: `PoseFilter.prior`."""

@@ -212,7 +212,8 @@ class Vision:
         elif prior is None:
             before = memory.prior(t_s)
             # the motion by views is known after the look only: until then odometry is what is expected
-            prior = before.compose(odometry) if by_view and before is not None and odometry is not None else before
+            is_moved = by_view and before is not None and odometry is not None and memory.can_move(odometry, t_s)
+            prior = before.compose(odometry) if is_moved and before is not None and odometry is not None else before
         view = self._look(frame, t_s, odometry, prior, pan_rad)
         if by_view:
             memory.predict_by_view(view, odometry)

@@ -86,6 +86,7 @@ class MemoryRun:
     ego_motion: EgoMotionRun | None
     poses: PoseFilterSettings
     settings: MemorySettings
+    is_bounded: bool = True
 
     @classmethod
     def of(cls, memory: Memory) -> MemoryRun:
@@ -101,11 +102,14 @@ class MemoryRun:
             None if memory.ego_motion is None else EgoMotionRun.of(memory.ego_motion),
             poses.settings,
             memory.settings,
+            poses.is_bounded,
         )
 
     def make(self, pitch: Field) -> Memory:
         """Make such a memory, empty."""
-        poses = PoseFilter(odometry=self.odometry, frames=self.frames, settings=self.poses)
+        poses = PoseFilter(
+            odometry=self.odometry, frames=self.frames, settings=self.poses, field=pitch if self.is_bounded else None
+        )
         if self.expected is not None:
             poses.expect(self.expected)
         return Memory(

@@ -16,6 +16,7 @@ from robocup_vision.mapping import ViewMotion
 from robocup_vision.mapping.occupancy import FREE, NO_GO, FreeSpaceMap
 from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.memory import Memory
+from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.vision import Vision
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
@@ -225,3 +226,27 @@ def test_ego_motion_needs_a_mirror_camera_and_predictions_by_view_need_ego_motio
         Memory(ssl_field).predict_by_view(view)
     with pytest.raises(ArgumentError, match="hand t_s to look"):
         Memory(ssl_field, ego_motion=ViewMotion()).predict_by_view(dataclasses.replace(view, t_s=None))
+
+
+@pytest.mark.parametrize("ego_motion", [None, ViewMotion])
+def test_one_glitch_of_the_odometry_does_not_move_the_belief(ssl_field, paper_camera, eye, world, ego_motion):
+    memory = Memory(ssl_field, ego_motion=None if ego_motion is None else ego_motion())
+    vision = Vision(ssl_field, paper_camera, memory=memory)
+    drive(vision, eye, world, 8)
+    for period in range(4):
+        odometry = Pose2(3.0, 0.0, 0.0) if period == 0 else world.odometry(0)
+        belief = vision.look(np.array(eye.render(world.state, 0)), world.state.t_s, odometry).belief
+        assert belief.pose.pose.error_to(world.state.robots[0].pose)[0] < 0.03
+        assert ssl_field.is_on_floor(belief.pose.pose.x_m, belief.pose.pose.y_m)
+        world.step({})
+
+
+def test_the_limits_of_the_robot_say_what_a_glitch_is(ssl_field):
+    limits = MotionLimits(speed_mps=0.4, acceleration_mps2=1.0)
+    memory = Memory(ssl_field, limits=limits)
+    memory.predict(_NOWHERE, 0.0)
+    assert memory.can_move(Pose2(0.02, 0.0, 0.0), 1 / 30)
+    assert not memory.can_move(Pose2(0.1, 0.0, 0.0), 1 / 30)
+    assert Memory.of_everything(ssl_field, limits=limits).poses.settings == memory.poses.settings
+    with pytest.raises(ArgumentError, match="leave out poses or limits"):
+        Memory(ssl_field, poses=PoseFilter(), limits=limits)

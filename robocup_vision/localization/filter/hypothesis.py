@@ -292,6 +292,12 @@ class PoseMode:
             covariance=by_state @ self.covariance @ by_state.T + noise,
         )
 
+    def widen(self, std_m: float, std_rad: float) -> PoseMode:
+        """Return the mode after a motion that nothing measured, of these standard deviations."""
+        covariance = self.covariance.copy()
+        covariance[_POSE, _POSE] += np.diag([std_m, std_m, std_rad]) ** 2
+        return replace(self, covariance=covariance)
+
     def distance(self, measurement: PoseMeasurement, more: FloatArray | None = None) -> float:
         """Squared Mahalanobis distance of a measurement, 3 degrees of freedom; `more` (3, 3) adds to its covariance."""
         offset, _, spread = self._innovation(measurement)

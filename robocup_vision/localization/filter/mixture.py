@@ -8,7 +8,7 @@ count as independent measurements.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -68,6 +68,21 @@ class Mixture:
         moved = [mode.move(motion, seconds, odometry, errors.bias_distance_m) for mode in self.modes]
         sure = [mode for mode in moved if mode.std_m <= self.settings.lost_std_m]
         return replace(self, modes=_normalised(sure, self.settings), near=moved[0].pose)
+
+    def changed(self, change: Callable[[PoseMode], PoseMode]) -> Mixture:
+        """Return the mixture with every mode changed; itself if none is."""
+        modes = tuple(change(mode) for mode in self.modes)
+        return (
+            self if all(new is old for new, old in zip(modes, self.modes, strict=True)) else replace(self, modes=modes)
+        )
+
+    def widen(self, seconds: float) -> Mixture:
+        """Widen all modes by a motion of this time that nothing measured; delete those that become too uncertain."""
+        settings = self.settings
+        std_m, std_rad = settings.max_speed_mps * seconds / 3, settings.max_turn_rps * seconds / 3
+        wide = [mode.widen(std_m, std_rad) for mode in self.modes]
+        sure = [mode for mode in wide if mode.std_m <= settings.lost_std_m]
+        return replace(self, modes=_normalised(sure, settings))
 
     def update(self, estimate: PoseEstimate, t_s: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
         """Update with a frame; unchanged if its numbers are not valid."""

@@ -10,9 +10,11 @@ import math
 from dataclasses import dataclass, replace
 
 from field_models.errors import ArgumentError
+from field_models.field import Field
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.floor_bound import FloorBound
 from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.mixture import Mixture
 from robocup_vision.localization.filter.settings import PoseFilterSettings
@@ -24,12 +26,16 @@ _ORIGIN = Pose2(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moment:
-    """A step of odometry, or a frame, and the mixture after it; `odometry_pose`: by odometry alone."""
+    """A step of odometry, or a frame, and the mixture after it.
+
+    `odometry_pose` is by odometry alone; `is_doubted`: how the robot moved up to here is not known.
+    """
 
     t_s: float
     odometry_pose: Pose2
     estimate: PoseEstimate | None
     mixture: Mixture
+    is_doubted: bool = False
 
     @property
     def key(self) -> tuple[float, ...]:
@@ -50,6 +56,8 @@ class PoseFilter:
         How its frames err.
     settings : PoseFilterSettings, optional
         How modes are weighed and followed.
+    field : Field, optional
+        Whose walls or boards no pose is beyond.
 
     Notes
     -----
@@ -74,8 +82,10 @@ class PoseFilter:
         odometry: OdometryNoise | None = None,
         frames: FrameErrors | None = None,
         settings: PoseFilterSettings = PoseFilterSettings(),
+        field: Field | None = None,
     ) -> None:
         self.settings = settings
+        self._bound = None if field is None else FloorBound(field)
         self.odometry_noise = odometry or OdometryNoise()
         self.frame_errors = frames or FrameErrors()
         self._expected: Pose2 | None = None
@@ -93,6 +103,11 @@ class PoseFilter:
         return self._expected
 
     @property
+    def is_bounded(self) -> bool:
+        """Whether poses stay within walls."""
+        return self._bound is not None
+
+    @property
     def is_fresh(self) -> bool:
         """Whether there has been neither odometry nor a frame yet."""
         return not self._moments
@@ -103,7 +118,8 @@ class PoseFilter:
         Parameters
         ----------
         odometry : Pose2
-            Motion since the call before, in the robot's frame then.
+            Motion since the call before, in the robot's frame then. Where no robot is so fast (`PoseFilterSettings`),
+            it is not believed: the estimate stays, and widens.
         t_s : float
             The present, seconds; never earlier than before.
 
@@ -122,12 +138,18 @@ class PoseFilter:
             raise ArgumentError(f"time must not run backwards, got {t_s!r} s after {self._now_s!r} s")
         else:
             last = self._moments[-1]
-            self._moments.append(self._after(last, t_s, last.odometry_pose.compose(odometry), None))
+            is_possible = self.can_move(odometry, t_s)
+            odometry_pose = last.odometry_pose.compose(odometry) if is_possible else last.odometry_pose
+            self._moments.append(self._after(last, _Moment(t_s, odometry_pose, None, last.mixture, not is_possible)))
             gone = next(
                 index for index, moment in enumerate(self._moments) if moment.t_s >= t_s - self.settings.history_s
             )
             del self._moments[:gone]
         self._now_s = t_s
+
+    def can_move(self, odometry: Pose2, t_s: float) -> bool:
+        """Return whether a robot can have moved so far since the last `predict`, at a time not before it."""
+        return self._now_s is None or self.settings.is_possible(odometry, t_s - self._now_s)
 
     def update(self, estimate: PoseEstimate | NotLocated, t_s: float) -> None:
         """Update with the pose of a frame.
@@ -151,14 +173,16 @@ class PoseFilter:
         odometry_pose = self._odometry_pose(t_s)
         if odometry_pose is None:
             return
-        new = _Moment(t_s, odometry_pose, estimate, self._mixture)
         at = len(self._moments)
+        new = _Moment(t_s, odometry_pose, estimate, self._mixture)
         while at > 1 and (self._moments[at - 1].t_s, self._moments[at - 1].key) > (t_s, new.key):
             at -= 1
         later = self._moments[at:]
         del self._moments[at:]
+        # within a motion that is doubted both of its parts are
+        new = replace(new, is_doubted=bool(later) and later[0].is_doubted)
         for moment in (new, *later):
-            self._moments.append(self._after(self._moments[-1], moment.t_s, moment.odometry_pose, moment.estimate))
+            self._moments.append(self._after(self._moments[-1], moment))
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -228,12 +252,16 @@ class PoseFilter:
             later = before
         return None
 
-    def _after(self, before: _Moment, t_s: float, odometry_pose: Pose2, estimate: PoseEstimate | None) -> _Moment:
-        """Return the next moment: first the motion up to it, then the update with its frame."""
-        mixture = before.mixture
-        if t_s > before.t_s or odometry_pose != before.odometry_pose:
-            motion = before.odometry_pose.inverse().compose(odometry_pose)
-            mixture = mixture.move(motion, t_s - before.t_s, self.odometry_noise, self.frame_errors)
-        if estimate is not None:
-            mixture = mixture.update(estimate, t_s, self.odometry_noise, self.frame_errors)
-        return _Moment(t_s, odometry_pose, estimate, mixture)
+    def _after(self, before: _Moment, moment: _Moment) -> _Moment:
+        """Return a moment after the one before it: first the motion up to it, then the update with its frame."""
+        mixture, seconds = before.mixture, moment.t_s - before.t_s
+        if seconds > 0.0 or moment.odometry_pose != before.odometry_pose:
+            motion = before.odometry_pose.inverse().compose(moment.odometry_pose)
+            mixture = mixture.move(motion, seconds, self.odometry_noise, self.frame_errors)
+        if moment.is_doubted:
+            mixture = mixture.widen(seconds)
+        if moment.estimate is not None:
+            mixture = mixture.update(moment.estimate, moment.t_s, self.odometry_noise, self.frame_errors)
+        if self._bound is not None:
+            mixture = mixture.changed(self._bound.keep)
+        return replace(moment, mixture=mixture)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,12 @@ class PoseFilterSettings:
         Odds that the robot is in the half of the pose that `expect` names: it stands there in 4 of 5 cases.
     shove_mps, shove_rps : float
         Standard deviations of the velocity of a shove or of spinning wheels.
+    max_speed_mps, max_turn_rps : float
+        Odometry that is faster is no motion: counters that overflow, a message lost. The defaults are beyond every
+        league's robots. Nothing is moved by it; modes widen by what the robot may have done, three standard deviations
+        of which are these.
+    jitter_s : float
+        Odometry and its time may be so far apart.
     lost_std_m : float
         A mode whose position has a larger standard deviation is deleted: it is no position any more.
     min_frame_s : float
@@ -57,20 +64,33 @@ class PoseFilterSettings:
     expected_odds: float = 4.0
     shove_mps: float = 0.5
     shove_rps: float = 3.0
+    max_speed_mps: float = 6.0
+    max_turn_rps: float = 30.0
+    jitter_s: float = 0.02
     lost_std_m: float = 0.5
     min_frame_s: float = 1e-3
     history_s: float = 1.0
     min_candidate_probability: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("gate", "merge_distance", "shove_mps", "shove_rps", "lost_std_m", "min_frame_s", "history_s"):
+        positive = ("gate", "merge_distance", "shove_mps", "shove_rps", "max_speed_mps", "max_turn_rps", "lost_std_m")
+        for name in (*positive, "min_frame_s", "history_s"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
         for name in ("near_miss_rate", "min_probability", "min_candidate_probability"):
             if not 0.0 < getattr(self, name) < 1.0:
                 raise ArgumentError(f"{name} must be above 0 and below 1, got {getattr(self, name)!r}")
+        if not 0.0 <= self.jitter_s < math.inf:
+            raise ArgumentError(f"jitter_s must not be negative, got {self.jitter_s!r}")
         for name in ("near_miss", "max_half_odds", "expected_odds"):
             if not 1.0 <= getattr(self, name) < math.inf:
                 raise ArgumentError(f"{name} must be at least 1, got {getattr(self, name)!r}")
         if self.max_modes < 1:
             raise ArgumentError(f"max_modes must be at least 1, got {self.max_modes!r}")
+
+    def is_possible(self, odometry: Pose2, seconds: float) -> bool:
+        """Return whether a robot can move so far in this time."""
+        most_s = seconds + self.jitter_s
+        if math.hypot(odometry.x_m, odometry.y_m) > self.max_speed_mps * most_s:
+            return False
+        return abs(odometry.theta_rad) <= self.max_turn_rps * most_s

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from pose_frames import DT, STD, STEP, STILL, noisy, random_drive, run, seeds, told
 from strategies import numbers, poses
 
+from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.pose_filter import FrameErrors, OdometryNoise, PoseFilter
+from robocup_vision.localization.filter.pose_filter import FrameErrors, OdometryNoise, PoseFilter, PoseFilterSettings
 
 
 def test_nothing_is_believed_before_the_first_frame():
@@ -292,3 +293,58 @@ def test_odometry_noise_of_no_sense_is_refused(name, value):
 def test_frame_errors_of_no_sense_are_refused(name, value):
     with pytest.raises(ArgumentError, match=f"{name} of the frames must"):
         FrameErrors(**{name: value})
+
+
+@settings(max_examples=12)
+@given(seeds, st.sampled_from([(3.0, 0.0, 0.0), (0.0, -40.0, 0.0), (0.0, 0.0, 3.1)]))
+def test_odometry_that_no_robot_can_do_widens_and_moves_nothing(seed, glitch):
+    rng = np.random.default_rng(seed)
+    filter_, truth, t_s = run(Pose2(-0.3, 0.1, 0.4), 20, rng)
+    before = filter_.belief
+    filter_.predict(Pose2(*glitch), t_s + DT)
+    assert sum(filter_.belief.pose.error_to(before.pose)) < 1e-9
+    assert (filter_.belief.std > before.std).all()
+    assert filter_.hypotheses[0].probability > 0.5
+    # the frame decides: at once
+    filter_.update(told(noisy(truth, rng)), t_s + DT)
+    assert filter_.belief.pose.error_to(truth)[0] < 0.03
+    assert filter_.belief.std[0] < 0.02
+
+
+def test_a_late_frame_within_a_doubted_step_counts_at_its_time():
+    truth = Pose2(-0.3, 0.1, 0.4)
+    orders = []
+    for late in (False, True):
+        filter_ = PoseFilter()
+        filter_.predict(STILL, 0.0)
+        filter_.update(told(truth), 0.0)
+        if late:
+            filter_.predict(Pose2(30.0, 0.0, 0.0), 0.2)
+            filter_.update(told(truth), 0.1)
+        else:
+            filter_.predict(STILL, 0.1)
+            filter_.update(told(truth), 0.1)
+            filter_.predict(Pose2(30.0, 0.0, 0.0), 0.2)
+        orders.append(filter_.belief)
+    assert orders[0].pose.error_to(orders[1].pose)[0] < 1e-3
+    assert orders[0].std[0] == pytest.approx(orders[1].std[0], rel=0.05)
+
+
+def test_limits_of_a_slow_robot_doubt_more():
+    slow = PoseFilterSettings(max_speed_mps=0.6, jitter_s=0.0)
+    assert slow.is_possible(Pose2(0.019, 0.0, 0.0), DT)
+    assert not slow.is_possible(Pose2(0.021, 0.0, 0.0), DT)
+    assert PoseFilterSettings().is_possible(Pose2(0.19, 0.0, 0.9), DT)
+    with pytest.raises(ArgumentError, match="jitter_s must not be negative, got -1"):
+        PoseFilterSettings(jitter_s=-1.0)
+
+
+def test_within_walls_no_pose_is_beyond_them():
+    field = load_field("ssl_2001")
+    filter_ = PoseFilter(field=field)
+    filter_.update(told(Pose2(1.2, 0.5, 0.0)), 0.0)
+    filter_.predict(STILL, 0.0)
+    for step in range(1, 40):
+        filter_.predict(Pose2(0.03, 0.0, 0.0), step * DT)
+        for hypothesis in filter_.hypotheses:
+            assert field.is_on_floor(hypothesis.pose.x_m, hypothesis.pose.y_m)
