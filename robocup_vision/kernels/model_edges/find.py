@@ -155,6 +155,55 @@ def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: flo
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _upright_spans(bank: Bank, x: float, y: float, low: FloatArray, high: FloatArray) -> None:
+    """Bearings from a place, field frame, between which each upright stands."""
+    for m in range(bank.items.shape[0]):
+        a = math.atan2(bank.items[m, 1] - y, bank.items[m, 0] - x)
+        b = math.atan2(bank.items[m, 3] - y, bank.items[m, 2] - x)
+        turn = b - a
+        if turn > math.pi:
+            turn -= math.tau
+        elif turn < -math.pi:
+            turn += math.tau
+        away = math.sqrt(
+            (0.5 * (bank.items[m, 0] + bank.items[m, 2]) - x) ** 2
+            + (0.5 * (bank.items[m, 1] + bank.items[m, 3]) - y) ** 2
+        )
+        half = bank.items[m, 4] / max(away, bank.items[m, 4])
+        low[m], high[m] = min(0.0, turn) - half + a, max(0.0, turn) + half + a
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _mismatch(bank: Bank, seen: FloatArray, total: float, low: FloatArray, high: FloatArray, theta: float) -> float:
+    """Bins that show a paint where none is predicted, and of those predicted that do not a part: robots hide them."""
+    per_bin = BINS / (2.0 * bank.half_view_rad)
+    matched, predicted = 0.0, 0.0
+    for m in range(bank.items.shape[0]):
+        middle = 0.5 * (low[m] + high[m]) - theta
+        turn = math.tau * math.floor((middle + math.pi) / math.tau)
+        # bins run from the left border to the right
+        begin = int((bank.half_view_rad - (high[m] - theta - turn)) * per_bin)
+        end = int((bank.half_view_rad - (low[m] - theta - turn)) * per_bin) + 1
+        begin, end = max(begin, 0), min(end, BINS)
+        if end > begin:
+            k = bank.item_paint[m]
+            matched += seen[k, end] - seen[k, begin]
+            predicted += end - begin
+    return float(max(total - matched, 0.0) + 0.4 * max(predicted - matched, 0.0))
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def upright_mismatch(bank: Bank, seen: FloatArray, x: float, y: float, theta: float) -> float:
+    """Count the bearing bins that do not show what a pose predicts; see `score_bank` for the arguments."""
+    low, high = np.empty(bank.items.shape[0]), np.empty(bank.items.shape[0])
+    _upright_spans(bank, x, y, low, high)
+    total = 0.0
+    for k in range(seen.shape[0]):
+        total += seen[k, BINS]
+    return _mismatch(bank, seen, total, low, high, theta)
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def score_bank(
     bank: Bank, rows: FloatArray, number: int, seen: FloatArray, upright_weight: float, scores: FloatArray
 ) -> None:
@@ -179,41 +228,15 @@ def score_bank(
     total = 0.0
     for k in range(seen.shape[0]):
         total += seen[k, BINS]
-    per_bin = BINS / (2.0 * bank.half_view_rad)
     headings = bank.headings.shape[0]
     for i in range(bank.places.shape[0]):
         x, y = bank.places[i, 0], bank.places[i, 1]
-        for m in range(items):
-            a = math.atan2(bank.items[m, 1] - y, bank.items[m, 0] - x)
-            b = math.atan2(bank.items[m, 3] - y, bank.items[m, 2] - x)
-            turn = b - a
-            if turn > math.pi:
-                turn -= math.tau
-            elif turn < -math.pi:
-                turn += math.tau
-            away = math.sqrt(
-                (0.5 * (bank.items[m, 0] + bank.items[m, 2]) - x) ** 2
-                + (0.5 * (bank.items[m, 1] + bank.items[m, 3]) - y) ** 2
-            )
-            half = bank.items[m, 4] / max(away, bank.items[m, 4])
-            low[m], high[m] = min(0.0, turn) - half + a, max(0.0, turn) + half + a
+        _upright_spans(bank, x, y, low, high)
         for j in range(headings):
             theta = bank.headings[j]
             c, s = math.cos(theta), math.sin(theta)
             cost = _misfit(bank, rows, 0, first, x, y, c, s)
-            matched, predicted = 0.0, 0.0
-            for m in range(items):
-                middle = 0.5 * (low[m] + high[m]) - theta
-                turn = math.tau * math.floor((middle + math.pi) / math.tau)
-                # bins run from the left border to the right
-                begin = int((bank.half_view_rad - (high[m] - theta - turn)) * per_bin)
-                end = int((bank.half_view_rad - (low[m] - theta - turn)) * per_bin) + 1
-                begin, end = max(begin, 0), min(end, BINS)
-                if end > begin:
-                    k = bank.item_paint[m]
-                    matched += seen[k, end] - seen[k, begin]
-                    predicted += end - begin
-            wrong = max(total - matched, 0.0) + 0.4 * max(predicted - matched, 0.0)
+            wrong = _mismatch(bank, seen, total, low, high, theta)
             scores[i, j] = cost * (number / max(first, 1)) + upright_weight * wrong
 
 
@@ -241,7 +264,8 @@ def best_poses(
     """
     headings = bank.headings.shape[0]
     flat = scores.reshape(-1)
-    order = np.argsort(flat)[:kept]
+    kept = min(kept, flat.shape[0])
+    order = np.flatnonzero(flat <= np.partition(flat, kept - 1)[kept - 1])
     full = np.empty(order.shape[0])
     first = min(number, FIRST_POINTS)
     for n in range(order.shape[0]):

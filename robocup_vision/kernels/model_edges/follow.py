@@ -12,7 +12,15 @@ from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import carpet_look, reaches, search, whiten
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS, FieldEdges, FloatArray, FollowSettings, Room, UInt8Array
+from robocup_vision.kernels.model_edges.tables import (
+    FOUND,
+    UNKNOWNS,
+    FieldEdges,
+    FloatArray,
+    FollowSettings,
+    Room,
+    UInt8Array,
+)
 from robocup_vision.kernels.model_edges.verdict import LineLook, explained, judge, line_points
 
 MODES = 5  # looked at before giving up
@@ -66,10 +74,11 @@ class Fit(NamedTuple):
         Of that log-likelihood at the fit.
     carpet : (5,) float64
         See `carpet_look`.
-    figures : (14,) float64
+    figures : (15,) float64
         Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
         line points, those explained, hidden upright, standard deviation of the position by the measurements alone
-        where it is greatest (m), logarithm of the odds but for that, and the part of it that speaks against the pose.
+        where it is greatest (m), logarithm of the odds but for that, the part of it that speaks against the pose, and
+        how many edges of the field were found.
     """
 
     unknowns: FloatArray
@@ -290,8 +299,22 @@ def _assess(
     )
     value = odds[0] + odds[1] * math.log(1.0 + inliers) - against
     figures[13] = against
+    figures[14] = _edges_found(room, count)
     clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
     return clear, value
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _edges_found(room: Room, count: int) -> int:
+    """Count the edges of the field of which samples were found."""
+    last = 0
+    for n in range(count):
+        last = max(last, room.samples.feature[n])
+    is_found = np.zeros(last + 1, np.bool_)
+    for n in range(count):
+        if room.found.status[n] == FOUND:
+            is_found[room.samples.feature[n]] = True
+    return int(is_found.sum())
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")

@@ -30,6 +30,7 @@ class Evidence(NamedTuple):
     position_std_m: float
     odds_but_std: float
     odds_against: float
+    edges: float
 
     @property
     def found_ratio(self) -> float:

@@ -11,47 +11,56 @@ import numpy as np
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.align import Alignment, align_all, slopes_of
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
 from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.search import carpet_look
 from robocup_vision.kernels.model_edges.tables import HEIGHT, ROLL, TILT, UNKNOWNS
 from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
 from robocup_vision.localization.model_edges.bank import prepare_bank
+from robocup_vision.localization.model_edges.candidates import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
+from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
 
 
 @dataclass(frozen=True, slots=True)
 class FinderSettings:
     """How a camera is found."""
 
-    # of the bank: what the fit's basin bridges
+    # of the bank: what aligning bridges
     spacing_m: float = 0.25
     heading_step_rad: float = math.radians(6.0)
-    # scored by all points; refined by the fit
-    scored: int = 800
-    refined: int = 12
-    # how far apart two proposals are at least
+    # scored by all points; aligned; fitted; weighed against each other
+    scored: int = 2000
+    aligned: int = 200
+    fitted: int = 16
+    weighed: int = 6
+    # of these, so many of the likeliest with their half turns too, where the halves of the field differ
+    turned: int = 2
+    # how far apart two proposals are at least; two answers nearer than that are one
     apart_m: float = 0.2
-    apart_rad: float = math.radians(5.0)
+    apart_rad: float = math.radians(6.0)
+    # steps of aligning: scale of the robust weight, pixels of a picture 208 wide
+    gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0, 3.0)
+    # of a pose of the bank, as the prior of its alignment
+    near_m: float = 0.12
+    near_rad: float = math.radians(3.5)
     # of a proposal, as the prior of its fit
     std_m: float = 0.10
     std_rad: float = math.radians(3.5)
+    # fits from where the last one points to without its prior, until it moves by no more than that
+    settling: int = 4
+    settled_m: float = 0.02
+    settled_rad: float = math.radians(0.5)
+    # greatest standard deviation of an answer's position: without a prior the next picture will do better
+    max_std_m: float = 0.12
     # of a bearing bin whose paint is wrong, in line points
     upright_weight: float = 0.25
     # line points in use, and how far away they may be, in metres
     points: int = 90
     max_range_m: float = 6.0
-    # tilts tried about the file's, in standard deviations of the nod
-    nods: tuple[float, ...] = (0.0,)
-    # the best answer's odds over those of any other place, as a logarithm
-    min_lead: float = 2.0
-    # and its own odds: no prior speaks for it
-    min_log_odds: float = 3.5
-    # of the samples looked for, that must be found: hidden is neutral for who has a prior, but without one a pose whose
-    # samples are mostly hidden is an accident (five right answers of one development sequence found 0.73 and more)
-    min_found_of_all: float = 0.35
-    # and where nothing upright is found: lines are alike, and parts of them fit in many places
-    min_found_of_lines: float = 0.75
+    # whether one of the poses is the right one
+    candidates: CandidateSettings = CandidateSettings()
 
 
 class EdgeFinder:
@@ -74,42 +83,49 @@ class EdgeFinder:
         self._seen = np.zeros((len(self._bank.paints), BINS + 1))
         self._rows = np.zeros((s.points, 3))
         self._points = np.zeros((600, 3))
-        self._poses = np.zeros((s.refined, 4))
+        self._starts = np.zeros((s.aligned, 4))
+        self._aligned, self._costs = np.zeros((s.aligned, 5)), np.zeros(s.aligned)
+        sway = follower.sway_std_rad
+        self._near = np.array([s.near_m, s.near_m, s.near_rad, sway, sway])
+        scale = camera.size_px[0] / DESIGN_WIDTH_PX
+        self._gates_px = np.array(s.gates_px) * max(1.0, 0.5 * (1.0 + scale))
 
     def propose(self, frame: UInt8Array) -> list[Pose2]:
         """Poses of the camera worth a fit, the likeliest first."""
         s, follower, camera = self.settings, self.follower, self.follower.camera
-        tilt = camera.tilt_rad or 0.0
+        tilt, roll = camera.tilt_rad or 0.0, camera.roll_rad or 0.0
         carpet, p = np.zeros(5), np.zeros(UNKNOWNS)
         horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt)
         carpet_look(frame, int(horizon), carpet)
-        p[TILT], p[ROLL], p[HEIGHT] = tilt, camera.roll_rad or 0.0, camera.height_m
-        lens, numbers = follower.lens, follower.numbers
+        p[TILT], p[ROLL], p[HEIGHT] = tilt, roll, camera.height_m
+        lens, numbers, seen = follower.lens, follower.numbers, self._seen
         step = 0.5 * numbers.min_ratio * float(follower.edges.channels[0, 3]) * brightness(carpet)
         look = LineLook(max(step, 5 * float(carpet[3])), numbers.line_width_m, max(numbers.point_stride // 2, 2))
         count = line_points(frame, lens, p, carpet, look, self._points)
-        upright_bins(frame, lens, horizon, self._bank.paints, self._bank.half_view_rad, self._seen)
-        found: list[tuple[float, Pose2]] = []
-        for nod in s.nods:
-            turned = tilt + nod * follower.sway_std_rad
-            number = floor_places(
-                self._points, count, lens, turned, p[ROLL], camera.height_m, s.max_range_m, self._rows
-            )
-            if number < 3 and self._seen[:, -1].sum() < 2:
-                continue
-            score_bank(self._bank, self._rows, number, self._seen, s.upright_weight, self._scores)
-            kept = best_poses(
-                self._bank,
-                self._rows,
-                number,
-                self._scores,
-                s.scored,
-                np.array([s.apart_m, s.apart_rad]),
-                self._poses,
-            )
-            found += [(row[3], Pose2(row[0], row[1], row[2])) for row in self._poses[:kept].tolist()]
-        found.sort(key=lambda one: one[0])
-        return [pose for _, pose in found[: s.refined]]
+        upright_bins(frame, lens, horizon, self._bank.paints, self._bank.half_view_rad, seen)
+        number = floor_places(self._points, count, lens, tilt, roll, camera.height_m, s.max_range_m, self._rows)
+        if number < 3 and seen[:, -1].sum() < 2:
+            return []
+        score_bank(self._bank, self._rows, number, seen, s.upright_weight, self._scores)
+        apart = np.array([s.apart_m, s.apart_rad])
+        kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
+        slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
+        pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
+        how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px)
+        poses, costs = self._aligned[:kept], self._costs[:kept]
+        align_all(self._bank, how, seen, s.upright_weight, self._starts[:kept, :3], poses, costs)
+        chosen: list[Pose2] = []
+        for index in np.argsort(costs).tolist():
+            pose = Pose2(*poses[index, :3].tolist())
+            if not any(self._is_same(pose, other) for other in chosen):
+                chosen.append(pose)
+                if len(chosen) == s.fitted:
+                    break
+        return chosen
+
+    def _is_same(self, pose: Pose2, other: Pose2) -> bool:
+        away_m, turn_rad = pose.error_to(other)
+        return away_m < self.settings.apart_m and turn_rad < self.settings.apart_rad
 
     def find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
         """Locate the camera by one frame alone.
@@ -122,9 +138,7 @@ class EdgeFinder:
         return self.judge(frame, self.propose(frame))
 
     def judge(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> FollowedCamera | NotLocated:
-        """Fit every proposed pose of the camera, and return the one that the frame confirms, if it is the only one.
-
-        Where its half turn about the field's centre explains the frame about as well, that is a second candidate.
+        """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates.
 
         Parameters
         ----------
@@ -134,38 +148,67 @@ class EdgeFinder:
             Whoever proposes them.
         """
         s, follower = self.settings, self.follower
-        answers = [fit for pose in proposals if (fit := self._fit(frame, pose)) is not None]
+        places = self._places(frame, proposals)
+        if follower.field.halves_differ:
+            # lines alone look alike from both halves, whichever of them was proposed
+            for pose in [one.half_turn() for one in places[: s.turned]]:
+                if not any(self._is_same(pose, other) for other in places):
+                    places.append(pose)
+        answers: list[FollowedCamera] = []
+        for pose in places:
+            answer = self._settle(frame, pose)
+            if answer and not any(self._is_same(answer.estimate.pose, other.estimate.pose) for other in answers):
+                answers.append(answer)
         follower.forget()
         if not answers:
             return NotLocated("no pose on the field explains what is in view")
-        answers.sort(key=lambda one: -one[0])
-        odds, best = answers[0]
-        if odds < s.min_log_odds:
-            return NotLocated(f"the best of all poses is not sure enough: odds {math.exp(odds):.2g} to 1")
-        for other_odds, other in answers[1:]:
-            away, turn = other.estimate.pose.error_to(best.estimate.pose, symmetric=True)
-            if (away > s.apart_m or turn > s.apart_rad) and other_odds > odds - s.min_lead:
-                return NotLocated("two poses explain what is in view about equally well")
-        is_alone = False
-        if follower.field.halves_differ:
-            # lines alone look alike from both halves, whichever of them was proposed
-            twin = self._fit(frame, best.estimate.pose.half_turn())
-            if twin is not None and twin[0] > odds:
-                twin, (odds, best) = (odds, best), twin
-            is_alone = twin is None or twin[0] <= odds - s.min_lead
-        follower.resume(best)
-        return best if is_alone else best.with_twin()
+        probabilities = posterior([log_weight(one.evidence, s.candidates) for one in answers])
+        order = accepted(probabilities, s.candidates)
+        if not order:
+            best = float(probabilities.max())
+            return NotLocated(f"{len(answers)} poses explain what is in view: the best is right by {best:.0%}")
+        best_answer = answers[order[0]]
+        open_m = best_answer.evidence.position_std_m
+        if open_m > s.max_std_m:
+            return NotLocated(f"what is in view leaves the position open by {open_m:.2f} m")
+        if len(order) == 1:
+            follower.resume(best_answer)
+        others = tuple(answers[index].estimate.pose for index in order[1:])
+        return best_answer.with_candidates(others, has_twins=not follower.field.halves_differ)
 
-    def _fit(self, frame: UInt8Array, pose: Pose2) -> tuple[float, FollowedCamera] | None:
-        """Fit one pose: logarithm of its odds, and the answer; None where the frame does not confirm it."""
+    def _places(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> list[Pose2]:
+        """Poses that the fits of proposals end at, the likeliest first."""
         s, follower = self.settings, self.follower
-        covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
+        ends: list[tuple[float, Pose2]] = []
+        for proposal in proposals:
+            answer, evidence = self._fit(frame, proposal), follower.evidence
+            if evidence.inliers >= follower.settings.min_inliers_followed:
+                end = answer.measurement.pose if answer else follower.pose
+                ends.append((log_weight(evidence, s.candidates), end))
+        ends.sort(key=lambda one: -one[0])
+        places: list[Pose2] = []
+        for _, pose in ends:
+            if not any(self._is_same(pose, other) for other in places):
+                places.append(pose)
+        return places[: s.weighed]
+
+    def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
+        """Fit one pose by the frame alone: the proposal, which no prior is, must not hold the answer back."""
+        s = self.settings
+        answer = self._fit(frame, pose)
+        for _ in range(s.settling):
+            if not answer:
+                break
+            away_m, turn_rad = answer.measurement.pose.error_to(pose)
+            if away_m < s.settled_m and turn_rad < s.settled_rad:
+                break
+            pose = answer.measurement.pose
+            answer = self._fit(frame, pose)
+        return answer.without_prior() if answer else answer
+
+    def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
+        """Fit one pose, with a proposal for a prior."""
+        s, follower = self.settings, self.follower
         follower.forget()
-        answer = follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1)
-        if not answer:
-            return None
-        evidence = answer.evidence
-        min_found = s.min_found_of_all if evidence.found_upright > 0 else s.min_found_of_lines
-        if evidence.found < min_found * evidence.looked_for:
-            return None
-        return evidence.log_odds(follower.settings), answer
+        covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
+        return follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1)

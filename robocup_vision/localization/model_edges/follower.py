@@ -64,6 +64,10 @@ class FollowedCamera:
         Tilt and roll (rad), height (m) and logarithm of the focal length's scale in this frame.
     evidence : Evidence
         What the verdict was based on.
+    others : tuple of Pose2
+        Further candidates, the likeliest first.
+    has_twins : bool
+        Whether the half turn of each candidate about the field's centre is a candidate too.
     """
 
     estimate: PoseEstimate
@@ -71,6 +75,8 @@ class FollowedCamera:
     file_camera: PinholeCamera
     camera_unknowns: tuple[float, float, float, float]
     evidence: Evidence
+    others: tuple[Pose2, ...] = ()
+    has_twins: bool = False
 
     @property
     def measurement(self) -> PoseEstimate:
@@ -88,12 +94,21 @@ class FollowedCamera:
         about = self.likelihood.about
         pose = Pose2(about.x_m + step[0], about.y_m + step[1], about.theta_rad + step[2])
         ratio, rms = self.estimate.inlier_ratio, self.estimate.residual_px
-        measured = PoseEstimate(pose, (covariance + covariance.T) / 2, ratio, rms)
-        return measured if len(self.estimate.candidates) == 1 else _with_twin(measured)
+        return PoseEstimate(pose, (covariance + covariance.T) / 2, ratio, rms, self._candidates(pose))
 
-    def with_twin(self) -> FollowedCamera:
-        """Return the answer with the half turn about the field's centre as a second candidate."""
-        return replace(self, estimate=_with_twin(self.estimate))
+    def without_prior(self) -> FollowedCamera:
+        """Return the answer with the estimate by the frame alone."""
+        return replace(self, estimate=self.measurement)
+
+    def with_candidates(self, others: tuple[Pose2, ...], has_twins: bool) -> FollowedCamera:
+        """Return the answer as the likeliest of several candidates."""
+        answer = replace(self, others=others, has_twins=has_twins)
+        pose = self.estimate.pose
+        return replace(answer, estimate=replace(self.estimate, candidates=answer._candidates(pose)))
+
+    def _candidates(self, pose: Pose2) -> tuple[Pose2, ...]:
+        every = (pose, *self.others)
+        return every if not self.has_twins else tuple(each for one in every for each in (one, one.half_turn()))
 
     @property
     def camera(self) -> PinholeCamera:
@@ -109,10 +124,6 @@ class FollowedCamera:
             tilt_rad=tilt,
             roll_rad=roll,
         )
-
-
-def _with_twin(estimate: PoseEstimate) -> PoseEstimate:
-    return replace(estimate, candidates=(estimate.pose, estimate.pose.half_turn()))
 
 
 class EdgeFollower:
@@ -139,7 +150,7 @@ class EdgeFollower:
         self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
         self._rooms = Rooms(empty_room(_MAX_SAMPLES, 0), self._room)
         self._fit = Fit(
-            np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(14)
+            np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(15)
         )
         sway = self.settings.sway_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
         self.sway_std_rad = sway
@@ -150,6 +161,16 @@ class EdgeFollower:
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
         self._keep, self._dt_s = np.zeros(4), -1.0
         self.forget()
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the last fit was judged by, whether it was accepted or not."""
+        return Evidence(*self._fit.figures.tolist())
+
+    @property
+    def pose(self) -> Pose2:
+        """The camera's pose by the last fit, whether it was accepted or not."""
+        return Pose2(*self._fit.unknowns[:3].tolist())
 
     def edge_points(self) -> EdgePoints:
         """Return where the last fit predicts the field's edges, and what its frame shows there."""
@@ -208,7 +229,7 @@ class EdgeFollower:
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
         if not follow(frame, self._scene, self._prior, self.numbers, self._rooms, fit, modes):
             return NotLocated("no edge of the field file is in view")
-        evidence = Evidence(*fit.figures.tolist())
+        evidence = self.evidence
         prior_log_odds = self._prior_log_odds(prior, dt_s)
         reason = reject(evidence, self.settings, prior_log_odds)
         known = self._last_pose is not None and prior_log_odds > 0.0

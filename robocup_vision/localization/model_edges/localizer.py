@@ -54,7 +54,8 @@ class EdgeLocalizer:
                 found = self._find(evidence.frame)
                 answer = answer if isinstance(found, NotLocated) else found
         self._last_s = evidence.t_s
-        if isinstance(answer, NotLocated) and prior is None and self._has_posts:
+        is_open = isinstance(answer, NotLocated) or bool(answer.others)
+        if is_open and prior is None and self._has_posts:
             # a search of its own, slow: where a prior exists, the next frame will do
             by_goal = self._by_goal(evidence)
             if isinstance(by_goal, Localization):

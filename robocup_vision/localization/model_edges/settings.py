@@ -8,7 +8,7 @@ import numpy as np
 
 from robocup_vision.kernels.model_edges.tables import FollowSettings
 
-_DESIGN_WIDTH_PX = 208.0
+DESIGN_WIDTH_PX = 208.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class EdgeSettings:
 
     def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
         """Return the numbers for a picture of this width."""
-        scale = width_px / _DESIGN_WIDTH_PX
+        scale = width_px / DESIGN_WIDTH_PX
         grown = max(1.0, 1.0 + 0.33 * (scale - 1.0) / (640 / 208 - 1.0))
         spacing = self.spacing_px + (self.wide_spacing_px - self.spacing_px) * (scale - 1.0) / (640 / 208 - 1.0)
         return FollowSettings(

@@ -94,7 +94,7 @@ def test_a_prior_without_a_covariance_is_refused(fl_shot):
 
 def test_every_reason_to_refuse():
     settings = EdgeSettings()
-    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 4.0, 1.0)
+    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 4.0, 1.0, 6)
     assert reject(good, settings) is None
     assert "places on edges agree" in str(reject(good._replace(inliers=5), settings))
     assert "missing" in str(reject(good._replace(missing=200), settings))
@@ -107,7 +107,7 @@ def test_every_reason_to_refuse():
 
 def test_the_frames_before_vouch_for_a_prior_that_a_frame_hardly_shows():
     settings = EdgeSettings()
-    faint = Evidence(100, 100, 8, 0, 4, 8, 0.3, 3.0, 0, 0, 5, 0.5, 2.0, 1.0)
+    faint = Evidence(100, 100, 8, 0, 4, 8, 0.3, 3.0, 0, 0, 5, 0.5, 2.0, 1.0, 2)
     assert reject(faint, settings) is not None
     assert reject(faint, settings, 3.0) is None
     # what contradicts the pose outweighs that

@@ -1,0 +1,143 @@
+"""Aligning proposed poses against a plain twin that differentiates numerically, and what it must bring about."""
+
+import math
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.align import FAR, Alignment, align, align_all, slopes_of
+from robocup_vision.kernels.model_edges.find import BINS, upright_mismatch
+from robocup_vision.localization.model_edges.bank import prepare_bank
+
+CAMERA = PinholeCamera(
+    (104, 80), (96.0, 96.0), (51.5, 39.5), 0.185, pan_rad=0.0, tilt_rad=-0.17, roll_rad=0.03, roll_std_rad=0.02
+)
+STD = np.array([0.12, 0.12, 0.06, 0.02, 0.02])
+GATES_PX = np.array([20.0, 10.0, 5.0, 3.0, 3.0])
+
+
+@pytest.fixture(scope="module")
+def bank():
+    return prepare_bank(load_field("four_legged_2007"), CAMERA, 0.8, 0.5)
+
+
+def lined(camera, pose, rng, number=40):
+    """Slopes of line points that a camera of this pose sees."""
+    lines = load_field("four_legged_2007").line_points(0.02)
+    places = pose.inverse().transform(lines)
+    places = places[(places[:, 0] > 0.3) & (np.abs(places[:, 1]) < 0.5 * places[:, 0]) & (places[:, 0] < 3.0)]
+    places = places[rng.choice(len(places), number)]
+    return slopes_of(np.column_stack([places, places[:, 0]]), camera.tilt_rad, camera.roll_rad, camera.height_m)
+
+
+def plain_floor(how, pose, slopes):
+    """Place of each line point on the floor about the camera's foot (N, 2), NaN above the horizon."""
+    tilt, roll = how.tilt_rad + pose[3], how.roll_rad + pose[4]
+    pitch = np.array([[math.cos(tilt), 0, -math.sin(tilt)], [0, 1, 0], [math.sin(tilt), 0, math.cos(tilt)]])
+    turn = np.array([[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]])
+    ray = np.column_stack([np.ones(len(slopes)), slopes]) @ (pitch @ turn).T
+    down = np.where(ray[:, 2] < -0.01, -ray[:, 2], np.nan)
+    return ray[:, :2] / down[:, None] * how.height_m
+
+
+def plain_residuals(bank, how, pose):
+    """Distances from lines in pixels (N,), their derivatives (N, 5), and which of them count."""
+    place = plain_floor(how, pose, how.slopes)
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    turn = np.array([[c, -s], [s, c]])
+    at = place @ turn.T + pose[:2]
+    cell = np.nan_to_num((at - bank.origin_m) / bank.cell_m + 0.5, nan=-1.0).astype(int)
+    shape = np.array(bank.distance_m.shape[::-1])
+    counts = ((cell >= 1) & (cell <= shape - 2)).all(axis=1)
+    off, rows = np.full(len(place), FAR), np.zeros((len(place), 5))
+    for n in np.flatnonzero(counts):
+        x, y = cell[n]
+        slope = np.array(
+            [
+                bank.distance_m[y, x + 1] - bank.distance_m[y, x - 1],
+                bank.distance_m[y + 1, x] - bank.distance_m[y - 1, x],
+            ]
+        ) / (2 * bank.cell_m)
+        direction = slope @ turn
+        away = np.linalg.norm(place[n])
+        ahead = place[n] / away
+        slant = math.hypot(away, how.height_m)
+        upward, aside = how.pixel_rad * slant**2 / how.height_m, how.pixel_rad * slant
+        along, across = direction @ ahead, ahead[0] * direction[1] - ahead[1] * direction[0]
+        one = math.sqrt((along * upward) ** 2 + (across * aside) ** 2 + bank.cell_m**2)
+        off[n] = bank.distance_m[y, x] / one
+        for j in range(5):
+            ends = []
+            for step in (1e-6, -1e-6):
+                moved = np.array(pose)
+                moved[j] += step
+                c, s = math.cos(moved[2]), math.sin(moved[2])
+                ends.append(np.array([[c, -s], [s, c]]) @ plain_floor(how, moved, how.slopes[n : n + 1])[0] + moved[:2])
+            rows[n, j] = slope @ (ends[0] - ends[1]) / 2e-6 / one
+    return off, rows, counts
+
+
+def plain_align(bank, how, start):
+    center = np.array([*start, 0.0, 0.0])
+    pose = center.copy()
+    for gate in how.gates_px:
+        off, rows, counts = plain_residuals(bank, how, pose)
+        weight = np.where(counts, 1.0 / (1.0 + (off / gate) ** 2) ** 2, 0.0)
+        system = np.diag(1.0 / how.std**2) + (rows * weight[:, None]).T @ rows
+        pose = pose + np.linalg.solve(system, -(pose - center) / how.std**2 - rows.T @ (weight * off))
+    off, _, _ = plain_residuals(bank, how, pose)
+    square = (off / how.gates_px[-1]) ** 2
+    return pose, 0.5 * ((pose[3:] / how.std[3:]) ** 2).sum() + (square / (1.0 + square)).sum()
+
+
+def test_one_pose_is_moved_as_by_the_plain_twin(bank):
+    rng = np.random.default_rng(3)
+    truth = Pose2(-0.6, 0.3, 2.9)
+    how = Alignment(lined(CAMERA, truth, rng, 12), -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX[:2])
+    for _ in range(3):
+        start = truth.array + rng.normal(0.0, (0.1, 0.1, 0.05))
+        pose = np.zeros(5)
+        cost = align(bank, how, start, pose)
+        expected, expected_cost = plain_align(bank, how, start)
+        np.testing.assert_allclose(pose, expected, atol=2e-5)
+        assert cost == pytest.approx(expected_cost, rel=1e-3)
+
+
+def test_a_nod_is_made_good_and_the_right_pose_costs_least(bank):
+    rng = np.random.default_rng(4)
+    truth = Pose2(-1.2, 0.6, 2.2)
+    nodding = CAMERA.with_orientation(0.0, -0.17 + 0.02, 0.03)
+    how = Alignment(lined(nodding, truth, rng, 90), -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX)
+    starts = truth.array + np.array([(0.08, -0.06, 0.03), (0.9, 0.2, 0.4), (1.7, -1.0, -1.2)])
+    poses, costs = np.zeros((3, 5)), np.zeros(3)
+    seen = np.zeros((len(bank.paints), BINS + 1))
+    seen[:, 1:] = np.cumsum(rng.random((len(bank.paints), BINS)) < 0.1, axis=1)
+    align_all(bank, how, seen, 0.25, starts, poses, costs)
+    assert np.hypot(*(poses[0, :2] - truth.array[:2])) < 0.1
+    assert poses[0, 3] == pytest.approx(0.02, abs=0.006)
+    for start, pose, cost in zip(starts, poses, costs, strict=True):
+        alone = np.zeros(5)
+        wrong = upright_mismatch(bank, seen, *pose[:3])
+        assert cost == pytest.approx(align(bank, how, start, alone) + 0.25 * wrong)
+        np.testing.assert_array_equal(alone, pose)
+    assert np.argmin(costs) == 0
+
+
+def test_points_beside_the_field_count_as_off(bank):
+    slopes = np.array([[0.0, 0.5], [0.0, -0.3]])
+    how = Alignment(slopes, -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX)
+    pose = np.zeros(5)
+    # far beside the field, one above the horizon and one on the floor
+    assert align(bank, how, np.array([9.0, 9.0, 0.0]), pose) == pytest.approx(2.0, abs=1e-3)
+    np.testing.assert_allclose(pose, (9.0, 9.0, 0.0, 0.0, 0.0))
+
+
+def test_slopes_are_those_of_the_pixels():
+    pixels = np.random.default_rng(1).uniform((0.0, 50.0), (103.0, 79.0), (30, 2))
+    floor = CAMERA.pixel_to_floor(pixels)
+    slopes = slopes_of(np.column_stack([floor, floor[:, 0]]), -0.17, 0.03, 0.185)
+    expected = np.column_stack([(51.5 - pixels[:, 0]) / 96.0, (39.5 - pixels[:, 1]) / 96.0])
+    np.testing.assert_allclose(slopes, expected, atol=1e-9)
