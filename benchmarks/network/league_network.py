@@ -11,7 +11,7 @@ detection: at the exposures, by the frames until then, and at the moment of each
 received until then. Beside it what robots' velocities change from the exposure until now, which is the error of who
 knew the velocity at the exposure exactly. Robots as quick as sim2d's own players are (1 m/s, 1.2 m/s^2), and as quick
 as the league's. A long run: memory that grows and a clock that drifts, over five minutes; `--soak-hours 24` takes about
-three hours.
+three hours, with `--soak-robots 2` half an hour.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ MAX_PLACE_RATIO, MAX_VELOCITY_MPS, MAX_REFOUND_S = 0.6, 0.08, 0.2
 PORTS, VISION_PORT = Ports(31300, 31310, 31303), 31320
 
 
-def commands_at(t_s: float) -> bytes:
-    """Return commands for eleven robots that wander about."""
+def commands_at(t_s: float, robots: int = 11) -> bytes:
+    """Return commands for robots that wander about."""
     return encode(
         RobotControl(
             tuple(
@@ -72,7 +72,7 @@ def commands_at(t_s: float) -> bytes:
                     number,
                     MoveCommand(world=GlobalVelocity(2 * math.sin(number + t_s), 2 * math.cos(number + t_s), 1.0)),
                 )
-                for number in range(11)
+                for number in range(robots)
             )
         )
     )
@@ -93,10 +93,10 @@ def measure_speed(seconds: float) -> bool:
     return all_ok
 
 
-def run(made: LeagueSimulator, seconds: float) -> None:
+def run(made: LeagueSimulator, seconds: float, robots: int = 11) -> None:
     """Go on by some seconds, every robot commanded at each frame."""
     for _ in range(round(60 * seconds)):
-        data = commands_at(made.world.t_s)
+        data = commands_at(made.world.t_s, robots)
         for team in TEAMS:
             made.answer_robots(team, data)
         for _ in range(STEPS_A_FRAME):
@@ -191,12 +191,12 @@ def measure_decoders(count: int, seed: int) -> bool:
     return faults == 0
 
 
-def measure_soak(seconds: float) -> bool:
+def measure_soak(seconds: float, robots: int) -> bool:
     """Print whether a long run grows or drifts; return whether it does neither."""
-    made = LeagueSimulator(FIELD, 11, REALISMS["rc2021"])
-    run(made, 0.25 * seconds)
+    made = LeagueSimulator(FIELD, robots, REALISMS["rc2021"])
+    run(made, 0.25 * seconds, robots)
     before_kb = resident_kb()
-    run(made, 0.75 * seconds)
+    run(made, 0.75 * seconds, robots)
     grown_kb = resident_kb() - before_kb
     # what a frame says of its time, against the number of exposures so far
     newest = next(
@@ -208,7 +208,7 @@ def measure_soak(seconds: float) -> bool:
     drift_s = abs(newest.t_capture_s - newest.frame_number * STEPS_A_FRAME / STEPS_PER_S)
     ok = grown_kb < MAX_GROWTH_KB and drift_s < MAX_DRIFT_S
     columns = ("simulated", "memory grew kB", "clock drifted s", "target", "verdict")
-    table = Table(columns, "A long run, 11 against 11 on rc2021", name="soak")
+    table = Table(columns, f"A long run, {robots} against {robots} on rc2021", name="soak")
     target = f"< {MAX_GROWTH_KB:g}, < {MAX_DRIFT_S:g}"
     table.row(f"{seconds / 3600:.2f} h", round(grown_kb), f"{drift_s:.1e}", target, verdict(ok))
     return ok
@@ -320,13 +320,16 @@ def main() -> None:
     """Run all parts."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--soak-hours", type=float, metavar="H", help="length of the long run (default: 5 minutes)")
+    parser.add_argument("--soak-robots", type=int, default=11, metavar="N", help="of each team in it (default: 11)")
     arguments = parse_arguments(__doc__ or "", parser=parser)
     size = 0.2 if arguments.quick else 5.0 if arguments.full else 1.0
     all_ok = measure_speed(20 * size)
     all_ok &= measure_punctuality(20 * size)
     all_ok &= measure_decoders(round(200_000 * size), arguments.seed)
     all_ok &= measure_tracker(60 * size, arguments.seed)
-    all_ok &= measure_soak(300 * size if arguments.soak_hours is None else 3600 * arguments.soak_hours)
+    all_ok &= measure_soak(
+        300 * size if arguments.soak_hours is None else 3600 * arguments.soak_hours, arguments.soak_robots
+    )
     finish(arguments.check, all_ok)
 
 
