@@ -12,7 +12,8 @@ Show in a browser what a robot sees: the image with layers, the field from above
 back 30 s, record, save a frame as a dataset. The page is on this machine alone, at http://127.0.0.1:PORT/.
 
 SOURCE is a camera (index or device), a stream's address, a video, a folder of images, a dataset, a recording (.mcap), a
-folder of recordings, or a simulated match (sim:FIELD[,players=N][,seed=S][,robots=0+1][,ours=NAME][,theirs=NAME]).
+folder of recordings, a simulated match (sim:FIELD[,players=N][,seed=S][,robots=0+1][,ours=NAME][,theirs=NAME]), or an
+image topic of ROS 2 (ros:TOPIC[,odometry=TOPIC]; with rclpy, as installed with ROS or from wheels).
 Several are shown side by side. Without --camera a camera, video or folder can be calibrated in the page."""
 
 

@@ -100,7 +100,7 @@ class _Bridge:
     def _listen(self, topic: str, name: str, handler: Handler, depth: int) -> None:
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-        kind = _message_class(name)
+        kind = message_class(name)
         if kind is None:
             raise RobocupVisionError(f"message type {name} is not installed, topic {topic} cannot be listened to")
         prepare([name])
@@ -127,7 +127,7 @@ class _Bridge:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         if topic not in self._publishers:
-            kind = _message_class(name)
+            kind = message_class(name)
             if kind is None:
                 self._missing.add(name)
                 self._node.get_logger().warning(f"message type {name} is not installed: {topic} is left out")
@@ -149,7 +149,7 @@ class _Bridge:
         return 1e-9 * float(self._node.get_clock().now().nanoseconds)
 
 
-def _message_class(name: str) -> Any:
+def message_class(name: str) -> Any:
     """Return the installed class of a message type; None where its package is not installed."""
     package, _, kind = name.split("/")
     try:

@@ -6,6 +6,7 @@ Run by `make ros-test` in an environment of its own, in a network namespace with
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
 import os
@@ -28,7 +29,9 @@ from recorded_runs import make_vision, record_run  # noqa: E402
 
 from robocup_vision import cli  # noqa: E402
 from robocup_vision.camera.files import save_camera  # noqa: E402
-from robocup_vision.messages.images import image_message  # noqa: E402
+from robocup_vision.live.sources.opening import open_source  # noqa: E402
+from robocup_vision.live.sources.source import SourceFrame, SourceOptions  # noqa: E402
+from robocup_vision.messages.images import ImageFormat, image_message  # noqa: E402
 from robocup_vision.messages.types import decode, encode  # noqa: E402
 from robocup_vision.recording.log_reader import LogReader  # noqa: E402
 
@@ -121,6 +124,38 @@ def test_a_second_process_receives_the_images_that_are_sent(ros: None, tmp_path:
     received = len({image[0] for image in seen}) / count
     print(f"received {100 * received:.0f} % of {count} images of 640x480")
     assert received >= 0.95
+
+
+@pytest.mark.parametrize("image_format", ["raw", "jpeg"])
+def test_an_image_topic_is_a_source_of_the_live_page(ros: None, image_format: ImageFormat) -> None:
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import CompressedImage, Image
+
+    frame = np.full((48, 64, 3), 90, dtype=np.uint8)
+    node = rclpy.create_node("camera_and_wheels")
+    images = node.create_publisher(Image if image_format == "raw" else CompressedImage, "/camera/image", 5)
+    wheels = node.create_publisher(Odometry, "/odom", 5)
+    source = open_source("ros:/camera/image,odometry=/odom", SourceOptions(field="ssl_2001"))
+    read: list[SourceFrame] = []
+    motion = Odometry()
+    until_s, number = time.monotonic() + _PATIENCE_S, 0
+    try:
+        while len(read) < 10 and time.monotonic() < until_s:
+            number += 1
+            motion.pose.pose.position.x = 0.01 * number
+            wheels.publish(motion)
+            images.publish(encode(image_message(frame, 100.0 + number / 30, "camera", image_format)))
+            read += source.read(1 / 30) or ()
+    finally:
+        source.close()
+        node.destroy_node()
+    assert len(read) == 10
+    assert source.problem == ""
+    assert all(np.abs(one.frame.astype(int) - 90).max() <= 2 for one in read)
+    assert all(after.t_s > before.t_s for before, after in itertools.pairwise(read))
+    moved = sum(one.odometry.x_m for one in read[1:] if one.odometry is not None)
+    # one message may pass the image that it belongs to
+    assert moved == pytest.approx(0.3 * (read[-1].t_s - read[0].t_s), abs=0.021)
 
 
 def test_commands_drive_the_simulated_robot_round_a_square(tmp_path: Path) -> None:

@@ -1,0 +1,261 @@
+"""An image topic of ROS 2 as a source of frames: ``ros:/camera/image_raw[,odometry=/odom]``.
+
+`TopicSource` needs no ROS: messages come in by its methods. `_Listener` alone imports rclpy; it follows the types that
+are published, so that raw and compressed topics need no option, and a topic of another type is said to be one.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any, Protocol
+
+from field_models.errors import ArgumentError, FrameError, PacketError, RobocupVisionError
+from robocup_vision.closing import Closing
+from robocup_vision.geometry import Pose2
+from robocup_vision.live.handover.moment import RobotSetup
+from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
+from robocup_vision.live.sources.source import SourceFrame, SourceOptions
+from robocup_vision.messages.images import frame_of
+from robocup_vision.messages.topics import pose_of
+from robocup_vision.messages.types import decode, prepare, to_seconds
+from robocup_vision.ros.bridge import message_class
+from robocup_vision.vision import Vision
+
+IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+ODOMETRY_TYPES = ("nav_msgs/msg/Odometry",)
+_NODE_NAME = "robocup_vision_live"
+# a camera's stamps may come a little out of order; farther back a bag was begun anew
+_BACK_S = 1.0
+# how often the types that are published are looked at
+_WATCH_S = 0.5
+_CLOSE_S = 2.0
+
+
+class Subscriber(Protocol):
+    """What listens to topics until it is closed."""
+
+    def close(self) -> None:
+        """Listen no more."""
+        ...
+
+
+Handler = Callable[[Any, float], None]
+# listens to topics of some types with handlers of messages, and says what is wrong with a topic (empty: nothing)
+Listen = Callable[[Mapping[str, tuple[tuple[str, ...], Handler]], Callable[[str, str], None]], Subscriber]
+
+
+class TopicSource:
+    """Frames of an image topic; the newest counts.
+
+    Parameters
+    ----------
+    image_topic : str
+        Of sensor_msgs/Image or CompressedImage.
+    odometry_topic : str or None
+        Of nav_msgs/Odometry; None: nothing tells how the robot moves.
+    options : SourceOptions
+        See there.
+    listen : callable, optional
+        Begins to listen; default: by rclpy.
+
+    Raises
+    ------
+    RobocupVisionError
+        If rclpy is not installed, or an option is wrong.
+    """
+
+    waits = False
+    duration_s = None
+
+    def __init__(
+        self, image_topic: str, odometry_topic: str | None, options: SourceOptions, listen: Listen | None = None
+    ) -> None:
+        self.name = image_topic
+        self._options, self._has_odometry = options, odometry_topic is not None
+        self.setups = (setup_by_options(image_topic, options),)
+        self._news = threading.Condition()
+        self._newest: tuple[Any, float, Pose2 | None] | None = None
+        self._odometry: Pose2 | None = None
+        self._at_last_frame: Pose2 | None = None
+        self._first_s: float | None = None
+        self._last_s = 0.0
+        self._problems = {image_topic: "no image has come yet"}
+        self._closed = False
+        topics: dict[str, tuple[tuple[str, ...], Handler]] = {image_topic: (IMAGE_TYPES, self.on_image)}
+        if odometry_topic is not None:
+            topics[odometry_topic] = (ODOMETRY_TYPES, self.on_odometry)
+        self._listener = (listen or _Listener)(topics, self._on_problem)
+
+    @property
+    def problem(self) -> str:
+        """Why no frames come; empty while they do."""
+        return next((text for text in tuple(self._problems.values()) if text), "")
+
+    def make_vision(self, setup: RobotSetup) -> Vision | None:
+        """Return what looks at the frames."""
+        return vision_by_options(setup, self._options, has_odometry=self._has_odometry)
+
+    def on_image(self, message: Any, now_s: float) -> None:
+        """Take an Image or CompressedImage; the clock stands in for a stamp that is zero."""
+        stamp = message.header.stamp
+        t_s = to_seconds(stamp) if stamp.sec or stamp.nanosec else now_s
+        with self._news:
+            self._problems[self.name] = ""
+            self._newest = message, t_s, self._odometry
+            self._news.notify_all()
+
+    def on_odometry(self, message: Any, now_s: float) -> None:
+        """Take a nav_msgs/Odometry; one that is not finite is left out."""
+        pose = pose_of(message.pose.pose)
+        if all(map(math.isfinite, pose.array.tolist())):
+            with self._news:
+                self._odometry = pose
+
+    def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
+        """Return the newest frame, if there is one that has not been read; raises as `Source.read`."""
+        with self._news:
+            self._news.wait_for(lambda: self._newest is not None or self._closed, timeout_s)
+            newest, self._newest = self._newest, None
+            if self._closed:
+                return None
+            if newest is None:
+                return ()
+        message, stamp_s, odometry = newest
+        frame = frame_of(message)
+        t_s, is_new = self._time_of(stamp_s)
+        before, self._at_last_frame = self._at_last_frame, odometry
+        motion = None if before is None or odometry is None or is_new else before.inverse().compose(odometry)
+        if motion is None and self._has_odometry:
+            motion = Pose2(0.0, 0.0, 0.0)
+        return (SourceFrame(self.name, frame, t_s, motion, alone=is_new),)
+
+    def _time_of(self, stamp_s: float) -> tuple[float, bool]:
+        """Return the time since the first frame, and whether nothing before has to do with it: time went back."""
+        if self._first_s is None:
+            self._first_s = stamp_s
+        t_s = stamp_s - self._first_s
+        goes_back = t_s < self._last_s - _BACK_S
+        if goes_back:
+            # the page's own time goes on
+            self._first_s, t_s = stamp_s - self._last_s, self._last_s
+        self._last_s = max(self._last_s, t_s)
+        return self._last_s, goes_back
+
+    def seek(self, t_s: float) -> None:
+        """Refuse: what a topic sent is gone."""
+        raise ArgumentError("a ROS topic cannot go to a time")
+
+    def close(self) -> None:
+        """Listen no more."""
+        with self._news:
+            self._closed = True
+            self._news.notify_all()
+        self._listener.close()
+
+    def _on_problem(self, topic: str, problem: str) -> None:
+        if problem or topic != self.name:
+            self._problems[topic] = problem
+
+
+def open_topic(text: str, options: SourceOptions) -> TopicSource:
+    """Open ``/camera/image_raw[,odometry=/odom]``.
+
+    Raises
+    ------
+    ArgumentError
+        If the text is none of these.
+    RobocupVisionError
+        As `TopicSource`.
+    """
+    image_topic, *rest = text.split(",")
+    odometry_topic = None
+    for word in rest:
+        name, _, value = word.partition("=")
+        if name != "odometry" or not value:
+            raise ArgumentError(f"ros:{text}: '{word}' is no option of an image topic, must be odometry=TOPIC")
+        odometry_topic = value
+    if not image_topic:
+        raise ArgumentError("ros: names no topic, must be such as ros:/camera/image_raw")
+    return TopicSource(image_topic, odometry_topic, options)
+
+
+class _Listener(Closing):
+    """Listens to topics by rclpy, in a context and a thread of its own."""
+
+    def __init__(
+        self, topics: Mapping[str, tuple[tuple[str, ...], Handler]], on_problem: Callable[[str, str], None]
+    ) -> None:
+        try:
+            import rclpy
+            from rclpy.executors import SingleThreadedExecutor
+        except ImportError as error:
+            raise RobocupVisionError(
+                "a ROS topic needs rclpy: source a ROS 2 installation, or install wheels such as"
+                f" ros-kilted-rclpy[fastrtps] ({error})"
+            ) from None
+        self._topics, self._on_problem = topics, on_problem
+        self._context = rclpy.Context()
+        self._context.init()
+        self._node = rclpy.create_node(_NODE_NAME, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._heard: dict[str, tuple[str, Any]] = {}
+        self._node.create_timer(_WATCH_S, self._watch)
+        self._thread = threading.Thread(target=self._spin, name="ros topics", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Listen no more."""
+        # a context that has been shut down ends the thread
+        self._context.try_shutdown()
+        self._thread.join(_CLOSE_S)
+        self._executor.shutdown(timeout_sec=0.0)
+        self._node.destroy_node()
+
+    def _spin(self) -> None:
+        from rclpy.executors import ExternalShutdownException
+
+        with suppress(ExternalShutdownException):
+            self._watch()
+            while self._context.ok():
+                self._executor.spin_once(timeout_sec=_WATCH_S)
+
+    def _watch(self) -> None:
+        """Listen to what is published now."""
+        published = dict(self._node.get_topic_names_and_types())
+        for topic, (wanted, handler) in self._topics.items():
+            full = self._node.resolve_topic_name(topic)
+            kinds = published.get(full, [])
+            kind = next((kind for kind in kinds if kind in wanted), None)
+            if kind is None:
+                names = " or ".join(wanted)
+                problem = f"is of type {', '.join(kinds)}, must be {names}" if kinds else "nobody publishes it"
+                self._on_problem(topic, f"topic {full}: {problem}")
+            elif self._heard.get(topic, ("",))[0] != kind:
+                self._on_problem(topic, self._subscribe(topic, kind, handler))
+
+    def _subscribe(self, topic: str, kind: str, handler: Handler) -> str:
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+        message = message_class(kind)
+        if message is None:
+            return f"topic {topic}: message type {kind} is not installed"
+        prepare([kind])
+
+        def on_bytes(data: bytes) -> None:
+            try:
+                handler(decode(data, kind), time.time())
+            except (PacketError, FrameError) as error:
+                self._on_problem(topic, f"topic {topic}: {error}")
+
+        # best effort hears reliable publishers, too; the newest image alone: what waits is old
+        quality = QoSProfile(depth=1 if kind in IMAGE_TYPES else 50, reliability=ReliabilityPolicy.BEST_EFFORT)
+        old = self._heard.get(topic)
+        if old is not None:
+            self._node.destroy_subscription(old[1])
+        self._heard[topic] = kind, self._node.create_subscription(message, topic, on_bytes, quality, raw=True)
+        return ""
