@@ -82,13 +82,13 @@ def field_names() -> tuple[str, ...]:
     return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
 
 
-def load_field(name_or_path: str | Path) -> Field:
+def load_field(name_or_path: str | Path | Field) -> Field:
     """Load a built-in field by its name, or a field file by its path.
 
     Parameters
     ----------
-    name_or_path : str or Path
-        One of `field_names`, or a path that ends in ``.toml``.
+    name_or_path : str, Path or Field
+        One of `field_names`, or a path that ends in ``.toml``; a field is returned as it is.
 
     Raises
     ------
@@ -102,6 +102,8 @@ def load_field(name_or_path: str | Path) -> Field:
     >>> load_field("ssl_2001").length_m
     2.74
     """
+    if isinstance(name_or_path, Field):
+        return name_or_path
     if str(name_or_path).endswith(".toml"):
         path = Path(name_or_path)
     elif str(name_or_path) in field_names():

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from field_models.errors import FileError
+from field_models.errors import ArgumentError, FileError
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -32,6 +32,8 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     FileError
         If the file cannot be read, is not TOML, or holds a non-finite number.
     """
+    if not isinstance(path, (str, Path)):
+        raise ArgumentError(f"the path of a file must be a str or Path, got {type(path).__name__} {path!r}")
     try:
         # "-sig": some editors put a byte order mark in front
         raw = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))

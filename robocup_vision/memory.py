@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arguments import as_field
 from robocup_vision.belief import Belief, MapPicture, Track
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -83,8 +85,8 @@ class Memory:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
+    field : Field or str
+        The pitch, or the name of a built-in one, or the path of a field file.
     poses : PoseFilter, optional
         A pose filter; default: one with the settings' values, whose poses stay within the field's walls.
     objects : MovingObjects or None
@@ -115,7 +117,7 @@ class Memory:
 
     def __init__(
         self,
-        field: Field,
+        field: Field | str | Path,
         *,
         poses: PoseFilter | None = None,
         objects: MovingObjects | None = None,
@@ -125,6 +127,7 @@ class Memory:
         limits: MotionLimits | None = None,
         settings: MemorySettings = MemorySettings(),
     ) -> None:
+        field = as_field(field)
         if limits is not None:
             if poses is not None:
                 raise ArgumentError("limits are for the pose filter that Memory makes: leave out poses or limits")
@@ -150,7 +153,7 @@ class Memory:
 
     @classmethod
     def of_everything(
-        cls, field: Field, settings: MemorySettings = MemorySettings(), limits: MotionLimits | None = None
+        cls, field: Field | str | Path, settings: MemorySettings = MemorySettings(), limits: MotionLimits | None = None
     ) -> Memory:
         """Return a memory that tracks other robots, and maps the free floor by the camera alone."""
         floor = {_FLOOR: default_sensors()[_FLOOR]}
@@ -230,6 +233,8 @@ class Memory:
         ArgumentError
             If the view has no time.
         """
+        if not isinstance(view, View):
+            raise ArgumentError(f"update takes the view of a frame, got {type(view).__name__}")
         t_s = view.t_s
         if t_s is None:
             raise ArgumentError(_NO_TIME)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal, Protocol
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arguments import as_camera, as_count, as_field, as_number, as_pose, as_prior, as_time
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -23,9 +25,17 @@ from robocup_vision.pipeline.omni import OmniPipeline
 from robocup_vision.pipeline.pinhole import PinholePipeline
 from robocup_vision.view import View
 
+_NO_TIME = "memory needs the time of a frame: hand t_s to look"
 _NO_FLOOR = "this camera maps none of its pixels to the floor (is its tilt_rad known?)"
 
+# finer cells than one a tenth of a degree, or a centimetre on a large field, hold no sample of their own
+_MAX_DIRECTIONS, _MAX_RINGS = 3600, 1000
+
 __all__ = ["View", "Vision"]
+
+
+def _is_same_field(one: Field, other: Field) -> bool:
+    return one is other or (one.name, one.length_m, one.width_m) == (other.name, other.length_m, other.width_m)
 
 
 class CameraRefiner(Protocol):
@@ -43,8 +53,8 @@ class Vision:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
+    field : Field or str
+        The pitch, or the name of a built-in one, or the path of a field file.
     camera : OmniCamera or PinholeCamera
         The camera.
     colors : Colors, optional
@@ -84,7 +94,7 @@ class Vision:
 
     def __init__(
         self,
-        field: Field,
+        field: Field | str | Path,
         camera: OmniCamera | PinholeCamera,
         colors: Colors | None = None,
         *,
@@ -96,7 +106,17 @@ class Vision:
         memory: Memory | None = None,
         channels: Literal["bgr", "rgb"] = "bgr",
     ) -> None:
-        if online is not None and online.camera is not camera:
+        field, camera = as_field(field), as_camera(camera)
+        if colors is not None and not isinstance(colors, Colors):
+            raise ArgumentError(f"colors must be what load_colors(path) returns, got {type(colors).__name__}")
+        if memory is not None and not isinstance(memory, Memory):
+            raise ArgumentError(f"memory must be a Memory(field), got {type(memory).__name__}")
+        if memory is not None and not _is_same_field(memory.field, field):
+            raise ArgumentError(f"memory is of field '{memory.field.name}', this Vision of '{field.name}'")
+        directions = as_count("directions", directions, 3, _MAX_DIRECTIONS)
+        if not isinstance(rings, (tuple, list)):
+            rings = as_count("rings", rings, 1, _MAX_RINGS)
+        if online is not None and getattr(online, "camera", None) is not camera:
             raise ArgumentError("online must be made for this very camera, which must be a mirror camera")
         if memory is not None and memory.ego_motion is not None and isinstance(camera, PinholeCamera):
             raise ArgumentError("the memory's ego_motion needs a mirror camera, which sees all around")
@@ -136,7 +156,7 @@ class Vision:
 
     def look(
         self,
-        frame: UInt8Array,
+        frame: UInt8Array | None,
         t_s: float | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
@@ -146,8 +166,10 @@ class Vision:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            Of the camera's size, its channels as said by `channels`.
+        frame : (H, W, 3) uint8 or None
+            Of the camera's size, its channels as said by `channels`. None: the camera gave none this time. The view is
+            then `NotLocated`, its free space that of the last frame moved by the odometry, for half a second at most,
+            and the belief is predicted.
         t_s : float, optional
             When it was taken; stands in the view. Needed with a memory.
         odometry : Pose2, optional
@@ -165,9 +187,15 @@ class Vision:
             If the frame has another size or type.
         ArgumentError
             With a memory: if `t_s` is missing, or runs backwards where odometry is handed over. If a mirror camera is
-            given a pan.
+            given a pan, an argument is of another type, or not finite.
         """
+        t_s = None if t_s is None else as_time(t_s)
+        odometry = None if odometry is None else as_pose("odometry", odometry)
+        prior = None if prior is None else as_prior(prior)
+        pan_rad = None if pan_rad is None else as_number("pan_rad", pan_rad)
         self._is_fresh = False
+        if frame is None:
+            return self._look_at_nothing(t_s, odometry)
         if self._memory is None:
             view = self._look(frame, t_s, odometry, prior, pan_rad)
         else:
@@ -193,6 +221,17 @@ class Vision:
             raise ArgumentError("pan_rad is for a pinhole camera on a head: a mirror camera has no pan")
         return self._pipeline.look(frame, t_s, odometry, prior)
 
+    def _look_at_nothing(self, t_s: float | None, odometry: Pose2 | None) -> View:
+        """Return what is known without a frame: the last free space, and the memory's prediction."""
+        if self._memory is not None and t_s is None:
+            raise ArgumentError(_NO_TIME)
+        view = self._pipeline.drop(t_s, odometry)
+        if self._memory is None or t_s is None:
+            return view
+        if odometry is not None:
+            self._memory.predict(odometry, t_s)
+        return replace(view, belief=self._memory.belief(t_s))
+
     def _look_and_remember(
         self,
         memory: Memory,
@@ -203,7 +242,7 @@ class Vision:
         pan_rad: float | None,
     ) -> View:
         if t_s is None:
-            raise ArgumentError("memory needs the time of a frame: hand t_s to look")
+            raise ArgumentError(_NO_TIME)
         by_view = memory.ego_motion is not None
         if odometry is not None and not by_view:
             memory.predict(odometry, t_s)
@@ -237,7 +276,7 @@ class Vision:
         if self._memory is None:
             raise ArgumentError("predict needs a memory: Vision(..., memory=Memory(field))")
         self._is_fresh = False
-        self._memory.predict(odometry, t_s)
+        self._memory.predict(as_pose("odometry", odometry), as_time(t_s))
 
     def forget(self) -> None:
         """Forget learnt colours, the last pose and what memory holds: the next frame stands alone."""

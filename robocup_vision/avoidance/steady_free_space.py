@@ -56,7 +56,7 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
     Parameters
     ----------
     free_space : FreeSpace
-        All around, at evenly spaced bearings.
+        At evenly spaced bearings, all around or over a narrower view; what comes into that is not free.
     motion : Pose2
         Motion since its frame, in the robot's frame of then.
     """
@@ -66,14 +66,25 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
     finite = np.isfinite(reach)
     if not finite.any():
         return free_space
-    half = math.pi / len(bearing)
+    step = float(bearing[1] - bearing[0]) if len(bearing) > 1 else math.tau
+    is_ring = abs(step * len(bearing) - math.tau) < 1e-6
+    half = math.pi / len(bearing) if is_ring else step / 2
     ends = np.concatenate([_ends(bearing[finite] + turn, reach[finite]) for turn in (-half, 0.0, half)])
     moved = motion.inverse().transform(ends)
     turned, away = np.arctan2(moved[:, 1], moved[:, 0]), np.hypot(moved[:, 0], moved[:, 1])
-    order = np.argsort(turned)
-    seen = np.interp(bearing, turned[order], away[order], period=math.tau)
     # a nearer obstacle hides a farther one; interpolation between the two would not
-    index = np.rint((turned - bearing[0]) / (2 * half)).astype(int) % len(bearing)
+    if is_ring:
+        order = np.argsort(turned)
+        seen = np.interp(bearing, turned[order], away[order], period=math.tau)
+        index = np.rint((turned - bearing[0]) / (2 * half)).astype(int) % len(bearing)
+    else:
+        middle = float(bearing.mean())
+        turned = middle + np.remainder(turned - middle + math.pi, math.tau) - math.pi
+        order = np.argsort(turned)
+        seen = np.interp(bearing, turned[order], away[order], left=0.0, right=0.0)
+        index = np.rint((turned - bearing[0]) / step).astype(int)
+        is_shown = (index >= 0) & (index < len(bearing))
+        index, away = index[is_shown], away[is_shown]
     np.minimum.at(seen, index, away)
     seen.flags.writeable = False
     return FreeSpace(bearing, seen)

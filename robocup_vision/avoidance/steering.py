@@ -8,6 +8,7 @@ to the target. The loops are compiled (`robocup_vision.kernels.motion.steering`)
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -15,6 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arguments import as_number
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
 from robocup_vision.avoidance.steering_settings import SteeringSettings
@@ -114,7 +116,10 @@ class Steering:
     def __init__(
         self, robot_radius_m: float, limits: MotionLimits, settings: SteeringSettings = SteeringSettings()
     ) -> None:
-        if not (math.isfinite(robot_radius_m) and robot_radius_m >= 1e-6):
+        robot_radius_m = as_number("robot_radius_m", robot_radius_m)
+        if not isinstance(limits, MotionLimits):
+            raise ArgumentError(f"limits must be MotionLimits(speed_mps, ...), got {type(limits).__name__}")
+        if not robot_radius_m >= 1e-6:
             raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
         self.robot_radius_m, self.limits, self.settings = robot_radius_m, limits, settings
         # Trajectories are sampled, and braking begun midway leaves the one that was checked: half a step of clearance.
@@ -207,6 +212,8 @@ class Steering:
         ArgumentError
             Shapes do not fit, or velocities, target bearing or target distance are not finite.
         """
+        if not hasattr(free_space, "bearing_rad"):
+            raise ArgumentError(_not_free(free_space))
         bearing = np.array(free_space.bearing_rad, dtype=np.float64)
         range_m = np.array(free_space.range_m, dtype=np.float64)
         if bearing.ndim != 1 or range_m.shape != bearing.shape or bearing.shape[0] < 3:
@@ -216,18 +223,19 @@ class Steering:
             )
         velocity = _pair("velocity_mps", velocity_mps)
         pending = velocity if pending_mps is None else _pair("pending_mps", pending_mps)
-        if not math.isfinite(target_bearing_rad):
-            raise ArgumentError(f"target_bearing_rad must be finite, got {target_bearing_rad!r}")
-        distance = math.inf if target_distance_m is None else float(target_distance_m)
+        target_bearing_rad = as_number("target_bearing_rad", target_bearing_rad)
+        distance = math.inf if target_distance_m is None else _number("target_distance_m", target_distance_m)
         if not distance >= 0.0:
             raise ArgumentError(f"target_distance_m must not be negative, got {target_distance_m!r}")
         if bearing.shape[0] != self._known_bearing.shape[0]:
             self._resize(bearing.shape[0])
-        if speed_mps is not None and not speed_mps > 0.0:
+        if speed_mps is not None and not _number("speed_mps", speed_mps) > 0.0:
             raise ArgumentError(f"speed_mps must be positive, got {speed_mps!r}")
         rules = self._rules
         if speed_mps is not None:
             rules = rules._replace(speed=min(float(speed_mps), rules.speed))
+        if not all(isinstance(disc, Disc) for disc in moving):
+            raise ArgumentError("moving must be a sequence of Disc: track.as_disc(robot, radius_m)")
         if not rules.use_velocity:
             moving = ()
         if moving:
@@ -270,6 +278,18 @@ class Steering:
         # NaN equals nothing, so the kernel measures the sectors at the first call.
         self._known_bearing = np.full(bearings, np.nan)
         self._sectors = grown_profile.Sectors(np.empty((bearings, 4)), np.empty((bearings, 4), dtype=np.int64))
+
+
+def _not_free(value: object) -> str:
+    hint = "steer(view.free_space, ...)" if hasattr(value, "free_space") else "bearing_rad and range_m"
+    return f"free_space must be the free space of a view, {hint}, got {type(value).__name__}"
+
+
+def _number(name: str, value: object) -> float:
+    """Return a number that may be infinite."""
+    if not isinstance(value, numbers.Real):
+        raise ArgumentError(f"{name} must be a number, got {value!r}")
+    return float(value)
 
 
 def _pair(name: str, value: Sequence[float] | FloatArray) -> tuple[float, float]:

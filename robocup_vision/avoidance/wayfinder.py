@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arguments import as_number, as_pose
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.geometry import Pose2
@@ -143,7 +144,7 @@ class Wayfinder:
     """
 
     def __init__(self, robot_radius_m: float, settings: WayfinderSettings = WayfinderSettings()) -> None:
-        if not (math.isfinite(robot_radius_m) and robot_radius_m >= 1e-6):
+        if not as_number("robot_radius_m", robot_radius_m) >= 1e-6:
             raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
         if not settings.window_m >= 8.0 * robot_radius_m:
             raise ArgumentError(f"window_m must be at least 8 radii of the robot, got {settings.window_m!r}")
@@ -196,6 +197,9 @@ class Wayfinder:
         ArgumentError
             There are fewer than two bearings, or as many ranges not.
         """
+        motion = as_pose("motion", motion)
+        if not hasattr(free_space, "bearing_rad"):
+            raise ArgumentError(f"free_space must be the free space of a view, got {type(free_space).__name__}")
         bearing = np.array(free_space.bearing_rad, dtype=np.float64)
         range_cells = np.array(free_space.range_m, dtype=np.float64) / self._cell_m
         if bearing.ndim != 1 or len(bearing) < 2 or range_cells.shape != bearing.shape:

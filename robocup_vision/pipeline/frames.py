@@ -12,6 +12,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.avoidance.steady_free_space import carry_free_space
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
@@ -19,8 +20,14 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.color_memory import ColorMemory
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.perception.polar_view import PolarView
 
+# others may have moved by a robot's width by then
+_MAX_CARRIED_S = 0.5
+# between frames without times
+_USUAL_STEP_S = 1 / 30
+NO_FRAME = "no frame: the camera gave none this time"
 BGR, RGB = CHANNELS = ("bgr", "rgb")
 
 
@@ -44,6 +51,15 @@ class FloorEdgeSettings:
     strip_nats: float = 5.0
     line_gap_columns: int = 3
     min_contrast: float = 5.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _CarriedFloor:
+    """Free space of the last frame moved to now, when that frame was taken, and how many have been dropped since."""
+
+    free_space: FreeSpace
+    frame_s: float | None
+    dropped: int
 
 
 def to_bgr(frame: UInt8Array, channels: str) -> UInt8Array:
@@ -94,10 +110,12 @@ class FramePipeline:
         self._keep = None if mask is None else (mask == 0).astype(np.uint8)
         self._color_memory = ColorMemory(field, colors, strongest_cast)
         self._last_pose: Pose2 | None = None
+        self._carried: _CarriedFloor | None = None
 
     def forget(self) -> None:
-        """Forget learnt colours and the last pose: the next frame stands alone."""
+        """Forget learnt colours, the last pose and floor: the next frame stands alone."""
         self._has_warned = False
+        self._carried = None
         self._color_memory.forget()
         self._last_pose = None
 
@@ -127,6 +145,24 @@ class FramePipeline:
         certain, strip = int(settings.certain_nats / LLR_PER_UNIT), int(settings.strip_nats / LLR_PER_UNIT)
         polar.outer_boundary(llr, view.valid, certain, settings.line_gap_columns, strip, columns)
         return columns
+
+    def _keep_floor(self, free_space: FreeSpace, t_s: float | None) -> None:
+        """Keep a frame's free space, for frames that are dropped after it."""
+        self._carried = _CarriedFloor(free_space, t_s, 0)
+
+    def _carry(self, odometry: Pose2 | None, t_s: float | None) -> FreeSpace | None:
+        """Return the last frame's free space moved by the odometry; None if there is none, or it is too old."""
+        kept = self._carried
+        # what the robot had moved before the next frame is not known without odometry
+        known = self._last_pose if odometry is not None else None
+        self._last_pose = None if known is None or odometry is None else known.compose(odometry)
+        if kept is None:
+            return None
+        dropped = kept.dropped + 1
+        free_space = kept.free_space if odometry is None else carry_free_space(kept.free_space, odometry)
+        self._carried = _CarriedFloor(free_space, kept.frame_s, dropped)
+        seconds = dropped * _USUAL_STEP_S if t_s is None or kept.frame_s is None else t_s - kept.frame_s
+        return free_space if seconds <= _MAX_CARRIED_S else None
 
     def _warnings(self, pose: PoseEstimate | NotLocated) -> tuple[str, ...]:
         """Return what a user must be told of the frames, once."""

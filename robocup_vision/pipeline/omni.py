@@ -19,7 +19,7 @@ from robocup_vision.perception.balls.mirror import MirrorBallFinder
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
-from robocup_vision.pipeline.frames import BGR, FramePipeline
+from robocup_vision.pipeline.frames import BGR, NO_FRAME, FramePipeline
 from robocup_vision.view import View
 
 
@@ -67,7 +67,7 @@ class OmniPipeline(FramePipeline):
             channels=self.channels,
         )
         other._color_memory, other._last_pose = self._color_memory, self._last_pose
-        other._has_warned = self._has_warned
+        other._has_warned, other._carried = self._has_warned, self._carried
         return other
 
     def forget(self) -> None:
@@ -90,7 +90,7 @@ class OmniPipeline(FramePipeline):
         samples = self.polar.sample(frame)
         table, llr = self._color_memory.classify(samples, self.polar)
         if table is None:
-            return self._blind(begin, t_s)
+            return self._blind(begin, t_s, "no floor is found around the robot: too dark, or none in view")
         colored = perf_counter()
         edge, outermost = self._outline(frame, llr, table)
         outlined = perf_counter()
@@ -108,6 +108,7 @@ class OmniPipeline(FramePipeline):
         free_space = self.grid.measure(marks)
         end = perf_counter()
         self._last_pose = pose.pose if pose else None
+        self._keep_floor(free_space, t_s)
         timings = {
             "colors": colored - begin,
             "outline": outlined - colored,
@@ -149,13 +150,21 @@ class OmniPipeline(FramePipeline):
         )
         return edge, column
 
-    def _blind(self, begin: float, t_s: float | None) -> View:
+    def drop(self, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
+        """Return the view of a frame that the camera did not give; see `Vision.look`."""
+        begin = perf_counter()
+        carried, pose = self._carry(odometry, t_s), self._last_pose
+        view = self._blind(begin, t_s, NO_FRAME, carried)
+        self._last_pose = pose
+        return view
+
+    def _blind(self, begin: float, t_s: float | None, reason: str, free_space: FreeSpace | None = None) -> View:
         self._last_pose = None
         shape = self.polar.valid.shape
-        free_space = FreeSpace(self.grid.bearing_rad, np.full(len(self.grid.bearing_rad), self.grid.ring_bounds_m[0]))
+        nothing = np.full(len(self.grid.bearing_rad), self.grid.ring_bounds_m[0])
         return View(
-            NotLocated("no floor is found around the robot: too dark, or none in view"),
-            free_space,
+            NotLocated(reason),
+            free_space or FreeSpace(self.grid.bearing_rad, nothing),
             (),
             {"total": perf_counter() - begin},
             self._nothing,

@@ -15,7 +15,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import Method, make_pinhole_localizer
@@ -25,7 +25,7 @@ from robocup_vision.perception.balls.pinhole import PinholeBallFinder
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
-from robocup_vision.pipeline.frames import BGR, FramePipeline
+from robocup_vision.pipeline.frames import BGR, NO_FRAME, FramePipeline
 from robocup_vision.view import View
 
 # logarithm of the strongest cast of light: white beyond it is some paint
@@ -182,27 +182,14 @@ class PinholePipeline(FramePipeline):
         if floor is not None and pose and not self._needs_samples and camera.known_orientation:
             floor = floor.turned(_as_held(answer.camera))
         if floor is None:
-            nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
+            self._carried = None
             timings["total"] = perf_counter() - begin
-            free_space = FreeSpace(nothing, np.empty(0))
-            return View(
-                pose,
-                free_space,
-                (),
-                timings,
-                nothing,
-                none,
-                np.empty(0),
-                None,
-                answer.camera,
-                None,
-                t_s,
-                measurement=measured,
-                edge_points=answer.edge_points,
-            )
+            view = self._without_floor(pose, answer.camera, timings, t_s)
+            return replace(view, measurement=measured, edge_points=answer.edge_points)
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
         marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
+        self._keep_floor(free_space, t_s)
         walls = np.full(floor.view.bearings, np.nan)
         if robot is not None and self.field.is_bounded:
             walls = wall_px(self.field.walls, robot, floor.view)
@@ -222,6 +209,28 @@ class PinholePipeline(FramePipeline):
             measurement=measured,
             edge_points=answer.edge_points,
         )
+
+    def drop(self, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
+        """Return the view of a frame that the camera did not give; see `Vision.look`."""
+        begin = perf_counter()
+        carried, floor = self._carry(odometry, t_s), self._floor
+        camera = self.camera if floor is None else floor.camera
+        view = self._without_floor(NotLocated(NO_FRAME), camera, {"total": perf_counter() - begin}, t_s)
+        if carried is None:
+            return view if floor is None else replace(view, free_space=_none_free(floor.grid))
+        return replace(view, free_space=carried)
+
+    @staticmethod
+    def _without_floor(
+        pose: PoseEstimate | NotLocated,
+        camera: OmniCamera | PinholeCamera,
+        timings: dict[str, float],
+        t_s: float | None,
+    ) -> View:
+        """Return a view that shows a pose, or none, and no floor."""
+        nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
+        free_space = FreeSpace(nothing, np.empty(0))
+        return View(pose, free_space, (), timings, nothing, none, np.empty(0), None, camera, None, t_s)
 
     def _evidence(
         self, frame: UInt8Array, camera: PinholeCamera, samples: _FloorSamples | None, t_s: float | None
@@ -262,7 +271,7 @@ class PinholePipeline(FramePipeline):
         balls: tuple[Ball, ...] = ()
         if samples.table is None:
             marks = np.zeros(samples.llr.shape, dtype=np.uint8)
-            free_space = FreeSpace(floor.grid.bearing_rad, np.zeros(len(floor.grid.bearing_rad)))
+            free_space = _none_free(floor.grid)
             ball_found = perf_counter()
         else:
             balls = floor.finder.find(frame, samples.table, self._near_floor_nats(samples.llr, floor.view))
@@ -276,6 +285,10 @@ class PinholePipeline(FramePipeline):
             free_space = floor.grid.measure(marks)
         timings |= {"ball": ball_found - begin, "free_space": perf_counter() - ball_found}
         return marks, balls, free_space
+
+
+def _none_free(grid: FreeSpaceGrid) -> FreeSpace:
+    return FreeSpace(grid.bearing_rad, np.zeros(len(grid.bearing_rad)))
 
 
 def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:

@@ -24,6 +24,8 @@ from robocup_vision.view import View
 
 # the calls of loop "vision"; other loops have kinds of their own
 LOOK, PREDICT, STEER, FORGET = "look", "predict", "steer", "forget"
+# the input of a look that had no frame
+DROPPED = "is_dropped"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

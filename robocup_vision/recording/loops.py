@@ -19,7 +19,7 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.perception.color_table import Colors
-from robocup_vision.recording.calls import FORGET, LOOK, PREDICT, STEER, Call, look_outputs, steer_outputs
+from robocup_vision.recording.calls import DROPPED, FORGET, LOOK, PREDICT, STEER, Call, look_outputs, steer_outputs
 from robocup_vision.recording.run import MemoryRun, Run
 from robocup_vision.view import View
 
@@ -117,6 +117,8 @@ class VisionLoopKind:
             return FrameStep(False, odometry=inputs["odometry"])
         if kind != LOOK:
             return FrameStep(False)
+        if inputs.get(DROPPED):
+            return FrameStep(False, odometry=inputs["odometry"])
         return FrameStep(True, inputs["t_s"], inputs["odometry"], inputs["prior"], inputs["pan_rad"])
 
 
@@ -129,6 +131,10 @@ class _VisionLoop:
 
     def call(self, call: Call) -> Mapping[str, Any]:
         if call.kind == LOOK:
+            inputs = dict(call.inputs)
+            if inputs.pop(DROPPED, False):
+                self._view = self._vision.look(None, **inputs)
+                return look_outputs(self._view)
             if call.frame is None:
                 raise RobocupVisionError(f"call {call.number}, a look, has no image in the recording")
             self._view = self._vision.look(call.frame, **call.inputs)

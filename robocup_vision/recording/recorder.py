@@ -32,7 +32,7 @@ from robocup_vision.messages.types import CALL, header, make, prepare
 from robocup_vision.perception.color_table import save_colors
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.pipeline.frames import to_bgr
-from robocup_vision.recording.calls import FORGET, LOOK, PREDICT, STEER, look_outputs, steer_outputs
+from robocup_vision.recording.calls import DROPPED, FORGET, LOOK, PREDICT, STEER, look_outputs, steer_outputs
 from robocup_vision.recording.log_writer import COMPRESSIONS, Compression, Job, LogWriter
 from robocup_vision.recording.run import Run
 from robocup_vision.recording.values import ValueCodec
@@ -249,7 +249,7 @@ class Recorder(Closing):
 
     def look(
         self,
-        frame: UInt8Array,
+        frame: UInt8Array | None,
         t_s: float | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
@@ -264,7 +264,7 @@ class Recorder(Closing):
     def add_look(
         self,
         view: View,
-        frame: UInt8Array,
+        frame: UInt8Array | None,
         t_s: float | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
@@ -273,18 +273,22 @@ class Recorder(Closing):
         """Record a look that has been made: the view, and what `Vision.look` was called with."""
         self._view = view
         at_s = self._at(t_s)
-        inputs = {"t_s": t_s, "odometry": odometry, "prior": prior, "pan_rad": pan_rad}
+        inputs: dict[str, Any] = {"t_s": t_s, "odometry": odometry, "prior": prior, "pan_rad": pan_rad}
         # recordings hold BGR, whatever the camera gives
-        kept = own_frame(to_bgr(frame, self._vision.channels))
+        kept = None if frame is None else own_frame(to_bgr(frame, self._vision.channels))
+        if kept is None:
+            inputs[DROPPED] = True
         topics = self._calls.topics
 
         def messages() -> Iterator[Outgoing]:
             if odometry is not None:
                 yield from topics.of_odometry(odometry, at_s)
-            yield from topics.of_frame(kept, at_s)
+            if kept is not None:
+                yield from topics.of_frame(kept, at_s)
             yield from topics.of_look(view, at_s)
 
-        self._calls.add_call(LOOK, at_s, inputs, lambda: look_outputs(view), messages, kept.nbytes)
+        size_bytes = 0 if kept is None else kept.nbytes
+        self._calls.add_call(LOOK, at_s, inputs, lambda: look_outputs(view), messages, size_bytes)
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
         """Move what memory believes, and record it: `Vision.predict`."""

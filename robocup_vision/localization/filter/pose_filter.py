@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arguments import as_pose
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -95,7 +96,7 @@ class PoseFilter:
 
     def expect(self, pose: Pose2) -> None:
         """Name the pose where the robot probably begins: of the poses of the first frame, the nearest one counts."""
-        self._expected = pose
+        self._expected = as_pose("pose", pose)
 
     @property
     def expected(self) -> Pose2 | None:
@@ -128,6 +129,8 @@ class PoseFilter:
         ArgumentError
             The odometry is not finite, or time runs backwards.
         """
+        if not isinstance(odometry, Pose2):
+            as_pose("odometry", odometry)
         if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad, t_s))):
             raise ArgumentError(f"odometry and its time must be finite, got {odometry} at {t_s!r} s")
         if self._now_s is None:
@@ -162,7 +165,9 @@ class PoseFilter:
             When the frame was taken. One after the last odometry counts as of now; one before the history (1 s) changes
             nothing.
         """
-        if not isinstance(estimate, PoseEstimate) or not math.isfinite(t_s):
+        if not isinstance(estimate, (PoseEstimate, NotLocated)):
+            raise ArgumentError(f"update takes a PoseEstimate or NotLocated, got {type(estimate).__name__}")
+        if isinstance(estimate, NotLocated) or not math.isfinite(t_s):
             return
         if self._now_s is not None:
             t_s = min(t_s, self._now_s)

@@ -7,16 +7,19 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
-from recorded_runs import record_run, run_frames
+from recorded_runs import make_vision, record_run, run_frames
 
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision import cli
 from robocup_vision.geometry import Pose2
-from robocup_vision.recording import Recording
+from robocup_vision.memory import Memory
+from robocup_vision.recording import Recorder, Recording
 from robocup_vision.recording.loops import Changes, loop_kind
 from robocup_vision.recording.replay import Differences, ReplayedCall, replay
+from robocup_vision.vision import Vision
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +138,20 @@ def test_a_loop_that_nobody_brings_is_named() -> None:
 
     with pytest.raises(RobocupVisionError, match="loop 'another', which no installed package brings"):
         loop_kind("another")
+
+
+def test_rgb_frames_and_dropped_ones_are_replayed(tmp_path: Path) -> None:
+    made = make_vision()
+    vision = Vision(made.field, made.camera, memory=Memory(made.field), channels="rgb")
+    looks = 4
+    with Recorder(tmp_path / "rgb.mcap", vision) as recorder:
+        for index, now in enumerate(run_frames()[:looks]):
+            frame = None if index == 2 else np.ascontiguousarray(now.frame[..., ::-1])
+            view = recorder.look(frame, t_s=now.t_s, odometry=now.odometry)
+            assert bool(view.pose) == (index != 2)
+    differences = _differences(tmp_path / "rgb.mcap")
+    assert differences.is_same
+    assert differences.looks == looks
+    frames = list(Recording(tmp_path / "rgb.mcap").frames())
+    assert len(frames) == looks - 1
+    np.testing.assert_array_equal(frames[0].frame, run_frames()[0].frame)

@@ -1,0 +1,140 @@
+"""Checks of what users hand to the public objects: misuse ends in one line that says what belongs there.
+
+Each check returns the value, so that it stands where the value is taken.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from pathlib import Path
+
+import numpy as np
+
+from field_models.catalog import load_field
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+
+
+def as_field(value: object) -> Field:
+    """Return a field, loaded where its name or file is given.
+
+    Raises
+    ------
+    ArgumentError
+        If it is neither.
+    FileError
+        If the field file is not valid.
+    """
+    if isinstance(value, Field):
+        return value
+    if isinstance(value, (str, Path)):
+        return load_field(value)
+    raise ArgumentError(f"field must be a Field, or the name or file of one, got {_shown(value)}")
+
+
+def as_camera(value: object) -> OmniCamera | PinholeCamera:
+    """Return a camera.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none.
+    """
+    if isinstance(value, (OmniCamera, PinholeCamera)):
+        return value
+    raise ArgumentError(f"camera must be what load_camera(path) returns, got {_shown(value)}")
+
+
+def as_pose(name: str, value: object) -> Pose2:
+    """Return a finite pose or motion.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no `Pose2`, or not finite.
+    """
+    if not isinstance(value, Pose2):
+        raise ArgumentError(f"{name} must be a Pose2(x_m, y_m, theta_rad), got {_shown(value)}")
+    if not (_is_finite(value.x_m) and _is_finite(value.y_m) and _is_finite(value.theta_rad)):
+        raise ArgumentError(f"{name} must be finite, got {value}")
+    return value
+
+
+def as_prior(value: object) -> PoseEstimate | Pose2 | None:
+    """Return a finite prior; what is not located is none.
+
+    Raises
+    ------
+    ArgumentError
+        If it is neither a pose nor an estimate, or not finite.
+    """
+    if value is None or isinstance(value, NotLocated):
+        return None
+    if not isinstance(value, PoseEstimate):
+        return as_pose("prior", value)
+    as_pose("prior", value.pose)
+    if not np.isfinite(value.covariance).all():
+        raise ArgumentError(f"the prior's covariance must be finite, got {value.covariance.tolist()}")
+    return value
+
+
+def as_time(value: object, name: str = "t_s") -> float:
+    """Return a time, seconds.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no finite number.
+    """
+    if isinstance(value, float) and math.isfinite(value):
+        return value
+    return as_number(name, value)
+
+
+def as_number(name: str, value: object) -> float:
+    """Return a finite number.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none.
+    """
+    if not isinstance(value, numbers.Real):
+        raise ArgumentError(f"{name} must be a number, got {_shown(value)}")
+    if not math.isfinite(value):
+        raise ArgumentError(f"{name} must be finite, got {value!r}")
+    return float(value)
+
+
+def as_count(name: str, value: object, low: int, high: int) -> int:
+    """Return a whole number within bounds.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise ArgumentError(f"{name} must be a whole number, got {_shown(value)}")
+    whole = int(value)
+    if whole < low:
+        raise ArgumentError(f"{name} must be at least {low}, got {whole}")
+    if whole > high:
+        raise ArgumentError(f"{name} must be at most {high}, got {whole}")
+    return whole
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, numbers.Real) and math.isfinite(value)
+
+
+def _shown(value: object) -> str:
+    """Return a value in words that fit a line: its type, and itself where that is short."""
+    text = repr(value)
+    kind = type(value).__name__
+    return f"{kind} {text}" if len(text) <= 60 and "\n" not in text else f"a value of type {kind}"
