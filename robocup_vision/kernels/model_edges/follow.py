@@ -74,11 +74,10 @@ class Fit(NamedTuple):
         Of that log-likelihood at the fit.
     carpet : (5,) float64
         See `carpet_look`.
-    figures : (15,) float64
+    figures : (13,) float64
         Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
         line points, those explained, hidden upright, standard deviation of the position by the measurements alone
-        where it is greatest (m), logarithm of the odds but for that, the part of it that speaks against the pose, and
-        how many edges of the field were found.
+        where it is greatest (m), and how many edges of the field were found.
     """
 
     unknowns: FloatArray
@@ -234,7 +233,7 @@ def follow(
     modes = np.zeros((most_modes, UNKNOWNS))
     kept = choose_mode(coarse, count, scene.draws, settings, modes)
     origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
-    best, best_odds = -1, -1e9
+    best, best_worth = -1, -1e9
     z = np.empty(UNKNOWNS)
     for k in range(kept + 1):
         # the last turn comes back to the best of them, where another was looked at since
@@ -245,14 +244,13 @@ def follow(
             robust_fit(coarse, count, settings, gates, origin, modes[k])
         for j in range(UNKNOWNS):
             z[j] = modes[best if again else k, j]
-        clear, odds = _assess(image, scene, prior, settings, room, fit, z)
-        if odds > best_odds:
-            best, best_odds = k, odds
+        clear, worth = _assess(image, scene, prior, settings, room, fit, z)
+        if worth > best_worth:
+            best, best_worth = k, worth
             if clear:
                 break
     if best < 0:
         return False
-    fit.figures[12] = best_odds
     return _conclude(prior.root, z, room.information, room.gradient, fit)
 
 
@@ -265,7 +263,7 @@ def _assess(
     Returns
     -------
     bool, float
-        Whether no other mode needs a look, and the logarithm of the odds that it is right; -1e9 if it cannot be fitted.
+        Whether no other mode needs a look, and what the mode is worth among others; -1e9 if it cannot be fitted.
     """
     figures = fit.figures
     count, inliers, rms, ok = _refine(image, scene, prior, settings, room, fit, z)
@@ -290,18 +288,17 @@ def _assess(
     figures[0], figures[1], figures[2], figures[3], figures[4] = count, looked, seen, missing, upright
     figures[5], figures[6], figures[7], figures[8], figures[9] = inliers, rms, far, number, right
     figures[10] = hidden
-    odds = settings.odds
-    against = (
-        odds[2] * missing / (seen + missing + 4.0)
-        + odds[3] * hidden / (upright + hidden + 4.0)
-        + odds[4] * (number - right) / (number + 4.0)
-        + odds[5] * far
+    figures[12] = _edges_found(room, count)
+    weights = settings.mode_weights
+    worth = (
+        weights[0] * math.log(1.0 + inliers)
+        - weights[1] * missing / (seen + missing + 4.0)
+        - weights[2] * hidden / (upright + hidden + 4.0)
+        - weights[3] * (number - right) / (number + 4.0)
+        - weights[4] * far
     )
-    value = odds[0] + odds[1] * math.log(1.0 + inliers) - against
-    figures[13] = against
-    figures[14] = _edges_found(room, count)
     clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
-    return clear, value
+    return clear, worth
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")

@@ -150,8 +150,9 @@ class FollowSettings(NamedTuple):
         Of painted lines.
     point_stride : int
         Rows and columns between those that are read for line points.
-    odds : (6,) float64
-        Weights of the verdict.
+    mode_weights : (5,) float64
+        Weights by which modes are compared: of inliers, and against missing and hidden samples, line points left
+        unexplained, and distance from the prior.
     clear_missing, clear_unexplained : float
         Fractions up to which no other mode is examined.
     coarse_gates_px, fine_gates_px : (G,) float64
@@ -174,7 +175,7 @@ class FollowSettings(NamedTuple):
     again_px: float
     line_width_m: float
     point_stride: int
-    odds: FloatArray
+    mode_weights: FloatArray
     clear_missing: float
     clear_unexplained: float
     coarse_gates_px: FloatArray

@@ -28,8 +28,6 @@ class Evidence(NamedTuple):
     explained: float
     hidden_upright: float
     position_std_m: float
-    odds_but_std: float
-    odds_against: float
     edges: float
 
     @property
@@ -39,14 +37,45 @@ class Evidence(NamedTuple):
 
     def log_odds(self, settings: EdgeSettings) -> float:
         """Logarithm of the odds that the pose is right; see `EdgeSettings` for the weights' origin."""
-        return self.odds_but_std - settings.odds_against_std * min(self.position_std_m, 0.5)
+        return self._log_odds_but_std(settings) - settings.odds_against_std * min(self.position_std_m, 0.5)
+
+    def _log_odds_but_std(self, settings: EdgeSettings) -> float:
+        s = settings
+        return s.odds_at_all + s.odds_of_edge * self.edges - self._against(s)
+
+    def _against(self, settings: EdgeSettings) -> float:
+        s = settings
+        return (
+            s.odds_against_missing * self.missing / (self.found + self.missing + 4.0)
+            + s.odds_against_hidden * self.hidden_upright / (self.found_upright + self.hidden_upright + 4.0)
+            + s.odds_against_unexplained * (self.points - self.explained) / (self.points + 4.0)
+            + s.odds_against_distance * self.prior_distance2
+            + s.odds_against_rms * self.rms_px
+        )
 
     def log_likelihood_ratio(self, settings: EdgeSettings) -> float:
         """Logarithm of how much likelier the frame is if the pose is right.
 
-        A frame that shows little says little: it speaks against a pose only by what contradicts it.
+        A frame that shows little says little: what agrees with a pose without fixing it is neutral, and a few samples
+        speak against it only by what contradicts it.
         """
-        return max(self.log_odds(settings), -self.odds_against)
+        s = settings
+        if self.contradiction(s) is not None:
+            return -self._against(s)
+        if self.inliers < s.min_inliers:
+            return min(s.odds_at_all / 2 - self._against(s), 0.0)
+        return max(self.log_odds(s), min(self._log_odds_but_std(s), 0.0))
+
+    def contradiction(self, settings: EdgeSettings) -> str | None:
+        """Return what in the frame contradicts the pose, None where nothing does."""
+        s = settings
+        if self.found_ratio < s.min_found_ratio and self.missing > 0:
+            return f"{self.missing:.0f} places on edges are missing, {self.found:.0f} are there"
+        if self.points >= s.min_points and self.explained < s.min_explained_ratio * self.points:
+            return f"only {self.explained:.0f} of {self.points:.0f} line points are explained"
+        if self.prior_distance2 > s.max_prior_distance2:
+            return "what is in view lies too far from where the prior puts it"
+        return None
 
 
 def reject(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.0) -> str | None:
@@ -64,12 +93,9 @@ def reject(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0
     s, e = settings, evidence
     if e.inliers < (s.min_inliers if prior_log_odds <= 0.0 else s.min_inliers_followed):
         return f"only {e.inliers:.0f} places on edges agree"
-    if e.found_ratio < s.min_found_ratio:
-        return f"{e.missing:.0f} places on edges are missing, {e.found:.0f} are there"
-    if e.points >= s.min_points and e.explained < s.min_explained_ratio * e.points:
-        return f"only {e.explained:.0f} of {e.points:.0f} line points are explained"
-    if e.prior_distance2 > s.max_prior_distance2:
-        return "what is in view lies too far from where the prior puts it"
+    contradiction = e.contradiction(s)
+    if contradiction is not None:
+        return contradiction
     odds = e.log_odds(s)
     if prior_log_odds > 0.0:
         odds = prior_log_odds + e.log_likelihood_ratio(s)

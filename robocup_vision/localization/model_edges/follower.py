@@ -150,7 +150,7 @@ class EdgeFollower:
         self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
         self._rooms = Rooms(empty_room(_MAX_SAMPLES, 0), self._room)
         self._fit = Fit(
-            np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(15)
+            np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(13)
         )
         sway = self.settings.sway_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
         self.sway_std_rad = sway
@@ -236,7 +236,7 @@ class EdgeFollower:
         if reason is not None:
             # the prior goes on without a measurement
             self._last_pose = prior.pose if known else None
-            self._log_odds = max(prior_log_odds - evidence.odds_against, 0.0)
+            self._log_odds = max(prior_log_odds + evidence.log_likelihood_ratio(self.settings), 0.0)
             return NotLocated(reason)
         self._log_odds = min(prior_log_odds + evidence.log_likelihood_ratio(self.settings), self.settings.max_log_odds)
         p = fit.unknowns.tolist()

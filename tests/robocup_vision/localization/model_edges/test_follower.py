@@ -94,25 +94,38 @@ def test_a_prior_without_a_covariance_is_refused(fl_shot):
 
 def test_every_reason_to_refuse():
     settings = EdgeSettings()
-    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 4.0, 1.0, 6)
+    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 6)
     assert reject(good, settings) is None
     assert "places on edges agree" in str(reject(good._replace(inliers=5), settings))
     assert "missing" in str(reject(good._replace(missing=200), settings))
     assert "explained" in str(reject(good._replace(explained=10), settings))
     assert "from where the prior puts it" in str(reject(good._replace(prior_distance2=99.0), settings))
-    assert "odds" in str(reject(good._replace(odds_but_std=-3.0), settings))
+    assert "odds" in str(reject(good._replace(rms_px=2.5), settings))
     # a frame that leaves the pose open is not located, however well it agrees
     assert "odds" in str(reject(good._replace(position_std_m=5.0), settings))
 
 
 def test_the_frames_before_vouch_for_a_prior_that_a_frame_hardly_shows():
     settings = EdgeSettings()
-    faint = Evidence(100, 100, 8, 0, 4, 8, 0.3, 3.0, 0, 0, 5, 0.5, 2.0, 1.0, 2)
+    faint = Evidence(100, 100, 8, 0, 4, 8, 0.3, 3.0, 0, 0, 5, 0.5, 2)
     assert reject(faint, settings) is not None
     assert reject(faint, settings, 3.0) is None
     # what contradicts the pose outweighs that
-    assert "odds" in str(reject(faint._replace(odds_but_std=-9.0, odds_against=9.0), settings, 3.0))
+    assert "odds" in str(reject(faint._replace(prior_distance2=27.0, rms_px=2.0), settings, 3.0))
     assert "missing" in str(reject(faint._replace(missing=30), settings, 3.0))
+
+
+def test_a_frame_that_fixes_nothing_is_neutral():
+    settings = EdgeSettings()
+    open_ = Evidence(60, 60, 30, 0, 4, 30, 0.2, 1.0, 0, 0, 3, 0.9, 3)
+    assert open_.log_odds(settings) < 0.0
+    assert open_.log_likelihood_ratio(settings) == 0.0
+    few = open_._replace(found=3, inliers=3, position_std_m=9.0, edges=1)
+    assert few.log_likelihood_ratio(settings) == 0.0
+    assert few._replace(prior_distance2=20.0).log_likelihood_ratio(settings) < 0.0
+    # what contradicts the prior counts in full
+    assert open_._replace(missing=40).log_likelihood_ratio(settings) < -4.0
+    assert open_._replace(position_std_m=0.02).log_likelihood_ratio(settings) > 3.0
 
 
 def test_a_hidden_view_is_followed_on_but_not_from_elsewhere(fl_shot):
