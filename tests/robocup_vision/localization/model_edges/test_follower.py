@@ -117,7 +117,7 @@ def test_the_frames_before_vouch_for_a_prior_that_a_frame_hardly_shows():
 
 def test_a_frame_that_fixes_nothing_is_neutral():
     settings = EdgeSettings()
-    open_ = Evidence(60, 60, 30, 0, 4, 30, 0.2, 1.0, 0, 0, 3, 0.9, 3)
+    open_ = Evidence(60, 60, 30, 0, 4, 30, 0.4, 3.0, 0, 0, 3, 0.9, 3)
     assert open_.log_odds(settings) < 0.0
     assert open_.log_likelihood_ratio(settings) == 0.0
     few = open_._replace(found=3, inliers=3, position_std_m=9.0, edges=1)
