@@ -159,6 +159,7 @@ def test_lines_refine_a_prior_and_contradict_a_wrong_one(field, camera, vision):
     assert vision.look(painted(camera), prior=near).pose.reason.startswith("only")
 
 
+@pytest.mark.slow
 def test_a_goal_places_a_camera_of_unknown_tilt_and_reports_where_the_floor_is():
     field, condition = load_field("four_legged_2007"), GOAL_CONDITIONS["clean_416x320"]
     vision = Vision(field, condition.camera)

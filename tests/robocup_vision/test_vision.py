@@ -416,6 +416,7 @@ def test_a_robot_walled_in_knows_no_pose_and_no_way_out(vision, ssl_field, paper
     assert view.free_space.range_m.max() < 0.27
 
 
+@pytest.mark.slow
 def test_the_carpet_goes_on_and_the_lines_tell(mirror_camera, paint_field):
     field = load_field("msl_6x4")
     mask = struts((240, 320))

@@ -59,6 +59,7 @@ def test_swapped_channels_are_found_and_told_how_they_came(write, off_samples):
     assert re.match(r"in [34] of 4 images the goals look as with red and blue swapped", findings[1].evidence)
 
 
+@pytest.mark.slow
 def test_a_sound_set_up_is_reported_to_be_one(write, capsys, ssl_field, true_camera, off_frames):
     vision = Vision(ssl_field, true_camera)
     vision.look(off_frames[0])

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import cv2
+import pytest
 
 from field_models import load_field
 from robocup_vision import Vision, cli, load_camera
@@ -23,6 +24,7 @@ def test_images_of_a_recording_are_linked_to_their_moments(tmp_path):
         assert f'href="http://127.0.0.1:8090/?recording=run.mcap&amp;t={t_s}"' in page
 
 
+@pytest.mark.slow
 def test_images_of_a_folder_have_no_moments(tmp_path):
     assert cli.main(["evaluate", str(DATASET), "--out", str(tmp_path / "out")]) == 0
     assert "recording=" not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

@@ -19,6 +19,7 @@ def test_it_serves_a_dataset_for_some_seconds_and_records(images, tmp_path, capf
     assert list(Recording(path).frames())
 
 
+@pytest.mark.slow
 def test_it_serves_the_topics_to_foxglove_too(images, tmp_path, capfd, monkeypatch):
     shown = []
     monkeypatch.setattr("robocup_vision.foxglove.server.FoxgloveServer.show", lambda self, *now: shown.append(now))

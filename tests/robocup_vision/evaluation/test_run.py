@@ -96,6 +96,7 @@ def test_nothing_is_dropped(folder: Path, fake: ModuleType, tmp_path: Path) -> N
     assert page.count("data:image/jpeg;base64,") == 4  # the torn image has no picture
 
 
+@pytest.mark.slow
 def test_a_localiser_may_know_no_symmetry(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
     text = (folder / "truth.csv").read_text().replace("0.png,-0.01,-0.08,0.0", f"0.png,0.01,0.08,{math.pi}")
     (folder / "truth.csv").write_text(text)

@@ -58,7 +58,8 @@ def test_an_outline_that_agrees_all_around_needs_no_lines(ssl_field, paper_camer
 
 
 @pytest.mark.skipif(not NEGATIVES.is_dir(), reason="the photographs are not installed")
-@pytest.mark.parametrize("prior", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("prior", [True, False])
 def test_photographs_of_other_things_show_no_field(prior):
     field, camera = load_field("ssl_2001"), sekimori_camera()
     vision, rng = Vision(field, camera), np.random.default_rng(8)

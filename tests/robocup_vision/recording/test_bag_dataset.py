@@ -89,6 +89,7 @@ def test_a_bag_of_any_kind_is_scored(
         assert (truth.x_m, truth.y_m) == pytest.approx((now.truth.x_m, now.truth.y_m), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_command_scores_a_bag_by_its_topics(recorded: Path, camera: Path, tmp_path: Path) -> None:
     write_bag(tmp_path / "bag", recorded, "SQLITE3", None)
     out = tmp_path / "out"
@@ -105,6 +106,7 @@ def test_a_belief_may_stand_for_the_truth(recorded: Path) -> None:
     assert len(by_odometry.truth) == len(run_frames())
 
 
+@pytest.mark.slow
 def test_jpeg_images_are_read(tmp_path: Path) -> None:
     record_run(tmp_path / "run.mcap", RecorderSettings("jpeg"))
     assert cli.main(["evaluate", str(tmp_path / "run.mcap"), "--out", str(tmp_path / "out")]) == 0

@@ -94,6 +94,7 @@ def test_distances_are_of_what_both_know() -> None:
     assert differences.first_s == 1.0
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_files(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["replay", str(recorded), "--out", str(tmp_path / "same")]) == 0
     printed = capsys.readouterr().out

@@ -53,6 +53,7 @@ def test_what_drives_straight_is_known_exactly_and_foretold():
     assert velocity[0] == pytest.approx([0.8, -0.5], abs=1e-2)
 
 
+@pytest.mark.slow
 def test_several_models_are_better_than_detections_and_than_each_alone():
     times, true = driven(20.0, 5)
     noisy = true[:, :2] + np.random.default_rng(6).normal(0.0, 0.0013, (len(times), 2))

@@ -156,6 +156,7 @@ def test_the_command_runs_as_fast_as_it_goes_and_ends(ports, capsys):
     assert "realism none, network loopback" in out
 
 
+@pytest.mark.slow
 def test_the_command_shows_bad_datagrams_and_ends_by_an_interrupt(ports):
     command = [sys.executable, "-m", "robocup_vision.cli", *command_line(ports, free_port(), "--seconds", "60")]
     # a test run in the background ignores interrupts, and what it starts would, too

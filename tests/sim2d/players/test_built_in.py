@@ -71,6 +71,7 @@ def right(rows):
     return (rows[:, 2] < 0.05) & (rows[:, 3] < math.radians(3))
 
 
+@pytest.mark.slow
 def test_two_against_two_know_where_they_are():
     _, rows, _, team = play(6.0, players=2, seed=3)
     assert right(rows).mean() >= 0.95
@@ -145,7 +146,8 @@ def test_lasting_faults_of_the_senses_leave_it_its_place(spoil):
     assert right(rows[rows[:, 0] > 0.5]).mean() >= 0.95
 
 
-@pytest.mark.parametrize("fault", ["frozen", *(pytest.param(f, marks=pytest.mark.slow) for f in ("black", "none"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["frozen", "black", "none"])
 def test_a_camera_that_fails_for_a_second_stops_the_robot_until_it_sees_again(fault):
     kept = {}
 

@@ -31,6 +31,7 @@ def test_one_wrong_frame_changes_nothing(start, seed):
     assert filter_.prior(t_s) is not None
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(poses(1.2), poses(1.2), seeds, st.booleans())
 def test_a_kidnapped_robot_is_found_within_a_second_though_a_third_of_the_frames_are_lost(start, place, seed, half):
@@ -186,6 +187,7 @@ def test_a_shoved_robot_is_found_in_a_fifth_of_a_second_in_its_own_half(start, s
     assert abs(math.remainder(filter_.belief.pose.theta_rad - shoved.theta_rad, math.tau)) < 0.1
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(poses(1.0), seeds)
 def test_wheels_that_spin_do_not_carry_the_belief_away(start, seed):

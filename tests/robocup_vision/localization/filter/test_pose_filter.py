@@ -200,6 +200,7 @@ def test_the_order_in_which_frames_come_does_not_matter(seed):
     assert_same(results[0], results[2])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=15)
 @given(seeds)
 def test_a_late_frame_is_worth_what_it_would_have_been_in_time(seed):

@@ -61,6 +61,7 @@ def test_any_pose_is_found_from_scratch(x, y, theta, seed):
 ESTIMATOR = LinePoseEstimator(FIELD, CAMERA)
 
 
+@pytest.mark.slow
 def test_hardly_any_pose_is_left_open():
     rng = np.random.default_rng(5)
     poses = [Pose2(*rng.uniform([-3.2, -2.2, -3], [3.2, 2.2, 3])) for _ in range(40)]
@@ -173,6 +174,7 @@ def test_painted_pictures_are_located(mirror_camera, paint_field, truth):
     assert estimate.inlier_ratio > 0.9
 
 
+@pytest.mark.slow
 def test_a_pose_is_refused_where_most_of_its_lines_are_bare_floor(estimator, paint_field):
     truth = Pose2(-0.7, 0.4, 0.5)
     # a circle and one line alone would fix the pose, but this is not the field that the localiser knows

@@ -145,6 +145,7 @@ def test_a_ball_is_carried_straight_and_as_fast_as_it_can_be_held():
     assert said(travel, "speed").text == "with the ball"
 
 
+@pytest.mark.slow
 def test_a_planning_team_plays_and_says_why():
     match = Match(FIELD, 2, 5, ours=player_factory("planning"))
     topics, seen = set(), []

@@ -77,6 +77,7 @@ def test_the_66_places_of_the_paper():
     assert (pytest.approx(1.7), 0.0) not in places
 
 
+@pytest.mark.slow
 def test_goal_is_wholly_in_view_from_each_of_the_66_places():
     places = paper_places(DOGS)
     for sample in sample_goal(DOGS, PLAIN, 3, 66, places=places, supersample=2):
@@ -105,6 +106,7 @@ def test_goal_anywhere_is_in_view_and_no_robot_hides_a_post(field, name: str):
     assert sides == {1, -1}
 
 
+@pytest.mark.slow
 def test_negative_views_show_no_whole_goal():
     samples = list(sample_goal(DOGS, TINY["mild_glare"], 1, 24, views=NEGATIVE_VIEWS, supersample=2))
     assert [s.view for s in samples] == [NEGATIVE_VIEWS[i % 4] for i in range(24)]
