@@ -3,7 +3,9 @@ from .avoidance.steering_settings import SteeringSettings
 from .avoidance.wayfinder import Wayfinder
 from .belief import Belief
 from .camera.files import load_camera
-from .estimates import NotLocated, PoseEstimate
+from .errors import ArgumentError, FileError, FrameError, PacketError, RobocupVisionError
+from .estimates import NotLocated, PoseEstimate, SwappedChannels
+from .fields import Field, field_names, load_field
 from .geometry import Pose2
 from .memory import Memory
 from .motion_limits import MotionLimits
@@ -11,20 +13,31 @@ from .overlay import draw
 from .perception.color_table import load_colors
 from .vision import View, Vision
 
+__version__: str
+
 __all__ = [
+    "ArgumentError",
     "Belief",
+    "Field",
+    "FileError",
+    "FrameError",
     "Memory",
     "MotionLimits",
     "NotLocated",
+    "PacketError",
     "Pose2",
     "PoseEstimate",
+    "RobocupVisionError",
     "Steering",
     "SteeringCommand",
     "SteeringSettings",
+    "SwappedChannels",
     "View",
     "Vision",
     "Wayfinder",
     "draw",
+    "field_names",
     "load_camera",
     "load_colors",
+    "load_field",
 ]

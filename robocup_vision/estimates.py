@@ -49,6 +49,24 @@ class PoseEstimate:
             raise ArgumentError(f"the first of the candidates must be the pose {self.pose}, got {self.candidates[0]}")
 
     @property
+    def x_m(self) -> float:
+        """Of the pose."""
+        return self.pose.x_m
+
+    @property
+    def y_m(self) -> float:
+        """Of the pose."""
+        return self.pose.y_m
+
+    @property
+    def theta_rad(self) -> float:
+        """Of the pose."""
+        return self.pose.theta_rad
+
+    def __bool__(self) -> Literal[True]:
+        return True
+
+    @property
     def std(self) -> FloatArray:
         """(3,) float64: standard deviations of x (m), y (m) and theta (rad)."""
         return np.sqrt(np.diag(self.covariance))

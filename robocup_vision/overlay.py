@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import textwrap
-from itertools import pairwise
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, UInt8Array
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated
 from robocup_vision.image_layers import ImageLayerMaker, Paths
+from robocup_vision.pipeline.frames import to_bgr
 from robocup_vision.vision import View, Vision
 
 Bgr = tuple[int, int, int]
@@ -36,7 +39,7 @@ _SHIFT = 4
 _REASON_LETTERS = 72
 
 
-def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
+def draw(view: View, frame: UInt8Array, vision: Vision, out: UInt8Array | None = None) -> UInt8Array:
     """Draw a view over its frame.
 
     The fitted field and its goals of posts in cyan, the floor's detected edge in red, the free space as a green fan,
@@ -48,27 +51,45 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
     view : View
         What `vision` saw.
     frame : (H, W, 3) uint8
-        In this frame.
+        In this frame, of the channels that `vision` takes.
     vision : Vision
         The object that looked.
+    out : (s H, s W, 3) uint8, optional
+        The BGR picture to draw on: the frame itself, or one that is a whole number s times as large.
 
     Returns
     -------
     (s H, s W, 3) uint8
-        A new picture, a whole number s times as large as the frame.
+        `out`, or a new BGR picture, a whole number s times as large as the frame.
+
+    Raises
+    ------
+    ArgumentError
+        If the view or the frame is none, or `out` cannot be drawn on.
     """
-    scale = max(1, math.ceil(_MIN_WIDTH / frame.shape[1]))
-    enlarged = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
-    canvas: UInt8Array = np.asarray(enlarged, dtype=np.uint8)
-    layers = ImageLayerMaker(vision.field).layers(view)
+    if not isinstance(view, View) or not isinstance(vision, Vision):
+        kinds = ", ".join(type(value).__name__ for value in (view, frame, vision))
+        raise ArgumentError(f"draw takes a view, its frame and the Vision that looked, got {kinds}")
+    width, height = vision.camera.size_px
+    if not isinstance(frame, np.ndarray) or frame.shape != (height, width, 3) or frame.dtype != np.uint8:
+        given = getattr(frame, "shape", type(frame).__name__)
+        raise ArgumentError(f"the frame to draw must be ({height}, {width}, 3) uint8, got {given}")
+    if out is None:
+        scale = max(1, math.ceil(_MIN_WIDTH / width))
+        plain = to_bgr(frame, vision.channels)
+        enlarged = cv2.resize(plain, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+        canvas: UInt8Array = np.asarray(enlarged, dtype=np.uint8)
+        canvas = canvas.copy() if np.shares_memory(canvas, frame) else canvas
+    else:
+        canvas, scale = out, _scale_of(out, width, height)
+    layers = _layer_maker(vision.field).layers(view)
     _draw_free_space(canvas, layers.free_px, scale)
     _draw_paths(canvas, layers.field_px, scale, FIELD_COLOR)
     if isinstance(view.camera, PinholeCamera):
         # the walls of a goal in a mirror camera's frame are walls of the field
         _draw_paths(canvas, layers.goals_px, scale, FIELD_COLOR, 2)
     for points, color in ((layers.lines_px, LINE_POINT_COLOR), (layers.edge_px, BOUNDARY_COLOR)):
-        for u, v in points:
-            cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
+        _draw_dots(canvas, points, scale, color)
     if view.edge_points is not None:
         _draw_edge_points(canvas, view.edge_points, scale)
     _draw_paths(canvas, layers.obstacles_px, scale, OBSTACLE_COLOR, 2)
@@ -79,30 +100,63 @@ def draw(view: View, frame: UInt8Array, vision: Vision) -> UInt8Array:
 
 def _draw_edge_points(canvas: UInt8Array, points: EdgePoints, scale: int) -> None:
     for state, color in EDGE_COLORS.items():
-        for u, v in points.pixels[points.state == state]:
-            cv2.circle(canvas, _fixed(u, v, scale), 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
+        _draw_dots(canvas, points.pixels[points.state == state], scale, color)
+
+
+def _draw_dots(canvas: UInt8Array, points_px: FloatArray, scale: int, color: Bgr) -> None:
+    for place in _fixed(points_px, scale).tolist():
+        cv2.circle(canvas, place, 2 << _SHIFT, color, -1, cv2.LINE_AA, _SHIFT)
 
 
 def _draw_free_space(canvas: UInt8Array, outline_px: FloatArray, scale: int) -> None:
     if not len(outline_px):  # a table that ends before the free floor does
         return
-    shape = np.array([_fixed(u, v, scale) for u, v in outline_px], dtype=np.int32)
-    tint = canvas.copy()
-    cv2.fillPoly(tint, [shape], FREE_COLOR, cv2.LINE_AA, _SHIFT)
-    cv2.addWeighted(tint, 0.25, canvas, 0.75, 0.0, canvas)
+    shape = _fixed(outline_px, scale)
+    # only where the fan is: the picture is copied for its tint
+    width, height = canvas.shape[1::-1]
+    (left, top), (right, bottom) = (shape.min(axis=0) >> _SHIFT).tolist(), (shape.max(axis=0) >> _SHIFT).tolist()
+    left, top = max(left - 2, 0), max(top - 2, 0)
+    part = canvas[top : min(bottom + 3, height), left : min(right + 3, width)]
+    if part.size:
+        tint = part.copy()
+        inside = shape - np.array([left << _SHIFT, top << _SHIFT], dtype=np.int32)
+        cv2.fillPoly(tint, [inside], FREE_COLOR, cv2.LINE_AA, _SHIFT)
+        part[...] = cv2.addWeighted(tint, 0.25, part, 0.75, 0.0)
     cv2.polylines(canvas, [shape], True, FREE_COLOR, 1, cv2.LINE_AA, _SHIFT)
 
 
 def _draw_paths(canvas: UInt8Array, paths: Paths, scale: int, color: Bgr, thickness: int = 1) -> None:
-    for path in paths:
-        for (u0, v0), (u1, v1) in pairwise(path):
-            cv2.line(canvas, _fixed(u0, v0, scale), _fixed(u1, v1, scale), color, thickness, cv2.LINE_AA, _SHIFT)
+    if paths:
+        cv2.polylines(canvas, [_fixed(path, scale) for path in paths], False, color, thickness, cv2.LINE_AA, _SHIFT)
 
 
-def _fixed(u: float, v: float, scale: int) -> tuple[int, int]:
+def _fixed(points_px: FloatArray, scale: int) -> Int32Array:
+    """Points (N, 2) as OpenCV's drawing takes them: fractions of a pixel of the enlarged picture."""
     # pixel centres at integers, also in the enlarged picture
-    unit = 1 << _SHIFT
-    return round(((u + 0.5) * scale - 0.5) * unit), round(((v + 0.5) * scale - 0.5) * unit)
+    return np.rint(((points_px + 0.5) * scale - 0.5) * (1 << _SHIFT)).astype(np.int32)
+
+
+@lru_cache(maxsize=8)
+def _layer_maker(field: Field) -> ImageLayerMaker:
+    return ImageLayerMaker(field)
+
+
+def _scale_of(out: UInt8Array, width: int, height: int) -> int:
+    """Return how many times as large as the frame a picture is.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no whole number, or the picture is none that can be drawn on.
+    """
+    if not isinstance(out, np.ndarray) or out.dtype != np.uint8 or out.ndim != 3:
+        raise ArgumentError(f"out must be a (s H, s W, 3) uint8 array, got {type(out).__name__}")
+    scale = int(out.shape[1]) // width
+    if scale < 1 or out.shape != (scale * height, scale * width, 3):
+        raise ArgumentError(f"out must be a whole number times ({height}, {width}, 3), got {out.shape}")
+    if not (out.flags.writeable and out.flags.c_contiguous):
+        raise ArgumentError("out must be writeable and contiguous: a copy of it is")
+    return scale
 
 
 def _summary(view: View) -> list[str]:
@@ -119,11 +173,13 @@ def _summary(view: View) -> list[str]:
 
 def _write(canvas: UInt8Array, lines: list[str]) -> None:
     size = canvas.shape[1] / _MIN_WIDTH
+    # the rim of the lowest letters reaches so far
+    canvas = canvas[: round((18 * len(lines) + 12) * size)]
     letters = np.zeros(canvas.shape[:2], dtype=np.uint8)
     for row, text in enumerate(lines):
         place = (round(6 * size), round((18 + 18 * row) * size))
         cv2.putText(letters, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.47 * size, 255, 1, cv2.LINE_AA)
     # a thicker pen would move the letters apart in some versions of OpenCV, so the dark rim is grown from them
     rim = np.asarray(cv2.dilate(letters, np.ones((5, 5), dtype=np.uint8)), dtype=np.uint8)
-    np.minimum(canvas, 255 - rim[..., None], out=canvas)
-    np.maximum(canvas, letters[..., None], out=canvas)
+    cv2.min(canvas, cv2.merge([cv2.bitwise_not(rim)] * 3), canvas)
+    cv2.max(canvas, cv2.merge([letters] * 3), canvas)

@@ -66,3 +66,9 @@ def test_half_turn_turns_everything(pose: Pose2, covariance: np.ndarray):
     np.testing.assert_allclose(turned.covariance, half_turn_covariance(covariance))
     np.testing.assert_allclose(turned.std, estimate.std)
     assert (turned.inlier_ratio, turned.residual_px) == (0.9, 0.4)
+
+
+def test_an_estimate_has_the_attributes_of_its_pose():
+    estimate = PoseEstimate(POSE, np.eye(3), 0.9, 0.4)
+    assert (estimate.x_m, estimate.y_m, estimate.theta_rad) == (POSE.x_m, POSE.y_m, POSE.theta_rad)
+    assert bool(estimate) is True

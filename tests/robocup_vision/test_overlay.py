@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
+from field_models.errors import ArgumentError
 from robocup_vision.camera import Table
 from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated
 from robocup_vision.geometry import Pose2
@@ -109,3 +110,47 @@ def test_predicted_edges_show_whether_they_were_found(vision, nominal_samples):
         assert shown == EDGE_COLORS.get(state, tuple(without[v, u]))
     with pytest.raises(ValueError, match="read-only"):
         points.state[0] = 1
+
+
+def test_an_image_that_is_handed_over_is_drawn_on(vision, nominal_samples):
+    frame = nominal_samples[0].frame
+    vision.forget()
+    view = vision.look(frame)
+    picture = frame.copy()
+    assert draw(view, frame, vision, picture) is picture
+    assert fraction_of(picture, FIELD_COLOR) > 3e-4
+    twice = np.zeros((440, 512, 3), dtype=np.uint8)
+    assert draw(view, frame, vision, out=twice) is twice
+    assert fraction_of(twice, FIELD_COLOR) > 3e-4
+
+
+def test_rgb_frames_are_drawn_as_they_look(ssl_field, paper_camera, nominal_samples):
+    frame = nominal_samples[0].frame
+    pictures = []
+    for channels, given in (("bgr", frame), ("rgb", np.ascontiguousarray(frame[..., ::-1]))):
+        vision = Vision(ssl_field, paper_camera, channels=channels)
+        pictures.append(draw(vision.look(given), given, vision))
+    np.testing.assert_array_equal(*pictures)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"view": "frame"}, "draw takes a view, its frame and the Vision that looked, got ndarray, ndarray, Vision"),
+        ({"vision": None}, "got View, ndarray, NoneType"),
+        ({"frame": None}, r"the frame to draw must be \(220, 256, 3\) uint8, got NoneType"),
+        ({"frame": np.zeros((480, 640, 3), np.uint8)}, r"must be \(220, 256, 3\) uint8, got \(480, 640, 3\)"),
+        (
+            {"out": np.zeros((300, 300, 3), np.uint8)},
+            r"out must be a whole number times \(220, 256, 3\), got",
+        ),
+        ({"out": np.zeros((220, 256), np.uint8)}, r"out must be a \(s H, s W, 3\) uint8 array"),
+        ({"out": np.zeros((220, 512, 3), np.uint8)[:, ::2]}, "out must be writeable and contiguous"),
+    ],
+)
+def test_what_cannot_be_drawn_is_named(vision, nominal_samples, changes, message):
+    frame = nominal_samples[0].frame
+    given = {"view": vision.look(frame), "frame": frame, "vision": vision, **changes}
+    given["view"] = frame if isinstance(given["view"], str) else given["view"]
+    with pytest.raises(ArgumentError, match=message):
+        draw(**given)

@@ -1,0 +1,6 @@
+"""The pitch under the library's own name: `load_field` and what it returns stand in `field_models`."""
+
+from field_models.catalog import field_names, load_field
+from field_models.field import Field
+
+__all__ = ["Field", "field_names", "load_field"]
