@@ -38,8 +38,8 @@ class CandidateSettings:
     # of the outcome that none is right
     of_none: float = 6.76
     # posterior from which one pose is the answer; of several together, from which they are candidates
-    min_probability: float = 0.92
-    min_together: float = 0.95
+    min_probability: float = 0.94
+    min_together: float = 0.98
     max_candidates: int = 3
 
 

@@ -33,7 +33,7 @@ class FinderSettings:
     # scored by all points; aligned; fitted; weighed against each other
     scored: int = 2000
     aligned: int = 200
-    fitted: int = 16
+    fitted: int = 12
     weighed: int = 6
     # of these, so many of the likeliest with their half turns too, where the halves of the field differ
     turned: int = 2
@@ -53,11 +53,11 @@ class FinderSettings:
     settled_m: float = 0.02
     settled_rad: float = math.radians(0.5)
     # greatest standard deviation of an answer's position: without a prior the next picture will do better
-    max_std_m: float = 0.12
+    max_std_m: float = 0.10
     # of a bearing bin whose paint is wrong, in line points
     upright_weight: float = 0.25
     # line points in use, and how far away they may be, in metres
-    points: int = 90
+    points: int = 60
     max_range_m: float = 6.0
     # whether one of the poses is the right one
     candidates: CandidateSettings = CandidateSettings()

@@ -62,7 +62,7 @@ class EdgeSettings:
     mode_against_distance: float = 0.36
     # odds that a pose is right, by logistic regression on 530 pictures of development sequences (right priors and wrong
     # ones): each edge found, fractions, squared distance from the prior, standard deviation (m), residuals (px)
-    odds_at_all: float = 5.2
+    odds_at_all: float = 4.8
     odds_of_edge: float = 0.17
     odds_against_missing: float = 11.3
     odds_against_hidden: float = 1.4
