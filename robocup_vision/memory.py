@@ -25,6 +25,7 @@ from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.mapping.view_motion import ViewMotion
 from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.prepared_kernels import prepare
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, MovingObjectsSettings, ReturnDetector
 from robocup_vision.view import View
 
@@ -150,6 +151,7 @@ class Memory:
             self._detector = ReturnDetector(floor, self.object_radius_m, settings.range_std, settings.longest_m)
         self._tracks: tuple[Track, ...] = ()
         self._last: tuple[float, Pose2] | None = None
+        prepare("memory")
 
     @classmethod
     def of_everything(

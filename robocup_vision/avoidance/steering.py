@@ -24,6 +24,7 @@ from robocup_vision.disc import Disc
 from robocup_vision.kernels.mapping import grown_profile
 from robocup_vision.kernels.motion import steering as kernel
 from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.prepared_kernels import prepare
 
 _REASONS = (
     "no safe direction: braking",
@@ -157,6 +158,7 @@ class Steering:
         # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
         self._kernel_directions = self._directions.copy()
         self._resize(3)
+        prepare("steering")
 
     @property
     def is_fresh(self) -> bool:

@@ -20,6 +20,7 @@ from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import way_grid
+from robocup_vision.prepared_kernels import prepare
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +169,7 @@ class Wayfinder:
         self._come_from = np.empty(self._size**2, np.int32)
         self._cost: Float32Array = np.empty(self._size**2, np.float32)
         self.forget()
+        prepare("steering")
 
     def forget(self) -> None:
         """Forget all views."""

@@ -36,6 +36,9 @@ def add_parser(subparsers: Any) -> None:
     evaluate.add_argument("--truth-topic", metavar="T", help="topic of a bag with true poses (default: /truth/pose)")
     evaluate.add_argument("--odometry-topic", metavar="T", help="topic of the odometry of a bag that has several")
     evaluate.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
+    evaluate.add_argument(
+        "--memory", action="store_true", help="score the estimate over time of a sequence, not what each frame shows"
+    )
     evaluate.add_argument("--force", action="store_true", help="write into a folder that holds other files, too")
     evaluate.add_argument("--resume", action="store_true", help="go on with an interrupted run in the same folder")
     evaluate.add_argument("--jobs", metavar="N", type=int, default=1, help="number of processes (default: 1)")
@@ -63,7 +66,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
 def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
     from field_models.errors import ArgumentError
     from robocup_vision.evaluation.dataset import load_dataset
-    from robocup_vision.evaluation.run import evaluate
+    from robocup_vision.evaluation.run import evaluate, make_vision_with_memory
 
     for name in ("image_topic", "truth_topic", "odometry_topic"):
         if getattr(options, name) is not None:
@@ -76,8 +79,14 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
         method=options.method,
         landmark_map=options.map,
     )
+    if options.memory and dataset.landmarks is not None:
+        raise ArgumentError("--memory is not for method landmarks")
     out = _out_folder(options, dataset.name)
-    return evaluate(dataset, out, options.jobs, force=options.force, resume=options.resume), dataset.name
+    remembering: dict[str, Any] = {}
+    if options.memory:
+        remembering = {"make_vision": make_vision_with_memory, "scores_belief": True}
+    summary = evaluate(dataset, out, options.jobs, force=options.force, resume=options.resume, **remembering)
+    return summary, dataset.name
 
 
 def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
@@ -85,6 +94,10 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
     from robocup_vision.evaluation.run import evaluate
     from robocup_vision.recording.bag_dataset import BagTopics, PannedVision, draw_panned, load_bag
 
+    if options.memory:
+        raise ArgumentError(
+            "--memory is for videos and folders of images; robocup-vision replay --memory is for recordings"
+        )
     if options.map is not None:
         raise ArgumentError("--map is for folders of images, a recording or bag is not located by landmarks")
     dataset = load_bag(
@@ -129,10 +142,10 @@ def _out_folder(options: argparse.Namespace, name: str) -> Path:
 
 
 def _print_summary(name: str, summary: Summary) -> None:
-    from robocup_vision.evaluation.report import degrees, millimetres, percent
+    from robocup_vision.evaluation.report import degrees, millimetres, percent, time_of
 
     figures = summary.figures
-    ms = "-" if figures.median_ms is None else f"{figures.median_ms:.2f} ms"
+    ms = "-" if figures.median_ms is None else f"{figures.median_ms:.2f} ms ({time_of(summary.is_sequence)})"
     lines = [
         ("located", f"{figures.located}/{figures.images}"),
         ("within 5 cm / 3 deg", percent(figures.within_5cm_3deg)),

@@ -65,6 +65,20 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
     return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
 
 
+def make_vision_with_memory(dataset: Dataset) -> VisionLike:
+    """Build `Vision` with a memory, which goes by the views of a mirror camera where a dataset has no odometry."""
+    from robocup_vision.mapping.view_motion import ViewMotion
+    from robocup_vision.memory import Memory
+    from robocup_vision.vision import Vision
+
+    has_odometry = any(time.odometry is not None for time in (dataset.times or {}).values())
+    motion = None if has_odometry or isinstance(dataset.camera, PinholeCamera) else ViewMotion()
+    memory = Memory(dataset.field, ego_motion=motion)
+    return Vision(
+        dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask, memory=memory
+    )
+
+
 def draw_default_overlay(view: Any, frame: UInt8Array, vision: Any) -> UInt8Array:
     """Draw a frame with what `Vision` or `LandmarkVision` found in it."""
     from robocup_vision.landmarks.vision import LandmarkView, draw_landmarks
@@ -88,12 +102,15 @@ class ScorePlan:
         See `evaluate`.
     wants_overlays : bool
         Whether there will be a report that shows pictures.
+    scores_belief : bool
+        Score the estimate over time, `view.belief`, in place of what each frame shows.
     """
 
     dataset: Dataset
     make_vision: MakeVision
     draw_overlay: DrawOverlay
     wants_overlays: bool
+    scores_belief: bool = False
 
     @property
     def spread(self) -> frozenset[int]:
@@ -156,6 +173,9 @@ class FrameScorer:
         return replace(row, estimate=pose, error=error)
 
     def _pose(self, view: ViewLike) -> PoseEstimate | NotLocated:
+        if self._plan.scores_belief:
+            belief: PoseEstimate | NotLocated = view.belief.pose  # type: ignore[attr-defined]
+            return belief
         if self.dataset.pose_of == "robot":
             return view.pose
         pose = getattr(view, "camera_pose", None)

@@ -88,8 +88,8 @@ def render_report(
         .render(
             name=dataset.name,
             notes=notes,
-            tiles=_tiles(figures),
-            summary=_summary(figures),
+            tiles=_tiles(figures, time_of(dataset.times is not None)),
+            summary=_summary(figures, time_of(dataset.times is not None)),
             conditions=_conditions(dataset),
             plots=plots,
             worst_rows=[_line(rows[index]) for index in ranked[:WORST_COUNT]],
@@ -103,7 +103,7 @@ def render_report(
     return page
 
 
-def _tiles(figures: Figures) -> list[tuple[str, str]]:
+def _tiles(figures: Figures, time_of_what: str) -> list[tuple[str, str]]:
     located = figures.located / figures.images
     return [
         (f"{figures.located}/{figures.images}", f"located ({100 * located:.1f} %)"),
@@ -111,8 +111,13 @@ def _tiles(figures: Figures) -> list[tuple[str, str]]:
         (percent(figures.within_10cm_5deg), "within 10 cm and 5°"),
         (millimetres(figures.median_error_m), "median position error"),
         (degrees(figures.median_error_rad), "median heading error"),
-        ("–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms", "per frame (median)"),
+        ("–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms", f"per frame (median), {time_of_what}"),
     ]
+
+
+def time_of(is_sequence: bool) -> str:
+    """Say what a time per frame is of: a single image takes longer, for nothing is known from the one before."""
+    return "in a sequence" if is_sequence else "single images, nothing carried on between them"
 
 
 def percent(ratio: float | None) -> str:
@@ -134,7 +139,7 @@ def _plain(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
 
-def _summary(figures: Figures) -> list[tuple[str, str]]:
+def _summary(figures: Figures, time_of_what: str) -> list[tuple[str, str]]:
     return [
         ("Images", str(figures.images)),
         ("Located", f"{figures.located} ({100 * figures.located / figures.images:.1f} %)"),
@@ -148,7 +153,7 @@ def _summary(figures: Figures) -> list[tuple[str, str]]:
         ("NEES, 3 degrees of freedom: mean", _plain(figures.nees_mean)),
         ("NEES: median", _plain(figures.nees_median)),
         ("NEES: inside the 95 % bound", percent(figures.nees_inside_95)),
-        ("Median time per frame", "–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms"),
+        (f"Median time per frame, {time_of_what}", "–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms"),
     ]
 
 

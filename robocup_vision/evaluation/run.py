@@ -20,6 +20,7 @@ from robocup_vision.evaluation.frame_scorer import (
     VisionLike,
     draw_default_overlay,
     make_default_vision,
+    make_vision_with_memory,
     score_elsewhere,
     score_here,
 )
@@ -31,7 +32,16 @@ from robocup_vision.files.output_folder import refuse_foreign_files
 from robocup_vision.files.resume_file import ResumeFile
 from robocup_vision.progress import progress
 
-__all__ = ["DrawOverlay", "MakeVision", "Summary", "ViewLike", "VisionLike", "evaluate", "make_default_vision"]
+__all__ = [
+    "DrawOverlay",
+    "MakeVision",
+    "Summary",
+    "ViewLike",
+    "VisionLike",
+    "evaluate",
+    "make_default_vision",
+    "make_vision_with_memory",
+]
 
 UNFINISHED_NAME = "unfinished.jsonl"
 OUTPUT_NAMES = ("results.csv", "summary.json", "trajectory.tum", "report.html")
@@ -53,6 +63,8 @@ class Summary:
         The HTML report; None if it could not be written.
     notes : tuple of str
         Lines the user should see: what was ignored or left out.
+    is_sequence : bool
+        Whether colours and poses were carried on from image to image; else each stands alone, which takes longer.
     """
 
     figures: Figures
@@ -60,6 +72,7 @@ class Summary:
     out: Path
     report: Path | None
     notes: tuple[str, ...]
+    is_sequence: bool = False
 
     @property
     def problem(self) -> str | None:
@@ -80,6 +93,7 @@ def evaluate(
     moments: Mapping[str, str] | None = None,
     force: bool = False,
     resume: bool = False,
+    scores_belief: bool = False,
 ) -> Summary:
     """Score a localiser on a dataset and write results.csv, summary.json, trajectory.tum and report.html.
 
@@ -104,11 +118,14 @@ def evaluate(
         Go on where the folder holds other files, too, and keep them.
     resume : bool
         Go on with an interrupted run of the same dataset in this folder, if there is one.
+    scores_belief : bool
+        Score the estimate over time, `view.belief`, of a localiser with a memory such as `make_vision_with_memory`
+        builds, in place of what each frame shows.
 
     Raises
     ------
     ArgumentError
-        If `jobs` is not positive.
+        If `jobs` is not positive, or the belief of a dataset without times or of camera poses is to be scored.
     FileError
         If the folder holds files of others, or the files cannot be written.
     RobocupVisionError
@@ -118,6 +135,12 @@ def evaluate(
     """
     if jobs < 1:
         raise ArgumentError(f"jobs must be at least 1, got {jobs}")
+    if scores_belief and dataset.times is None:
+        raise ArgumentError("--memory needs a sequence: a video, or a dataset with frames.csv")
+    if scores_belief and dataset.pose_of == "camera":
+        raise ArgumentError(
+            "--memory estimates the robot's pose, the dataset holds the camera's (pose_of = \"camera\")"
+        )
     out = Path(out)
     if not force:
         refuse_foreign_files(out, (*OUTPUT_NAMES, UNFINISHED_NAME))
@@ -132,7 +155,7 @@ def evaluate(
     if is_sequence and resume:
         notes.append("a sequence cannot be gone on with in its middle: --resume is ignored")
         resume = False
-    plan = ScorePlan(dataset, make_vision, draw_overlay, not missing)
+    plan = ScorePlan(dataset, make_vision, draw_overlay, not missing, scores_belief)
     # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
     scorer = FrameScorer(plan)
     run = _Run(plan)
@@ -162,7 +185,7 @@ def _write_files(
     out: Path, dataset: Dataset, run: _Run, notes: list[str], page: Path | None, moments: Mapping[str, str] | None
 ) -> Summary:
     rows = run.rows
-    summary = Summary(figures(rows), tuple(rows), out, page, tuple(notes))
+    summary = Summary(figures(rows), tuple(rows), out, page, tuple(notes), dataset.times is not None)
     try:
         write_results(out / "results.csv", rows)
         write_summary(out / "summary.json", summary.figures)

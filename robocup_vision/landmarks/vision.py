@@ -20,6 +20,7 @@ from robocup_vision.landmarks.features import check_frame
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator, LandmarkSettings
 from robocup_vision.landmarks.selection import Selection
+from robocup_vision.prepared_kernels import prepare
 
 _MIN_WIDTH = 640
 _GOOD, _BAD, _UNSEEN = (80, 220, 80), (60, 60, 255), (200, 160, 60)
@@ -100,6 +101,7 @@ class LandmarkVision:
             settings=settings or LandmarkSettings(),
         )
         # the first frame is without a prior: what it needs is made ready here
+        prepare("landmarks")
         self.estimator.prepare()
         self.camera = camera
         self._hidden = None if mask is None else mask != 0

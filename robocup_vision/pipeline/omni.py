@@ -20,6 +20,7 @@ from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
 from robocup_vision.pipeline.frames import BGR, NO_FRAME, FramePipeline
+from robocup_vision.prepared_kernels import prepare
 from robocup_vision.view import View
 
 
@@ -178,6 +179,7 @@ class OmniPipeline(FramePipeline):
 
     def _warm_up(self) -> None:
         """Compile, or load from the disk's cache, everything a frame needs, so that no frame pays for it."""
+        prepare(f"mirror_{self.method.name}")
         width, height = self.camera.size_px
         v, u = np.mgrid[:height, :width]
         far = (

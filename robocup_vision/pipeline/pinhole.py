@@ -26,6 +26,7 @@ from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.pipeline.frames import BGR, NO_FRAME, FramePipeline
+from robocup_vision.prepared_kernels import prepare
 from robocup_vision.view import View
 
 # logarithm of the strongest cast of light: white beyond it is some paint
@@ -99,6 +100,7 @@ class PinholePipeline(FramePipeline):
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
         self._directions, self._rings = directions, rings
         self._floor = self._make_floor(camera) if camera.known_orientation else None
+        prepare(f"pinhole_{method.name}")
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
         self.forget()
 

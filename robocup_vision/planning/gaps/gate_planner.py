@@ -18,6 +18,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap import Gap, Point, WidthSensor
+from robocup_vision.prepared_kernels import prepare
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +170,7 @@ class GatePlanner:
             raise ArgumentError(f"needed_m must be positive, got {needed_m!r}")
         self._limits, self._sensor, self._settings = limits, sensor, settings
         self._needed_m = float(needed_m)
+        prepare("planning")
 
     def plan(
         self,

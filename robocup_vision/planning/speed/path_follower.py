@@ -12,6 +12,7 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
 from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.prepared_kernels import prepare
 
 
 class PathFollower:
@@ -32,6 +33,7 @@ class PathFollower:
                 raise ArgumentError(f"{name} must be positive, got {value!r}")
         self.limits = limits
         self._ahead_s, self._ahead_m = float(ahead_s), float(ahead_m)
+        prepare("planning")
 
     def ahead(self, speed_mps: float) -> float:
         """Return how many metres ahead on the path it aims at this speed."""

@@ -3,18 +3,21 @@
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
 from field_models import ArgumentError, FileError, RobocupVisionError
+from robocup_vision import Vision
+from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation import report
-from robocup_vision.evaluation.dataset import load_dataset
+from robocup_vision.evaluation.dataset import FrameTime, load_dataset
 from robocup_vision.evaluation.result_files import RESULT_COLUMNS
-from robocup_vision.evaluation.run import evaluate
+from robocup_vision.evaluation.run import evaluate, make_vision_with_memory
 from robocup_vision.geometry import Pose2
 
 
@@ -189,6 +192,8 @@ def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, t
         draw_overlay=fake.draw,
     )
     assert summary.notes == ("a sequence runs in order in one process: --jobs is ignored",)
+    assert summary.is_sequence
+    assert "per frame (median), in a sequence" in (tmp_path / "out" / "report.html").read_text()
     times_s = [call[1] for call in made[0].calls if call[0] == "look"]
     assert times_s == pytest.approx([0.1 * index for index in range(10)])
     assert ("forget",) not in made[0].calls
@@ -323,3 +328,42 @@ def test_a_sequence_is_looked_at_from_its_beginning_again(folder: Path, fake: Mo
     )
     assert summary.notes == ("a sequence cannot be gone on with in its middle: --resume is ignored",)
     assert summary.figures.located == 5
+
+
+def test_the_time_of_single_images_is_said_to_be_theirs(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    assert not summary.is_sequence
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "per frame (median), single images, nothing carried on between them" in page
+
+
+def test_the_estimate_over_time_is_scored(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    class Remembering(fake.FakeVision):
+        def look(self, frame, t_s=None, odometry=None):
+            view = super().look(frame, t_s, odometry)
+            pose = Pose2(0.5, 0.0, 0.0)
+            belief = PoseEstimate(pose, np.eye(3) * 1e-4, 1.0, 0.0)
+            view.belief = SimpleNamespace(pose=belief if t_s > 0 else NotLocated("not yet"))
+            return view
+
+    dataset = load_dataset(folder)
+    with pytest.raises(ArgumentError, match=r"--memory needs a sequence: a video, or a dataset with frames\.csv"):
+        evaluate(dataset, tmp_path / "out", make_vision=Remembering, scores_belief=True)
+    times = {name: FrameTime(float(index), None) for index, name in enumerate(dataset.image_names)}
+    dataset = replace(dataset, times=times)
+    evaluate(dataset, tmp_path / "out", make_vision=Remembering, draw_overlay=fake.draw, scores_belief=True)
+    rows = read_rows(tmp_path / "out")
+    assert [row["reason"] for row in rows] == ["not yet", "", "", "", ""]
+    assert [row["x_m"] for row in rows] == ["", "0.5", "0.5", "0.5", "0.5"]
+    with pytest.raises(ArgumentError, match="--memory estimates the robot's pose, the dataset holds the camera's"):
+        evaluate(replace(dataset, pose_of="camera"), tmp_path / "out", make_vision=Remembering, scores_belief=True)
+
+
+def test_without_odometry_a_memory_goes_by_the_views(folder: Path) -> None:
+    dataset = load_dataset(folder)
+    for odometry, by_views in ((None, True), (Pose2(0.1, 0.0, 0.0), False)):
+        times = {name: FrameTime(float(index), odometry) for index, name in enumerate(dataset.image_names)}
+        vision = make_vision_with_memory(replace(dataset, times=times))
+        assert isinstance(vision, Vision)
+        assert vision.memory is not None
+        assert (vision.memory.ego_motion is not None) == by_views

@@ -1,0 +1,54 @@
+"""`robocup-vision warm-up`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command `warm-up`."""
+    parser = subparsers.add_parser(
+        "warm-up",
+        help="compile all loops now, so that no robot waits for them",
+        description="Compile all loops of the library and keep them on the disk (in the folder that NUMBA_CACHE_DIR "
+        "names, if it is set), so that no later start waits for them: for boot scripts and container images.",
+    )
+    parser.add_argument("--jobs", metavar="N", type=int, default=2, help="number of processes (default: 2)")
+    parser.set_defaults(run=run_warm_up)
+
+
+def run_warm_up(options: argparse.Namespace) -> int:
+    """Compile all loops and print how many there are; return 0.
+
+    Raises
+    ------
+    RobocupVisionError
+        If the number of processes is wrong, or a process dies.
+    """
+    import time
+    from concurrent.futures import as_completed
+    from concurrent.futures.process import BrokenProcessPool
+
+    from field_models.errors import RobocupVisionError
+    from robocup_vision.commands.options import require_count
+    from robocup_vision.prepared_kernels import groups, modules, prepare, prepare_module
+    from robocup_vision.progress import progress
+    from robocup_vision.workers import worker_processes
+
+    require_count("--jobs", options.jobs)
+    start_s = time.monotonic()
+    listed = modules()
+    try:
+        with worker_processes(options.jobs) as executor:
+            waiting = [executor.submit(prepare_module, module) for module in listed]
+            for done in progress(as_completed(waiting), len(waiting), "warm-up"):
+                done.result()
+    except BrokenProcessPool:
+        raise RobocupVisionError("a process ended abruptly; is there enough memory? Try --jobs 1") from None
+    # two processes that keep the same loop at the same time may lose one of its entries: it is compiled again here
+    for group in groups():
+        prepare(group)
+    count = sum(len(entries) for entries in listed.values())
+    print(f"{count} loops are ready, after {time.monotonic() - start_s:.0f} s")
+    return 0

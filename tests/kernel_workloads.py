@@ -1,0 +1,267 @@
+"""Frames, odometry and targets as varied as a robot meets them, to find every loop that the calls of an object reach.
+
+``python tests/kernel_workloads.py all [GROUP...]`` writes `robocup_vision/kernels/signatures.json` by them: for each
+loop the types of its arguments. Run it where they have changed; a slow test finds what is missing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import runpy
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from field_models import load_field
+from robocup_vision import Memory, MotionLimits, Pose2, PoseEstimate, Steering, Vision, Wayfinder, load_camera
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.disc import Disc
+from robocup_vision.mapping import ViewMotion
+from robocup_vision.prepared_kernels import KERNELS, SIGNATURES, spelled_type
+
+ROOT = Path(__file__).parents[1]
+STEP = Pose2(0.01, 0.002, 0.01)
+LIMITS = MotionLimits(speed_mps=0.4, acceleration_mps2=0.3, dead_time_s=0.03)
+
+# what a workload has made before its first `yield` belongs to other groups; before its second, to its constructors
+Workload = Iterator[None]
+
+
+def images(name: str) -> list[Any]:
+    return [cv2.imread(str(path)) for path in sorted((ROOT / "images" / name / "images").iterdir())]
+
+
+def empty_frames(size_px: tuple[int, int], rng: np.random.Generator) -> list[Any]:
+    """Return frames that show no field."""
+    shape = (size_px[1], size_px[0], 3)
+    levels = [np.full(shape, level, dtype=np.uint8) for level in (0, 90, 255)]
+    green = np.full(shape, (50, 130, 45), dtype=np.uint8)
+    return [*levels, green, rng.integers(0, 256, shape).astype(np.uint8)]
+
+
+def mirror_frames(seed: int, count: int) -> list[Any]:
+    from sim2d.rendering.cameras import sekimori_camera
+    from sim2d.rendering.random_scenes import CONDITIONS, sample
+
+    frames = []
+    for name in ("nominal", "crowd", "bad_day", "dark"):
+        drawn = sample(load_field("ssl_2001"), sekimori_camera(), CONDITIONS[name], seed, count, supersample=2)
+        frames += [(one.frame, one.pose) for one in drawn]
+    return frames
+
+
+def look_at(vision: Vision, frames: list[tuple[Any, Pose2]]) -> None:
+    """Look at frames alone, in a sequence, and by priors of both kinds, right and wrong."""
+    for frame, pose in frames:
+        vision.forget()
+        vision.look(frame)
+        vision.look(frame, odometry=STEP)
+        vision.look(frame, prior=pose)
+        for off_m in (0.0, 1.0):
+            near = Pose2(pose.x_m + off_m, pose.y_m, pose.theta_rad)
+            vision.look(frame, prior=PoseEstimate(near, np.diag([0.05, 0.05, 0.05]) ** 2, 1.0, 0.0))
+
+
+def mirror(method: str, seed: int = 1, count: int = 4) -> Workload:
+    yield
+    camera = load_camera(ROOT / "images" / "omni_ssl_2001" / "camera.toml")
+    mask = np.zeros((220, 256), dtype=np.uint8)
+    mask[100:120, 110:140] = 1
+    visions = [Vision(load_field("ssl_2001"), camera, method=method)]
+    visions.append(Vision(load_field("ssl_2001"), camera, method=method, mask=mask))
+    if method == "field":
+        visions.append(Vision(load_field("ssl_division_b"), camera))
+    yield
+    rng = np.random.default_rng(seed)
+    frames = [(frame, Pose2(0.0, 0.0, 0.0)) for frame in [*images("omni_ssl_2001"), *empty_frames((256, 220), rng)]]
+    frames += mirror_frames(seed, count)
+    for vision in visions:
+        look_at(vision, frames)
+    vision = visions[0]
+    vision.forget()
+    vision.look(frames[0][0])
+    look_at(Vision(load_field("ssl_2001"), camera, vision.colors, method=method), frames[:30])
+
+
+def walk_frames(seed: int, count: int) -> tuple[PinholeCamera, list[tuple[Any, Pose2]]]:
+    from sim2d.rendering.pinhole import render_pinhole
+    from sim2d.rendering.scene import Room, Scene
+    from sim2d.rendering.sensor import Sensor
+
+    camera = PinholeCamera(
+        size_px=(208, 160),
+        focal_px=(192.0, 192.0),
+        center_px=(103.5, 79.5),
+        height_m=0.185,
+        height_std_m=0.006,
+        pan_rad=0.0,
+        tilt_rad=math.radians(-10.0),
+        roll_rad=0.0,
+        roll_std_rad=math.radians(1.4),
+    )
+    rng = np.random.default_rng(seed)
+    scene, sensor = Scene(load_field("four_legged_2007"), room=Room(seed=5)), Sensor(noise_sigma=3.0, blur_px=0.6)
+    frames = []
+    for _ in range(count):
+        robot = Pose2(*rng.uniform((-2.0, -1.2, -math.pi), (2.0, 1.2, math.pi)))
+        frames.append((sensor.expose(render_pinhole(camera, scene, robot, supersample=2), rng), robot))
+    return camera, frames
+
+
+def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
+    yield
+    field = load_field("four_legged_2007")
+    camera: PinholeCamera
+    if method == "goal":
+        from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
+
+        loaded = load_camera(ROOT / "images" / "goal_four_legged" / "camera.toml")
+        assert isinstance(loaded, PinholeCamera)
+        camera = loaded
+        frames = [(frame, Pose2(-0.5, 0.2, 0.1)) for frame in images("goal_four_legged")]
+        for condition in (GOAL_CONDITIONS["heavy_glare_416x320"],):
+            frames += [(one.frame, one.pose) for one in sample_goal(field, condition, seed, count)]
+    else:
+        camera, frames = walk_frames(seed, count)
+    visions = [Vision(field, camera, method=method)]
+    if method == "edges":
+        visions.append(Vision(load_field("ssl_division_b"), camera))
+        visions.append(Vision(field, replace(camera, roll_std_rad=None, height_std_m=0.0)))
+    yield
+    frames = frames + [(one, Pose2(0.0, 0.0, 0.0)) for one in empty_frames(camera.size_px, np.random.default_rng(seed))]
+    for vision in visions:
+        look_at(vision, frames)
+        for frame, _ in frames[:5]:
+            vision.look(frame, pan_rad=0.3)
+    for frame, _ in frames:
+        visions[0].forget()
+        visions[0].look(frame)
+    look_at(Vision(field, camera, visions[0].colors, method=method), frames)
+
+
+def steering(seed: int = 1, count: int = 4) -> Workload:
+    camera = load_camera(ROOT / "images" / "omni_ssl_2001" / "camera.toml")
+    vision = Vision(load_field("ssl_2001"), camera)
+    frames = [*images("omni_ssl_2001"), *(frame for frame, _ in mirror_frames(seed, count))]
+    views = [vision.look(frame) for frame in frames]
+    yield
+    drivers = [Steering(robot_radius_m=0.09, limits=LIMITS)]
+    ways = Wayfinder(0.09)
+    yield
+    rng = np.random.default_rng(seed)
+    discs = [Disc(0.6, 0.2, 0.09, vx_mps=-0.3, vy_mps=0.1), Disc(-0.5, 0.1, 0.09)]
+    for view in views:
+        for driver in drivers:
+            for velocity in ((0.0, 0.0), (0.3, -0.1)):
+                bearing = float(rng.uniform(-math.pi, math.pi))
+                driver.steer(view.free_space, velocity, target_bearing_rad=bearing)
+                driver.steer(view.free_space, velocity, target_bearing_rad=bearing, moving=discs)
+                driver.steer(view.free_space, velocity, target_bearing_rad=bearing, moving=discs[:1])
+        ways.update(view.free_space, STEP)
+        ways.head(float(rng.uniform(-math.pi, math.pi)), 1.0, (0.1, 0.0))
+
+
+def memory(seed: int = 1, count: int = 40) -> Workload:
+    from sim2d.match.arena import Arena
+    from sim2d.robot_link import Command
+
+    field = load_field("ssl_2001")
+    arena = Arena(field, players=2, seed=seed)
+    senses = []
+    for _ in range(count):
+        senses.append(arena.senses()[0])
+        arena.step({0: Command(0.3, 0.0, 0.2), 1: Command(0.3, 0.0, -0.9), 2: Command(0.3, 0.0, 0.9)})
+    alone = Vision(field, arena.camera)
+    for one in senses:
+        alone.look(one.frame, odometry=one.odometry)
+        alone.look(one.frame, prior=PoseEstimate(Pose2(0.0, 0.0, 0.0), np.diag([0.05, 0.05, 0.05]) ** 2, 1.0, 0.0))
+    walker, walk = walk_frames(seed, 5)
+    head = Vision(load_field("four_legged_2007"), walker)
+    look_at(head, walk)
+    yield
+    whole = Vision(field, arena.camera, memory=Memory.of_everything(field))
+    seen = Vision(field, arena.camera, memory=Memory(field, ego_motion=ViewMotion()))
+    forward = Vision(
+        load_field("four_legged_2007"), walker, memory=Memory.of_everything(load_field("four_legged_2007"))
+    )
+    yield
+    for one in senses:
+        whole.look(one.frame, one.t_s, odometry=one.odometry)
+        seen.look(one.frame, one.t_s)
+    for index, (frame, _) in enumerate(walk * 3):
+        forward.look(frame, 0.1 * index, odometry=STEP)
+
+
+def example(*names: str) -> Workload:
+    yield
+    yield
+    folder = os.getcwd()
+    with tempfile.TemporaryDirectory() as out:
+        os.chdir(out)
+        for name in names:
+            runpy.run_path(str(ROOT / "examples" / f"{name}.py"))
+        os.chdir(folder)
+
+
+WORKLOADS: dict[str, Callable[[], Workload]] = {
+    **{f"mirror_{name}": (lambda name=name: mirror(name)) for name in ("field", "floor", "hull")},
+    **{f"pinhole_{name}": (lambda name=name: pinhole(name)) for name in ("edges", "goal", "field")},
+    "steering": steering,
+    "memory": memory,
+    "planning": lambda: example("planning"),
+    "landmarks": lambda: example("landmarks"),
+}
+
+
+def overloads() -> dict[str, set[Any]]:
+    """Return the types of arguments that each loop of the library has been compiled or loaded for so far."""
+    found: dict[str, set[Any]] = {}
+    for path in sorted((ROOT / "robocup_vision" / "kernels").glob("*/*.py")):
+        module = f"{path.parent.name}.{path.stem}"
+        for name, value in vars(import_module(f"{KERNELS}.{module}")).items():
+            # a loop that another module imports is listed where it stands
+            if hasattr(value, "overloads") and value.py_func.__module__ == f"{KERNELS}.{module}":
+                found[f"{module}.{name}"] = set(value.overloads)
+    return found
+
+
+def record(group: str) -> list[Any]:
+    """Return the loops that a group's calls reach, with the types of their arguments."""
+    workload = WORKLOADS[group]()
+    next(workload)
+    before = overloads()
+    for _ in workload:
+        pass
+    entries = []
+    for kernel, found in overloads().items():
+        entries += [[kernel, [spelled_type(one) for one in types]] for types in found - before[kernel]]
+    return sorted(entries, key=json.dumps)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 2 and sys.argv[1] != "all":
+        cv2.setNumThreads(0)
+        print(json.dumps(record(sys.argv[1])))
+    else:
+        # callees of a loop that is compiled anew would be taken for loops that are called: the last run loads all
+        listed = json.loads(SIGNATURES.read_text(encoding="utf-8"))
+        for name in sys.argv[2:] or WORKLOADS:
+            for last in (False, True):
+                done = subprocess.run([sys.executable, __file__, name], stdout=subprocess.PIPE, text=True, check=last)
+            listed[name] = json.loads(done.stdout.splitlines()[-1])
+            print(name, len(listed[name]), file=sys.stderr)
+            lines = [
+                f' "{group}": [\n  ' + ",\n  ".join(json.dumps(entry) for entry in entries) + "\n ]"
+                for group, entries in sorted(listed.items())
+            ]
+            SIGNATURES.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")

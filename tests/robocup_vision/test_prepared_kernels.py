@@ -1,0 +1,113 @@
+"""Once an object is made no call waits for a compiler: all loops that it reaches are compiled or loaded before."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robocup_vision import cli
+from robocup_vision.kernels.floor.colors import tabulate
+from robocup_vision.prepared_kernels import groups, modules, prepare, prepare_module, spelled_type
+
+TESTS = Path(__file__).parents[1]
+# runs a workload with other frames than those that the list was made by, and counts what is compiled after the making
+COUNT = """
+import sys
+import cv2
+import numba.core.event
+import kernel_workloads as work
+
+cv2.setNumThreads(0)
+seen = []
+class Listener(numba.core.event.Listener):
+    def on_start(self, event):
+        dispatcher = event.data["dispatcher"]
+        if is_made and dispatcher.py_func.__module__.startswith("robocup_vision"):
+            seen.append(f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__name__}")
+    def on_end(self, event):
+        pass
+
+is_made = False
+with numba.core.event.install_listener("numba:compile", Listener()):
+    workload = eval(sys.argv[1])
+    next(workload)
+    next(workload)
+    is_made = True
+    for _ in workload:
+        pass
+print(seen)
+"""
+
+
+def test_the_list_names_loops_that_are_there() -> None:
+    assert {"mirror_field", "pinhole_edges", "pinhole_goal", "steering", "memory", "planning"} <= set(groups())
+    unique = {json.dumps(entry) for entries in groups().values() for entry in entries}
+    assert sum(len(entries) for entries in modules().values()) == len(unique)
+
+
+def test_a_listed_loop_is_ready() -> None:
+    prepare_module("floor.colors")
+    listed = [arguments for kernel, arguments in modules()["floor.colors"] if kernel.endswith("tabulate")]
+    ready = [[spelled_type(one) for one in types] for types in tabulate.overloads]
+    assert all(arguments in ready for arguments in listed)
+    prepare("no such object has loops")
+
+
+def test_a_type_that_is_not_known_is_told() -> None:
+    from numba import types
+
+    with pytest.raises(TypeError, match="cannot be listed"):
+        spelled_type(types.ListType(types.int64))
+    assert spelled_type(types.Array(types.uint8, 2, "A", readonly=True)) == ["array", "uint8", 2, "A", False]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "workload",
+    [
+        "work.mirror('field', seed=77, count=15)",
+        "work.pinhole('edges', seed=77)",
+        "work.steering(77)",
+        "work.memory(77)",
+    ],
+)
+def test_nothing_is_compiled_after_the_making(workload: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(TESTS)}
+    done = subprocess.run(
+        [sys.executable, "-c", COUNT, workload],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        check=False,
+    )
+    assert done.stdout == "[]\n", done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_warm_up_leaves_nothing_to_compile(tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "robocup_vision.cli", "warm-up", "--jobs", "2"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=1800, check=False)
+    assert "loops are ready" in done.stdout, done.stderr
+    count = COUNT.replace("is_made = False", "is_made = True")
+    environment["PYTHONPATH"] = str(TESTS)
+    done = subprocess.run(
+        [sys.executable, "-c", count, "work.mirror('field', seed=78, count=1)"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.stdout == "[]\n", done.stdout + done.stderr
+
+
+def test_mistakes_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["warm-up", "--jobs", "0"]) == 2
+    assert capsys.readouterr().err == "robocup-vision warm-up: --jobs must be at least 1, got 0\n"
