@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from strategies import covariances, poses
 
 from field_models import ArgumentError
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import EdgeState, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance
+from robocup_vision.kernels.model_edges.tables import FOUND, HIDDEN, MISSING, UNSEEN
 
 POSE = Pose2(1.0, 0.5, 0.2)
 
@@ -72,3 +73,9 @@ def test_an_estimate_has_the_attributes_of_its_pose():
     estimate = PoseEstimate(POSE, np.eye(3), 0.9, 0.4)
     assert (estimate.x_m, estimate.y_m, estimate.theta_rad) == (POSE.x_m, POSE.y_m, POSE.theta_rad)
     assert bool(estimate) is True
+
+
+def test_edges_have_the_states_of_the_compiled_loops():
+    states = (EdgeState.UNSEEN, EdgeState.FOUND, EdgeState.HIDDEN, EdgeState.MISSING)
+    assert states == (UNSEEN, FOUND, HIDDEN, MISSING)
+    assert len(EdgeState) == len(states)

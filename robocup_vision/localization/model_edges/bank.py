@@ -11,11 +11,11 @@ from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges.find import Bank
+from robocup_vision.localization.model_edges.field_edges import MIN_CHROMA
 
 _CELL_M = 0.04
 _MARGIN_M = 0.6  # of the table of distances beyond the outer lines
 _CUT_OFF_M = 1.2
-_MIN_CHROMA = 60.0
 
 
 def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_step_rad: float) -> Bank:
@@ -50,7 +50,7 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
 
     def add(name: str, row: list[float]) -> None:
         color = np.array(COLOR_NAMES[name], dtype=np.float64)
-        if np.ptp(color) < _MIN_CHROMA:
+        if np.ptp(color) < MIN_CHROMA:
             return
         if name not in names:
             names.append(name)

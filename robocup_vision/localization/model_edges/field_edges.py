@@ -15,7 +15,7 @@ from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UPRIGHT, FieldEd
 Bgr = tuple[float, float, float]
 
 # a paint this colourful (largest minus smallest channel) differs from any grey background by its colour alone
-_MIN_CHROMA = 60.0
+MIN_CHROMA = 60.0
 # a paint whose every channel is so light is white
 _MIN_WHITE = 150.0
 # of white, grey and black things before an unknown background: their step is seldom all of it
@@ -32,7 +32,7 @@ def field_edges(field: Field) -> FieldEdges:
     channels: list[list[float]] = []
 
     def channel(weights: FloatArray, inside: FloatArray, outside: FloatArray, step: float = 1.0) -> float:
-        hue = inside - inside.mean() if np.ptp(inside) > _MIN_CHROMA else np.zeros(3)
+        hue = inside - inside.mean() if np.ptp(inside) > MIN_CHROMA else np.zeros(3)
         white = float(inside.mean()) if inside.min() > _MIN_WHITE else 0.0
         row = [*weights.tolist(), step * float(weights @ (inside - outside)), *hue.tolist(), white]
         if row not in channels:
@@ -45,7 +45,7 @@ def field_edges(field: Field) -> FieldEdges:
     def before_anything(name: str) -> float:
         paint = color(name)
         weights = paint - paint.mean()
-        if np.ptp(paint) > _MIN_CHROMA:
+        if np.ptp(paint) > MIN_CHROMA:
             return channel(weights / np.abs(weights).max(), paint, np.zeros(3))
         return channel(np.array([1.0, 0.0, 1.0]), paint, carpet, _PLAIN_STEP)
 
