@@ -56,7 +56,6 @@ class _Beacon(StrictStruct):
 class _FieldFile(StrictStruct):
     format: Literal[1]
     name: str
-    source: str
     length_m: Length
     width_m: Length
     line_width_m: Length
@@ -71,6 +70,7 @@ class _FieldFile(StrictStruct):
     penalty_arc: _PenaltyArc | None = None
     corner_arc_radius_m: Length | None = None
     beacons: tuple[_Beacon, ...] = ()
+    source: str = ""
     ball_radius_m: Length = 0.0215
     ball_color: str = "orange"
     robot_radius_m: Length = 0.09

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
+from msgspec import inspect
 
 from field_models.errors import ArgumentError, FileError
 
@@ -73,7 +74,11 @@ def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
                 path, "is missing" if missing else "is unknown", key=f"{inside}{named[1]}", value=unknown_value
             ) from None
         if problem.startswith("Invalid enum value"):
-            problem = "is not a value that this version reads"
+            words = " or ".join(repr(word) for word in _allowed(struct, key))
+            problem = "is not a value that this version reads" + (f": must be {words}" if words else "")
+        elif problem.startswith("Invalid value "):
+            words = " or ".join(repr(word) for word in _allowed(struct, key))
+            problem = f"must be {words}" if words else problem
         value = _look_up(raw, key) if key else ...
         raise FileError(path, problem[0].lower() + problem[1:], key=key or None, value=value) from None
 
@@ -81,6 +86,24 @@ def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
 def load_toml(path: str | Path, struct: type[T]) -> T:
     """Read a TOML file straight into a struct type."""
     return convert(path, read_toml(path), struct)
+
+
+def _allowed(struct: type[Any], key: str) -> tuple[object, ...]:
+    """Words that a key may hold, where a struct type lists them; empty where it does not."""
+    nodes: list[Any] = [inspect.type_info(struct)]
+    for part in re.findall(r"[^.\[\]]+|\[\.*\]", key):
+        inner: list[Any] = []
+        for node in nodes:
+            if isinstance(node, inspect.StructType):
+                if node.tag_field == part:
+                    inner.append(inspect.LiteralType((node.tag,)))
+                inner += [one.type for one in node.fields if one.encode_name == part]
+            elif isinstance(node, (inspect.VarTupleType, inspect.ListType)):
+                inner.append(node.item_type)
+            elif isinstance(node, inspect.TupleType):
+                inner += node.item_types
+        nodes = [one for node in inner for one in (node.types if isinstance(node, inspect.UnionType) else (node,))]
+    return tuple(value for node in nodes if isinstance(node, inspect.LiteralType) for value in node.values)
 
 
 def _look_up(raw: Any, key: str) -> Any:

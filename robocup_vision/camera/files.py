@@ -17,7 +17,8 @@ from robocup_vision.camera.pinhole import DISTORTION_LENGTHS, PinholeCamera
 Camera: TypeAlias = Union[OmniCamera, PinholeCamera]  # noqa: UP007  (evaluated, on 3.10 too)
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
-Pixels = Annotated[int, msgspec.Meta(gt=0)]
+# no sensor has more: such a size is a slip, and its tables would fill the memory
+Pixels = Annotated[int, msgspec.Meta(gt=0, le=16384)]
 
 # inverse ranges below this (floor a thousand km away) count as horizon
 NEAREST_HORIZON_PER_M = 1e-6

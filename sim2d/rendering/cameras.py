@@ -8,6 +8,8 @@ from pathlib import Path
 from field_models.errors import ArgumentError
 from robocup_vision.camera import Hyperboloid, OmniCamera, load_camera
 
+_MAX_PX = 9999
+
 
 def sekimori_camera(width: int = 256, height: int = 220) -> OmniCamera:
     """Return the mirror camera of Sekimori et al. 2001 (eq. 26), scaled to an image size by its height.
@@ -40,10 +42,13 @@ def camera_by_name(name_or_path: str | Path) -> OmniCamera:
     if name == "sekimori":
         return sekimori_camera()
     if name.startswith("sekimori:"):
-        size = re.fullmatch(r"sekimori:([1-9]\d{1,3})x([1-9]\d{1,3})", name)
+        size = re.fullmatch(r"sekimori:([1-9]\d+)x([1-9]\d+)", name)
         if size is None:
             raise ArgumentError(f"camera '{name}' is not of the form sekimori:WIDTHxHEIGHT, e.g. sekimori:640x480")
-        return sekimori_camera(int(size[1]), int(size[2]))
+        width, height = int(size[1]), int(size[2])
+        if max(width, height) > _MAX_PX:
+            raise ArgumentError(f"camera '{name}' has too large images: at most {_MAX_PX}x{_MAX_PX} pixels")
+        return sekimori_camera(width, height)
     camera = load_camera(name_or_path)
     if not isinstance(camera, OmniCamera):
         raise ArgumentError(f"camera '{name}' is no mirror camera")

@@ -246,13 +246,17 @@ def test_a_line_from_goal_to_goal_where_the_file_says_so(write: Write):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("format = 1", "format = 2", "key 'format': is not a value that this version reads, got 2"),
+        ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
         ("length_m = 7.8\n", "", "key 'length_m': is missing"),
         ("length_m = 7.8", "length_m = -7.8", "key 'length_m': expected `float` > 0.0, got -7.8"),
         ("length_m = 7.8", "length_m = inf", "key 'length_m': must be a finite number, got inf"),
         ("length_m = 7.8", 'length_m = "7.8"', "key 'length_m': expected `float`, got `str`, got '7.8'"),
         ("depth_m = 0.18", "depth = 0.18", "key 'goal.depth': is unknown, got 0.18"),
-        ('kind = "panels"', 'kind = "net"', "key 'goal.kind': is not a value that this version reads, got 'net'"),
+        (
+            'kind = "panels"',
+            'kind = "net"',
+            "key 'goal.kind': is not a value that this version reads: must be 'panels' or 'posts' or 'recess'",
+        ),
         ('kind = "panels"', 'kind = "posts"', "key 'goal.post_radius_m': must be positive for posts, got 0.0"),
         ('kind = "panels"', 'kind = "recess"', "key 'goal.kind': needs boundary walls without a margin and a depth"),
         ("depth_m = 0.18", "depth_m = 0.4", "key 'goal.depth_m': reaches through the boards, got 0.4"),
@@ -282,3 +286,11 @@ def test_bad_field_file_is_refused_in_one_line(write: Write, old: str, new: str,
         load_field(path)
     assert str(caught.value).startswith(f"{path}: {message}")
     assert "\n" not in str(caught.value)
+
+
+def test_a_field_file_may_leave_out_its_source(tmp_path):
+    path = tmp_path / "bare.toml"
+    path.write_text(
+        'format = 1\nname = "bare"\nlength_m = 3.0\nwidth_m = 2.0\nline_width_m = 0.05\n[boundary]\nkind = "carpet"\n'
+    )
+    assert load_field(path).source == ""

@@ -1,6 +1,7 @@
 """Strict TOML: each kind of damage gives one line with file, key and value."""
 
 from pathlib import Path
+from typing import Literal, Union
 
 import pytest
 
@@ -96,3 +97,34 @@ def test_a_check_of_the_whole_struct_does_not_print_the_whole_file():
 def test_key_that_cannot_be_looked_up_is_still_named():
     with pytest.raises(FileError, match=r"x\.toml: key 'a\.b': is unknown$"):
         convert("x.toml", {"count": 1, "a.b": 2}, _Whole)
+
+
+class _First(StrictStruct, tag_field="kind", tag="first"):
+    size: int
+
+
+class _Second(StrictStruct, tag_field="kind", tag="second"):
+    pass
+
+
+class _Worded(StrictStruct):
+    color: Literal["red", "blue"] = "red"
+    parts: tuple[Union[_First, _Second], ...] = ()  # noqa: UP007  (msgspec on 3.10)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "color = 'green'",
+            "key 'color': is not a value that this version reads: must be 'blue' or 'red', got 'green'",
+        ),
+        ("[[parts]]\nkind = 'third'", "key 'parts[0].kind': must be 'first' or 'second', got 'third'"),
+    ],
+)
+def test_the_words_that_are_allowed_are_listed(tmp_path: Path, text: str, message: str):
+    path = tmp_path / "worded.toml"
+    path.write_text(text)
+    with pytest.raises(FileError) as caught:
+        load_toml(path, _Worded)
+    assert str(caught.value) == f"{path}: {message}"

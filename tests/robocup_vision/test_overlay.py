@@ -118,10 +118,10 @@ def test_an_image_that_is_handed_over_is_drawn_on(vision, nominal_samples):
     view = vision.look(frame)
     picture = frame.copy()
     assert draw(view, frame, vision, picture) is picture
-    assert fraction_of(picture, FIELD_COLOR) > 3e-4
+    assert (picture != frame).mean() > 0.1
     twice = np.zeros((440, 512, 3), dtype=np.uint8)
     assert draw(view, frame, vision, out=twice) is twice
-    assert fraction_of(twice, FIELD_COLOR) > 3e-4
+    assert fraction_of(twice, FIELD_COLOR) > 0
 
 
 def test_rgb_frames_are_drawn_as_they_look(ssl_field, paper_camera, nominal_samples):

@@ -86,7 +86,7 @@ def test_usable_radius_may_pass_the_horizon(write: Write):
 
 
 BAD = [
-    ("format = 1", "format = 2", "key 'format': is not a value that this version reads, got 2"),
+    ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
     ("format = 1\n", "", "key 'format': is missing"),
     ('model = "omni"\n', "", "key 'model': is missing"),
     ('"omni"', '"fisheye"', "key 'model': must be"),

@@ -221,7 +221,7 @@ def test_wrong_frames(folder: Path, old: str, new: str, problem: str) -> None:
         ('camera = "camera.toml"\n', "", "key 'camera': is missing"),
         ("symmetry", "symetry", "key 'symetry': is unknown, got 'point'"),
         ('"point"', '"mirror"', "key 'symmetry': must be one of none, point, got 'mirror'"),
-        ("format = 1", "format = 2", "key 'format': is not a value that this version reads, got 2"),
+        ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
         ('"ssl_2001"', "5", "key 'field': expected `str`, got `int`, got 5"),
         (
             "format = 1",

@@ -111,5 +111,7 @@ def test_cameras_by_name(tmp_path):
     assert camera_by_name("sekimori:640x480").usable_radius_px[1] == pytest.approx(112 * 480 / 220)
     with pytest.raises(ArgumentError, match="sekimori:WIDTHxHEIGHT"):
         camera_by_name("sekimori:wide")
+    with pytest.raises(ArgumentError, match="'sekimori:99999x99999' has too large images: at most 9999x9999 pixels"):
+        camera_by_name("sekimori:99999x99999")
     with pytest.raises(Exception, match=r"absent\.toml"):
         camera_by_name(tmp_path / "absent.toml")

@@ -45,7 +45,7 @@ def test_counts_become_chances(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("format = 1", "format = 2", "key 'format': is not a format this version reads, got 2"),
+        ("format = 1", "format = 2", "key 'format': is not a format this version reads: must be 1, got 2"),
         ("width_px = [20.0]", "width_px = []", r"key 'width_px': must be positive and ascending, got \[\]"),
         ("width_px = [20.0]", "width_px = [20.0, 10.0]", "key 'width_px': must be positive and ascending"),
         ("width_px = [20.0]", "width_px = [20.0, 30.0]", r"key 'seen\[0\].counts': must have 3 rows"),
