@@ -1,7 +1,7 @@
 """Weighs poses found without a prior against each other, and against that none of them is right.
 
-Many poses of a field explain a picture well. Which of them is right, only a comparison tells: the posterior is a
-conditional logit over all poses that were fitted, with one more outcome, that the right pose is not among them.
+Many poses of a field explain a picture well; only a comparison tells which one is right. The posterior is a conditional
+logit over all poses that were fitted, with one more outcome: the right pose is not among them.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class CandidateSettings:
     of_std: float = -1.26
     # of the outcome that none is right
     of_none: float = 6.76
-    # posterior from which one pose is the answer; of several together, from which they are candidates
+    # smallest probability of a pose that is the answer alone, and of several together that are candidates
     min_probability: float = 0.94
     min_together: float = 0.98
     max_candidates: int = 3
@@ -58,7 +58,7 @@ def log_weight(evidence: Evidence, settings: CandidateSettings) -> float:
 
 
 def posterior(log_weights: Sequence[float]) -> FloatArray:
-    """Return the probability of each pose, (N,) float64; what is missing to 1 is that of none.
+    """Return the probability of each pose, (N,) float64; the rest, up to 1, is the probability that none is right.
 
     Parameters
     ----------

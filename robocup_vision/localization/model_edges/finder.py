@@ -166,7 +166,9 @@ class EdgeFinder:
         order = accepted(probabilities, s.candidates)
         if not order:
             best = float(probabilities.max())
-            return NotLocated(f"{len(answers)} poses explain what is in view: the best is right by {best:.0%}")
+            return NotLocated(
+                f"too open which of {len(answers)} poses is right: the likeliest has a probability of {best:.0%}"
+            )
         best_answer = answers[order[0]]
         open_m = best_answer.evidence.position_std_m
         if open_m > s.max_std_m:
@@ -193,7 +195,7 @@ class EdgeFinder:
         return places[: s.weighed]
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
-        """Fit one pose by the frame alone: the proposal, which no prior is, must not hold the answer back."""
+        """Fit one pose by the frame alone: fit again from where the frame points to, as a proposal is no evidence."""
         s = self.settings
         answer = self._fit(frame, pose)
         for _ in range(s.settling):
