@@ -5,6 +5,8 @@ Kernels, values and estimators name the same few element types; each name stands
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,6 +20,9 @@ UInt16Array = npt.NDArray[np.uint16]
 UInt32Array = npt.NDArray[np.uint32]
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]
+# what users hand over: OpenCV says of an image that it is an array of some number, and None where it could not be read;
+# the type and size are checked when it is used
+Frame = npt.NDArray[np.integer[Any] | np.floating[Any]]
 
 
 def read_only(array: npt.ArrayLike) -> FloatArray:

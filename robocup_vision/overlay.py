@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import textwrap
 from functools import lru_cache
+from typing import cast
 
 import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array
+from robocup_vision.arrays import FloatArray, Frame, Int32Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated
 from robocup_vision.image_layers import ImageLayerMaker, Paths
@@ -39,7 +40,7 @@ _SHIFT = 4
 _REASON_LETTERS = 72
 
 
-def draw(view: View, frame: UInt8Array, vision: Vision, out: UInt8Array | None = None) -> UInt8Array:
+def draw(view: View, frame: Frame, vision: Vision, out: Frame | None = None) -> UInt8Array:
     """Draw a view over its frame.
 
     The fitted field and its goals of posts in cyan, the floor's detected edge in red, the free space as a green fan,
@@ -76,12 +77,12 @@ def draw(view: View, frame: UInt8Array, vision: Vision, out: UInt8Array | None =
         raise ArgumentError(f"the frame to draw must be ({height}, {width}, 3) uint8, got {given}")
     if out is None:
         scale = max(1, math.ceil(_MIN_WIDTH / width))
-        plain = to_bgr(frame, vision.channels)
+        plain = to_bgr(cast("UInt8Array", frame), vision.channels)
         enlarged = cv2.resize(plain, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
         canvas: UInt8Array = np.asarray(enlarged, dtype=np.uint8)
         canvas = canvas.copy() if np.shares_memory(canvas, frame) else canvas
     else:
-        canvas, scale = out, _scale_of(out, width, height)
+        canvas, scale = cast("UInt8Array", out), _scale_of(out, width, height)
     layers = _layer_maker(vision.field).layers(view)
     _draw_free_space(canvas, layers.free_px, scale)
     _draw_paths(canvas, layers.field_px, scale, FIELD_COLOR)
@@ -141,7 +142,7 @@ def _layer_maker(field: Field) -> ImageLayerMaker:
     return ImageLayerMaker(field)
 
 
-def _scale_of(out: UInt8Array, width: int, height: int) -> int:
+def _scale_of(out: Frame, width: int, height: int) -> int:
     """Return how many times as large as the frame a picture is.
 
     Raises

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, Protocol, cast
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arguments import as_camera, as_count, as_field, as_number, as_pose, as_prior, as_time
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
@@ -156,7 +156,7 @@ class Vision:
 
     def look(
         self,
-        frame: UInt8Array | None,
+        frame: Frame | None,
         t_s: float | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
@@ -196,6 +196,8 @@ class Vision:
         self._is_fresh = False
         if frame is None:
             return self._look_at_nothing(t_s, odometry)
+        # the pipeline refuses what is not of bytes
+        frame = cast("UInt8Array", frame)
         if self._memory is None:
             view = self._look(frame, t_s, odometry, prior, pan_rad)
         else:
