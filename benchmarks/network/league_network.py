@@ -1,14 +1,14 @@
 """The small-size league's network: speed, punctuality, decoders under damaged messages, and the tracker.
 
 Speed: 11 against 11 on division B, every robot commanded 60 times a second by encoded commands; simulated seconds over
-the processor's seconds of one thread, sockets left out, making the commands included. Punctuality: the same on the
-loopback (multicast with a time to live of 0) at the clock's speed, commanded by another process; how late a vision
-packet leaves against the moment its step was due, and the processor's share. Shared with other programs that says
-something of an undisturbed machine only; where it is allowed, the simulator is served before all others, too.
-Decoders: damaged messages of every kind, read or refused; anything else is a fault. Tracker: robots drive to random
-places and one follows the ball and kicks it, vision as real as `rc2021`; errors as vectors' RMS, beside the last
-detection: at the exposures, by the frames until then, and at the moment of each true frame ("now"), by what was
-received until then. Beside it what robots' velocities change from the exposure until now, which is the error of who
+the processor's seconds of one thread, sockets left out, as is making the commands, which other programs do.
+Punctuality: the same on the loopback (multicast with a time to live of 0) at the clock's speed, commanded by another
+process; how late a vision packet leaves against the moment its step was due, and the processor's share. Shared with
+other programs that says something of an undisturbed machine only; where it is allowed, the simulator is served before
+all others, too. Decoders: damaged messages of every kind, read or refused; anything else is a fault. Tracker: robots
+drive to random places and one follows the ball and kicks it, vision as real as `rc2021`; errors as vectors' RMS, beside
+the last detection: at the exposures, by the frames until then, and at the moment of each true frame ("now"), by what
+was received until then. Beside it what robots' velocities change from the exposure until now, which is the error of who
 knew the velocity at the exposure exactly. Robots as quick as sim2d's own players are (1 m/s, 1.2 m/s^2), and as quick
 as the league's. A long run: memory that grows and a clock that drifts, over five minutes; `--soak-hours 24` takes about
 three hours, with `--soak-robots 2` half an hour.
@@ -24,6 +24,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,8 @@ from sim2d.network.world import STEPS_PER_S
 
 FIELD = load_field("ssl_division_b")
 TEAMS = (Team.YELLOW, Team.BLUE)
+# commands repeat after about a turn of each robot's way
+COMMAND_FRAMES = 377
 KINDS = {Channel.VISION: LogKind.VISION, Channel.TRACKER: LogKind.TRACKER, Channel.REFEREE: LogKind.REFEREE}
 # what the allocator holds on to varies by some hundred kB; a leak of one object a frame would be more in a minute
 MAX_GROWTH_KB, MAX_DRIFT_S = 2048.0, 1e-6
@@ -63,6 +66,7 @@ MAX_PLACE_RATIO, MAX_VELOCITY_MPS, MAX_REFOUND_S = 0.6, 0.08, 0.2
 PORTS, VISION_PORT = Ports(31300, 31310, 31303), 31320
 
 
+@lru_cache(maxsize=512)
 def commands_at(t_s: float, robots: int = 11) -> bytes:
     """Return commands for robots that wander about."""
     return encode(
@@ -95,8 +99,8 @@ def measure_speed(seconds: float) -> bool:
 
 def run(made: LeagueSimulator, seconds: float, robots: int = 11) -> None:
     """Go on by some seconds, every robot commanded at each frame."""
-    for _ in range(round(60 * seconds)):
-        data = commands_at(made.world.t_s, robots)
+    for frame in range(round(60 * seconds)):
+        data = commands_at(frame % COMMAND_FRAMES / 60, robots)
         for team in TEAMS:
             made.answer_robots(team, data)
         for _ in range(STEPS_A_FRAME):

@@ -179,10 +179,13 @@ class LeagueRobot:
         change = math.hypot(dx, dy)
         if change > most:
             dx, dy = dx * most / change, dy * most / change
-        body.velocity = (vx + dx, vy + dy)
+        # the engine's setters take most of a step's time
+        if change > 0:
+            body.velocity = (vx + dx, vy + dy)
         want_turn = max(-spec.max_turn_rps, min(spec.max_turn_rps, want_turn))
         most_turn = (spec.turn_speed_up_rps2 if abs(want_turn) >= abs(turn) else spec.turn_brake_rps2) * dt_s
-        body.angular_velocity = turn + max(-most_turn, min(most_turn, want_turn - turn))
+        if want_turn != turn:
+            body.angular_velocity = turn + max(-most_turn, min(most_turn, want_turn - turn))
 
     def mouth(self, ball: BallBody) -> Mouth:
         """Its mouth for a ball."""
