@@ -93,7 +93,7 @@ def load_goal_evidence(path: str | Path | None = None) -> GoalEvidence:
     where = Path(str(files("robocup_vision.planning.gaze") / "goal_evidence.toml")) if path is None else Path(path)
     described = load_toml(where, _EvidenceFile)
     if described.format != 1:
-        raise FileError(where, "is not a format this version reads", key="format", value=described.format)
+        raise FileError(where, "is not a format this version reads: must be 1", key="format", value=described.format)
     bounds = described.width_px
     if not bounds or any(high <= low for low, high in itertools.pairwise(bounds)) or bounds[0] <= 0:
         raise FileError(where, "must be positive and ascending", key="width_px", value=bounds)
