@@ -1,12 +1,16 @@
 """`robocup-vision live`: it serves, ends when told to, records, and names what is wrong in one line."""
 
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from robocup_vision import cli
 from robocup_vision.recording.recording import Recording
+
+DATASET = Path(__file__).parents[3] / "images" / "omni_ssl_2001"
 
 
 def test_it_serves_a_dataset_for_some_seconds_and_records(images, tmp_path, capfd):
@@ -31,11 +35,8 @@ def test_it_serves_the_topics_to_foxglove_too(images, tmp_path, capfd, monkeypat
 
 @pytest.fixture
 def images(tmp_path):
-    import shutil
-    from pathlib import Path
-
     folder = tmp_path / "dataset"
-    shutil.copytree(Path(__file__).parents[3] / "images" / "omni_ssl_2001", folder)
+    shutil.copytree(DATASET, folder)
     return folder
 
 
@@ -45,9 +46,9 @@ def images(tmp_path):
         (["nothing_here"], "nothing_here: does not exist"),
         (["sim:ssl_2001", "--from", "-1"], "--from must be 0 or more"),
         (["sim:ssl_2001", "--seconds", "nan"], "--seconds must be 0 or more"),
-        (["sim:ssl_2001", "--port", "99999"], "port must be 0 to 65535"),
-        (["sim:ssl_2001", "--host", "not.an.address"], "host must be an IP address"),
-        (["sim:ssl_2001", "sim:ssl_2001"], "is named twice"),
+        ([str(DATASET), "--port", "99999"], "port must be 0 to 65535"),
+        ([str(DATASET), "--host", "not.an.address"], "host must be an IP address"),
+        ([str(DATASET), str(DATASET)], "is named twice"),
         (["sim:ssl_2001", "--record", "/no/such/folder/a.mcap"], "recorded by `robocup-vision match --record`"),
     ],
 )

@@ -54,6 +54,7 @@ def folder(tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_a_pinhole_dataset_is_evaluated_by_the_goal(folder, tmp_path):
     dataset = load_dataset(folder)
     assert isinstance(dataset.camera, PinholeCamera)
@@ -69,6 +70,7 @@ def test_a_pinhole_dataset_is_evaluated_by_the_goal(folder, tmp_path):
     assert not any(note.startswith("overlays") for note in summary.notes)
 
 
+@pytest.mark.slow
 def test_methods_that_do_not_fit_a_pinhole_camera_are_refused(folder, tmp_path):
     with pytest.raises(ArgumentError, match="tilt_rad"):
         evaluate(load_dataset(folder, method="field"), tmp_path)
@@ -80,6 +82,7 @@ def test_methods_that_do_not_fit_a_pinhole_camera_are_refused(folder, tmp_path):
         evaluate(load_dataset(folder, field="ssl_2001"), tmp_path)
 
 
+@pytest.mark.slow
 def test_a_torn_image_costs_only_its_own_row(folder, tmp_path):
     dataset = load_dataset(folder)
     names = dataset.image_names

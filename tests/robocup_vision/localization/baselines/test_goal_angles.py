@@ -66,6 +66,7 @@ def clean():
     return list(sample_goal(FIELD, CLEAN, 3, 66, places=places, indices=[6, 12, 20, 33], supersample=3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed_form", [False, True])
 def test_poses_come_near(clean, closed_form):
     reference = GoalAnglesEstimator(FIELD, CLEAN.camera, closed_form=closed_form)
