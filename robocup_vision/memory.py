@@ -16,6 +16,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arguments import as_field
 from robocup_vision.belief import Belief, MapPicture, Track
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter
@@ -25,7 +26,6 @@ from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors
 from robocup_vision.mapping.view_motion import ViewMotion
 from robocup_vision.motion_limits import MotionLimits
-from robocup_vision.prepared_kernels import prepare
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, MovingObjectsSettings, ReturnDetector
 from robocup_vision.view import View
 

@@ -20,7 +20,7 @@ from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.perception.polar_view import PolarView
-from robocup_vision.pipeline.frames import to_bgr
+from robocup_vision.pipeline.frames import FrameOptions, to_bgr
 from robocup_vision.pipeline.omni import OmniPipeline
 from robocup_vision.pipeline.pinhole import PinholePipeline
 from robocup_vision.view import View
@@ -122,29 +122,12 @@ class Vision:
             raise ArgumentError("the memory's ego_motion needs a mirror camera, which sees all around")
         self._memory = memory
         chosen = choose_method(camera, method)
+        options = FrameOptions(chosen, colors, mask, directions, rings, channels)
         self._pipeline: OmniPipeline | PinholePipeline
         if isinstance(camera, PinholeCamera):
-            self._pipeline = PinholePipeline(
-                field,
-                camera,
-                colors,
-                method=chosen,
-                mask=mask,
-                directions=directions,
-                rings=rings,
-                channels=channels,
-            )
+            self._pipeline = PinholePipeline(field, camera, options)
         else:
-            self._pipeline = OmniPipeline(
-                field,
-                camera,
-                colors,
-                method=chosen,
-                mask=mask,
-                directions=directions,
-                rings=rings,
-                channels=channels,
-            )
+            self._pipeline = OmniPipeline(field, camera, options)
         self.field = field
         self.camera = camera
         self.method = chosen.name
@@ -253,8 +236,9 @@ class Vision:
         elif prior is None:
             before = memory.prior(t_s)
             # the motion by views is known after the look only: until then odometry is what is expected
-            is_moved = by_view and before is not None and odometry is not None and memory.can_move(odometry, t_s)
-            prior = before.compose(odometry) if is_moved and before is not None and odometry is not None else before
+            if by_view and before is not None and odometry is not None and memory.can_move(odometry, t_s):
+                before = before.compose(odometry)
+            prior = before
         view = self._look(frame, t_s, odometry, prior, pan_rad)
         if by_view:
             memory.predict_by_view(view, odometry)

@@ -25,9 +25,9 @@ import numpy as np
 from field_models import load_field
 from robocup_vision import Memory, MotionLimits, Pose2, PoseEstimate, Steering, Vision, Wayfinder, load_camera
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.compiling.prepared_kernels import KERNELS, SIGNATURES, spelled_type
 from robocup_vision.disc import Disc
 from robocup_vision.mapping import ViewMotion
-from robocup_vision.prepared_kernels import KERNELS, SIGNATURES, spelled_type
 
 ROOT = Path(__file__).parents[1]
 STEP = Pose2(0.01, 0.002, 0.01)

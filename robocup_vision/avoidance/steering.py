@@ -20,11 +20,11 @@ from robocup_vision.arguments import as_number
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
 from robocup_vision.avoidance.steering_settings import SteeringSettings
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.disc import Disc
 from robocup_vision.kernels.mapping import grown_profile
 from robocup_vision.kernels.motion import steering as kernel
 from robocup_vision.motion_limits import MotionLimits
-from robocup_vision.prepared_kernels import prepare
 
 _REASONS = (
     "no safe direction: braking",

@@ -18,9 +18,9 @@ from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_number, as_pose
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import way_grid
-from robocup_vision.prepared_kernels import prepare
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from field_models.toml_file import StrictStruct, convert, read_toml
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS, PinholeCamera
+from robocup_vision.files.out_file import telling_write_errors
 
 Camera: TypeAlias = Union[OmniCamera, PinholeCamera]  # noqa: UP007  (evaluated, on 3.10 too)
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -215,10 +216,8 @@ def save_camera(camera: Camera, path: str | Path) -> None:
         If the floor range is of a kind that camera files do not have.
     """
     lines = _pinhole_lines(camera) if isinstance(camera, PinholeCamera) else _omni_lines(camera)
-    try:
+    with telling_write_errors(path):
         Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
 
 
 def _pinhole_lines(camera: PinholeCamera) -> list[str]:

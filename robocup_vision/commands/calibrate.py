@@ -91,16 +91,14 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
 def _write_overlays(result: OmniCalibration, field: Field, images: ImageFiles, out: Path) -> Path:
     import cv2
 
-    from field_models.errors import FileError
+    from robocup_vision.files.out_file import telling_write_errors
     from robocup_vision.overlay import draw
     from robocup_vision.progress import progress
     from robocup_vision.vision import Vision
 
     folder = out.parent / f"{out.stem}_overlays"
-    try:
+    with telling_write_errors(folder):
         folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None
     vision = Vision(field, result.camera)
     spread = result.frames[:: -(-len(result.frames) // _MAX_PICTURES)]
     for frame in progress(spread, len(spread), "overlays"):

@@ -101,7 +101,8 @@ def _write_preview(colors: Colors, images: ImageFiles, path: Path) -> None:
     import cv2
     import numpy as np
 
-    from field_models.errors import FileError, FrameError
+    from field_models.errors import FrameError
+    from robocup_vision.files.out_file import telling_write_errors
     from robocup_vision.perception.color_table import build_color_table
 
     table = build_color_table(colors)
@@ -118,7 +119,5 @@ def _write_preview(colors: Colors, images: ImageFiles, path: Path) -> None:
         rows.append(cv2.resize(both, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA if scale < 1 else 0))
     ok, png = cv2.imencode(".png", np.vstack(rows))
     assert ok
-    try:
+    with telling_write_errors(path):
         path.write_bytes(png.tobytes())
-    except OSError as error:
-        raise FileError(path, f"cannot be written ({error.strerror or error})") from None

@@ -32,7 +32,7 @@ def run_warm_up(options: argparse.Namespace) -> int:
 
     from field_models.errors import RobocupVisionError
     from robocup_vision.commands.options import require_count
-    from robocup_vision.prepared_kernels import groups, modules, prepare, prepare_module
+    from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module
     from robocup_vision.progress import progress
     from robocup_vision.workers import worker_processes
 

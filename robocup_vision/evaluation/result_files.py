@@ -11,9 +11,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from field_models.errors import FileError
 from robocup_vision.evaluation.dataset import FrameTime
 from robocup_vision.evaluation.scoring import Figures, Row
+from robocup_vision.files.out_file import telling_write_errors
 
 RESULT_COLUMNS = (
     "image",
@@ -61,13 +61,11 @@ def prepare_folder(folder: Path, names: Iterable[str]) -> None:
     FileError
         If it cannot be written.
     """
-    try:
+    with telling_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         # a run that stops half-way must not leave an earlier run's files behind as its own
         for name in names:
             (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None
 
 
 def write_results(path: Path, rows: Sequence[Row]) -> None:

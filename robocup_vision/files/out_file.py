@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from field_models.errors import FileError
@@ -17,3 +19,18 @@ def require_folder(out: str | Path) -> None:
     """
     if not Path(out).resolve().parent.is_dir():
         raise FileError(out, "cannot be written: its folder does not exist")
+
+
+@contextmanager
+def telling_write_errors(path: str | Path) -> Iterator[None]:
+    """Turn the system's errors of a block into one that names what cannot be written.
+
+    Raises
+    ------
+    FileError
+        In place of an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from None

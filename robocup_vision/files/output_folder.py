@@ -11,6 +11,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from field_models.errors import ArgumentError, FileError
+from robocup_vision.files.out_file import telling_write_errors
 
 _UNFINISHED = ".unfinished"
 
@@ -34,10 +35,8 @@ def refuse_foreign_files(folder: Path, own: Sequence[str]) -> None:
         return
     if not folder.is_dir():
         raise FileError(folder, f"cannot be written ({os.strerror(errno.EEXIST)})")
-    try:
+    with telling_write_errors(folder):
         foreign = sorted(entry.name for entry in folder.iterdir() if not _is_own(entry.name, (*own, ".*")))
-    except OSError as error:
-        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
         raise FileError(
@@ -83,10 +82,10 @@ def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
     work = (folder.parent if made else folder) / f"{_UNFINISHED}-{folder.name}-{os.getpid()}"
     done = False
     try:
-        with _told(folder):
+        with telling_write_errors(folder):
             work.mkdir(parents=True)
         yield work
-        with _told(folder):
+        with telling_write_errors(folder):
             if made:
                 work.rename(folder)
             else:
@@ -112,11 +111,3 @@ def _move_into(work: Path, folder: Path, own: Sequence[str]) -> None:
 
 def _is_own(name: str, own: Sequence[str]) -> bool:
     return any(fnmatch(name, pattern) for pattern in own)
-
-
-@contextmanager
-def _told(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None

@@ -9,6 +9,7 @@ from typing import Any
 
 from field_models.errors import FileError
 from robocup_vision.closing import Closing
+from robocup_vision.files.out_file import telling_write_errors
 
 
 class ResumeFile(Closing):
@@ -38,11 +39,9 @@ class ResumeFile(Closing):
         self.path = path
         run = json.loads(json.dumps(run))
         self.found: dict[int, Any] = self._read(run) if resume and path.exists() else {}
-        try:
+        with telling_write_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._stream = path.open("w", encoding="utf-8")
-        except OSError as error:
-            raise FileError(path, f"cannot be written ({error.strerror or error})") from None
         self._write(run)
         for index, value in self.found.items():
             self._write([index, value])
@@ -71,10 +70,8 @@ class ResumeFile(Closing):
         self._stream.flush()
 
     def _write(self, value: Any) -> None:
-        try:
+        with telling_write_errors(self.path):
             self._stream.write(json.dumps(value, allow_nan=False) + "\n")
-        except OSError as error:
-            raise FileError(self.path, f"cannot be written ({error.strerror or error})") from None
 
     def close(self) -> None:
         """Close the file, which stays."""

@@ -6,6 +6,6 @@ live beside that concept.
 
 from pathlib import Path
 
-from robocup_vision.compile_cache import ensure_compile_cache
+from robocup_vision.compiling.compile_cache import ensure_compile_cache
 
 ensure_compile_cache(Path(__file__).parent)

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.landmarks.features import from_bytes
 from robocup_vision.landmarks.projection import project, to_camera
 
@@ -258,11 +259,8 @@ def save_map(landmarks: LandmarkMap, path: str | Path) -> None:
         If it cannot be written.
     """
     arrays = {f.name: getattr(landmarks, f.name) for f in fields(landmarks)}
-    try:
-        with Path(path).open("wb") as stream:
-            np.savez_compressed(stream, format=np.int64(FORMAT), **arrays)
-    except OSError as error:
-        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
+    with telling_write_errors(path), Path(path).open("wb") as stream:
+        np.savez_compressed(stream, format=np.int64(FORMAT), **arrays)
 
 
 def load_map(path: str | Path) -> LandmarkMap:

@@ -14,13 +14,13 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.features import check_frame
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator, LandmarkSettings
 from robocup_vision.landmarks.selection import Selection
-from robocup_vision.prepared_kernels import prepare
 
 _MIN_WIDTH = 640
 _GOOD, _BAD, _UNSEEN = (80, 220, 80), (60, 60, 255), (200, 160, 60)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, load_toml
 from robocup_vision.arrays import BoolArray, Int8Array
+from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.kernels.mapping import occupancy as kernel
 
 DEFAULT_FILE = Path(__file__).parent / "sensors.toml"
@@ -136,10 +137,8 @@ def write_sensors(path: str | Path, sensors: Mapping[str, SensorModel], source: 
         lines.append(f"hit_if_occupied = {model.hit_if_occupied:.6g}  # P(O|E)")
         lines.append(f"hit_if_free = {model.hit_if_free:.6g}  # P(O|not E)")
         lines += [f"nearest_m = {model.nearest_m!r}", f"reach_m = {model.reach_m!r}"]
-    try:
+    with telling_write_errors(path):
         Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
 
 
 @lru_cache(maxsize=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from robocup_vision.avoidance.steady_free_space import carry_free_space
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
+from robocup_vision.localization.methods import Method
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.color_memory import ColorMemory
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
@@ -69,17 +70,29 @@ def to_bgr(frame: UInt8Array, channels: str) -> UInt8Array:
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2BGR), dtype=np.uint8)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameOptions:
+    """How frames are looked at, whichever camera gives them; parameters as those of `Vision`."""
+
+    method: Method
+    colors: Colors | None
+    mask: UInt8Array | None
+    directions: int
+    rings: int | tuple[float, ...]
+    channels: str
+
+
 class FramePipeline:
     """The steps of `Vision` that every camera needs.
 
     Parameters
     ----------
-    field, colors, mask
-        See `Vision`.
+    field : Field
+        The pitch.
     size_px : (int, int)
         Of the frames.
-    channels : str
-        See `Vision`.
+    options : FrameOptions
+        See there.
     strongest_cast : float
         See `ColorMemory`.
     """
@@ -88,27 +101,25 @@ class FramePipeline:
         self,
         field: Field,
         size_px: tuple[int, int],
-        colors: Colors | None,
-        mask: UInt8Array | None,
-        channels: str = BGR,
+        options: FrameOptions,
         strongest_cast: float = math.inf,
     ) -> None:
-        if channels not in CHANNELS:
-            raise ArgumentError(f"channels must be 'bgr' or 'rgb', got {channels!r}")
+        if options.channels not in CHANNELS:
+            raise ArgumentError(f"channels must be 'bgr' or 'rgb', got {options.channels!r}")
         self.field = field
         self.edge_settings = FloorEdgeSettings()
         self._size_px = size_px
-        self.channels = channels
         self._has_warned = False
         width, height = size_px
+        mask = options.mask
         if mask is not None:
             # a copy: the caller's array may be a view, or change
             mask = np.array(mask)
             if mask.shape != (height, width) or mask.dtype != np.uint8:
                 raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
-        self._mask = mask
+        self._mask, self._options = mask, replace(options, mask=mask)
         self._keep = None if mask is None else (mask == 0).astype(np.uint8)
-        self._color_memory = ColorMemory(field, colors, strongest_cast)
+        self._color_memory = ColorMemory(field, options.colors, strongest_cast)
         self._last_pose: Pose2 | None = None
         self._carried: _CarriedFloor | None = None
 
@@ -178,7 +189,7 @@ class FramePipeline:
         if frame.shape != (height, width, 3):
             raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
         # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled for anew
-        plain = to_bgr(frame, self.channels)
+        plain = to_bgr(frame, self._options.channels)
         if self._keep is None:
             return plain
         # masked pixels are black, so that no stage can read them

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -10,43 +11,31 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import polar
 from robocup_vision.localization.localizer import FrameEvidence
-from robocup_vision.localization.methods import Method, make_mirror_localizer
+from robocup_vision.localization.methods import make_mirror_localizer
 from robocup_vision.perception.balls.mirror import MirrorBallFinder
-from robocup_vision.perception.color_table import Colors, ColorTable
+from robocup_vision.perception.color_table import ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
-from robocup_vision.pipeline.frames import BGR, NO_FRAME, FramePipeline
-from robocup_vision.prepared_kernels import prepare
+from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
 from robocup_vision.view import View
 
 
 class OmniPipeline(FramePipeline):
-    """Turns frames of a mirror camera into views; parameters as those of `Vision`."""
+    """Turns frames of a mirror camera into views."""
 
-    def __init__(
-        self,
-        field: Field,
-        camera: OmniCamera,
-        colors: Colors | None = None,
-        *,
-        method: Method,
-        mask: UInt8Array | None = None,
-        directions: int = 80,
-        rings: int | tuple[float, ...] = 20,
-        channels: str = BGR,
-    ) -> None:
-        super().__init__(field, camera.size_px, colors, mask, channels)
-        mask = self._mask
+    def __init__(self, field: Field, camera: OmniCamera, options: FrameOptions) -> None:
+        super().__init__(field, camera.size_px, options)
+        mask, method, directions = self._mask, options.method, options.directions
         self.camera = camera
-        self.method = method
         # whole cells: as many bearings a direction as come nearest to the usual number from above
         bearings = directions * -(-BEARINGS // max(directions, 1))
         self.polar = PolarView(camera, bearings, mask)
-        self.grid = FreeSpaceGrid(self.polar, directions, rings)
+        self.grid = FreeSpaceGrid(self.polar, directions, options.rings)
         self._marking = FloorMarking(self.polar, field.line_width_m, 2 * field.robot_radius_m)
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
         self._ball_finder = MirrorBallFinder(field, camera, mask)
@@ -58,15 +47,7 @@ class OmniPipeline(FramePipeline):
 
     def with_camera(self, camera: OmniCamera) -> OmniPipeline:
         """Return a pipeline of the same settings and colours with another calibration of its camera."""
-        other = OmniPipeline(
-            self.field,
-            camera,
-            method=self.method,
-            mask=self._mask,
-            directions=self.grid.directions,
-            rings=self.grid.rings,
-            channels=self.channels,
-        )
+        other = OmniPipeline(self.field, camera, replace(self._options, colors=None))
         other._color_memory, other._last_pose = self._color_memory, self._last_pose
         other._has_warned, other._carried = self._has_warned, self._carried
         return other
@@ -179,7 +160,7 @@ class OmniPipeline(FramePipeline):
 
     def _warm_up(self) -> None:
         """Compile, or load from the disk's cache, everything a frame needs, so that no frame pays for it."""
-        prepare(f"mirror_{self.method.name}")
+        prepare(f"mirror_{self._options.method.name}")
         width, height = self.camera.size_px
         v, u = np.mgrid[:height, :width]
         far = (

@@ -15,18 +15,18 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.localizer import FrameEvidence
-from robocup_vision.localization.methods import Method, make_pinhole_localizer
+from robocup_vision.localization.methods import make_pinhole_localizer
 from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.pinhole import PinholeBallFinder
-from robocup_vision.perception.color_table import Colors, ColorTable
+from robocup_vision.perception.color_table import ColorTable
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
-from robocup_vision.pipeline.frames import BGR, NO_FRAME, FramePipeline
-from robocup_vision.prepared_kernels import prepare
+from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
 from robocup_vision.view import View
 
 # logarithm of the strongest cast of light: white beyond it is some paint
@@ -79,26 +79,15 @@ class _FloorSamples:
 
 
 class PinholePipeline(FramePipeline):
-    """Turns frames of a pinhole camera into views; parameters as those of `Vision`."""
+    """Turns frames of a pinhole camera into views."""
 
-    def __init__(
-        self,
-        field: Field,
-        camera: PinholeCamera,
-        colors: Colors | None = None,
-        *,
-        method: Method,
-        mask: UInt8Array | None = None,
-        directions: int = 80,
-        rings: int | tuple[float, ...] = 20,
-        channels: str = BGR,
-    ) -> None:
+    def __init__(self, field: Field, camera: PinholeCamera, options: FrameOptions) -> None:
         # so narrow a view may show nothing white, but a ball or a goal
-        super().__init__(field, camera.size_px, colors, mask, channels, _MAX_LOG_CAST)
+        super().__init__(field, camera.size_px, options, _MAX_LOG_CAST)
+        method = options.method
         self.camera = camera
         self._needs_samples = method.needs_samples
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
-        self._directions, self._rings = directions, rings
         self._floor = self._make_floor(camera) if camera.known_orientation else None
         prepare(f"pinhole_{method.name}")
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
@@ -126,13 +115,15 @@ class PinholePipeline(FramePipeline):
 
     def _make_floor(self, camera: PinholeCamera) -> _Floor | None:
         """Prepare to look at the floor by a camera whose tilt is known; None if it sees none."""
-        view = FloorView(camera, max(BEARINGS, 2 * self._directions), self._mask, 1.1 * self.field.robot_radius_m)
+        view = FloorView(
+            camera, max(BEARINGS, 2 * self._options.directions), self._mask, 1.1 * self.field.robot_radius_m
+        )
         if not view.sees_floor:
             return None
         return _Floor(
             camera,
             view,
-            FreeSpaceGrid(view, self._directions, self._rings),
+            FreeSpaceGrid(view, self._options.directions, self._options.rings),
             FloorMarking(view, self.field.line_width_m, 2 * self.field.robot_radius_m),
             PinholeBallFinder(self.field, camera, self._mask),
             camera.pan_rad or 0.0,

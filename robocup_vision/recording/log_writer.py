@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from field_models.errors import FileError, RobocupVisionError
+from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.messages.topics import Outgoing
 from robocup_vision.messages.types import definition, encode, require_ros_extra, to_nanoseconds, type_hash
 
@@ -68,10 +69,8 @@ class LogWriter:
         from mcap.writer import CompressionType, Writer
 
         self.path = Path(path)
-        try:
+        with telling_write_errors(path):
             self._stream = self.path.open("wb")
-        except OSError as error:
-            raise FileError(path, f"cannot be written ({error.strerror or error})") from None
         kind = CompressionType[compression.upper()]
         self._writer: Any = Writer(self._stream, chunk_size=_CHUNK_BYTES, compression=kind)
         self._writer.start(profile=_PROFILE, library=library)

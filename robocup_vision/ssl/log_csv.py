@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from field_models.errors import FileError
+from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.ssl.log import SslLog
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.referee import Referee
@@ -60,7 +60,7 @@ def write_tables(log: SslLog, folder: Path) -> dict[str, int]:
         If an entry is not of its kind.
     """
     rows = dict.fromkeys(FILES, 0)
-    try:
+    with telling_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         # written as they come: a log of a match is larger than memory should hold
         opened = {name: (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") for name in FILES}
@@ -77,8 +77,6 @@ def write_tables(log: SslLog, folder: Path) -> dict[str, int]:
         for name, count in rows.items():
             if not count:
                 (folder / f"{name}.csv").unlink()
-    except OSError as error:
-        raise FileError(folder, f"cannot be written ({error.strerror or error})") from None
     return {name: count for name, count in rows.items() if count}
 
 

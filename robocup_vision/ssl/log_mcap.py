@@ -8,7 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from field_models.errors import FileError, RobocupVisionError
+from field_models.errors import RobocupVisionError
+from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.ssl.log import LogKind, SslLog
 from robocup_vision.ssl.protocol.messages import descriptor_set, message_name
 from robocup_vision.ssl.values.detection import VisionPacket
@@ -56,7 +57,7 @@ def write_mcap(log: SslLog, path: Path) -> dict[str, int]:
         ) from None
     counts: dict[str, int] = {}
     channels: dict[int, int] = {}
-    try:
+    with telling_write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("wb") as file:
             writer: Any = Writer(file)
@@ -75,6 +76,4 @@ def write_mcap(log: SslLog, path: Path) -> dict[str, int]:
                 writer.add_message(channels[kind], time_ns, entry.data, time_ns, counts.get(topic, 0))
                 counts[topic] = counts.get(topic, 0) + 1
             writer.finish()
-    except OSError as error:
-        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
     return counts

@@ -35,10 +35,10 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from field_models import load_field
-    from field_models.errors import ArgumentError, FileError
+    from field_models.errors import ArgumentError
     from robocup_vision.camera import PinholeCamera
     from robocup_vision.commands.options import require_count, require_seed
-    from robocup_vision.files.out_file import require_folder
+    from robocup_vision.files.out_file import require_folder, telling_write_errors
     from robocup_vision.progress import progress
     from sim2d.match.arena import camera_for
     from sim2d.sensors.goal_evidence import WIDTHS_PX, count_evidence
@@ -70,9 +70,7 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
             *(f"    {row}," for row in rows),
             "]",
         ]
-    try:
+    with telling_write_errors(args.out):
         Path(args.out).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(args.out, f"cannot be written ({error.strerror or error})") from None
     print(f"{args.count} looks at the goals of {field.name} in {args.out}")
     return 0

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from field_models import load_field
-from field_models.errors import ArgumentError, FileError
+from field_models.errors import ArgumentError
+from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
 from robocup_vision.progress import progress
 from sim2d.match.arena import Camera
@@ -170,9 +171,7 @@ def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: b
     if report is not None:
         recorded = () if recorders is None else tuple(path.name for path in recorders.paths)
         text = match_report.render_report(arena.field, plan.seed, figures, story, planning, video_path, notes, recorded)
-        try:
+        with telling_write_errors(report):
             report.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise FileError(report, f"cannot be written ({error.strerror or error})") from None
     recordings = () if recorders is None else recorders.paths
     return MatchSummary(figures, out, video_path, report, tuple(notes), recordings)

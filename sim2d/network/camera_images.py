@@ -11,6 +11,7 @@ import numpy as np
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.closing import Closing
 from robocup_vision.evaluation.result_files import prepare_folder
+from robocup_vision.files.out_file import telling_write_errors
 from sim2d.network.vision import OverheadVision
 from sim2d.network.world import LeagueState
 
@@ -45,10 +46,8 @@ class CameraImages(Closing):
         self._rng = np.random.default_rng([seed, 7])
         self.saved = 0
         prepare_folder(self.folder, (TABLE,))
-        try:
+        with telling_write_errors(self.folder / TABLE):
             self._file = (self.folder / TABLE).open("w", newline="", encoding="utf-8")
-        except OSError as error:
-            raise FileError(self.folder / TABLE, f"cannot be written ({error.strerror or error})") from None
         self._rows = csv.writer(self._file, lineterminator="\n")
         self._rows.writerow(COLUMNS)
 

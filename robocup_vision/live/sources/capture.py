@@ -18,6 +18,7 @@ import numpy as np
 from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.live.handover.moment import RobotSetup
+from robocup_vision.live.sources.newest import Newest
 from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
 from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.vision import Vision
@@ -84,9 +85,7 @@ class CameraSource:
             capture.release()
             raise RobocupVisionError(f"{name}: no camera or stream can be opened there")
         self.problem = ""
-        self._news = threading.Condition()
-        self._newest: tuple[float, UInt8Array] | None = None
-        self._closed = False
+        self._newest = Newest[tuple[float, UInt8Array]]()
         self._begin_s = time.monotonic()
         self._thread = threading.Thread(target=self._follow, args=(capture,), name=f"camera {name}", daemon=True)
         self._thread.start()
@@ -97,13 +96,9 @@ class CameraSource:
 
     def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
         """Return the newest frame, if there is one that has not been read; raises as `Source.read`."""
-        with self._news:
-            self._news.wait_for(lambda: self._newest is not None or self._closed, timeout_s)
-            newest, self._newest = self._newest, None
-            if self._closed:
-                return None
-            if newest is None:
-                return ()
+        newest = self._newest.take(timeout_s)
+        if newest is None:
+            return None if self._newest.is_closed else ()
         t_s, frame = newest
         return (SourceFrame(self.name, checked_frame(frame), t_s),)
 
@@ -113,25 +108,20 @@ class CameraSource:
 
     def close(self) -> None:
         """Let go of the camera."""
-        with self._news:
-            self._closed = True
-            self._news.notify_all()
+        self._newest.close()
         self._thread.join(_CLOSE_S)
 
     def _follow(self, capture: Capture) -> None:
-        while not self._closed:
+        while not self._newest.is_closed:
             read, frame = capture.read() if capture.isOpened() else (False, None)
             if read and frame is not None:
-                with self._news:
-                    self.problem = ""
-                    self._newest = (time.monotonic() - self._begin_s, frame)
-                    self._news.notify_all()
+                self.problem = ""
+                self._newest.put((time.monotonic() - self._begin_s, frame))
                 continue
             self.problem = "gives no frames (unplugged?); it is opened again until it does"
             capture.release()
-            with self._news:
-                self._news.wait_for(lambda: self._closed, _AGAIN_S)
-            if not self._closed:
+            self._newest.wait_until_closed(_AGAIN_S)
+            if not self._newest.is_closed:
                 capture = self._open(self._device)
         capture.release()
 

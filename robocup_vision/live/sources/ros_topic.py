@@ -17,6 +17,7 @@ from field_models.errors import ArgumentError, FrameError, PacketError, RobocupV
 from robocup_vision.closing import Closing
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotSetup
+from robocup_vision.live.sources.newest import Newest
 from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
 from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.messages.images import frame_of
@@ -77,14 +78,12 @@ class TopicSource:
         self.name = image_topic
         self._options, self._has_odometry = options, odometry_topic is not None
         self.setups = (setup_by_options(image_topic, options),)
-        self._news = threading.Condition()
-        self._newest: tuple[Any, float, Pose2 | None] | None = None
+        self._newest = Newest[tuple[Any, float, Pose2 | None]]()
         self._odometry: Pose2 | None = None
         self._at_last_frame: Pose2 | None = None
         self._first_s: float | None = None
         self._last_s = 0.0
         self._problems = {image_topic: "no image has come yet"}
-        self._closed = False
         topics: dict[str, tuple[tuple[str, ...], Handler]] = {image_topic: (IMAGE_TYPES, self.on_image)}
         if odometry_topic is not None:
             topics[odometry_topic] = (ODOMETRY_TYPES, self.on_odometry)
@@ -103,27 +102,20 @@ class TopicSource:
         """Take an Image or CompressedImage; the clock stands in for a stamp that is zero."""
         stamp = message.header.stamp
         t_s = to_seconds(stamp) if stamp.sec or stamp.nanosec else now_s
-        with self._news:
-            self._problems[self.name] = ""
-            self._newest = message, t_s, self._odometry
-            self._news.notify_all()
+        self._problems[self.name] = ""
+        self._newest.put((message, t_s, self._odometry))
 
     def on_odometry(self, message: Any, now_s: float) -> None:
         """Take a nav_msgs/Odometry; one that is not finite is left out."""
         pose = pose_of(message.pose.pose)
         if all(map(math.isfinite, pose.array.tolist())):
-            with self._news:
-                self._odometry = pose
+            self._odometry = pose
 
     def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
         """Return the newest frame, if there is one that has not been read; raises as `Source.read`."""
-        with self._news:
-            self._news.wait_for(lambda: self._newest is not None or self._closed, timeout_s)
-            newest, self._newest = self._newest, None
-            if self._closed:
-                return None
-            if newest is None:
-                return ()
+        newest = self._newest.take(timeout_s)
+        if newest is None:
+            return None if self._newest.is_closed else ()
         message, stamp_s, odometry = newest
         frame = frame_of(message)
         t_s, is_new = self._time_of(stamp_s)
@@ -151,9 +143,7 @@ class TopicSource:
 
     def close(self) -> None:
         """Listen no more."""
-        with self._news:
-            self._closed = True
-            self._news.notify_all()
+        self._newest.close()
         self._listener.close()
 
     def _on_problem(self, topic: str, problem: str) -> None:

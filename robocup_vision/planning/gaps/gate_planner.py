@@ -15,10 +15,10 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap import Gap, Point, WidthSensor
-from robocup_vision.prepared_kernels import prepare
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,10 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
 from robocup_vision.motion_limits import MotionLimits
-from robocup_vision.prepared_kernels import prepare
 
 
 class PathFollower:

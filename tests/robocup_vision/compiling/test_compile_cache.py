@@ -13,7 +13,7 @@ import pytest
 import field_models
 import robocup_vision
 from field_models.errors import RobocupVisionError
-from robocup_vision.compile_cache import CompileCacheWarning, ensure_compile_cache
+from robocup_vision.compiling.compile_cache import CompileCacheWarning, ensure_compile_cache
 
 LOOP = """
 import numpy as np

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from robocup_vision import cli
+from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module, spelled_type
 from robocup_vision.kernels.floor.colors import tabulate
-from robocup_vision.prepared_kernels import groups, modules, prepare, prepare_module, spelled_type
 
-TESTS = Path(__file__).parents[1]
+TESTS = Path(__file__).parents[2]
 # runs a workload with other frames than those that the list was made by, and counts what is compiled after the making
 COUNT = """
 import sys

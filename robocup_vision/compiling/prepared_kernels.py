@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 KERNELS = "robocup_vision.kernels"
-SIGNATURES = Path(__file__).parent / "kernels" / "signatures.json"
+SIGNATURES = Path(__file__).parents[1] / "kernels" / "signatures.json"
 
 
+@cache
 def prepare(group: str) -> None:
     """Compile or load the loops of one kind of object; a group that is not listed has none.
 

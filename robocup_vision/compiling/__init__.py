@@ -1,0 +1,1 @@
+"""When loops are compiled, and where compiled code is kept."""
