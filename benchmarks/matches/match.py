@@ -24,8 +24,9 @@ import numpy as np
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from robocup_vision.geometry import Pose2
+from robocup_vision.workers import local_workers
 from sim2d.match.run import MatchPlan
-from sim2d.match.tournament import local_workers, plan_matches, play_matches
+from sim2d.match.tournament import plan_matches, play_matches
 from sim2d.sensors.faults import BodyFault, Fault, SenseFault
 
 # (matches, seconds each, matches with faults, seconds of the soak)

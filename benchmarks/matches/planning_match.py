@@ -19,8 +19,9 @@ import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
+from robocup_vision.workers import local_workers
 from sim2d.match.run import MatchPlan
-from sim2d.match.tournament import local_workers, plan_matches, play_matches
+from sim2d.match.tournament import plan_matches, play_matches
 from sim2d.players.catalog import player_factory
 
 # (matches, seconds each)

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robocup_vision.commands.worker_options import add_worker_options, chosen_workers
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -41,7 +43,12 @@ def add_parser(subparsers: Any) -> None:
     )
     evaluate.add_argument("--force", action="store_true", help="write into a folder that holds other files, too")
     evaluate.add_argument("--resume", action="store_true", help="go on with an interrupted run in the same folder")
-    evaluate.add_argument("--jobs", metavar="N", type=int, default=1, help="number of processes (default: 1)")
+    add_worker_options(evaluate)
+    evaluate.add_argument(
+        "--shared-folder",
+        action="store_true",
+        help="with --dask: the workers read the images themselves, by the same paths; else the files are sent to them",
+    )
     evaluate.set_defaults(run=run_evaluate)
 
 
@@ -53,8 +60,11 @@ def run_evaluate(options: argparse.Namespace) -> int:
     RobocupVisionError
         If something in the files is wrong.
     """
+    from field_models.errors import ArgumentError
     from robocup_vision.recording.bag import is_bag
 
+    if options.shared_folder and options.dask is None:
+        raise ArgumentError("--shared-folder is for --dask")
     summary, name = _score_bag(options) if is_bag(options.dataset) else _score_dataset(options)
     _print_summary(name, summary)
     if summary.problem is None:
@@ -85,7 +95,15 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
     remembering: dict[str, Any] = {}
     if options.memory:
         remembering = {"make_vision": make_vision_with_memory, "scores_belief": True}
-    summary = evaluate(dataset, out, options.jobs, force=options.force, resume=options.resume, **remembering)
+    summary = evaluate(
+        dataset,
+        out,
+        force=options.force,
+        resume=options.resume,
+        workers=chosen_workers(options),
+        send_images=not options.shared_folder,
+        **remembering,
+    )
     return summary, dataset.name
 
 
@@ -113,12 +131,12 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
     summary = evaluate(
         dataset,
         out,
-        options.jobs,
         make_vision=PannedVision,
         draw_overlay=draw_panned,
         moments=moments,
         force=options.force,
         resume=options.resume,
+        workers=chosen_workers(options),
     )
     return summary, dataset.name
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -126,6 +125,10 @@ class Dataset:
         """Whether the frames come from a video, which can only be read from its beginning."""
         return self.path.is_file()
 
+    def truth_of(self, index: int) -> Truth | None:
+        """Return the true pose of an image, None where it is unknown."""
+        return self.truth.get(self.image_names[index])
+
     def read_frame(self, index: int) -> UInt8Array:
         """Read one frame, (H, W, 3) uint8 BGR, of a folder of images.
 
@@ -138,12 +141,12 @@ class Dataset:
             raise ArgumentError(f"{self.path}: frames of a video are read in order, by read_frames")
         return read_image(self.path / self.image_names[index], self.camera.size_px)
 
-    def read_frames(self, first: int = 0) -> Iterator[UInt8Array | FrameError]:
-        """Read all frames from number `first` on; where one cannot be used, yield the error in its place."""
+    def read_frames(self) -> Iterator[UInt8Array | FrameError]:
+        """Read all frames; where one cannot be used, yield the error in its place."""
         if self.is_video:
-            yield from islice(read_video(self.path, len(self.image_names), self.camera.size_px), first, None)
+            yield from read_video(self.path, len(self.image_names), self.camera.size_px)
             return
-        for index in range(first, len(self.image_names)):
+        for index in range(len(self.image_names)):
             try:
                 yield self.read_frame(index)
             except FrameError as error:

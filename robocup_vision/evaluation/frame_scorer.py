@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections import deque
 from collections.abc import Callable, Generator
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
 
-import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError, FrameError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.evaluation.dataset import Dataset, Truth
 from robocup_vision.evaluation.kept_rows import FrameResult
-from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, spread_indices
+from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg
 from robocup_vision.evaluation.scoring import Row, pose_error
+from robocup_vision.files.images import decode_image, file_bytes, read_image
 from robocup_vision.geometry import Pose2
-from robocup_vision.workers import worker_processes
+from robocup_vision.workers import Workers, in_order, run_pieces
+
+_MIN_BATCHES = 64
+_MAX_BATCH = 32
 
 
 class ViewLike(Protocol):
@@ -102,6 +104,8 @@ class ScorePlan:
         See `evaluate`.
     wants_overlays : bool
         Whether there will be a report that shows pictures.
+    spread : frozenset of int
+        Numbers of the images that the report shows in any case; none without a report.
     scores_belief : bool
         Score the estimate over time, `view.belief`, in place of what each frame shows.
     """
@@ -110,29 +114,63 @@ class ScorePlan:
     make_vision: MakeVision
     draw_overlay: DrawOverlay
     wants_overlays: bool
+    spread: frozenset[int]
     scores_belief: bool = False
 
-    @property
-    def spread(self) -> frozenset[int]:
-        """Numbers of the images that the report shows in any case."""
-        return spread_indices(len(self.dataset.image_names))
+    def without_images(self) -> ScorePlan:
+        """Return the plan as a worker needs it, that gets each image's name and truth with the image."""
+        return replace(self, dataset=replace(self.dataset, image_names=(), truth={}))
+
+
+class ImageJob(NamedTuple):
+    """An image to score, as it is sent to a worker.
+
+    Parameters
+    ----------
+    number : int
+        Its place among the images.
+    image : str
+        Its name.
+    truth : Truth or None
+        None where it is unknown.
+    content : bytes or FrameError or None
+        What stands in its file; the error where it cannot be read; None where the worker reads the file.
+    """
+
+    number: int
+    image: str
+    truth: Truth | None
+    content: bytes | FrameError | None = None
 
 
 class FrameScorer:
-    """One localiser of one process, and the ranking of the worst frames so far."""
+    """One localiser of one thread, and the ranking of the worst frames so far."""
 
     def __init__(self, plan: ScorePlan) -> None:
-        self._plan = plan
-        self.dataset = plan.dataset
-        self._spread = plan.spread
+        self.plan = plan
         self._worst = WorstSoFar()
         self._unused_odometry: Pose2 | None = Pose2(0.0, 0.0, 0.0)
         self._vision = plan.make_vision(plan.dataset)
 
-    def score(self, index: int, frame: UInt8Array | FrameError) -> FrameResult:
+    def score_file(self, job: ImageJob) -> FrameResult:
+        """Read an image, or decode what was sent of it, and score it."""
+        dataset = self.plan.dataset
+        frame: UInt8Array | FrameError
+        try:
+            if isinstance(job.content, FrameError):
+                frame = job.content
+            elif job.content is None:
+                frame = read_image(dataset.path / job.image, dataset.camera.size_px)
+            else:
+                frame = decode_image(job.content, job.image, dataset.camera.size_px)
+        except FrameError as error:
+            frame = error
+        return self.score(job, frame)
+
+    def score(self, job: ImageJob, frame: UInt8Array | FrameError) -> FrameResult:
         """Score one frame; an error of any kind becomes its row's reason."""
-        image = self.dataset.image_names[index]
-        row = Row(image, truth=self.dataset.truth.get(image))
+        image = job.image
+        row = Row(image, truth=job.truth)
         t_s, odometry = self._motion(image)
         if isinstance(frame, FrameError):
             self._unused_odometry = odometry
@@ -140,7 +178,7 @@ class FrameScorer:
         self._unused_odometry = Pose2(0.0, 0.0, 0.0)
         view = None
         try:
-            if self.dataset.times is None:
+            if self.plan.dataset.times is None:
                 self._vision.forget()
             started_s = time.perf_counter()
             view = self._vision.look(frame, t_s=t_s, odometry=odometry)
@@ -150,12 +188,12 @@ class FrameScorer:
             row = replace(row, estimate=None, error=None, reason=_describe(error), failed=True)
             with contextlib.suppress(Exception):
                 self._vision.forget()  # its state after an error is unknown
-        return self._picture(index, row, view, frame)
+        return self._picture(job.number, row, view, frame)
 
     def _motion(self, image: str) -> tuple[float | None, Pose2 | None]:
-        if self.dataset.times is None:
+        if self.plan.dataset.times is None:
             return None, None
-        now = self.dataset.times[image]
+        now = self.plan.dataset.times[image]
         # the step since the last frame that was looked at, over any that could not be
         if now.odometry is None or self._unused_odometry is None:
             return now.t_s, None
@@ -169,14 +207,14 @@ class FrameScorer:
             raise ValueError("the estimate is not finite or has a negative variance")
         error = None
         if row.truth is not None:
-            error = pose_error(pose, row.truth, symmetric=self.dataset.symmetry == "point")
+            error = pose_error(pose, row.truth, symmetric=self.plan.dataset.symmetry == "point")
         return replace(row, estimate=pose, error=error)
 
     def _pose(self, view: ViewLike) -> PoseEstimate | NotLocated:
-        if self._plan.scores_belief:
+        if self.plan.scores_belief:
             belief: PoseEstimate | NotLocated = view.belief.pose  # type: ignore[attr-defined]
             return belief
-        if self.dataset.pose_of == "robot":
+        if self.plan.dataset.pose_of == "robot":
             return view.pose
         pose = getattr(view, "camera_pose", None)
         if not isinstance(pose, PoseEstimate | NotLocated):
@@ -185,12 +223,12 @@ class FrameScorer:
 
     def _picture(self, index: int, row: Row, view: ViewLike | None, frame: UInt8Array) -> FrameResult:
         is_worst = self._worst.admits(index, row.severity)
-        if not self._plan.wants_overlays or not (is_worst or index in self._spread):
+        if not self.plan.wants_overlays or not (is_worst or index in self.plan.spread):
             return FrameResult(row)
         picture, problem = frame, ""
         if view is not None:
             try:
-                picture = self._plan.draw_overlay(view, frame, self._vision)
+                picture = self.plan.draw_overlay(view, frame, self._vision)
             except Exception as error:  # a picture is no reason to lose a figure
                 problem = _describe(error)
         jpeg = encode_jpeg(picture)
@@ -209,48 +247,59 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def score_here(scorer: FrameScorer, first: int = 0) -> Generator[FrameResult, None, None]:
-    """Score a dataset's frames from number `first` on, in this process."""
-    for index, frame in enumerate(scorer.dataset.read_frames(first), start=first):
-        yield scorer.score(index, frame)
+def score_sequence(scorer: FrameScorer, first: int = 0) -> Generator[FrameResult, None, None]:
+    """Score a dataset's frames from number `first` on in order, in this process."""
+    dataset = scorer.plan.dataset
+    for index, frame in islice(enumerate(dataset.read_frames()), first, None):
+        yield scorer.score(ImageJob(index, dataset.image_names[index], dataset.truth_of(index)), frame)
 
 
-_worker: FrameScorer | None = None  # one per worker process, which is what an initialiser is for
+def score_images(
+    scorer: FrameScorer, workers: Workers, first: int = 0, *, send_images: bool = True
+) -> Generator[FrameResult, None, None]:
+    """Score a dataset's images from number `first` on, each by itself.
 
-
-def _start_worker(plan: ScorePlan) -> None:
-    global _worker
-    cv2.setNumThreads(0)
-    _worker = FrameScorer(plan)
-
-
-def _score_in_worker(index: int) -> FrameResult:
-    assert _worker is not None
-    frame: UInt8Array | FrameError
-    try:
-        frame = _worker.dataset.read_frame(index)
-    except FrameError as error:
-        frame = error
-    return _worker.score(index, frame)
-
-
-def score_elsewhere(plan: ScorePlan, jobs: int, first: int = 0) -> Generator[FrameResult, None, None]:
-    """Score a dataset's images from number `first` on, each by itself, in several processes.
+    Parameters
+    ----------
+    scorer : FrameScorer
+        Of this process, which may be the worker; others make their own by its plan.
+    workers : Workers
+        Who scores.
+    first : int
+        Number of the first image.
+    send_images : bool
+        Send what stands in the image files to workers that are on other machines; else they read the files themselves,
+        by the same paths.
 
     Raises
     ------
     RobocupVisionError
-        If a process dies.
+        If an image ends its worker again and again, or there are no workers.
     """
-    count = len(plan.dataset.image_names)
-    waiting: deque[Future[FrameResult]] = deque()
-    with worker_processes(min(jobs, count), _start_worker, (plan,)) as executor:
-        try:
-            for index in range(first, count):
-                waiting.append(executor.submit(_score_in_worker, index))
-                if len(waiting) >= 4 * jobs:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
-        except BrokenProcessPool:
-            raise RobocupVisionError("a worker process ended abruptly; run again with --jobs 1 to see why") from None
+    dataset = scorer.plan.dataset
+    sends = send_images and not workers.share_files
+    jobs = (
+        ImageJob(index, name, dataset.truth_of(index), _content(dataset.path / name) if sends else None)
+        for index, name in enumerate(dataset.image_names[first:], start=first)
+    )
+    if workers.is_here:
+        return in_order(run_pieces(lambda: scorer.score_file, jobs, workers))
+    # so few that they end together, so many that handing them out takes no time to speak of
+    batch = min(max(len(dataset.image_names) // _MIN_BATCHES, 1), _MAX_BATCH)
+    start = _StartScorer(scorer.plan.without_images())
+    return in_order(run_pieces(start, jobs, workers, batch=batch, describe=lambda job: f"image {job.image}"))
+
+
+def _content(path: Path) -> bytes | FrameError:
+    try:
+        return file_bytes(path)
+    except FrameError as error:
+        return error
+
+
+@dataclass(frozen=True, slots=True)
+class _StartScorer:
+    plan: ScorePlan
+
+    def __call__(self) -> Callable[[ImageJob], FrameResult]:
+        return FrameScorer(self.plan).score_file

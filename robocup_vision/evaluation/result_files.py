@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from robocup_vision.closing import Closing
 from robocup_vision.evaluation.dataset import FrameTime
 from robocup_vision.evaluation.scoring import Figures, Row
 from robocup_vision.files.out_file import telling_write_errors
@@ -68,12 +69,35 @@ def prepare_folder(folder: Path, names: Iterable[str]) -> None:
             (folder / name).unlink(missing_ok=True)
 
 
-def write_results(path: Path, rows: Sequence[Row]) -> None:
-    """Write results.csv: one line an image, none dropped; entries that do not apply are empty."""
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(RESULT_COLUMNS)
-        writer.writerows(_cells(row) for row in rows)
+class ResultsFile(Closing):
+    """results.csv: one line an image, none dropped, each in the file when it is added; what does not apply is empty.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with telling_write_errors(path):
+            self._stream = path.open("w", encoding="utf-8", newline="")
+        self._writer = csv.writer(self._stream, lineterminator="\n")
+        self._write(RESULT_COLUMNS)
+
+    def add(self, row: Row) -> None:
+        """Write an image's line."""
+        self._write(_cells(row))
+
+    def _write(self, cells: Sequence[str]) -> None:
+        with telling_write_errors(self._path):
+            self._writer.writerow(cells)
+            self._stream.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        with telling_write_errors(self._path):
+            self._stream.close()
 
 
 def _cells(row: Row) -> list[str]:

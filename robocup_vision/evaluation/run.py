@@ -21,16 +21,17 @@ from robocup_vision.evaluation.frame_scorer import (
     draw_default_overlay,
     make_default_vision,
     make_vision_with_memory,
-    score_elsewhere,
-    score_here,
+    score_images,
+    score_sequence,
 )
 from robocup_vision.evaluation.kept_rows import FrameResult, result_json, result_of, run_json
-from robocup_vision.evaluation.overlays import WorstSoFar
-from robocup_vision.evaluation.result_files import prepare_folder, write_results, write_summary, write_trajectory
+from robocup_vision.evaluation.overlays import WorstSoFar, spread_indices
+from robocup_vision.evaluation.result_files import ResultsFile, prepare_folder, write_summary, write_trajectory
 from robocup_vision.evaluation.scoring import Figures, Row, figures
 from robocup_vision.files.output_folder import refuse_foreign_files
 from robocup_vision.files.resume_file import ResumeFile
 from robocup_vision.progress import progress
+from robocup_vision.workers import Workers, find_workers
 
 __all__ = [
     "DrawOverlay",
@@ -94,11 +95,14 @@ def evaluate(
     force: bool = False,
     resume: bool = False,
     scores_belief: bool = False,
+    workers: Workers | None = None,
+    send_images: bool = True,
 ) -> Summary:
     """Score a localiser on a dataset and write results.csv, summary.json, trajectory.tum and report.html.
 
     Each image stands alone, unless the dataset has a frames.csv: then it is one sequence, in order, in one process,
-    with time and odometry handed on.
+    with time and odometry handed on. An image whose worker dies is looked at again; results.csv has one line of each,
+    written as soon as those before it are.
 
     Parameters
     ----------
@@ -121,11 +125,17 @@ def evaluate(
     scores_belief : bool
         Score the estimate over time, `view.belief`, of a localiser with a memory such as `make_vision_with_memory`
         builds, in place of what each frame shows.
+    workers : Workers, optional
+        Who looks at the images, from `robocup_vision.workers`; by default `jobs` processes.
+    send_images : bool
+        Send what stands in the image files to workers on other machines; else they read the files themselves, by the
+        same paths.
 
     Raises
     ------
     ArgumentError
-        If `jobs` is not positive, or the belief of a dataset without times or of camera poses is to be scored.
+        If `jobs` is not positive, no cluster answers, or the belief of a dataset without times or of camera poses is
+        to be scored.
     FileError
         If the folder holds files of others, or the files cannot be written.
     RobocupVisionError
@@ -133,8 +143,7 @@ def evaluate(
     KeyboardInterrupt
         If interrupted: results.csv then holds the finished images, and the error says how many they are.
     """
-    if jobs < 1:
-        raise ArgumentError(f"jobs must be at least 1, got {jobs}")
+    crew = find_workers(jobs) if workers is None else workers
     if scores_belief and dataset.times is None:
         raise ArgumentError("--memory needs a sequence: a video, or a dataset with frames.csv")
     if scores_belief and dataset.pose_of == "camera":
@@ -149,30 +158,31 @@ def evaluate(
     if missing:
         notes.append(f"no report.html: {' and '.join(missing)} not installed (pip install 'robocup-vision[report]')")
     is_sequence = dataset.times is not None
-    if (is_sequence or dataset.is_video) and jobs > 1:
-        notes.append("a sequence runs in order in one process: --jobs is ignored")
-        jobs = 1
+    in_turn = is_sequence or dataset.is_video
+    if in_turn and not crew.is_here:
+        notes.append("a sequence runs in order in one process: --jobs and --dask are ignored")
     if is_sequence and resume:
         notes.append("a sequence cannot be gone on with in its middle: --resume is ignored")
         resume = False
-    plan = ScorePlan(dataset, make_vision, draw_overlay, not missing, scores_belief)
+    spread = frozenset() if missing else spread_indices(len(dataset.image_names))
+    plan = ScorePlan(dataset, make_vision, draw_overlay, not missing, spread, scores_belief)
     # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
     scorer = FrameScorer(plan)
     run = _Run(plan)
     with ResumeFile(out / UNFINISHED_NAME, run_json(dataset), resume=resume) as kept:
         prepare_folder(out, OUTPUT_NAMES)
-        before = [result_of(kept.found[index], dataset) for index in sorted(kept.found)]
-        first = len(before)
-        fresh = score_here(scorer, first) if jobs == 1 else score_elsewhere(plan, jobs, first)
+        first = len(kept.found)
+        before = (result_of(kept.found.pop(index), dataset) for index in sorted(kept.found))
+        fresh = score_sequence(scorer, first) if in_turn else score_images(scorer, crew, first, send_images=send_images)
         try:
             # an interrupt may come while a row is taken in: the processes end then, too
-            with closing(fresh):
+            with closing(fresh), ResultsFile(out / "results.csv") as results:
                 for result in progress(chain(before, fresh), len(dataset.image_names), dataset.name):
                     if len(run.rows) >= first and not is_sequence:
                         kept.add(len(run.rows), result_json(result))
+                    results.add(result.row)
                     run.take(result)
         except KeyboardInterrupt:
-            write_results(out / "results.csv", run.rows)
             told = f"{len(run.rows)} of {len(dataset.image_names)} images are done and kept in {out / 'results.csv'}"
             raise KeyboardInterrupt(told if is_sequence else f"{told}; --resume goes on") from None
         notes += run.notes
@@ -187,7 +197,6 @@ def _write_files(
     rows = run.rows
     summary = Summary(figures(rows), tuple(rows), out, page, tuple(notes), dataset.times is not None)
     try:
-        write_results(out / "results.csv", rows)
         write_summary(out / "summary.json", summary.figures)
         write_trajectory(out / "trajectory.tum", rows, dataset.times)
         if page is not None:

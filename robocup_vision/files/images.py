@@ -44,8 +44,41 @@ def read_image(path: str | Path, size_px: tuple[int, int]) -> UInt8Array:
     FrameError
         If the file is missing, damaged or truncated, not 8-bit colour, has an alpha channel or another size.
     """
-    name = Path(path).name
-    image = _decode(path)
+    return decode_image(file_bytes(path), Path(path).name, size_px)
+
+
+def file_bytes(path: str | Path) -> bytes:
+    """Return what stands in a file.
+
+    Raises
+    ------
+    FrameError
+        If it cannot be read.
+    """
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise FrameError(f"{Path(path).name}: cannot be read ({error.strerror or error})") from None
+
+
+def decode_image(data: bytes, name: str, size_px: tuple[int, int]) -> UInt8Array:
+    """Decode what stands in an image file, as `read_image` does.
+
+    Parameters
+    ----------
+    data : bytes
+        Of a PNG, JPEG or BMP file.
+    name : str
+        For messages.
+    size_px : (int, int)
+        Width and height it must have.
+
+    Raises
+    ------
+    FrameError
+        If it is damaged or truncated, not 8-bit colour, has an alpha channel or another size.
+    """
+    image = _decode(data, name)
     if image.dtype != np.uint8:
         raise FrameError(f"{name}: has {8 * image.itemsize} bits per channel, must have 8")
     if image.ndim == 2:
@@ -66,18 +99,13 @@ def read_mask(path: str | Path) -> UInt8Array:
     FrameError
         If the file is missing, damaged or truncated.
     """
-    set_pixels = _decode(path) != 0
+    set_pixels = _decode(file_bytes(path), Path(path).name) != 0
     if set_pixels.ndim == 3:
         set_pixels = np.any(set_pixels[..., :3], axis=2)
     return np.where(set_pixels, 255, 0).astype(np.uint8)
 
 
-def _decode(path: str | Path) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
-    name = Path(path).name
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise FrameError(f"{name}: cannot be read ({error.strerror or error})") from None
+def _decode(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
     problem = _damage(data)
     if problem is not None:
         raise FrameError(f"{name}: {problem}")

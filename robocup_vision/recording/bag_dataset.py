@@ -10,7 +10,6 @@ import bisect
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -86,11 +85,8 @@ class StreamDataset(Dataset):
         """Whether the frames can only be read from the beginning."""
         return True
 
-    def read_frames(self, first: int = 0) -> Frames:
-        """Read all frames from number `first` on; where one cannot be used, yield the error in its place."""
-        yield from islice(self._checked_frames(), first, None)
-
-    def _checked_frames(self) -> Frames:
+    def read_frames(self) -> Frames:
+        """Read all frames; where one cannot be used, yield the error in its place."""
         width, height = self.camera.size_px
         for name, frame in zip(self.image_names, self.open_frames(), strict=False):
             if isinstance(frame, FrameError) or frame.shape == (height, width, 3):

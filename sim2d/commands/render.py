@@ -8,6 +8,8 @@ import math
 import shlex
 from typing import Any, Literal
 
+from robocup_vision.commands.worker_options import add_worker_options
+
 # names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
 CONDITION_NAMES = ("nominal", "noisy", "warm", "cold", "dark", "crowd", "bad_day", "miscalibrated")
 
@@ -42,6 +44,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="compress with halved chroma at quality 1 to 100")
     add("--ball", dest="ball_rate", type=float, metavar="RATE", help="fraction of images with a ball, 0 to 1")
     add("--symmetry", choices=("none", "point"), help="how errors count (default: point)")
+    add_worker_options(parser)
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
     parser.set_defaults(run=run_render)
     return parser
@@ -55,12 +58,17 @@ def run_render(args: argparse.Namespace) -> int:
     RobocupVisionError
         For anything the user can mend.
     """
+    from contextlib import closing
+    from functools import partial
+
     from field_models import load_field
     from field_models.errors import FileError
     from robocup_vision.commands.options import require_count, require_seed
+    from robocup_vision.commands.worker_options import chosen_workers
     from robocup_vision.progress import progress
+    from robocup_vision.workers import in_order, run_pieces
     from sim2d.rendering.cameras import camera_by_name
-    from sim2d.rendering.dataset import write_dataset
+    from sim2d.rendering.dataset import DrawPictures, write_dataset
     from sim2d.rendering.random_scenes import CONDITIONS, sample
 
     require_count("--count", args.count)
@@ -81,14 +89,16 @@ def run_render(args: argparse.Namespace) -> int:
     if camera.height_m is None:
         raise FileError(args.camera, "is needed to render what stands on the floor", key="viewpoint_height_m")
     symmetry: Literal["none", "point"] = args.symmetry or "point"
-    count = write_dataset(
-        args.out,
-        args.field,
-        camera,
-        progress(sample(field, camera, condition, args.seed, args.count), args.count, "render"),
-        symmetry=symmetry,
-        command=_command(args),
-    )
+    start = DrawPictures(partial(sample, field, camera, condition, args.seed, args.count))
+    with closing(in_order(run_pieces(start, range(args.count), chosen_workers(args)))) as drawn:
+        count = write_dataset(
+            args.out,
+            args.field,
+            camera,
+            progress(drawn, args.count, "render"),
+            symmetry=symmetry,
+            command=_command(args),
+        )
     print(f"{count} images of {field.name} in {args.out}")
     return 0
 

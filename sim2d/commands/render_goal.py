@@ -6,6 +6,8 @@ import argparse
 import shlex
 from typing import Any
 
+from robocup_vision.commands.worker_options import add_worker_options
+
 # names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
 GOAL_CONDITION_NAMES = (
     "clean_416x320",
@@ -35,6 +37,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--count", type=int, default=66, metavar="N", help="number of images (default: 66)")
     add("--seed", type=int, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
     add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="small .jpg files of quality 1 to 100, not .png")
+    add_worker_options(parser)
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
     parser.set_defaults(run=run_render_goal)
     return parser
@@ -48,11 +51,16 @@ def run_render_goal(args: argparse.Namespace) -> int:
     RobocupVisionError
         For anything the user can mend.
     """
+    from contextlib import closing
+    from functools import partial
+
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision.commands.options import require_count, require_seed
+    from robocup_vision.commands.worker_options import chosen_workers
     from robocup_vision.progress import progress
-    from sim2d.rendering.dataset import write_dataset
+    from robocup_vision.workers import in_order, run_pieces
+    from sim2d.rendering.dataset import DrawPictures, write_dataset
     from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
     require_count("--count", args.count)
@@ -61,7 +69,8 @@ def run_render_goal(args: argparse.Namespace) -> int:
         raise ArgumentError(f"--jpeg must be within 1 to 100, got {args.jpeg_quality}")
     field, condition = load_field(args.field), GOAL_CONDITIONS[args.condition]
     negative = args.views == "negative"
-    samples = sample_goal(
+    sample = partial(
+        sample_goal,
         field,
         condition,
         args.seed,
@@ -69,15 +78,16 @@ def run_render_goal(args: argparse.Namespace) -> int:
         places=paper_places(field) if args.places == "paper" and not negative else None,
         views=NEGATIVE_VIEWS if negative else ("goal",),
     )
-    count = write_dataset(
-        args.out,
-        args.field,
-        condition.camera,
-        progress(samples, args.count, "render-goal"),
-        symmetry="none" if field.halves_differ else "point",
-        command=_command(args),
-        jpeg_quality=args.jpeg_quality,
-    )
+    start = DrawPictures(sample, args.jpeg_quality)
+    with closing(in_order(run_pieces(start, range(args.count), chosen_workers(args)))) as drawn:
+        count = write_dataset(
+            args.out,
+            args.field,
+            condition.camera,
+            progress(drawn, args.count, "render-goal"),
+            symmetry="none" if field.halves_differ else "point",
+            command=_command(args),
+        )
     print(f"{count} images of {field.name} in {args.out}")
     return 0
 

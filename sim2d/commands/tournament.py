@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from robocup_vision.commands.worker_options import add_worker_options
 from sim2d.commands.match_options import add_match_options, match_plan
 
 UNFINISHED_NAME = "unfinished.jsonl"
@@ -20,11 +21,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )
     parser.add_argument("--matches", type=int, default=10, metavar="M", help="number of matches (default: 10)")
     add_match_options(parser, "out/tournament")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--jobs", type=int, default=1, metavar="N", help="processes on this machine (default: 1)")
-    where.add_argument(
-        "--dask", metavar="ADDRESS", help="scheduler of a dask.distributed cluster, e.g. tcp://host:8786"
-    )
+    add_worker_options(parser)
     parser.add_argument("--resume", action="store_true", help="go on with an interrupted tournament in the same folder")
     parser.set_defaults(run=run_tournament)
     return parser
@@ -38,22 +35,18 @@ def run_tournament(args: argparse.Namespace) -> int:
     RobocupVisionError
         For anything the user can mend.
     """
+    from contextlib import closing
     from pathlib import Path
 
     from robocup_vision.files.resume_file import ResumeFile
     from robocup_vision.progress import progress
-    from sim2d.match.tournament import (
-        dask_workers,
-        local_workers,
-        plan_json,
-        plan_matches,
-        play_matches,
-        tournament_json,
-    )
+    from robocup_vision.workers import dask_workers, local_workers
+    from sim2d.match.tournament import plan_json, plan_matches, play_matches, tournament_json
     from sim2d.report.match_file import write_json
 
     plan = match_plan(args)
     plans = plan_matches(plan, args.matches)
+    # a process of its own even for one job: a player may end it
     workers = local_workers(args.jobs) if args.dask is None else dask_workers(args.dask)
     # an error of the plan is reported here once, before any worker starts
     plan.begin()
@@ -63,9 +56,10 @@ def run_tournament(args: argparse.Namespace) -> int:
         missing = [index for index in range(len(plans)) if index not in results]
         playing = play_matches([plans[index] for index in missing], workers)
         try:
-            for place, result in progress(playing, len(missing), "tournament"):
-                results[missing[place]] = result
-                kept.add(missing[place], result)
+            with closing(playing):
+                for place, result in progress(playing, len(missing), "tournament"):
+                    results[missing[place]] = result
+                    kept.add(missing[place], result)
         except KeyboardInterrupt:
             told = f"{len(results)} of {len(plans)} matches are played and kept in {kept.path}; --resume goes on"
             raise KeyboardInterrupt(told) from None

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import shutil
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -14,6 +16,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.camera import Camera, save_camera
+from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.files.output_folder import require_empty_folder, written_at_once
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.scene import Scene
@@ -45,11 +48,64 @@ class Picture(Protocol):
         ...
 
 
+class EncodedPicture(NamedTuple):
+    """A picture as it stands in the dataset: the file's name and content, and its row of truth.csv."""
+
+    name: str
+    content: bytes
+    truth: tuple[str, ...]
+
+
+def encode_picture(drawn: Picture, jpeg_quality: int | None = None) -> EncodedPicture:
+    """Encode a picture as a .png file, or as a small .jpg one of a quality of 1 to 100."""
+    suffix, options = (".png", []) if jpeg_quality is None else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+    name = f"{drawn.index:04d}{suffix}"
+    pose, ball = drawn.pose, drawn.scene.ball
+    place = ("", "") if ball is None else (f"{ball.x_m:.6f}", f"{ball.y_m:.6f}")
+    truth = (name, f"{pose.x_m:.6f}", f"{pose.y_m:.6f}", f"{pose.theta_rad:.6f}", *place)
+    return EncodedPicture(name, cv2.imencode(suffix, drawn.frame, options)[1].tobytes(), truth)
+
+
+class SampleByIndex(Protocol):
+    """Such as `sample` or `sample_goal` with all arguments given but for the last."""
+
+    def __call__(self, *, indices: Iterable[int]) -> Iterator[Picture]:
+        """Yield the pictures of these numbers."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class DrawPictures:
+    """Draws and encodes pictures by their number, in any process: the `start` of `robocup_vision.workers.run_pieces`.
+
+    Parameters
+    ----------
+    sample : callable
+        Yields the pictures of given numbers, each of which depends on its number alone.
+    jpeg_quality : int, optional
+        See `encode_picture`.
+    """
+
+    sample: SampleByIndex
+    jpeg_quality: int | None = None
+
+    def __call__(self) -> Callable[[int], EncodedPicture]:
+        """Return what draws a picture; it prepares its renderer for all."""
+        asked: deque[int] = deque()
+        drawn = self.sample(indices=iter(asked.popleft, None))
+
+        def draw(index: int) -> EncodedPicture:
+            asked.append(index)
+            return encode_picture(next(drawn), self.jpeg_quality)
+
+        return draw
+
+
 def write_dataset(
     folder: str | Path,
     field_name_or_path: str | Path,
     camera: Camera,
-    samples: Iterable[Picture],
+    samples: Iterable[Picture | EncodedPicture],
     *,
     symmetry: Literal["none", "point"] = "none",
     command: str | None = None,
@@ -65,14 +121,14 @@ def write_dataset(
         Built-in field; or a field file, which is copied into the folder.
     camera : OmniCamera
         The camera handed to the localiser.
-    samples : iterable of Sample
+    samples : iterable of Sample or EncodedPicture
         The pictures, drawn one at a time.
     symmetry : {"none", "point"}
         How errors count.
     command : str, optional
         The command that makes this dataset, noted in it.
     jpeg_quality : int, optional
-        Write small .jpg files of this quality in place of exact .png ones.
+        Write small .jpg files of this quality in place of exact .png ones, of the pictures that are not yet encoded.
 
     Returns
     -------
@@ -95,7 +151,7 @@ def _write(
     root: Path,
     field: str,
     camera: Camera,
-    samples: Iterable[Picture],
+    samples: Iterable[Picture | EncodedPicture],
     symmetry: str,
     command: str | None,
     jpeg_quality: int | None,
@@ -109,17 +165,14 @@ def _write(
     lines += ['truth = "truth.csv"', f'symmetry = "{symmetry}"']
     (root / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     save_camera(camera, root / "camera.toml")
-    options = [] if jpeg_quality is None else [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
     count = 0
     with (root / "truth.csv").open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(TRUTH_COLUMNS)
         for drawn in samples:
-            name = f"{drawn.index:04d}.{'png' if jpeg_quality is None else 'jpg'}"
-            if not cv2.imwrite(str(root / "images" / name), drawn.frame, options):
-                raise ArgumentError(f"{root / 'images' / name} cannot be written")
-            pose, ball = drawn.pose, drawn.scene.ball
-            place = ("", "") if ball is None else (f"{ball.x_m:.6f}", f"{ball.y_m:.6f}")
-            rows.writerow((name, f"{pose.x_m:.6f}", f"{pose.y_m:.6f}", f"{pose.theta_rad:.6f}", *place))
+            picture = drawn if isinstance(drawn, EncodedPicture) else encode_picture(drawn, jpeg_quality)
+            with telling_write_errors(root / "images" / picture.name):
+                (root / "images" / picture.name).write_bytes(picture.content)
+                rows.writerow(picture.truth)
             count += 1
     return count

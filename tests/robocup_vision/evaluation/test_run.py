@@ -139,7 +139,7 @@ def test_a_sequence_hands_on_time_and_odometry(folder: Path, fake: ModuleType, t
         make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
         draw_overlay=fake.draw,
     )
-    assert summary.notes == ("a sequence runs in order in one process: --jobs is ignored",)
+    assert summary.notes == ("a sequence runs in order in one process: --jobs and --dask are ignored",)
     assert made[0].calls == [
         ("look", 10.0, None),
         ("look", 12.0, Pose2(0.1, 0, 1).compose(Pose2(0.2, 0, 0))),  # over the frame that could not be read
@@ -191,7 +191,7 @@ def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, t
         make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
         draw_overlay=fake.draw,
     )
-    assert summary.notes == ("a sequence runs in order in one process: --jobs is ignored",)
+    assert summary.notes == ("a sequence runs in order in one process: --jobs and --dask are ignored",)
     assert summary.is_sequence
     assert "per frame (median), in a sequence" in (tmp_path / "out" / "report.html").read_text()
     times_s = [call[1] for call in made[0].calls if call[0] == "look"]
@@ -204,9 +204,14 @@ def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, t
     assert len({row["x_m"] for row in rows}) > 5
 
 
-def test_a_process_that_dies_is_reported(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_a_process_that_dies_is_reported(
+    folder: Path, fake: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robocup_vision.workers.pieces._BARREN_ROUNDS", 1)
     code(folder / "images" / "2.png", 9)
-    with pytest.raises(RobocupVisionError, match="a worker process ended abruptly; run again with --jobs 1"):
+    with pytest.raises(
+        RobocupVisionError, match=r"image [012]\.png is not done: 1 times all workers ended before they"
+    ):
         evaluate(load_dataset(folder), tmp_path / "out", 2, make_vision=fake.FakeVision, draw_overlay=fake.draw)
 
 

@@ -3,54 +3,49 @@
 import functools
 import json
 from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from sim2d_players import SMALL_CAMERA, FailsAt, KillsItsProcess, Reckoner, Sleeper
 
-from field_models.errors import ArgumentError, RobocupVisionError
-from robocup_vision import cli
-from sim2d.match import tournament
+from field_models.errors import RobocupVisionError
+from robocup_vision import cli, workers
+from robocup_vision.workers import Pool, Workers, dask_workers, local_workers
+from robocup_vision.workers.doing import Doer
 from sim2d.match.run import MatchPlan
-from sim2d.match.tournament import (
-    Workers,
-    dask_workers,
-    local_workers,
-    plan_matches,
-    play_matches,
-    play_plan,
-    tournament_json,
-)
+from sim2d.match.tournament import plan_matches, play_matches, play_plan, tournament_json
 
 PLAN = MatchPlan(players=1, seconds=0.4, seed=5, ours=Reckoner, theirs=Sleeper, camera=SMALL_CAMERA)
 
 
-class Here(Executor):
-    """Plays at once, in this process; loses what `loses` names."""
+def here(loses=()):
+    """Return workers that play at once, in this process; they lose the matches of some seeds."""
+    lost = list(loses)
 
-    def __init__(self, loses=(), breaks_at=None):
-        self.loses, self.breaks_at, self.submitted = list(loses), breaks_at, 0
-
-    def submit(self, play, plan):  # noqa: D102
-        if self.submitted == self.breaks_at:
-            self.breaks_at = None
-            raise BrokenExecutor
-        self.submitted += 1
-        future = Future()
-        if plan.seed in self.loses:
-            self.loses.remove(plan.seed)
-            future.set_exception(BrokenExecutor())
+    class Here(Executor):
+        def submit(self, play, plans):
+            future = Future()
+            if plans[0].seed in lost:
+                lost.remove(plans[0].seed)
+                future.set_exception(BrokenExecutor())
+                return future
+            try:
+                future.set_result(play(plans))
+            except RobocupVisionError as error:
+                future.set_exception(error)
             return future
-        try:
-            future.set_result(play(plan))
-        except RobocupVisionError as error:
-            future.set_exception(error)
-        return future
+
+    @contextmanager
+    def open_pool(start):
+        yield Pool(Here(), Doer(start), lambda: 2)
+
+    return Workers(open_pool)
 
 
-def results_of(plans, workers):
-    results = dict(play_matches(plans, workers))
+def results_of(plans, players):
+    results = dict(play_matches(plans, players))
     return [results[index] for index in range(len(plans))]
 
 
@@ -62,7 +57,7 @@ def but_for_names(results):
 def test_seeds_count_on():
     plans = plan_matches(PLAN, 3)
     assert [plan.seed for plan in plans] == [5, 6, 7]
-    results = results_of(plans, Workers(lambda: Here()))
+    results = results_of(plans, here())
     assert [result["seed"] for result in results] == [5, 6, 7]
     assert results[1] == play_plan(plans[1])
     assert results[0]["robots"] != results[1]["robots"]
@@ -70,27 +65,23 @@ def test_seeds_count_on():
 
 def test_lost_matches_are_played_again():
     plans = plan_matches(PLAN, 4)
-    expected = results_of(plans, Workers(lambda: Here()))
-    here = Here(loses=[6, 6, 8])
-    assert results_of(plans, Workers(lambda: here)) == expected
-    here = Here(breaks_at=2)
-    assert results_of(plans, Workers(lambda: here)) == expected
+    expected = results_of(plans, here())
+    assert results_of(plans, here(loses=[6, 6, 8])) == expected
 
 
 def test_workers_that_always_end_are_an_error():
-    workers = Workers(lambda: Here(loses=[5, 6, 7]))
-    with pytest.raises(RobocupVisionError, match="3 matches were not played: their workers end before they do"):
-        results_of(plan_matches(PLAN, 3), workers)
+    with pytest.raises(RobocupVisionError, match="the match of seed 5 is not done: 3 times all workers ended before"):
+        results_of(plan_matches(PLAN, 3), here(loses=3 * [5, 6, 7]))
 
 
 def test_what_cannot_be_played_is_reported():
     with pytest.raises(RobocupVisionError, match="nowhere"):
-        results_of([MatchPlan(field="nowhere")], Workers(lambda: Here()))
+        results_of([MatchPlan(field="nowhere")], here())
 
 
 def test_totals_are_over_all_matches():
     plans = plan_matches(replace(PLAN, seconds=0.6, theirs=FailsAt), 2)
-    results = results_of(plans, Workers(lambda: Here()))
+    results = results_of(plans, here())
     results[0]["score"], results[1]["score"] = [2, 1], [0, 0]
     values = tournament_json(plans[0], results)
     totals = values["totals"]
@@ -117,42 +108,16 @@ def test_a_cluster_loses_no_match_and_changes_no_result(tmp_path):
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50, local_directory=tmp_path
     ) as cluster:
-        workers = dask_workers(cluster.scheduler_address)
-        assert but_for_names(results_of(plan_matches(killing, 5), workers)) == but_for_names(expected)
+        found = results_of(plan_matches(killing, 5), dask_workers(cluster.scheduler_address))
+        assert but_for_names(found) == but_for_names(expected)
     assert (tmp_path / "killed").exists()
-
-
-def test_no_cluster_and_no_dask_are_one_line(monkeypatch):
-    monkeypatch.setattr(tournament, "_CONNECT_S", 0.5)
-    pytest.importorskip("distributed")
-    with pytest.raises(ArgumentError, match=r"no dask scheduler answers at 'tcp://127\.0\.0\.1:9'"):
-        results_of([PLAN], dask_workers("tcp://127.0.0.1:9"))
-    with pytest.raises(ArgumentError, match=r"no dask scheduler answers at 'what://is'"):
-        results_of([PLAN], dask_workers("what://is"))
-    monkeypatch.setattr(tournament, "find_spec", lambda name: None)
-    with pytest.raises(ArgumentError, match=r"dask\.distributed is not installed"):
-        dask_workers("tcp://127.0.0.1:9")
-
-
-def test_stopping_early_leaves_no_work_behind():
-    closed = []
-
-    class Watched(Here):
-        def shutdown(self, wait=True, *, cancel_futures=False):
-            closed.append(cancel_futures)
-
-    playing = play_matches(plan_matches(PLAN, 2), Workers(lambda: Watched()))
-    next(playing)
-    playing.close()
-    assert closed[0] is True
 
 
 @pytest.mark.slow
 def test_command_writes_the_same_file_for_any_workers(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tournament, "local_workers", lambda jobs: Workers(lambda: Here()))
-    cluster = Here(loses=[3])
-    monkeypatch.setattr(tournament, "dask_workers", lambda address: Workers(lambda: cluster))
+    monkeypatch.setattr(workers, "local_workers", lambda jobs: here())
+    monkeypatch.setattr(workers, "dask_workers", lambda address: here(loses=[3]))
     command = ["tournament", "--matches", "2", "--players", "1", "--seconds", "0.2", "--seed", "2"]
     for out, where in (("one", ["--jobs", "2"]), ("two", ["--dask", "tcp://host:8786"])):
         assert cli.main([*command, *where, "--out", out]) == 0

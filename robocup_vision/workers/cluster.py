@@ -1,0 +1,138 @@
+"""Workers of a dask.distributed cluster, which may come and go during a run. Needs the extra `distributed`.
+
+What all pieces need goes to each worker once, as a plugin: those that come later get it, too. A batch whose worker
+died is handed out again by the scheduler, and by `run_pieces` where the scheduler gives it up.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+import uuid
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from distributed import Client, WorkerPlugin, get_worker, rpc
+from distributed.scheduler import KilledWorker
+
+from field_models.errors import ArgumentError, RobocupVisionError
+from robocup_vision.workers.doing import Doer, only_one_opencv_thread
+from robocup_vision.workers.pieces import Pool, Start, Workers
+
+_CONNECT_S = 10.0
+# a cluster that restarts its workers, or is about to get some, has them by then
+_NO_WORKERS_S = 60.0
+_COUNT_SLOTS_S = 2.0
+
+
+def cluster_workers(address: str) -> Workers:
+    """Return the workers of the cluster whose scheduler listens at an address."""
+    return Workers(
+        lambda start: _open(address, start), (BrokenExecutor, CancelledError, KilledWorker), share_files=False
+    )
+
+
+@contextmanager
+def _open(address: str, start: Start[Any, Any]) -> Iterator[Pool]:
+    with _connected(address) as client:
+        crew = _Crew(client, address)
+        name = f"robocup-vision-{uuid.uuid4().hex[:12]}"
+        try:
+            client.register_plugin(_Plugin(start, _version()), name=name)
+        except ArgumentError:
+            raise
+        except Exception as error:
+            raise ArgumentError(
+                f"the workers of {address} cannot do this: {type(error).__name__}: {' '.join(str(error).split())}; "
+                "each machine needs the same robocup-vision"
+            ) from None
+        executor = client.get_executor(pure=False)
+        try:
+            yield Pool(executor, partial(_do, name), crew.slots, crew.look_after)
+        finally:
+            # what is still handed out is of no use to anybody
+            executor.shutdown(wait=False)
+            with suppress(Exception):
+                client.unregister_worker_plugin(name)
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[Any]:
+    try:
+        # a client that fails to connect goes on trying in a thread of its own, so that a bare connection asks first;
+        # in a thread, because the caller may be in an event loop
+        with ThreadPoolExecutor(1) as thread:
+            kind = thread.submit(asyncio.run, _kind(address)).result()
+        if kind != "Scheduler":
+            raise ArgumentError(f"a {kind} listens there, not a scheduler")
+        client: Any = Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+    except Exception as error:  # of many kinds, by what is wrong with the address
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ArgumentError(f"no dask scheduler answers at '{address}' ({reason})") from None
+    with client:
+        yield client
+
+
+async def _kind(address: str) -> str:
+    server: Any = rpc(address, timeout=_CONNECT_S)  # type: ignore[no-untyped-call]
+    async with server:
+        identity = await asyncio.wait_for(server.identity(), _CONNECT_S)
+        return str(identity["type"])
+
+
+class _Crew:
+    """How many the workers are, and since when there are none."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client, self._address = client, address
+        self._slots, self._counted_s = 0, -_COUNT_SLOTS_S
+        self._seen_s = time.monotonic()
+
+    def slots(self) -> int:
+        now_s = time.monotonic()
+        if now_s - self._counted_s > _COUNT_SLOTS_S:
+            self._slots, self._counted_s = sum(self._client.nthreads().values()), now_s
+            if self._slots:
+                self._seen_s = now_s
+        return max(self._slots, 1)
+
+    def look_after(self) -> None:
+        self.slots()
+        missing_s = time.monotonic() - self._seen_s
+        if missing_s > _NO_WORKERS_S:
+            raise RobocupVisionError(
+                f"the dask scheduler at '{self._address}' has had no workers for {missing_s:.0f} s"
+            )
+
+
+class _Plugin(WorkerPlugin):
+    """Holds on each worker what all pieces need."""
+
+    do: Doer
+
+    def __init__(self, start: Start[Any, Any], wanted: str) -> None:
+        self._start, self._wanted = start, wanted
+
+    def setup(self, worker: Any) -> None:
+        found = _version()
+        if found != self._wanted:
+            raise ArgumentError(f"worker {worker.address} has robocup-vision {found}, this machine has {self._wanted}")
+        only_one_opencv_thread()
+        self.do = Doer(self._start)
+
+
+def _version() -> str:
+    try:
+        return version("robocup-vision")
+    except PackageNotFoundError:
+        return "(not installed)"
+
+
+def _do(name: str, batch: list[Any]) -> list[Any]:
+    plugin = get_worker().plugins[name]
+    assert isinstance(plugin, _Plugin)
+    return plugin.do(batch)

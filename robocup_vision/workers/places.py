@@ -1,0 +1,104 @@
+"""The places where pieces are worked on: this process, other processes of this machine, a dask cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import Any, TypeVar
+
+from field_models.errors import ArgumentError
+from robocup_vision.workers.doing import Doer, only_one_opencv_thread
+from robocup_vision.workers.pieces import Pool, Start, Workers
+from robocup_vision.workers.processes import worker_processes
+
+T = TypeVar("T")
+
+
+def find_workers(jobs: int, dask: str | None = None) -> Workers:
+    """Return the workers that the options ``--jobs`` and ``--dask`` name; one job is done in this process.
+
+    Raises
+    ------
+    ArgumentError
+        If `jobs` is not positive, or dask.distributed is not installed.
+    """
+    if dask is not None:
+        return dask_workers(dask)
+    return this_process() if jobs == 1 else local_workers(jobs)
+
+
+def this_process() -> Workers:
+    """Return this process as the only worker."""
+    return Workers(_open_here, (), is_here=True)
+
+
+def local_workers(jobs: int) -> Workers:
+    """Return so many processes of this machine.
+
+    Raises
+    ------
+    ArgumentError
+        If `jobs` is not positive.
+    """
+    if jobs < 1:
+        raise ArgumentError(f"jobs must be at least 1, got {jobs}")
+
+    @contextmanager
+    def open_pool(start: Start[Any, Any]) -> Iterator[Pool]:
+        with worker_processes(jobs, _begin, (start,)) as executor:
+            yield Pool(executor, _do, lambda: jobs)
+
+    return Workers(open_pool)
+
+
+def dask_workers(address: str) -> Workers:
+    """Return the workers of a dask.distributed cluster (extra `distributed`).
+
+    Parameters
+    ----------
+    address : str
+        Of its scheduler, such as ``tcp://10.0.0.1:8786``. This package must be installed on its workers, in the same
+        version.
+
+    Raises
+    ------
+    ArgumentError
+        If dask.distributed is not installed.
+    """
+    if find_spec("distributed") is None:
+        raise ArgumentError("dask.distributed is not installed (pip install 'robocup-vision[distributed]')")
+    from robocup_vision.workers.cluster import cluster_workers
+
+    return cluster_workers(address)
+
+
+class _Here(Executor):
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        future: Future[T] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@contextmanager
+def _open_here(start: Start[Any, Any]) -> Iterator[Pool]:
+    yield Pool(_Here(), Doer(start), lambda: 0)
+
+
+# one a process, which is what an initialiser is for
+_doer: Doer | None = None
+
+
+def _begin(start: Start[Any, Any]) -> None:
+    global _doer
+    only_one_opencv_thread()
+    _doer = Doer(start)
+
+
+def _do(batch: list[Any]) -> list[Any]:
+    assert _doer is not None
+    return _doer(batch)

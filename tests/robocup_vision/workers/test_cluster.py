@@ -1,0 +1,142 @@
+"""A dask cluster: addresses that are none, and on a local one no piece lost with a worker that is killed."""
+
+import csv
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from field_models.errors import ArgumentError, RobocupVisionError
+from robocup_vision import cli
+from robocup_vision.workers import dask_workers, in_order, places, run_pieces
+
+distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
+from robocup_vision.workers import cluster  # noqa: E402 - needs dask
+
+DATASET = Path(__file__).parents[3] / "images" / "omni_ssl_2001"
+
+
+class Start:
+    """Doubles each piece; the first worker to get 33 is killed."""
+
+    def __init__(self, marker):
+        self.marker = marker
+
+    def __call__(self):  # noqa: D102
+        def double(piece):
+            if piece == 33 and not self.marker.exists():
+                self.marker.touch()
+                os._exit(1)
+            return 2 * piece
+
+        return double
+
+
+def refusing():
+    raise RobocupVisionError("no camera")
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    """Return the address of a cluster of two processes on loopback."""
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=2,
+        dashboard_address=None,
+        silence_logs=50,
+        local_directory=tmp_path_factory.mktemp("cluster"),
+    ) as running:
+        yield running.scheduler_address
+
+
+@pytest.mark.slow
+def test_a_killed_workers_pieces_are_done_again(address, tmp_path):
+    pieces = (piece for piece in range(300))
+    done = list(in_order(run_pieces(Start(tmp_path / "killed"), pieces, dask_workers(address), batch=4)))
+    assert done == [2 * piece for piece in range(300)]
+    assert (tmp_path / "killed").exists()
+
+
+@pytest.mark.slow
+def test_what_a_worker_raises_is_one_line(address):
+    with pytest.raises(RobocupVisionError, match=r"^no camera$"):
+        list(run_pieces(refusing, [1, 2], dask_workers(address)))
+
+
+@pytest.mark.slow
+def test_workers_of_another_version_are_refused(address, monkeypatch):
+    monkeypatch.setattr(cluster, "_version", lambda: "9.9")
+    with pytest.raises(ArgumentError, match=r"worker tcp:.* has robocup-vision .*, this machine has 9\.9"):
+        list(run_pieces(refusing, [1], dask_workers(address)))
+
+
+@pytest.mark.slow
+def test_a_cluster_that_stays_without_workers_is_told(monkeypatch):
+    monkeypatch.setattr(cluster, "_NO_WORKERS_S", 0.5)
+    monkeypatch.setattr(cluster, "_COUNT_SLOTS_S", 0.1)
+    monkeypatch.setattr("robocup_vision.workers.pieces._LOOK_AFTER_S", 0.2)
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as running,
+        pytest.raises(RobocupVisionError, match=r"the dask scheduler at 'tcp:.*' has had no workers for"),
+    ):
+        list(run_pieces(refusing, [1], dask_workers(running.scheduler_address)))
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [
+        ("tcp://127.0.0.1:9", "Timed out"),
+        ("what://is", "unknown address scheme 'what'"),
+        ("localhost", "missing port number"),
+        ("", "missing port number"),
+    ],
+)
+def test_addresses_that_are_none_are_one_line(address, reason, monkeypatch):
+    monkeypatch.setattr(cluster, "_CONNECT_S", 0.1)
+    with pytest.raises(ArgumentError) as told:
+        list(run_pieces(refusing, [1], dask_workers(address)))
+    assert str(told.value).startswith(f"no dask scheduler answers at '{address}' ({reason}")
+    assert "\n" not in str(told.value)
+
+
+def test_without_dask_it_is_one_line(monkeypatch):
+    monkeypatch.setattr(places, "find_spec", lambda name: None)
+    with pytest.raises(ArgumentError, match=r"dask\.distributed is not installed \(pip install"):
+        dask_workers("tcp://127.0.0.1:9")
+
+
+def but_for_times(out):
+    with (out / "results.csv").open(newline="") as stream:
+        return [{**row, "ms": ""} for row in csv.DictReader(stream)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [[], ["--shared-folder"]])
+def test_a_folder_is_scored_as_by_one_process(how, address, tmp_path, monkeypatch):
+    """With a worker killed on the way."""
+    data = tmp_path / "data"
+    shutil.copytree(DATASET, data)
+    (data / "images" / "0007.png").write_bytes(b"no image")
+    assert cli.main(["evaluate", str(data), "--out", str(tmp_path / "one")]) == 2
+    killed = False
+
+    def kill_one(*_):
+        nonlocal killed
+        if not killed:
+            killed = True
+            with distributed.Client(address, set_as_default=False) as client:
+                process = next(iter(client.run(os.getpid).values()))
+            os.kill(process, 9)
+
+    from robocup_vision.evaluation.result_files import ResultsFile
+
+    add = ResultsFile.add
+    monkeypatch.setattr(ResultsFile, "add", lambda self, row: (add(self, row), kill_one()))
+    assert cli.main(["evaluate", str(data), "--dask", address, *how, "--out", str(tmp_path / "many")]) == 2
+    assert killed
+    rows = but_for_times(tmp_path / "many")
+    assert rows == but_for_times(tmp_path / "one")
+    assert [row["image"] for row in rows] == sorted(path.name for path in (data / "images").iterdir())
+    texts = [(tmp_path / out / "trajectory.tum").read_bytes() for out in ("one", "many")]
+    assert texts[0] == texts[1]
