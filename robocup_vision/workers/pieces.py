@@ -152,8 +152,8 @@ def run_pieces(
         if missing and barren == _BARREN_ROUNDS:
             oldest = describe(next(iter(missing.values()))[0])
             raise RobocupVisionError(
-                f"{oldest} is not done: {_BARREN_ROUNDS} times all workers ended before they finished anything (a crash, "
-                "or too little memory?)"
+                f"{oldest} is not done: {_BARREN_ROUNDS} times all workers ended before they finished anything "
+                "(a crash, or too little memory?)"
             )
 
 

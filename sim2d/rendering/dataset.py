@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from field_models.errors import ArgumentError
 from robocup_vision.camera import Camera, save_camera
 from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.files.output_folder import require_empty_folder, written_at_once

@@ -140,3 +140,12 @@ def test_a_folder_is_scored_as_by_one_process(how, address, tmp_path, monkeypatc
     assert [row["image"] for row in rows] == sorted(path.name for path in (data / "images").iterdir())
     texts = [(tmp_path / out / "trajectory.tum").read_bytes() for out in ("one", "many")]
     assert texts[0] == texts[1]
+
+
+@pytest.mark.slow
+def test_a_folder_is_rendered_as_by_one_process(address, tmp_path):
+    words = ["render-goal", "--count", "4", "--seed", "3", "--jpeg", "80"]
+    assert cli.main([*words, str(tmp_path / "one")]) == 0
+    assert cli.main([*words, "--dask", address, str(tmp_path / "many")]) == 0
+    for path in (tmp_path / "one").rglob("*.*"):
+        assert (tmp_path / "many" / path.relative_to(tmp_path / "one")).read_bytes() == path.read_bytes()

@@ -144,3 +144,14 @@ def test_wrong_numbers_are_named_and_nothing_is_written(tmp_path: Path, words: l
     with pytest.raises(ArgumentError, match=message):
         render("--field", "ssl_2001", "--camera", SMALL, *words, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_pictures_do_not_depend_on_who_draws_them(tmp_path: Path):
+    words = ["--field", "ssl_2001", "--camera", SMALL, "--count", 5, "--seed", 2]
+    for jobs in (1, 2):
+        render(*words, "--jobs", jobs, tmp_path / str(jobs))
+    files = [sorted(path.relative_to(tmp_path / jobs) for path in (tmp_path / jobs).rglob("*.*")) for jobs in "12"]
+    assert files[0] == files[1]
+    for path in files[0]:
+        assert (tmp_path / "1" / path).read_bytes() == (tmp_path / "2" / path).read_bytes()
