@@ -324,18 +324,18 @@ class OutlineFitter:
         return np.array(starts)
 
     def _fit(self, starts: FloatArray, radius_px: FloatArray, stride: int, scales: FloatArray) -> _Fit:
-        nothing = np.full((2, len(radius_px)), np.nan)
+        settings, nothing = self.settings, np.full((2, len(radius_px)), np.nan)
         best = kernels.WallFit(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3)), nothing[0], nothing[1])
-        cost = kernels.fit_walls(starts, self._scene, self._outline(radius_px, scales), stride, best)
         covariance = np.empty((3, 3))
-        settings = self.settings
-        ratio, rms, along = kernels.summarise_fit(
-            best.residual,
+        cost, ratio, rms, along = kernels.fit_and_summarise(
+            starts,
+            self._scene,
+            self._outline(radius_px, scales),
+            stride,
             settings.inlier * self._unit_px,
-            best.information,
-            best.scatter,
             settings.few_groups,
             settings.systematic_px**2 * settings.systematic_bearings,
+            best,
             covariance,
         )
         return _Fit(cost, best.pose, covariance, ratio, rms, along, best.residual, best.predicted)

@@ -196,7 +196,8 @@ class FloorMarking:
     settings: FloorMarkingSettings = FloorMarkingSettings()
 
     @cached_property
-    def _widest(self) -> tuple[Int32Array, Int32Array]:
+    def widest_line(self) -> tuple[Int32Array, Int32Array]:
+        """(M,) int32 each: the widest line at each column, in samples across and along the rows."""
         settings, range_m = self.settings, self.view.range_m
         line_m = settings.crossing_widths * self.line_width_m
         per_column = np.maximum(np.gradient(range_m), 1e-6)
@@ -225,5 +226,5 @@ class FloorMarking:
         if outermost is None:
             outermost = np.full(len(llr), -1)
         out = np.empty(llr.shape, dtype=np.uint8)
-        free_floor.passable(samples, llr, self.view.valid, *self._widest, self.view.columns_in_use, outermost, out)
+        free_floor.passable(samples, llr, self.view.valid, *self.widest_line, self.view.columns_in_use, outermost, out)
         return out

@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.kernels.floor.unrolled import unroll
 
 BEARINGS = 160
 RADII = 72
@@ -137,8 +138,15 @@ class PolarView:
         return valid
 
     @cached_property
-    def _map(self) -> npt.NDArray[np.int16]:
-        return np.ascontiguousarray(np.rint(self.pixels), dtype=np.int16)
+    def _places(self) -> Int32Array:
+        """(K, M) int32: each sample's nearest pixel, as an index into the frame's bytes.
+
+        What lies beyond the frame is as its edge is: the average must not darken the samples along it.
+        """
+        width, height = self.camera.size_px
+        nearest = np.rint(self.pixels)
+        u, v = np.clip(nearest[..., 0], 0, width - 1), np.clip(nearest[..., 1], 0, height - 1)
+        return np.ascontiguousarray(3 * (v * width + u), dtype=np.int32)
 
     @cached_property
     def near_count(self) -> int:
@@ -150,7 +158,7 @@ class PolarView:
 
         The average is over different pixels almost everywhere, which takes more noise away than interpolation would.
         """
-        # what lies beyond the frame is as its edge is: the average must not darken the samples along it
-        nothing = np.empty((0, 0), dtype=np.uint16)
-        nearest = cv2.remap(frame, self._map, nothing, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(cv2.blur(nearest, (3, 3)), dtype=np.uint8)
+        samples = np.empty((*self._places.shape, 3), dtype=np.uint8)
+        # compiled for plain arrays
+        unroll(np.require(frame, requirements=("C", "W")), self._places, samples)
+        return samples

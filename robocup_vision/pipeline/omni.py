@@ -14,11 +14,11 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor import polar
+from robocup_vision.kernels.floor import outline
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import make_mirror_localizer
 from robocup_vision.perception.balls.mirror import MirrorBallFinder
-from robocup_vision.perception.color_table import ColorTable
+from robocup_vision.perception.color_table import LLR_PER_UNIT, ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
@@ -36,14 +36,32 @@ class OmniPipeline(FramePipeline):
         bearings = directions * -(-BEARINGS // max(directions, 1))
         self.polar = PolarView(camera, bearings, mask)
         self.grid = FreeSpaceGrid(self.polar, directions, options.rings)
-        self._marking = FloorMarking(self.polar, field.line_width_m, 2 * field.robot_radius_m)
+        self._outline_rules = self._make_rules()
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
         self._ball_finder = MirrorBallFinder(field, camera, mask)
-        rays = camera.polar_to_pixel(self.polar.bearing_rad, 1.0) - camera.center_px
-        self._ray_u, self._ray_v = np.ascontiguousarray(rays[:, 0]), np.ascontiguousarray(rays[:, 1])
-        self._radius_or_none = np.append(self.polar.radius_px, np.nan)
         self._nothing = read_only(np.full(bearings, np.nan))
         self._warm_up()
+
+    def _make_rules(self) -> outline.OutlineRules:
+        """Return where this camera's samples lie, and what counts as floor and as line."""
+        view, settings = self.polar, self.edge_settings
+        rays = self.camera.polar_to_pixel(view.bearing_rad, 1.0) - self.camera.center_px
+        marking = FloorMarking(view, self.field.line_width_m, 2 * self.field.robot_radius_m)
+        return outline.OutlineRules(
+            view.valid,
+            view.hidden_px,
+            *self.camera.center_px,
+            np.ascontiguousarray(rays[:, 0]),
+            np.ascontiguousarray(rays[:, 1]),
+            view.radius_px,
+            view.step_px,
+            view.row_step_rad / 3,
+            int(settings.certain_nats / LLR_PER_UNIT),
+            settings.line_gap_columns,
+            int(settings.strip_nats / LLR_PER_UNIT),
+            *marking.widest_line,
+            view.columns_in_use,
+        )
 
     def with_camera(self, camera: OmniCamera) -> OmniPipeline:
         """Return a pipeline of the same settings and colours with another calibration of its camera."""
@@ -74,10 +92,8 @@ class OmniPipeline(FramePipeline):
         if table is None:
             return self._blind(begin, t_s, "no floor is found around the robot: too dark, or none in view")
         colored = perf_counter()
-        edge, outermost = self._outline(frame, llr, table)
+        edge, outermost, marks = self._outline(frame, samples, llr, table)
         outlined = perf_counter()
-        marks = self._marking.mark(samples, llr, outermost)
-        marked = perf_counter()
         evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks)
         answer = self._localizer.locate(evidence, prior)
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
@@ -94,9 +110,9 @@ class OmniPipeline(FramePipeline):
         timings = {
             "colors": colored - begin,
             "outline": outlined - colored,
-            "pose": located - marked,
+            "pose": located - outlined,
             "ball": balled - located,
-            "free_space": end - balled + marked - outlined,
+            "free_space": end - balled,
             "total": end - begin,
         }
         return View(
@@ -115,22 +131,15 @@ class OmniPipeline(FramePipeline):
         )
 
     def _outline(
-        self, frame: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
-    ) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-        column = self._last_floor(llr, self.polar)
-        edge = np.empty(self.polar.bearings)
-        polar.radial_edges(
-            frame,
-            self.polar.hidden_px,
-            polar.Rays(*self.camera.center_px, self._ray_u, self._ray_v, self._radius_or_none[column]),
-            polar.EdgeSearch(
-                self.polar.step_px,
-                2 * np.pi / self.polar.bearings / 3,
-                self.edge_settings.min_contrast * table.colors.floor.noise,
-            ),
-            edge,
-        )
-        return edge, column
+        self, frame: UInt8Array, samples: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
+    ) -> tuple[FloatArray, npt.NDArray[np.int64], UInt8Array]:
+        """Return each bearing's edge of the floor (pixels), its outermost column of floor, and what the samples show."""
+        bearings = self.polar.bearings
+        outermost, edge = np.empty(bearings, dtype=np.int64), np.empty(bearings)
+        marks = np.empty(llr.shape, dtype=np.uint8)
+        min_contrast = self.edge_settings.min_contrast * table.colors.floor.noise
+        outline.outline_floor(frame, samples, llr, self._outline_rules, min_contrast, outermost, edge, marks)
+        return edge, outermost, marks
 
     def drop(self, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
         """Return the view of a frame that the camera did not give; see `Vision.look`."""

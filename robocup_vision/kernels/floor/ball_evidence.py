@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array
 from robocup_vision.kernels.floor.ball import (
     ACROSS,
     ALONG,
@@ -22,8 +22,10 @@ from robocup_vision.kernels.floor.ball import (
     BallColor,
     BallSize,
     FloorTable,
+    Scratch,
     U,
     V,
+    find_blobs,
     has_hue,
 )
 
@@ -101,6 +103,26 @@ class BallEvidence(NamedTuple):
     pure_ratio: float = 0.5
     max_pure: float = 1.5
     hue_noise: float = 0.03
+
+
+@njit(cache=True, nogil=True)
+def find_and_weigh(
+    frame: UInt8Array,
+    seeds: Int32Array,
+    scratch: Scratch,
+    first_stamp: int,
+    color: BallColor,
+    size: BallSize,
+    table: FloorTable,
+    evidence: BallEvidence,
+    blobs: FloatArray,
+    ratios: FloatArray,
+) -> tuple[int, int]:
+    """Join `find_blobs`, whose result it returns, and `weigh_blobs` in one call; fills `blobs` and `ratios`."""
+    count, stamp = find_blobs(frame, seeds, scratch, first_stamp, color, size, blobs)
+    if count > 0:
+        weigh_blobs(frame, blobs[:count], color, size, table, evidence, ratios)
+    return count, stamp
 
 
 @njit(cache=True, nogil=True)

@@ -369,6 +369,35 @@ def summarise_fit(
     return ratio, rms, math.sqrt(mean + half)
 
 
+class FitSummary(NamedTuple):
+    """How good a fit is, as `summarise_fit` says, with the cost that `fit_walls` returns."""
+
+    cost: float
+    inlier_ratio: float
+    rms_px: float
+    along_m: float
+
+
+@njit(cache=True, nogil=True)
+def fit_and_summarise(
+    poses: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
+    stride: int,
+    inlier_px: float,
+    inflate: float,
+    systematic: float,
+    best: WallFit,
+    covariance: FloatArray,
+) -> FitSummary:
+    """Join `fit_walls` and `summarise_fit`, with their arguments, in one call; fills `best` and covariance (3, 3)."""
+    cost = fit_walls(poses, scene, outline, stride, best)
+    ratio, rms, along = summarise_fit(
+        best.residual, inlier_px, best.information, best.scatter, inflate, systematic, covariance
+    )
+    return FitSummary(cost, ratio, rms, along)
+
+
 @njit(cache=True, nogil=True)
 def fit_each(
     poses: FloatArray,

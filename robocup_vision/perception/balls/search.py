@@ -14,7 +14,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor import ball as kernel
-from robocup_vision.kernels.floor.ball_evidence import weigh_blobs
+from robocup_vision.kernels.floor.ball_evidence import find_and_weigh
 from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.colors import ball_colors, floor_evidence
 from robocup_vision.perception.color_table import ColorTable
@@ -166,14 +166,19 @@ class BallSearch(ABC):
         if self._stamp > kernel.NEVER // 2:
             self._scratch.stamps[self._scratch.stamps != kernel.NEVER] = 0
             self._stamp = 0
-        blobs = self._blobs[first:]
-        count, self._stamp = kernel.find_blobs(
-            frame, self._seeds, self._scratch, self._stamp + 1, color, self._size, blobs
+        count, self._stamp = find_and_weigh(
+            frame,
+            self._seeds,
+            self._scratch,
+            self._stamp + 1,
+            color,
+            self._size,
+            self._floor_table,
+            self.settings.evidence,
+            self._blobs[first:],
+            self._ratios[first:],
         )
-        if count:
-            evidence, ratios = self.settings.evidence, self._ratios[first:]
-            weigh_blobs(frame, blobs[:count], color, self._size, self._floor_table, evidence, ratios)
-        return count
+        return int(count)
 
     def _blob(self, n: int) -> tuple[float, float, float]:
         """Centre and half size of a blob, pixels."""

@@ -1,0 +1,91 @@
+"""Compiled joining of the steps from a frame's floor samples to the floor's outline and marks.
+
+One call for three steps: between calls the arguments are unpacked, and Python's lock is handed on, which costs as much
+as a step, and more where another thread waits for it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array
+from robocup_vision.kernels.floor.free_floor import passable
+from robocup_vision.kernels.floor.polar import EdgeSearch, Rays, outer_boundary, radial_edges
+
+
+class OutlineRules(NamedTuple):
+    """Where samples lie and what counts as floor: the same for all frames of a camera.
+
+    Parameters
+    ----------
+    valid, hidden : (K, M), (H, W) or (0, 0) uint8
+        As `outer_boundary` and `radial_edges` take them.
+    center_u, center_v, step_u, step_v
+        As in `Rays`.
+    radius_px : (M,) float64
+        Image radius of each column.
+    column_step_px, half_width : float
+        As in `EdgeSearch`.
+    certain, gap, min_strip : int
+        As `outer_boundary` takes them.
+    line_columns, line_rows, columns_in_use
+        As `passable` takes them.
+    """
+
+    valid: UInt8Array
+    hidden: UInt8Array
+    center_u: float
+    center_v: float
+    step_u: FloatArray
+    step_v: FloatArray
+    radius_px: FloatArray
+    column_step_px: float
+    half_width: float
+    certain: int
+    gap: int
+    min_strip: int
+    line_columns: Int32Array
+    line_rows: Int32Array
+    columns_in_use: int
+
+
+@njit(cache=True, nogil=True)
+def outline_floor(
+    frame: UInt8Array,
+    samples: UInt8Array,
+    llr: Int8Array,
+    rules: OutlineRules,
+    min_contrast: float,
+    outermost: Int64Array,
+    edge_px: FloatArray,
+    marks: UInt8Array,
+) -> None:
+    """Find the outermost floor of each bearing and its edge, and mark what may be driven over.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    samples : (K, M, 3) uint8
+        The frame unrolled.
+    llr : (K, M) int8
+        The samples' floor likelihood ratios.
+    rules : OutlineRules
+        Of the camera.
+    min_contrast : float
+        Smallest colour difference (counts) that is an edge.
+    outermost, edge_px, marks : (K,) int64, (K,) float64, (K, M) uint8
+        Filled by `outer_boundary`, `radial_edges` and `passable`.
+    """
+    outer_boundary(llr, rules.valid, rules.certain, rules.gap, rules.min_strip, outermost)
+    start_px = np.full(outermost.shape[0], np.nan)
+    for k in range(outermost.shape[0]):
+        if outermost[k] >= 0:
+            start_px[k] = rules.radius_px[outermost[k]]
+    rays = Rays(rules.center_u, rules.center_v, rules.step_u, rules.step_v, start_px)
+    search = EdgeSearch(rules.column_step_px, rules.half_width, min_contrast)
+    radial_edges(frame, rules.hidden, rays, search, edge_px)
+    passable(samples, llr, rules.valid, rules.line_columns, rules.line_rows, rules.columns_in_use, outermost, marks)
