@@ -133,7 +133,7 @@ class OmniPipeline(FramePipeline):
     def _outline(
         self, frame: UInt8Array, samples: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
     ) -> tuple[FloatArray, npt.NDArray[np.int64], UInt8Array]:
-        """Return each bearing's edge of the floor (pixels), its outermost column of floor, and what the samples show."""
+        """Return each bearing's edge of the floor (pixels) and outermost column of floor, and what samples show."""
         bearings = self.polar.bearings
         outermost, edge = np.empty(bearings, dtype=np.int64), np.empty(bearings)
         marks = np.empty(llr.shape, dtype=np.uint8)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.floor import ball as kernel
-from robocup_vision.kernels.floor.ball_evidence import BallEvidence, weigh_blobs
+from robocup_vision.kernels.floor.ball_evidence import BallEvidence, find_and_weigh, weigh_blobs
 
 WIDTH, HEIGHT = 96, 80
 AXIS = (47.3, 39.6)
@@ -258,3 +258,10 @@ def test_the_evidence_is_what_plain_looks_around_add_up_to(seed):
     out = np.empty(len(blobs))
     weigh_blobs(frame, blobs, COLOR, SIZE, TABLE, EVIDENCE, out)
     np.testing.assert_allclose(out, [plain_ratio(frame, row) for row in blobs], rtol=1e-6, atol=1e-6)
+    # both in one call
+    scratch = kernel.Scratch(np.zeros((HEIGHT, WIDTH), np.int32), np.empty(WIDTH * HEIGHT, np.int32), np.empty((2, 6)))
+    pixels = np.argwhere(np.ones((HEIGHT, WIDTH))).astype(np.int32)
+    joined, ratios = np.empty((64, kernel.COLUMNS)), np.empty(64)
+    count, _ = find_and_weigh(frame, pixels, scratch, 1, COLOR, SIZE, TABLE, EVIDENCE, joined, ratios)
+    np.testing.assert_array_equal(joined[:count], blobs)
+    np.testing.assert_array_equal(ratios[:count], out)
