@@ -9,7 +9,7 @@ that contradict the rest are left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.not_calibrated import NotCalibrated
+from robocup_vision.calibration.starts import JsonForm, StartTrials
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
@@ -148,6 +149,7 @@ def calibrate_pinhole(
     poses: Mapping[str, Pose2] | None = None,
     max_frames: int = 24,
     settings: PinholeCalibrationSettings = PinholeCalibrationSettings(),
+    trials: StartTrials | None = None,
 ) -> PinholeCalibration | NotCalibrated:
     """Calibrate a pinhole camera by pictures of a goal, taken anywhere.
 
@@ -168,6 +170,8 @@ def calibrate_pinhole(
         Largest number of pictures used; they are evenly spread.
     settings : PinholeCalibrationSettings, optional
         Of the starts, the joint fit and the decision.
+    trials : StartTrials, optional
+        Tries the starts: with other workers, or where an interrupted calibration was.
 
     Raises
     ------
@@ -186,7 +190,7 @@ def calibrate_pinhole(
     if not frames:
         return NotCalibrated("none of the images can be read", tuple(notes))
     prior = {index: (poses or {}).get(called[index]) for index in frames}
-    cameras = _best_starts(field, frames, start, settings)
+    cameras = _best_starts(field, frames, start, settings, trials or StartTrials())
     if not cameras and start is not None and any(pose is not None for pose in prior.values()):
         # with a pose, lines may be enough
         cameras = [_loosened(start, settings)]
@@ -289,7 +293,11 @@ def _loosened(camera: PinholeCamera, settings: PinholeCalibrationSettings) -> Pi
 
 
 def _best_starts(
-    field: Field, frames: Mapping[int, np.ndarray], given: PinholeCamera | None, settings: PinholeCalibrationSettings
+    field: Field,
+    frames: Mapping[int, np.ndarray],
+    given: PinholeCamera | None,
+    settings: PinholeCalibrationSettings,
+    trials: StartTrials,
 ) -> list[PinholeCamera]:
     """Return the most promising starts, best first."""
     height, width = next(iter(frames.values())).shape[:2]
@@ -301,17 +309,32 @@ def _best_starts(
     else:
         (fu, fv), scales = given.focal_px, [math.exp(log) for log in settings.log_focals]
         starts = [replace(given, focal_px=(fu * scale, fv * scale)) for scale in scales]
-    ranked: list[tuple[int, float, PinholeCamera]] = []
-    for camera in progress([_loosened(start, settings) for start in starts], len(starts), "starts"):
-        estimates = _camera_estimates(field, camera, some, dict.fromkeys(some))
-        if not estimates:
-            continue
-        # of starts that find as many goals, the one that moves least under its priors is the best
-        moved = np.array([s.unknowns[list(_COMMON)] for s in estimates.values()]) - (0.0, camera.height_m)
-        deviation = float(np.median(np.abs(moved / (settings.focal_std, settings.height_std_m)).max(axis=1)))
-        ranked.append((len(estimates), -deviation, camera))
-    ranked.sort(key=lambda entry: entry[:2], reverse=True)
-    return [camera for _, _, camera in ranked[: settings.starts_tried]]
+    cameras = [_loosened(start, settings) for start in starts]
+    ranks = trials.results(_RankStart(field, some, settings), cameras, "starts", JsonForm(tuple, tuple))
+    ranked = [(rank, camera) for rank, camera in zip(ranks, cameras, strict=True) if rank[0]]
+    ranked.sort(key=lambda entry: entry[0], reverse=True)
+    return [camera for _, camera in ranked[: settings.starts_tried]]
+
+
+@dataclass(frozen=True, eq=False)
+class _RankStart:
+    field: Field
+    frames: Mapping[int, np.ndarray]
+    settings: PinholeCalibrationSettings
+
+    def __call__(self) -> Callable[[PinholeCamera], tuple[int, float]]:
+        stds = self.settings.focal_std, self.settings.height_std_m
+
+        def rank(camera: PinholeCamera) -> tuple[int, float]:
+            """Return how many goals a start finds, and how good it is among those that find as many."""
+            estimates = _camera_estimates(self.field, camera, self.frames, dict.fromkeys(self.frames))
+            if not estimates:
+                return 0, 0.0
+            # of starts that find as many goals, the one that moves least under its priors is the best
+            moved = np.array([s.unknowns[list(_COMMON)] for s in estimates.values()]) - (0.0, camera.height_m)
+            return len(estimates), -float(np.median(np.abs(moved / stds).max(axis=1)))
+
+        return rank
 
 
 def _camera_estimates(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robocup_vision.commands.calibrate_colors import add_colors_parser
-from robocup_vision.commands.calibrate_options import add_calibration_options
+from robocup_vision.commands.calibrate_options import add_calibration_options, start_trials
 from robocup_vision.commands.calibrate_pinhole import add_pinhole_parser
 
 if TYPE_CHECKING:
@@ -74,7 +74,8 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
     require_folder(args.out)
     images = ImageFiles(args.images, None if start is None else start.size_px)
     mask = None if args.mask is None else read_mask(args.mask)
-    result = calibrate_omni(field, images, start, mask, names=images.names, max_frames=args.frames)
+    with start_trials(args, images.paths) as trials:
+        result = calibrate_omni(field, images, start, mask, names=images.names, max_frames=args.frames, trials=trials)
     if isinstance(result, NotCalibrated):
         for note in result.notes:
             print(f"note: {note}")

@@ -1,8 +1,20 @@
-"""The options that every camera calibration takes. Apart from options.py, which loads more than --help may wait for."""
+"""The options that every camera calibration takes, and the file that keeps what an interrupted one has finished.
+
+Apart from options.py, which loads more than --help may wait for.
+"""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robocup_vision.commands.worker_options import add_worker_options, chosen_workers
+
+if TYPE_CHECKING:
+    from robocup_vision.calibration.starts import StartTrials
 
 
 def add_calibration_options(parser: argparse.ArgumentParser, out_help: str) -> None:
@@ -13,3 +25,62 @@ def add_calibration_options(parser: argparse.ArgumentParser, out_help: str) -> N
     add("--out", required=True, metavar="CAMERA", help=out_help)
     add("--start", metavar="CAMERA", help="camera file to start from (default: from nothing)")
     add("--frames", type=int, default=24, metavar="N", help="use at most N images, evenly spread (default: 24)")
+    add_worker_options(parser)
+    add("--resume", action="store_true", help="go on with an interrupted calibration of the same images and options")
+
+
+@contextmanager
+def start_trials(args: argparse.Namespace, paths: list[Path]) -> Iterator[StartTrials]:
+    """Yield what tries the starts of a calibration; if the block is interrupted or fails, what is finished is kept.
+
+    Parameters
+    ----------
+    args : Namespace
+        The options of `add_calibration_options`.
+    paths : list of Path
+        The images' files.
+
+    Raises
+    ------
+    FileError
+        If the file is of other images or options, damaged, or cannot be written.
+    KeyboardInterrupt
+        If the block is interrupted, with how much is finished.
+    """
+    from field_models.errors import RobocupVisionError
+    from robocup_vision.calibration.starts import StartTrials
+    from robocup_vision.files.resume_file import ResumeFile
+
+    workers = chosen_workers(args)
+    out = Path(args.out)
+    with ResumeFile(out.with_name(f"{out.stem}.unfinished.jsonl"), _run_json(args, paths), resume=args.resume) as kept:
+        trials = StartTrials(workers, kept)
+        stays = False
+        try:
+            yield trials
+        except (KeyboardInterrupt, RobocupVisionError) as error:
+            stays = trials.done > 0
+            if not stays or isinstance(error, RobocupVisionError):
+                raise
+            told = f"{trials.done} starts are finished and kept in {kept.path}; --resume goes on"
+            raise KeyboardInterrupt(told) from None
+        finally:
+            if not stays:
+                kept.delete()
+
+
+def _run_json(args: argparse.Namespace, paths: list[Path]) -> dict[str, object]:
+    """Return what the starts depend on; files as they are now."""
+    from hashlib import sha256
+
+    from robocup_vision import __version__
+
+    def files(paths: list[Path]) -> str:
+        stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in paths]
+        return sha256(repr(stats).encode()).hexdigest()[:12]
+
+    values: dict[str, object] = {"format": 1, "version": __version__, "images": files(paths), "frames": args.frames}
+    for option in ("field", "start", "mask", "poses"):
+        value = getattr(args, option, None)
+        values[option] = files([Path(value)]) if value is not None and Path(value).is_file() else value
+    return values

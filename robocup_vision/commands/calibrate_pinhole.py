@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from robocup_vision.commands.calibrate_options import add_calibration_options
+from robocup_vision.commands.calibrate_options import add_calibration_options, start_trials
 
 
 def add_pinhole_parser(kinds: Any) -> None:
@@ -53,7 +53,10 @@ def run_calibrate_pinhole(args: argparse.Namespace) -> int:
     require_folder(args.out)
     images = ImageFiles(args.images, None if start is None else start.size_px)
     poses = None if args.poses is None else read_poses(args.poses, images.names)
-    result = calibrate_pinhole(field, images, start, names=images.names, poses=poses, max_frames=args.frames)
+    with start_trials(args, images.paths) as trials:
+        result = calibrate_pinhole(
+            field, images, start, names=images.names, poses=poses, max_frames=args.frames, trials=trials
+        )
     for note in result.notes:
         print(f"note: {note}")
     if isinstance(result, NotCalibrated):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from field_models.errors import ArgumentError, FileError
+from field_models.errors import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.evaluation.frame_scorer import (
@@ -182,9 +182,13 @@ def evaluate(
                         kept.add(len(run.rows), result_json(result))
                     results.add(result.row)
                     run.take(result)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, RobocupVisionError) as error:
             told = f"{len(run.rows)} of {len(dataset.image_names)} images are done and kept in {out / 'results.csv'}"
-            raise KeyboardInterrupt(told if is_sequence else f"{told}; --resume goes on") from None
+            if not is_sequence:
+                told += "; --resume goes on"
+            if isinstance(error, KeyboardInterrupt):
+                raise KeyboardInterrupt(told) from None
+            raise RobocupVisionError(f"{error}; {told}" if run.rows else str(error)) from None
         notes += run.notes
         summary = _write_files(out, dataset, run, notes, None if missing else out / "report.html", moments)
         kept.delete()

@@ -128,3 +128,16 @@ def test_a_calibration_says_how_far_it_has_come(tmp_path: Path) -> None:
     assert b"robocup-vision calibrate: interrupted: points " in seen
     assert b"/20" in seen
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_calibration_goes_on_where_it_was(tmp_path: Path) -> None:
+    words = ["calibrate", "omni", str(DATASET / "images"), "--field", "ssl_2001", "--out"]
+    unfinished = tmp_path / "camera.unfinished.jsonl"
+    error = interrupt_when(lambda: has_lines(unfinished, 4), *words, tmp_path / "camera.toml")
+    assert error.startswith("robocup-vision calibrate: interrupted: ")
+    assert f"starts are finished and kept in {unfinished}; --resume goes on" in error
+    assert list(tmp_path.iterdir()) == [unfinished]
+    assert cli.main([*words, str(tmp_path / "camera.toml"), "--resume"]) == 0
+    assert not unfinished.exists()
+    assert cli.main([*words, str(tmp_path / "whole.toml")]) == 0
+    assert (tmp_path / "camera.toml").read_bytes() == (tmp_path / "whole.toml").read_bytes()

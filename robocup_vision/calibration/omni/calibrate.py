@@ -28,6 +28,7 @@ from robocup_vision.calibration.omni.result import CalibratedFrame, OmniCalibrat
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.calibration.omni.sightings import Observer, Sighting, points_of
 from robocup_vision.calibration.omni.starts import Search
+from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.floor_range import Tangent
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
@@ -70,6 +71,7 @@ def calibrate_omni(
     names: Sequence[str] | None = None,
     max_frames: int = 24,
     settings: OmniCalibrationSettings = OmniCalibrationSettings(),
+    trials: StartTrials | None = None,
 ) -> OmniCalibration | NotCalibrated:
     """Calibrate a mirror camera by frames of a field, taken anywhere on it, at any heading.
 
@@ -93,6 +95,8 @@ def calibrate_omni(
         Largest number of frames used; they are evenly spread.
     settings : OmniCalibrationSettings, optional
         Of the search, the fits and the decision.
+    trials : StartTrials, optional
+        Tries the starts: with other workers, or where an interrupted calibration was.
 
     Raises
     ------
@@ -109,7 +113,7 @@ def calibrate_omni(
         raise ArgumentError(f"field '{field.name}' has neither walls nor lines to calibrate by")
     chosen = sorted({int(i) for i in np.linspace(0, len(frames) - 1, min(max_frames, len(frames))).round()})
     labels = names or [f"frame {index}" for index in range(len(frames))]
-    return _Calibration(field, frames, labels, chosen, start, mask, settings).run()
+    return _Calibration(field, frames, labels, chosen, start, mask, settings, trials or StartTrials()).run()
 
 
 class _Calibration:
@@ -124,11 +128,13 @@ class _Calibration:
         start: OmniCamera | None,
         mask: UInt8Array | None,
         settings: OmniCalibrationSettings,
+        trials: StartTrials,
     ) -> None:
         self.field, self.frames, self.names, self.chosen = field, frames, names, chosen
         self.start, self.mask, self.settings = start, mask, settings
         self.shape, self.line_map = FieldShape(field, settings.fit), LineMap(field)
         self.notes: dict[int, str] = {}
+        self._trials = trials
 
     def run(self) -> OmniCalibration | NotCalibrated:
         attempts, settings = [], self.settings
@@ -142,7 +148,7 @@ class _Calibration:
                 usable = observer.inner_radius_px, first.usable_radius_px[1]
                 first = dataclasses.replace(first, usable_radius_px=usable)
             search = self._search(first)
-            attempts.append((search.best(seen, observer.polar), seen, search))
+            attempts.append((search.best(seen, observer.polar, self._trials), seen, search))
         if not attempts:
             return self._refuse("no frame shows enough of " + self._wanted)
         attempts = [attempt for attempt in attempts if attempt[0]]

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit
 from robocup_vision.calibration.omni.model import HORIZON, SCALE, TILT, CameraModel
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.calibration.omni.sightings import Sighting, points_of
+from robocup_vision.calibration.starts import JsonForm, StartTrials, array_json, array_of
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.floor.hull import hull_radius
 from robocup_vision.localization.floor import OutlineFitter
@@ -69,7 +71,7 @@ class Search:
         inner, outer = self.model.frame.usable_radius_px
         return max(1.0, (outer - inner) / _UNITS)
 
-    def best(self, sightings: Sequence[Sighting], polar: PolarView) -> list[Fit]:
+    def best(self, sightings: Sequence[Sighting], polar: PolarView, trials: StartTrials) -> list[Fit]:
         """Return the best distinct long fits to the frames that show most, best first.
 
         Parameters
@@ -78,36 +80,45 @@ class Search:
             Not empty.
         polar : PolarView
             The view in which the floor's edges were found.
+        trials : StartTrials
+            Does the fits.
         """
         settings = self.settings.starts
         most = sorted(sightings, key=lambda s: -(len(s.boundary_px) + len(s.line_px)))[: settings.frames]
         vectors = self._curves(most, polar)
         if len(most) > settings.first_frames:
-            first = self._short_fits(vectors, most[: settings.first_frames], polar)
+            first = self._short_fits(vectors, most[: settings.first_frames], polar, trials, "starts")
             vectors = [fit.vector for fit in first[: settings.curves_kept]]
-        kept = self._short_fits(vectors, most, polar)[: settings.kept]
-        joint = JointFit(self.shape, points_of(most), self.settings.fit)
-        scales = (*(scale * self.unit_px for scale in settings.long_scales), 1.0)
-        fits = [joint.solve(self.model, fit.vector, fit.poses, scales, self.start, self.bounds) for fit in kept]
+        kept = self._short_fits(vectors, most, polar, trials, "better starts")[: settings.kept]
+        fits = trials.results(_LongFit(self, most), kept, "best starts", self._form)
         return sorted(fits, key=lambda fit: fit.cost)
 
-    def _short_fits(self, vectors: list[FloatArray], sightings: Sequence[Sighting], polar: PolarView) -> list[Fit]:
+    def _short_fits(
+        self,
+        vectors: list[FloatArray],
+        sightings: Sequence[Sighting],
+        polar: PolarView,
+        trials: StartTrials,
+        label: str,
+    ) -> list[Fit]:
         """Fits of level cameras from several starts, best first, just long enough to rank them."""
-        settings = self.settings.starts
-        points = points_of(sightings)
-        stride = -(-len(points.pixels) // (settings.short_points * len(sightings)))
-        joint = JointFit(self.shape, points.take(np.arange(len(points.pixels)) % stride == 0), self.settings.fit)
-        level = np.ones(self.model.size, dtype=bool)
-        level[TILT] = False
-        scales = tuple(scale * self.unit_px for scale in settings.short_scales)
-        fits = []
-        for vector in vectors:
-            poses = self._poses(self.model.camera(vector), sightings, polar)
-            if poses is not None:
-                fits.append(
-                    joint.solve(self.model, vector, poses, scales, vector, self.bounds, level, repeats=2, most=4)
-                )
-        return sorted(fits, key=lambda fit: fit.cost)
+        tried = trials.results(_ShortFit(self, sightings, polar), vectors, label, self._form)
+        return sorted((fit for fit in tried if fit is not None), key=lambda fit: fit.cost)
+
+    @property
+    def _form(self) -> JsonForm:
+        def to_json(fit: Fit | None) -> Any:
+            if fit is None:
+                return None
+            return [fit.cost, *map(array_json, (fit.vector, fit.poses, fit.residual_px))]
+
+        def of_json(values: Any) -> Fit | None:
+            if values is None:
+                return None
+            vector, poses, residual_px = map(array_of, values[1:])
+            return Fit(self.model, vector, poses, values[0], residual_px)
+
+        return JsonForm(to_json, of_json)
 
     def _curves(self, sightings: Sequence[Sighting], polar: PolarView) -> list[FloatArray]:
         low, high = self.bounds
@@ -151,7 +162,8 @@ class Search:
         ratio = float(np.percentile(ratios, self.settings.starts.area_percentile))
         return float(vector[SCALE]) + 0.5 * math.log(ratio)
 
-    def _poses(self, camera: OmniCamera, sightings: Sequence[Sighting], polar: PolarView) -> FloatArray | None:
+    def poses(self, camera: OmniCamera, sightings: Sequence[Sighting], polar: PolarView) -> FloatArray | None:
+        """Return the robot's pose (F, 3) in every frame by a camera; None where one is not found."""
         fitter = None
         if self.field.is_bounded:
             seen_from = dataclasses.replace(camera, center_px=polar.camera.center_px, tilt_rad=(0.0, 0.0))
@@ -170,3 +182,39 @@ class Search:
                 return None
             poses.append(pose.array)
         return np.array(poses)
+
+
+@dataclass(frozen=True, eq=False)
+class _ShortFit:
+    search: Search
+    sightings: Sequence[Sighting]
+    polar: PolarView
+
+    def __call__(self) -> Callable[[FloatArray], Fit | None]:
+        search, settings = self.search, self.search.settings.starts
+        points = points_of(self.sightings)
+        stride = -(-len(points.pixels) // (settings.short_points * len(self.sightings)))
+        joint = JointFit(search.shape, points.take(np.arange(len(points.pixels)) % stride == 0), search.settings.fit)
+        level = np.ones(search.model.size, dtype=bool)
+        level[TILT] = False
+        scales = tuple(scale * search.unit_px for scale in settings.short_scales)
+
+        def fit(vector: FloatArray) -> Fit | None:
+            poses = search.poses(search.model.camera(vector), self.sightings, self.polar)
+            if poses is None:
+                return None
+            return joint.solve(search.model, vector, poses, scales, vector, search.bounds, level, repeats=2, most=4)
+
+        return fit
+
+
+@dataclass(frozen=True, eq=False)
+class _LongFit:
+    search: Search
+    sightings: Sequence[Sighting]
+
+    def __call__(self) -> Callable[[Fit], Fit]:
+        search = self.search
+        joint = JointFit(search.shape, points_of(self.sightings), search.settings.fit)
+        scales = (*(scale * search.unit_px for scale in search.settings.starts.long_scales), 1.0)
+        return lambda fit: joint.solve(search.model, fit.vector, fit.poses, scales, search.start, search.bounds)

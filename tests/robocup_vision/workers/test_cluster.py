@@ -149,3 +149,12 @@ def test_a_folder_is_rendered_as_by_one_process(address, tmp_path):
     assert cli.main([*words, "--dask", address, str(tmp_path / "many")]) == 0
     for path in (tmp_path / "one").rglob("*.*"):
         assert (tmp_path / "many" / path.relative_to(tmp_path / "one")).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.slow
+def test_a_camera_is_calibrated_as_by_one_process(address, tmp_path):
+    words = ["calibrate", "omni", str(DATASET / "images"), "--field", "ssl_2001", "--frames", "6", "--out"]
+    assert cli.main([*words, str(tmp_path / "one.toml")]) == 0
+    assert cli.main([*words, str(tmp_path / "many.toml"), "--dask", address]) == 0
+    assert (tmp_path / "one.toml").read_bytes() == (tmp_path / "many.toml").read_bytes()
+    assert not list(tmp_path.glob("*.jsonl"))

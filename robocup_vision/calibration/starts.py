@@ -1,0 +1,96 @@
+"""The starts of a calibration: tried by any workers, each once, even where the calibration was interrupted.
+
+Only the starts are kept: they take the time, and what comes after them follows from them.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.files.resume_file import ResumeFile
+from robocup_vision.progress import progress
+from robocup_vision.workers import Workers, run_pieces, this_process
+from robocup_vision.workers.pieces import Start
+
+P = TypeVar("P")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class JsonForm:
+    """How a result is kept in a file: as JSON values, and back from them."""
+
+    to_json: Callable[[Any], Any]
+    of_json: Callable[[Any], Any]
+
+
+class StartTrials:
+    """Tries the starts of one calibration.
+
+    Parameters
+    ----------
+    workers : Workers, optional
+        Who tries them; this process unless given.
+    kept : ResumeFile, optional
+        Where results are kept, and those of an interrupted calibration are found.
+
+    Attributes
+    ----------
+    done : int
+        How many are finished, those found among them.
+    """
+
+    def __init__(self, workers: Workers | None = None, kept: ResumeFile | None = None) -> None:
+        self._workers = this_process() if workers is None else workers
+        self._kept = kept
+        self._begun = 0
+        self.done = 0 if kept is None else len(kept.found)
+
+    def results(self, start: Start[P, R], pieces: Sequence[P], label: str, form: JsonForm) -> list[R]:
+        """Return the result of each piece, in order.
+
+        Calls must come in the same order with the same pieces whenever a calibration is repeated: results are found
+        again by their number.
+
+        Parameters
+        ----------
+        start, pieces
+            See `run_pieces`.
+        label : str
+            Of the progress bar.
+        form : JsonForm
+            How a result is kept.
+        """
+        first, self._begun = self._begun, self._begun + len(pieces)
+        found = {} if self._kept is None else self._kept.found
+        results: dict[int, R] = {
+            place: form.of_json(found[first + place]) for place in range(len(pieces)) if first + place in found
+        }
+        missing = [place for place in range(len(pieces)) if place not in results]
+        trying = run_pieces(start, [pieces[place] for place in missing], self._workers)
+        with closing(trying):
+            for number, result in progress(trying, len(missing), label):
+                results[missing[number]] = result
+                if self._kept is not None:
+                    self._kept.add(first + missing[number], form.to_json(result))
+                self.done += 1
+        return [results[place] for place in range(len(pieces))]
+
+
+def array_json(array: FloatArray) -> dict[str, Any]:
+    """Return an array of float64 as JSON values that hold its very bits, infinities among them."""
+    plain = np.asarray(array, dtype="<f8")
+    return {"shape": list(plain.shape), "base64": base64.b64encode(plain.tobytes()).decode()}
+
+
+def array_of(values: dict[str, Any]) -> FloatArray:
+    """Return the array that `array_json` took apart."""
+    data = np.frombuffer(base64.b64decode(values["base64"]), dtype="<f8")
+    return data.reshape(values["shape"]).astype(np.float64)
