@@ -12,8 +12,12 @@ from robocup_vision.commands.worker_options import add_worker_options, chosen_wo
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from robocup_vision.evaluation.dataset import FrameTime
+    from robocup_vision.evaluation.dataset import Dataset, FrameTime
     from robocup_vision.evaluation.run import Summary
+    from robocup_vision.evaluation.steering import SteerFigures, SteerPlan
+
+# of a slow robot: speed in m/s, acceleration in m/s^2
+_LIMITS = (0.4, 0.3)
 
 
 def add_parser(subparsers: Any) -> None:
@@ -40,6 +44,16 @@ def add_parser(subparsers: Any) -> None:
     evaluate.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
     evaluate.add_argument(
         "--memory", action="store_true", help="score the estimate over time of a sequence, not what each frame shows"
+    )
+    evaluate.add_argument(
+        "--steer", action="store_true", help="steer by each frame, too: as recorded, else straight ahead (steering.csv)"
+    )
+    evaluate.add_argument(
+        "--limits",
+        nargs=2,
+        type=float,
+        metavar=("SPEED", "ACCELERATION"),
+        help="of the robot that is steered, m/s and m/s^2 (default: as recorded, else 0.4 0.3)",
     )
     evaluate.add_argument("--force", action="store_true", help="write into a folder that holds other files, too")
     evaluate.add_argument("--resume", action="store_true", help="go on with an interrupted run in the same folder")
@@ -76,7 +90,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
 def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
     from field_models.errors import ArgumentError
     from robocup_vision.evaluation.dataset import load_dataset
-    from robocup_vision.evaluation.run import evaluate, make_vision_with_memory
+    from robocup_vision.evaluation.run import make_default_vision, make_vision_with_memory
 
     for name in ("image_topic", "truth_topic", "odometry_topic"):
         if getattr(options, name) is not None:
@@ -89,33 +103,24 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
         method=options.method,
         landmark_map=options.map,
     )
-    if options.memory and dataset.landmarks is not None:
-        raise ArgumentError("--memory is not for method landmarks")
-    out = _out_folder(options, dataset.name)
-    remembering: dict[str, Any] = {}
-    if options.memory:
-        remembering = {"make_vision": make_vision_with_memory, "scores_belief": True}
-    summary = evaluate(
-        dataset,
-        out,
-        force=options.force,
-        resume=options.resume,
-        workers=chosen_workers(options),
-        send_images=not options.shared_folder,
-        **remembering,
-    )
-    return summary, dataset.name
+    for name in ("memory", "steer"):
+        if getattr(options, name) and dataset.landmarks is not None:
+            raise ArgumentError(f"--{name} is not for method landmarks")
+    make_vision = make_vision_with_memory if options.memory else make_default_vision
+    return _score(options, dataset, make_vision=make_vision), dataset.name
 
 
 def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
     from field_models.errors import ArgumentError
-    from robocup_vision.evaluation.run import evaluate
-    from robocup_vision.recording.bag_dataset import BagTopics, PannedVision, draw_panned, load_bag
+    from robocup_vision.recording.bag_dataset import (
+        BagTopics,
+        draw_panned,
+        load_bag,
+        make_panned_vision,
+        make_panned_vision_with_memory,
+        recorded_steering,
+    )
 
-    if options.memory:
-        raise ArgumentError(
-            "--memory is for videos and folders of images; robocup-vision replay --memory is for recordings"
-        )
     if options.map is not None:
         raise ArgumentError("--map is for folders of images, a recording or bag is not located by landmarks")
     dataset = load_bag(
@@ -126,19 +131,48 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
         method=options.method,
         topics=BagTopics(options.image_topic, options.truth_topic, options.odometry_topic),
     )
-    out = _out_folder(options, dataset.name)
-    moments = _moments(options.dataset, dataset.times or {})
-    summary = evaluate(
+    summary = _score(
+        options,
         dataset,
-        out,
-        make_vision=PannedVision,
+        make_vision=make_panned_vision_with_memory if options.memory else make_panned_vision,
         draw_overlay=draw_panned,
-        moments=moments,
-        force=options.force,
-        resume=options.resume,
-        workers=chosen_workers(options),
+        moments=_moments(options.dataset, dataset.times or {}),
+        recorded=recorded_steering(options.dataset) if options.steer else None,
     )
     return summary, dataset.name
+
+
+def _score(options: argparse.Namespace, dataset: Dataset, *, recorded: SteerPlan | None = None, **how: Any) -> Summary:
+    from robocup_vision.evaluation.run import evaluate
+
+    return evaluate(
+        dataset,
+        Path(options.out) if options.out is not None else Path("out") / dataset.name,
+        force=options.force,
+        resume=options.resume,
+        scores_belief=options.memory,
+        steering=_steer_plan(options, dataset, recorded),
+        workers=chosen_workers(options),
+        send_images=not options.shared_folder,
+        **how,
+    )
+
+
+def _steer_plan(options: argparse.Namespace, dataset: Dataset, recorded: SteerPlan | None) -> SteerPlan | None:
+    from dataclasses import replace
+
+    from field_models.errors import ArgumentError
+    from robocup_vision.evaluation.steering import SteerPlan
+    from robocup_vision.motion_limits import MotionLimits
+
+    if not options.steer:
+        if options.limits is not None:
+            raise ArgumentError("--limits is for --steer")
+        return None
+    limits = MotionLimits(*(options.limits or _LIMITS))
+    if recorded is None:
+        return SteerPlan(dataset.field.robot_radius_m, limits)
+    return recorded if options.limits is None else replace(recorded, limits=limits)
 
 
 def _moments(path: str, times: Mapping[str, FrameTime]) -> dict[str, str]:
@@ -155,10 +189,6 @@ def _moments(path: str, times: Mapping[str, FrameTime]) -> dict[str, str]:
     return {image: moment_link(Path(path).name, time.t_s - begin_s) for image, time in times.items()}
 
 
-def _out_folder(options: argparse.Namespace, name: str) -> Path:
-    return Path(options.out) if options.out is not None else Path("out") / name
-
-
 def _print_summary(name: str, summary: Summary) -> None:
     from robocup_vision.evaluation.report import degrees, millimetres, percent, time_of
 
@@ -171,6 +201,7 @@ def _print_summary(name: str, summary: Summary) -> None:
         ("median position error", millimetres(figures.median_error_m)),
         ("median heading error", degrees(figures.median_error_rad)),
         ("median time per frame", ms),
+        *([] if summary.steering is None else [("safe commands", _steering_text(summary.steering))]),
         ("report", str(summary.report if summary.report is not None else summary.out)),
     ]
     print(name)
@@ -179,3 +210,8 @@ def _print_summary(name: str, summary: Summary) -> None:
         print(f"  {label:<22} {value.replace('°', ' deg').replace('–', '-')}")
     for note in summary.notes:
         print(f"note: {note}")
+
+
+def _steering_text(figures: SteerFigures) -> str:
+    time = "" if figures.median_ms is None else f", median time {figures.median_ms:.2f} ms"
+    return f"{figures.safe}/{figures.commands}{time}"

@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,9 +20,13 @@ from robocup_vision.evaluation.dataset import Dataset, Truth
 from robocup_vision.evaluation.kept_rows import FrameResult
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg
 from robocup_vision.evaluation.scoring import Row, pose_error
+from robocup_vision.evaluation.steering import FrameSteering, SteerPlan
 from robocup_vision.files.images import decode_image, file_bytes, read_image
 from robocup_vision.geometry import Pose2
 from robocup_vision.workers import Workers, in_order, run_pieces
+
+if TYPE_CHECKING:
+    from robocup_vision.vision import Vision
 
 _MIN_BATCHES = 64
 _MAX_BATCH = 32
@@ -67,7 +71,7 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
     return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
 
 
-def make_vision_with_memory(dataset: Dataset) -> VisionLike:
+def make_vision_with_memory(dataset: Dataset) -> Vision:
     """Build `Vision` with a memory, which goes by the views of a mirror camera where a dataset has no odometry."""
     from robocup_vision.mapping.view_motion import ViewMotion
     from robocup_vision.memory import Memory
@@ -108,6 +112,8 @@ class ScorePlan:
         Numbers of the images that the report shows in any case; none without a report.
     scores_belief : bool
         Score the estimate over time, `view.belief`, in place of what each frame shows.
+    steering : SteerPlan, optional
+        Steer by each frame, too: the localiser's views then need `free_space`.
     """
 
     dataset: Dataset
@@ -116,6 +122,7 @@ class ScorePlan:
     wants_overlays: bool
     spread: frozenset[int]
     scores_belief: bool = False
+    steering: SteerPlan | None = None
 
     def without_images(self) -> ScorePlan:
         """Return the plan as a worker needs it, that gets each image's name and truth with the image."""
@@ -151,6 +158,9 @@ class FrameScorer:
         self._worst = WorstSoFar()
         self._unused_odometry: Pose2 | None = Pose2(0.0, 0.0, 0.0)
         self._vision = plan.make_vision(plan.dataset)
+        self._steering = (
+            None if plan.steering is None else FrameSteering(plan.steering, in_sequence=plan.dataset.times is not None)
+        )
 
     def score_file(self, job: ImageJob) -> FrameResult:
         """Read an image, or decode what was sent of it, and score it."""
@@ -174,7 +184,8 @@ class FrameScorer:
         t_s, odometry = self._motion(image)
         if isinstance(frame, FrameError):
             self._unused_odometry = odometry
-            return FrameResult(replace(row, reason=_one_line(str(frame).removeprefix(f"{image}: ")), failed=True))
+            reason = _one_line(str(frame).removeprefix(f"{image}: "))
+            return FrameResult(replace(row, reason=reason, failed=True, unreadable=True))
         self._unused_odometry = Pose2(0.0, 0.0, 0.0)
         view = None
         try:
@@ -184,6 +195,8 @@ class FrameScorer:
             view = self._vision.look(frame, t_s=t_s, odometry=odometry)
             row = replace(row, time_s=time.perf_counter() - started_s)
             row = self._score(row, self._pose(view))
+            if self._steering is not None:
+                row = replace(row, steering=self._steering.steer(view, t_s, odometry))
         except Exception as error:  # a bug in one frame must not cost the others
             row = replace(row, estimate=None, error=None, reason=_describe(error), failed=True)
             with contextlib.suppress(Exception):

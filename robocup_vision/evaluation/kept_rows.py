@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.dataset import Dataset
-from robocup_vision.evaluation.scoring import Row, pose_error
+from robocup_vision.evaluation.scoring import Row, SteerResult, pose_error
+from robocup_vision.evaluation.steering import SteerPlan
 from robocup_vision.geometry import Pose2
 
 
@@ -24,10 +25,10 @@ class FrameResult:
     overlay_problem: str = ""
 
 
-def run_json(dataset: Dataset) -> dict[str, Any]:
+def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, Any]:
     """Return what the rows of a dataset depend on."""
     return {
-        "format": 1,
+        "format": 2,
         "images": len(dataset.image_names),
         "image names": _digest(dataset.image_names),
         "field": dataset.field.name,
@@ -35,6 +36,7 @@ def run_json(dataset: Dataset) -> dict[str, Any]:
         "colors": _digest(dataset.colors),
         "method": dataset.method,
         "pose_of": dataset.pose_of,
+        "steering": None if steering is None else repr(steering),
     }
 
 
@@ -46,11 +48,14 @@ def result_json(result: FrameResult) -> dict[str, Any]:
     """Return a result as JSON values; truth and error are left to the dataset."""
     row = result.row
     values: dict[str, Any] = {"image": row.image, "time_s": row.time_s, "reason": row.reason, "failed": row.failed}
+    values["unreadable"] = row.unreadable
     if row.estimate is not None:
         estimate = row.estimate
         values["candidates"] = [pose.array.tolist() for pose in estimate.candidates]
         values["covariance"] = estimate.covariance.tolist()
         values["inlier_ratio"], values["residual_px"] = float(estimate.inlier_ratio), float(estimate.residual_px)
+    if row.steering is not None:
+        values["steering"] = asdict(row.steering)
     if result.jpeg is not None:
         values["jpeg"] = base64.b64encode(result.jpeg).decode()
         values["overlay_problem"] = result.overlay_problem
@@ -67,6 +72,20 @@ def result_of(values: dict[str, Any], dataset: Dataset) -> FrameResult:
         estimate = PoseEstimate(candidates[0], covariance, values["inlier_ratio"], values["residual_px"], candidates)
         if truth is not None:
             error = pose_error(estimate, truth, symmetric=dataset.symmetry == "point")
-    row = Row(values["image"], estimate, truth, error, values["time_s"], values["reason"], values["failed"])
+    steering = values.get("steering")
+    if steering is not None:
+        pairs = {name: tuple(steering[name]) for name in ("velocity_mps", "command_mps")}
+        steering = SteerResult(**{**steering, **pairs})
+    row = Row(
+        values["image"],
+        estimate,
+        truth,
+        error,
+        values["time_s"],
+        values["reason"],
+        values["failed"],
+        values["unreadable"],
+        steering,
+    )
     jpeg = values.get("jpeg")
     return FrameResult(row, None if jpeg is None else base64.b64decode(jpeg), values.get("overlay_problem", ""))

@@ -201,7 +201,7 @@ def _line(row: Row) -> _Line:
         std = millimetres(float(np.hypot(*row.estimate.std[:2])))
         inliers = f"{100 * row.estimate.inlier_ratio:.0f} %"
     ms = "–" if row.time_s is None else f"{1e3 * row.time_s:.1f}"
-    status = "failed" if row.failed else "located" if row.estimate is not None else "not located"
+    status = "failed" if row.failed and not row.unreadable else row.status.replace("_", " ")
     return _Line(row.image, status, (*pose, std, inliers, *_error_text(row), ms), row.reason)
 
 

@@ -1,4 +1,4 @@
-"""The files other programs read: results.csv, summary.json and trajectory.tum, in the formats the datasets use.
+"""The files other programs read, in the formats that datasets use: results.csv, steering.csv, summary.json and others.
 
 And the folder that the files of a run go to.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from robocup_vision.closing import Closing
@@ -32,6 +32,17 @@ RESULT_COLUMNS = (
     "error_m",
     "error_rad",
     "reason",
+)
+STEERING_COLUMNS = (
+    "image",
+    "target_rad",
+    "velocity_x_mps",
+    "velocity_y_mps",
+    "command_x_mps",
+    "command_y_mps",
+    "safe",
+    "reason",
+    "ms",
 )
 SUMMARY_KEYS = (
     "images",
@@ -69,8 +80,17 @@ def prepare_folder(folder: Path, names: Iterable[str]) -> None:
             (folder / name).unlink(missing_ok=True)
 
 
-class ResultsFile(Closing):
-    """results.csv: one line an image, none dropped, each in the file when it is added; what does not apply is empty.
+class RowsFile(Closing):
+    """A table: one line an image, none dropped, each in the file when it is added.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    columns : sequence of str
+        Its first line.
+    cells : callable
+        Returns a row's entries; those that do not apply are empty.
 
     Raises
     ------
@@ -78,16 +98,16 @@ class ResultsFile(Closing):
         If it cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, columns: Sequence[str], cells: Callable[[Row], Sequence[str]]) -> None:
+        self._path, self._cells = path, cells
         with telling_write_errors(path):
             self._stream = path.open("w", encoding="utf-8", newline="")
         self._writer = csv.writer(self._stream, lineterminator="\n")
-        self._write(RESULT_COLUMNS)
+        self._write(columns)
 
     def add(self, row: Row) -> None:
         """Write an image's line."""
-        self._write(_cells(row))
+        self._write(self._cells(row))
 
     def _write(self, cells: Sequence[str]) -> None:
         with telling_write_errors(self._path):
@@ -98,6 +118,24 @@ class ResultsFile(Closing):
         """Close the file."""
         with telling_write_errors(self._path):
             self._stream.close()
+
+
+def results_file(path: Path) -> RowsFile:
+    """Begin results.csv."""
+    return RowsFile(path, RESULT_COLUMNS, _cells)
+
+
+def steering_file(path: Path) -> RowsFile:
+    """Begin steering.csv."""
+    return RowsFile(path, STEERING_COLUMNS, _steering_cells)
+
+
+def _steering_cells(row: Row) -> list[str]:
+    one = row.steering
+    if one is None:
+        return [row.image] + [""] * (len(STEERING_COLUMNS) - 1)
+    numbers = map(_number, (one.target_bearing_rad, *one.velocity_mps, *one.command_mps))
+    return [row.image, *numbers, "yes" if one.safe else "no", one.reason, _number(1e3 * one.time_s)]
 
 
 def _cells(row: Row) -> list[str]:
@@ -113,9 +151,8 @@ def _cells(row: Row) -> list[str]:
         ]
     error_m = row.error.position_m if row.error is not None else None
     error_rad = abs(row.error.theta_rad) if row.error is not None and row.error.theta_rad is not None else None
-    status = "located" if row.estimate is not None else "not_located"
     ms = None if row.time_s is None else 1e3 * row.time_s
-    return [row.image, status, *pose, _number(ms), _number(error_m), _number(error_rad), row.reason]
+    return [row.image, row.status, *pose, _number(ms), _number(error_m), _number(error_rad), row.reason]
 
 
 def _number(value: float | None) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import closing
-from dataclasses import dataclass
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -26,8 +26,15 @@ from robocup_vision.evaluation.frame_scorer import (
 )
 from robocup_vision.evaluation.kept_rows import FrameResult, result_json, result_of, run_json
 from robocup_vision.evaluation.overlays import WorstSoFar, spread_indices
-from robocup_vision.evaluation.result_files import ResultsFile, prepare_folder, write_summary, write_trajectory
+from robocup_vision.evaluation.result_files import (
+    prepare_folder,
+    results_file,
+    steering_file,
+    write_summary,
+    write_trajectory,
+)
 from robocup_vision.evaluation.scoring import Figures, Row, figures
+from robocup_vision.evaluation.steering import SteerFigures, SteerPlan, steer_figures
 from robocup_vision.files.output_folder import refuse_foreign_files
 from robocup_vision.files.resume_file import ResumeFile
 from robocup_vision.progress import progress
@@ -45,7 +52,7 @@ __all__ = [
 ]
 
 UNFINISHED_NAME = "unfinished.jsonl"
-OUTPUT_NAMES = ("results.csv", "summary.json", "trajectory.tum", "report.html")
+OUTPUT_NAMES = ("results.csv", "steering.csv", "summary.json", "trajectory.tum", "report.html")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +73,8 @@ class Summary:
         Lines the user should see: what was ignored or left out.
     is_sequence : bool
         Whether colours and poses were carried on from image to image; else each stands alone, which takes longer.
+    steering : SteerFigures or None
+        The figures over all commands; None without steering.
     """
 
     figures: Figures
@@ -74,6 +83,7 @@ class Summary:
     report: Path | None
     notes: tuple[str, ...]
     is_sequence: bool = False
+    steering: SteerFigures | None = None
 
     @property
     def problem(self) -> str | None:
@@ -95,6 +105,7 @@ def evaluate(
     force: bool = False,
     resume: bool = False,
     scores_belief: bool = False,
+    steering: SteerPlan | None = None,
     workers: Workers | None = None,
     send_images: bool = True,
 ) -> Summary:
@@ -125,6 +136,8 @@ def evaluate(
     scores_belief : bool
         Score the estimate over time, `view.belief`, of a localiser with a memory such as `make_vision_with_memory`
         builds, in place of what each frame shows.
+    steering : SteerPlan, optional
+        Steer by each image, too, and write steering.csv.
     workers : Workers, optional
         Who looks at the images, from `robocup_vision.workers`; by default `jobs` processes.
     send_images : bool
@@ -165,22 +178,26 @@ def evaluate(
         notes.append("a sequence cannot be gone on with in its middle: --resume is ignored")
         resume = False
     spread = frozenset() if missing else spread_indices(len(dataset.image_names))
-    plan = ScorePlan(dataset, make_vision, draw_overlay, not missing, spread, scores_belief)
+    plan = ScorePlan(dataset, make_vision, draw_overlay, not missing, spread, scores_belief, steering)
     # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
     scorer = FrameScorer(plan)
     run = _Run(plan)
-    with ResumeFile(out / UNFINISHED_NAME, run_json(dataset), resume=resume) as kept:
+    with ResumeFile(out / UNFINISHED_NAME, run_json(dataset, steering), resume=resume) as kept:
         prepare_folder(out, OUTPUT_NAMES)
         first = len(kept.found)
         before = (result_of(kept.found.pop(index), dataset) for index in sorted(kept.found))
         fresh = score_sequence(scorer, first) if in_turn else score_images(scorer, crew, first, send_images=send_images)
         try:
             # an interrupt may come while a row is taken in: the processes end then, too
-            with closing(fresh), ResultsFile(out / "results.csv") as results:
+            with closing(fresh), ExitStack() as files:
+                tables = [files.enter_context(results_file(out / "results.csv"))]
+                if steering is not None:
+                    tables.append(files.enter_context(steering_file(out / "steering.csv")))
                 for result in progress(chain(before, fresh), len(dataset.image_names), dataset.name):
                     if len(run.rows) >= first and not is_sequence:
                         kept.add(len(run.rows), result_json(result))
-                    results.add(result.row)
+                    for table in tables:
+                        table.add(result.row)
                     run.take(result)
         except (KeyboardInterrupt, RobocupVisionError) as error:
             told = f"{len(run.rows)} of {len(dataset.image_names)} images are done and kept in {out / 'results.csv'}"
@@ -190,7 +207,9 @@ def evaluate(
                 raise KeyboardInterrupt(told) from None
             raise RobocupVisionError(f"{error}; {told}" if run.rows else str(error)) from None
         notes += run.notes
-        summary = _write_files(out, dataset, run, notes, None if missing else out / "report.html", moments)
+        steered = None if steering is None else steer_figures([row.steering for row in run.rows if row.steering])
+        page = None if missing else out / "report.html"
+        summary = replace(_write_files(out, dataset, run, notes, page, moments), steering=steered)
         kept.delete()
     return summary
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -87,6 +88,32 @@ def _nees(error: np.ndarray[tuple[int], np.dtype[np.float64]], covariance: np.nd
 
 
 @dataclass(frozen=True, slots=True)
+class SteerResult:
+    """The command that a frame led to.
+
+    Parameters
+    ----------
+    target_bearing_rad : float
+        Where the robot was to go, robot frame.
+    velocity_mps, command_mps : (float, float)
+        How it went, and the command, robot frame.
+    safe : bool
+        Whether the robot touches nothing that the frame shows.
+    reason : str
+        Why this command.
+    time_s : float
+        How long steering took.
+    """
+
+    target_bearing_rad: float
+    velocity_mps: tuple[float, float]
+    command_mps: tuple[float, float]
+    safe: bool
+    reason: str
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Row:
     """One image's line in the results.
 
@@ -106,6 +133,10 @@ class Row:
         Why it was not located, else empty.
     failed : bool
         The image could not be used, or the localiser raised an error.
+    unreadable : bool
+        The image could not be used.
+    steering : SteerResult or None
+        None where there was no steering by it.
     """
 
     image: str
@@ -115,6 +146,15 @@ class Row:
     time_s: float | None = None
     reason: str = ""
     failed: bool = False
+    unreadable: bool = False
+    steering: SteerResult | None = None
+
+    @property
+    def status(self) -> Literal["located", "not_located", "unreadable"]:
+        """What became of the image, as results.csv says it."""
+        if self.unreadable:
+            return "unreadable"
+        return "not_located" if self.estimate is None else "located"
 
     @property
     def severity(self) -> tuple[float, float]:

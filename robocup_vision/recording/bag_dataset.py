@@ -18,6 +18,8 @@ from field_models.errors import ArgumentError, FileError, FrameError, PacketErro
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.files import load_camera
 from robocup_vision.evaluation.dataset import Dataset, FrameTime, Truth
+from robocup_vision.evaluation.frame_scorer import make_vision_with_memory
+from robocup_vision.evaluation.steering import SteerPlan
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.methods import choose_method
 from robocup_vision.messages.images import frame_of
@@ -25,6 +27,7 @@ from robocup_vision.messages.topics import pose_of
 from robocup_vision.messages.types import to_seconds
 from robocup_vision.perception.color_table import load_colors
 from robocup_vision.recording.bag import Bag
+from robocup_vision.recording.calls import DROPPED, LOOK, STEER
 from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.recorder import RUN_ATTACHMENT
 from robocup_vision.recording.recording import Recording
@@ -97,10 +100,18 @@ class StreamDataset(Dataset):
 
 
 class PannedVision:
-    """Looks as `Vision` does, with the head's pan of each frame: a `VisionLike` of `evaluation.run`."""
+    """Looks with the head's pan of each frame: a `VisionLike` of `evaluation.run`.
 
-    def __init__(self, dataset: Dataset) -> None:
-        self.vision = Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
+    Parameters
+    ----------
+    dataset : Dataset
+        Knows the pans.
+    vision : Vision
+        Looks.
+    """
+
+    def __init__(self, dataset: Dataset, vision: Vision) -> None:
+        self.vision = vision
         self._pans = dataset.pans if isinstance(dataset, StreamDataset) else {}
 
     def look(self, frame: UInt8Array, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
@@ -110,6 +121,43 @@ class PannedVision:
     def forget(self) -> None:
         """See `Vision.forget`."""
         self.vision.forget()
+
+
+def make_panned_vision(dataset: Dataset) -> PannedVision:
+    """Build the `Vision` of a dataset."""
+    vision = Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
+    return PannedVision(dataset, vision)
+
+
+def make_panned_vision_with_memory(dataset: Dataset) -> PannedVision:
+    """Build the `Vision` of a dataset with a memory: see `make_vision_with_memory`."""
+    return PannedVision(dataset, make_vision_with_memory(dataset))
+
+
+def recorded_steering(path: str | Path) -> SteerPlan | None:
+    """Return how a recorded robot was steered; None of a bag, and of a recording without a `Steering`.
+
+    Raises
+    ------
+    FileError
+        If a part of the file is damaged.
+    """
+    path = Path(path)
+    if not _is_recording(path):
+        return None
+    recording = Recording(path)
+    run = recording.run.steering
+    if run is None:
+        return None
+    asked: dict[float, Mapping[str, Any]] = {}
+    t_s: float | None = None
+    for call in recording.calls():
+        if call.kind == LOOK:
+            t_s = None if call.inputs.get(DROPPED) else call.inputs["t_s"]
+            t_s = call.t_s if t_s is None else t_s
+        elif call.kind == STEER and t_s is not None:
+            asked[t_s] = {name: value for name, value in call.inputs.items() if name != "free_space"}
+    return SteerPlan(run.robot_radius_m, run.limits, run.settings, recorded=asked)
 
 
 def draw_panned(view: View, frame: UInt8Array, vision: PannedVision) -> UInt8Array:

@@ -62,6 +62,7 @@ EXPECTED = {
     "field file arc": keys_of(catalog._PenaltyArc),
     "field file beacon": keys_of(catalog._Beacon),
     "results.csv": set(result_files.RESULT_COLUMNS),
+    "steering.csv": set(result_files.STEERING_COLUMNS),
     "summary.json": set(result_files.SUMMARY_KEYS),
     "match.json": set(MATCH),
     "match.json robots": names_of(RobotFigures),
@@ -94,7 +95,7 @@ def test_tables_name_every_key(name):
 
 def test_every_table_and_example_is_tested():
     read = {"dataset.toml", "truth.csv", "frames.csv", "colors.toml", "field.toml", "run.toml", "sensors.toml"}
-    written = {"results.csv", "summary.json", "trajectory.tum"}
+    written = {"results.csv", "steering.csv", "summary.json", "trajectory.tum"}
     assert set(KEYS) == set(EXPECTED)
     assert set(FILES) == {*CAMERAS, *read, *written}
 
@@ -168,7 +169,7 @@ def test_sensors_are_loaded(write):
 
 def test_results_have_their_columns(write):
     rows = read_csv(write("results.csv"), result_files.RESULT_COLUMNS)
-    assert [row.entries["status"] for row in rows] == ["located", "not_located"]
+    assert [row.entries["status"] for row in rows] == ["located", "not_located", "unreadable"]
     assert tuple(next(csv.reader(io.StringIO(FILES["results.csv"])))) == result_files.RESULT_COLUMNS
 
 

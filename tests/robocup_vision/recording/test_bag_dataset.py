@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_runs import make_vision, record_run, run_frames
+from recorded_runs import LIMITS, make_vision, record_run, run_frames
 
 from field_models.errors import ArgumentError, FileError
 from robocup_vision import cli
@@ -16,9 +17,10 @@ from robocup_vision.camera.files import save_camera
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.types import decode, header, make, typestore
 from robocup_vision.recording.bag import Bag, is_bag
-from robocup_vision.recording.bag_dataset import BagTopics, load_bag, pose_at
+from robocup_vision.recording.bag_dataset import BagTopics, load_bag, pose_at, recorded_steering
 from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.recorder import RecorderSettings
+from robocup_vision.recording.recording import Recording
 
 
 @pytest.fixture(scope="module")
@@ -206,3 +208,52 @@ def test_poses_are_interpolated_between_near_neighbours_alone() -> None:
     assert pose_at(poses, 2.1) is None
     assert pose_at(poses, 2.00005) == poses[2][1]
     assert pose_at([], 0.0) is None
+
+
+def _steering(out: Path) -> list[dict[str, str]]:
+    with (out / "steering.csv").open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_recording_is_steered_as_it_was(recorded: Path, tmp_path: Path) -> None:
+    words = ["evaluate", str(recorded), "--memory", "--steer", "--out", str(tmp_path)]
+    assert cli.main(words) == 0
+    _assert_scored(tmp_path)
+    rows = _steering(tmp_path)
+    assert [float(row["target_rad"]) for row in rows] == pytest.approx([math.sin(now.t_s) for now in run_frames()])
+    velocities = [call.inputs["velocity_mps"] for call in Recording(recorded).calls() if call.kind == "steer"]
+    found = [(float(row["velocity_x_mps"]), float(row["velocity_y_mps"])) for row in rows]
+    assert np.array(found) == pytest.approx(np.array(velocities))
+    assert any(row["safe"] == "yes" for row in rows)
+    plan = recorded_steering(recorded)
+    assert plan is not None
+    assert plan.limits == LIMITS
+
+
+def test_a_bag_is_steered_straight_ahead(recorded: Path, camera: Path, tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", recorded, "MCAP", None)
+    words = ["evaluate", str(tmp_path / "bag"), "--field", "ssl_2001", "--camera", str(camera), "--memory", "--steer"]
+    assert cli.main([*words, "--limits", "0.5", "1", "--out", str(tmp_path / "out")]) == 0
+    rows = _steering(tmp_path / "out")
+    assert len(rows) == len(run_frames())
+    assert {row["target_rad"] for row in rows} == {"0"}
+    speeds = [math.hypot(float(row["command_x_mps"]), float(row["command_y_mps"])) for row in rows]
+    assert max(speeds) == pytest.approx(0.5)
+    assert float(rows[-1]["velocity_x_mps"]) > 0.1
+    assert recorded_steering(tmp_path / "bag") is None
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--limits", "1", "1"], "--limits is for --steer"),
+        (["--steer", "--limits", "-1", "1"], "speed_mps must be at least 1e-06, got -1.0"),
+        (["--shared-folder"], "--shared-folder is for --dask"),
+    ],
+)
+def test_options_that_do_not_fit_are_one_line(
+    words: list[str], problem: str, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["evaluate", str(recorded), *words, "--out", str(tmp_path / "out")]) == 2
+    assert problem in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -129,10 +129,10 @@ def test_a_folder_is_scored_as_by_one_process(how, address, tmp_path, monkeypatc
                 process = next(iter(client.run(os.getpid).values()))
             os.kill(process, 9)
 
-    from robocup_vision.evaluation.result_files import ResultsFile
+    from robocup_vision.evaluation.result_files import RowsFile
 
-    add = ResultsFile.add
-    monkeypatch.setattr(ResultsFile, "add", lambda self, row: (add(self, row), kill_one()))
+    add = RowsFile.add
+    monkeypatch.setattr(RowsFile, "add", lambda self, row: (add(self, row), kill_one()))
     assert cli.main(["evaluate", str(data), "--dask", address, *how, "--out", str(tmp_path / "many")]) == 2
     assert killed
     rows = but_for_times(tmp_path / "many")

@@ -1,0 +1,118 @@
+"""Steering by the frames of a dataset: the command that a robot would have got, how safe it is, and its time.
+
+A recording says what was asked of its steering after each frame; that is asked again. Elsewhere the robot is to go in
+one direction all the time, at the velocity that the odometry tells.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from robocup_vision.avoidance.steering import Steering
+from robocup_vision.avoidance.steering_settings import SteeringSettings
+from robocup_vision.evaluation.scoring import SteerResult
+from robocup_vision.geometry import Pose2
+from robocup_vision.motion_limits import MotionLimits
+
+
+@dataclass(frozen=True, slots=True)
+class SteerPlan:
+    """How a dataset is steered by; may be sent to another process.
+
+    Parameters
+    ----------
+    robot_radius_m, limits, settings
+        Of `Steering`.
+    target_bearing_rad : float
+        Where the robot is to go, in its own frame, where nothing is recorded.
+    recorded : mapping of float to mapping, or None
+        By the time of a frame: the arguments of `Steering.steer` after it, but for the free space. Frames without any
+        are not steered by. None: nothing is recorded.
+    """
+
+    robot_radius_m: float
+    limits: MotionLimits
+    settings: SteeringSettings = SteeringSettings()
+    target_bearing_rad: float = 0.0
+    recorded: Mapping[float, Mapping[str, Any]] | None = field(default=None, repr=False)
+
+
+class FrameSteering:
+    """Steers by one frame after another.
+
+    Parameters
+    ----------
+    plan : SteerPlan
+        How.
+    in_sequence : bool
+        Whether frames follow one another; else each is the first one.
+    """
+
+    def __init__(self, plan: SteerPlan, *, in_sequence: bool) -> None:
+        self._plan, self._in_sequence = plan, in_sequence
+        self._steering = Steering(plan.robot_radius_m, plan.limits, plan.settings)
+        self._before_s: float | None = None
+
+    def steer(self, view: Any, t_s: float | None, odometry: Pose2 | None) -> SteerResult | None:
+        """Steer by the free space of a view; None where a recording has no command after its frame."""
+        asked = self._asked(t_s, odometry)
+        self._before_s = t_s
+        if asked is None:
+            return None
+        if not self._in_sequence:
+            self._steering.forget()
+        started_s = time.perf_counter()
+        command = self._steering.steer(view.free_space, **asked)
+        took_s = time.perf_counter() - started_s
+        velocity = asked["velocity_mps"]
+        return SteerResult(
+            float(asked["target_bearing_rad"]),
+            (float(velocity[0]), float(velocity[1])),
+            (float(command.velocity_mps[0]), float(command.velocity_mps[1])),
+            bool(command.safe),
+            command.reason,
+            took_s,
+        )
+
+    def _asked(self, t_s: float | None, odometry: Pose2 | None) -> Mapping[str, Any] | None:
+        if self._plan.recorded is not None:
+            return None if t_s is None else self._plan.recorded.get(t_s)
+        velocity = _velocity_mps(odometry, self._before_s, t_s)
+        return {"velocity_mps": velocity, "target_bearing_rad": self._plan.target_bearing_rad}
+
+
+def _velocity_mps(odometry: Pose2 | None, before_s: float | None, t_s: float | None) -> tuple[float, float]:
+    """Return the mean velocity since the frame before, in the robot's frame now; 0 where it is unknown."""
+    if odometry is None or before_s is None or t_s is None or not t_s > before_s:
+        return 0.0, 0.0
+    moved = np.array([odometry.x_m, odometry.y_m]) / (t_s - before_s)
+    cos_t, sin_t = np.cos(odometry.theta_rad), np.sin(odometry.theta_rad)
+    return float(cos_t * moved[0] + sin_t * moved[1]), float(cos_t * moved[1] - sin_t * moved[0])
+
+
+@dataclass(frozen=True, slots=True)
+class SteerFigures:
+    """The figures over all frames that were steered by.
+
+    Parameters
+    ----------
+    commands, safe : int
+        How many commands there are, and how many of them are safe.
+    median_ms : float or None
+        Median time of a command; None of none.
+    """
+
+    commands: int
+    safe: int
+    median_ms: float | None
+
+
+def steer_figures(results: Sequence[SteerResult]) -> SteerFigures:
+    """Compute the figures over all commands."""
+    median_ms = 1e3 * float(np.median([one.time_s for one in results])) if results else None
+    return SteerFigures(len(results), sum(one.safe for one in results), median_ms)
