@@ -18,7 +18,8 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor import wall_search
 from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.kernels.floor.hull import hull_moments
 from robocup_vision.perception.polar_view import PolarView
@@ -245,22 +246,23 @@ class OutlineFitter:
         starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
         poses, costs = np.empty_like(starts), np.empty(len(starts))
         outline = self._outline(radius_px, self._scales(self.settings.coarse_scales))
-        kernels.fit_each(starts, self._scene, outline, 2, poses, costs)
-        tried: list[FloatArray] = []
+        wall_search.fit_each(starts, self._scene, outline, 2, poses, costs)
         fits = [fit]
+        tried = np.empty((self.settings.refined, 3))
+        scales = self._scales(self.settings.refine_scales)
         for pose in poses[np.argsort(costs)]:
-            if not _is_new(pose, tried, 0.03):
-                continue
-            tried.append(pose)
-            fits.append(self._fit(pose[None], radius_px, 1, self._scales(self.settings.refine_scales)))
-            if len(tried) == self.settings.refined:
+            count = len(fits) - 1
+            if count == len(tried):
                 break
+            if wall_search.is_apart(pose, tried[:count], 0.03):
+                tried[count] = pose
+                fits.append(self._fit(pose[None], radius_px, 1, scales))
         fits.sort(key=lambda f: f.cost)
         rivals: list[_Fit] = []
         for candidate in fits:
-            if candidate.cost < fits[0].cost + self.settings.rival_cost and _is_new(
-                candidate.pose, [r.pose for r in rivals], 0.05
-            ):
+            others = np.array([rival.pose for rival in rivals]).reshape(-1, 3)
+            is_rival = candidate.cost < fits[0].cost + self.settings.rival_cost
+            if is_rival and wall_search.is_apart(candidate.pose, others, 0.05):
                 rivals.append(candidate)
         if len(rivals) == 1:
             return rivals[0]
@@ -310,18 +312,12 @@ class OutlineFitter:
         radius = radius_px[nearest]
         weight = np.isfinite(radius) / max(np.count_nonzero(np.isfinite(radius)), 1)
         cost = np.empty((len(places), count))
-        kernels.score_bank(profiles, np.nan_to_num(radius), weight, self.settings.bank_width * self._unit_px, cost)
+        wall_search.score_bank(profiles, np.nan_to_num(radius), weight, self.settings.bank_width * self._unit_px, cost)
         most = min(10 * self.settings.bank_starts, cost.size)
         best = np.argpartition(cost, most - 1, axis=None)[:most]
-        starts: list[FloatArray] = []
-        for index in best[np.argsort(cost.ravel()[best])]:
-            place, shift = divmod(int(index), count)
-            start = np.array([*places[place], -shift * math.tau / count])
-            if _is_new(start, starts, 0.15):
-                starts.append(start)
-            if len(starts) == self.settings.bank_starts:
-                break
-        return np.array(starts)
+        best = best[np.argsort(cost.ravel()[best])]
+        starts = np.empty((self.settings.bank_starts, 3))
+        return starts[: wall_search.spread_starts(places, best, count, 0.15, starts)]
 
     def _fit(self, starts: FloatArray, radius_px: FloatArray, stride: int, scales: FloatArray) -> _Fit:
         settings, nothing = self.settings, np.full((2, len(radius_px)), np.nan)
@@ -350,16 +346,6 @@ class OutlineFitter:
         if not self.field.is_on_floor(x, y):
             return NotLocated(f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m")
         return PoseEstimate(pose, fit.covariance, fit.inlier_ratio, fit.rms_px, (pose, pose.half_turn()))
-
-
-def _is_new(pose: FloatArray, others: list[FloatArray], apart: float) -> bool:
-    """Whether a pose differs from all others, and their half turns, by more than `apart`, metres and radians added."""
-    for other in others:
-        here = math.hypot(*(pose - other)[:2]) + abs(wrap_angle(pose[2] - other[2]))
-        turned = math.hypot(*(pose + other)[:2]) + math.pi - abs(wrap_angle(pose[2] - other[2]))
-        if min(here, turned) <= apart:
-            return False
-    return True
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Compiled loops that fit the floor's outline to a field's walls: prediction, search and Gauss-Newton."""
+"""Compiled loops that fit the floor's outline to a field's walls: prediction and Gauss-Newton."""
 
 from __future__ import annotations
 
@@ -160,33 +160,6 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
             bearing += 1
             if bearing == count:
                 bearing = 0
-
-
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def score_bank(bank: FloatArray, radius: FloatArray, weight: FloatArray, width_px: float, out: FloatArray) -> None:
-    """Compare a measured outline with the outlines expected at many places, at every heading.
-
-    Parameters
-    ----------
-    bank : (P, 2 B) float64
-        Expected image radius at B evenly spaced bearings, for heading 0, twice over.
-    radius : (B,) float64
-        Measured image radius; any finite number where there is none.
-    weight : (B,) float64
-        One over the number of measured bearings where there is one, 0 elsewhere.
-    width_px : float
-        Differences beyond this count as this.
-    out : (P, B) float64
-        Filled with the mean cost, 0 to 1, of place p with the heading of minus shift times the bearings' step.
-    """
-    count = radius.shape[0]
-    for p in range(bank.shape[0]):
-        for shift in range(count):
-            first = count - shift
-            cost = 0.0
-            for b in range(count):
-                cost += weight[b] * min(abs(radius[b] - bank[p, first + b]), width_px)
-            out[p, shift] = cost / width_px
 
 
 @njit(cache=True, nogil=True)
@@ -396,20 +369,3 @@ def fit_and_summarise(
         best.residual, inlier_px, best.information, best.scatter, inflate, systematic, covariance
     )
     return FitSummary(cost, ratio, rms, along)
-
-
-@njit(cache=True, nogil=True)
-def fit_each(
-    poses: FloatArray,
-    scene: WallScene,
-    outline: FloorOutline,
-    stride: int,
-    out_poses: FloatArray,
-    out_costs: FloatArray,
-) -> None:
-    """Fit each start by itself, as `fit_walls` does; fills out_poses (N, 3) and out_costs (N,)."""
-    count = scene.cos_b.shape[0]
-    best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(count), np.empty(count))
-    for n in range(poses.shape[0]):
-        out_costs[n] = fit_walls(poses[n : n + 1], scene, outline, stride, best)
-        out_poses[n] = best.pose

@@ -12,16 +12,15 @@ from field_models import load_field
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.hull import hull_moments, hull_radius, star_moments
+from robocup_vision.kernels.floor.wall_search import fit_each, is_apart, score_bank, spread_starts
 from robocup_vision.kernels.floor.walls import (
     FloorOutline,
     WallFit,
     WallPrediction,
     WallScene,
     fit_and_summarise,
-    fit_each,
     fit_walls,
     predict_walls,
-    score_bank,
     summarise_fit,
 )
 
@@ -207,6 +206,40 @@ def test_each_start_is_fitted_by_itself():
         alone = fit(start[None], radius, 3, scales)
         assert cost == alone[0]
         np.testing.assert_array_equal(pose, alone[1])
+
+
+def differ(pose, others, apart):
+    for other in others:
+        turn = abs(math.remainder(pose[2] - other[2], math.tau))
+        here, there = math.dist(pose[:2], other[:2]) + turn, math.dist(pose[:2], -other[:2]) + math.pi - turn
+        if min(here, there) <= apart:
+            return False
+    return True
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, st.integers(0, 5), st.floats(0.05, 2.0))
+def test_poses_are_apart_as_plain_code_says(seed, count, apart):
+    rng = np.random.default_rng(seed)
+    pose, others = rng.normal(0, 0.5, 3), rng.normal(0, 0.5, (count, 3))
+    others[:, 2] += rng.integers(-4, 5, count) * math.pi
+    assert is_apart(pose, others, apart) == differ(pose, others, apart)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds)
+def test_starts_are_the_best_that_are_apart(seed):
+    rng = np.random.default_rng(seed)
+    places, bearings = rng.uniform(-1, 1, (12, 2)), 16
+    best = rng.permutation(12 * bearings)[:60]
+    out = np.full((10, 3), np.nan)
+    count = spread_starts(places, best, bearings, 0.6, out)
+    expected: list[np.ndarray] = []
+    for index in best:
+        pose = np.array([*places[index // bearings], -(index % bearings) * math.tau / bearings])
+        if len(expected) < 10 and differ(pose, expected, 0.6):
+            expected.append(pose)
+    np.testing.assert_allclose(out[:count], expected)
 
 
 def test_a_fit_from_nowhere_still_says_how_bad_it_is():

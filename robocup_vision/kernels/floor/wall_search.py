@@ -1,0 +1,110 @@
+"""Compiled loops of the search for a floor outline over the whole field: a bank of places, and starts spread apart."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.kernels.floor.walls import FloorOutline, WallFit, WallScene, fit_walls
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def score_bank(bank: FloatArray, radius: FloatArray, weight: FloatArray, width_px: float, out: FloatArray) -> None:
+    """Compare a measured outline with the outlines expected at many places, at every heading.
+
+    Parameters
+    ----------
+    bank : (P, 2 B) float64
+        Expected image radius at B evenly spaced bearings, for heading 0, twice over.
+    radius : (B,) float64
+        Measured image radius; any finite number where there is none.
+    weight : (B,) float64
+        One over the number of measured bearings where there is one, 0 elsewhere.
+    width_px : float
+        Differences beyond this count as this.
+    out : (P, B) float64
+        Filled with the mean cost, 0 to 1, of place p with the heading of minus shift times the bearings' step.
+    """
+    count = radius.shape[0]
+    for p in range(bank.shape[0]):
+        for shift in range(count):
+            first = count - shift
+            cost = 0.0
+            for b in range(count):
+                cost += weight[b] * min(abs(radius[b] - bank[p, first + b]), width_px)
+            out[p, shift] = cost / width_px
+
+
+@njit(cache=True, nogil=True)
+def is_apart(pose: FloatArray, others: FloatArray, apart: float) -> bool:
+    """Whether a pose (3,) differs from all others (N, 3), and their half turns, by more than `apart`.
+
+    The difference is the distance, metres, and the angle, radians, added.
+    """
+    for n in range(others.shape[0]):
+        turned = abs(_wrapped(pose[2] - others[n, 2]))
+        here = math.hypot(pose[0] - others[n, 0], pose[1] - others[n, 1]) + turned
+        there = math.hypot(pose[0] + others[n, 0], pose[1] + others[n, 1]) + (math.pi - turned)
+        if min(here, there) <= apart:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _wrapped(angle: float) -> float:
+    """Return the same direction within half a turn of 0."""
+    return angle - 2.0 * math.pi * np.rint(angle / (2.0 * math.pi))
+
+
+@njit(cache=True, nogil=True)
+def spread_starts(places: FloatArray, best: Int64Array, bearings: int, apart: float, out: FloatArray) -> int:
+    """Take the best places and headings that are apart from those taken before.
+
+    Parameters
+    ----------
+    places : (P, 2) float64
+        Of the bank, metres.
+    best : (N,) int64
+        Indices into the costs of `score_bank`, the best first.
+    bearings : int
+        Number B of the bank's bearings.
+    apart : float
+        See `is_apart`.
+    out : (M, 3) float64
+        Filled with x, y and theta of up to M poses.
+
+    Returns
+    -------
+    int
+        How many.
+    """
+    count = 0
+    for n in range(best.shape[0]):
+        if count == out.shape[0]:
+            break
+        place, shift = best[n] // bearings, best[n] % bearings
+        out[count, 0], out[count, 1] = places[place, 0], places[place, 1]
+        out[count, 2] = -shift * (2.0 * math.pi) / bearings
+        if is_apart(out[count], out[:count], apart):
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def fit_each(
+    poses: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
+    stride: int,
+    out_poses: FloatArray,
+    out_costs: FloatArray,
+) -> None:
+    """Fit each start by itself, as `fit_walls` does; fills out_poses (N, 3) and out_costs (N,)."""
+    count = scene.cos_b.shape[0]
+    best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(count), np.empty(count))
+    for n in range(poses.shape[0]):
+        out_costs[n] = fit_walls(poses[n : n + 1], scene, outline, stride, best)
+        out_poses[n] = best.pose
