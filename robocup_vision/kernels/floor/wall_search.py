@@ -56,7 +56,7 @@ def is_apart(pose: FloatArray, others: FloatArray, apart: float) -> bool:
 @njit(cache=True, nogil=True)
 def _wrapped(angle: float) -> float:
     """Return the same direction within half a turn of 0."""
-    return angle - 2.0 * math.pi * np.rint(angle / (2.0 * math.pi))
+    return float(angle - 2.0 * math.pi * np.rint(angle / (2.0 * math.pi)))
 
 
 @njit(cache=True, nogil=True)
