@@ -90,7 +90,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
 def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
     from field_models.errors import ArgumentError
     from robocup_vision.evaluation.dataset import load_dataset
-    from robocup_vision.evaluation.run import make_default_vision, make_vision_with_memory
+    from robocup_vision.evaluation.run import make_vision_with_memory
 
     for name in ("image_topic", "truth_topic", "odometry_topic"):
         if getattr(options, name) is not None:
@@ -106,8 +106,8 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
     for name in ("memory", "steer"):
         if getattr(options, name) and dataset.landmarks is not None:
             raise ArgumentError(f"--{name} is not for method landmarks")
-    make_vision = make_vision_with_memory if options.memory else make_default_vision
-    return _score(options, dataset, make_vision=make_vision), dataset.name
+    remembering = {"make_vision": make_vision_with_memory} if options.memory else {}
+    return _score(options, dataset, **remembering), dataset.name
 
 
 def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
