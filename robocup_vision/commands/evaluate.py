@@ -106,7 +106,7 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
     for name in ("memory", "steer"):
         if getattr(options, name) and dataset.landmarks is not None:
             raise ArgumentError(f"--{name} is not for method landmarks")
-    remembering = {"make_vision": make_vision_with_memory} if options.memory else {}
+    remembering: dict[str, Any] = {"make_vision": make_vision_with_memory} if options.memory else {}
     return _score(options, dataset, **remembering), dataset.name
 
 
