@@ -14,9 +14,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -24,6 +22,7 @@ import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance import Steering, SteeringSettings
@@ -146,12 +145,11 @@ def jobs(count: int, pockets: int, seed: int, *, aware: bool) -> Iterator[Job]:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
     parser.add_argument("--aware", action="store_true", help="the velocity-aware steering alone")
-    arguments = parse_arguments(str(__doc__), parser=parser)
+    arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     count, pockets = (4, 3) if arguments.quick else (500, 100) if arguments.full else (16, 16)
     todo = list(jobs(count, pockets, arguments.seed, aware=arguments.aware))
-    with ProcessPoolExecutor(max(arguments.jobs, 1)) as pool:
+    with open_pool(arguments) as pool:
         driven = dict(zip(todo, pool.map(one, todo), strict=True))
     all_ok = True
     table = Table(

@@ -12,14 +12,13 @@ blame. Legs are ways from one end to the other, so that nothing is won by standi
 from __future__ import annotations
 
 import math
-import os
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from benchmarks.worlds.crowd import LONGEST_M, Sensor
 from field_models import Field, load_field
 from robocup_vision.avoidance import SteadyFreeSpace, Steering, SteeringSettings
@@ -189,11 +188,11 @@ def one(job: tuple[Place, str, int, int]) -> Outcome:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     runs = 4 if arguments.quick else 60 if arguments.full else 16
     count = {WIDE.name: runs, NARROW.name: runs // 2}
     jobs = [(p, method, arguments.seed, run) for p in PLACES for method in METHODS for run in range(count[p.name])]
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
+    with open_pool(arguments) as pool:
         outcomes = list(pool.map(one, jobs))
     all_ok = True
     columns = (

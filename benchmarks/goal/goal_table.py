@@ -9,7 +9,6 @@ angles; the bar's axis crossed with the posts' axes, and these with the feet.
 from __future__ import annotations
 
 import math
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -18,6 +17,7 @@ import numpy.typing as npt
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -190,13 +190,13 @@ def false_poses(job: tuple[str, int, int]) -> list[str]:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     seeds = 1 if arguments.quick else 4 if arguments.full else 2
     step = 6 if arguments.quick else 1
     negatives = 4 if arguments.quick else 150 if arguments.full else 50
     places = list(range(0, 66, step))
     all_ok = True
-    with ProcessPoolExecutor(2) as pool:
+    with open_pool(arguments) as pool:
         table = Table(
             (
                 "condition           ",

@@ -27,6 +27,7 @@ from benchmarks.harness.figures import (
     write_figures,
 )
 from benchmarks.harness.machine import describe, machine, versions
+from benchmarks.harness.pool import add_pool_options
 
 DEFAULT_SEED = 20010305
 
@@ -44,7 +45,11 @@ _run: _Run | None = None
 
 
 def parse_arguments(
-    description: str, argv: Sequence[str] | None = None, *, parser: argparse.ArgumentParser | None = None
+    description: str,
+    argv: Sequence[str] | None = None,
+    *,
+    parser: argparse.ArgumentParser | None = None,
+    pooled: bool = False,
 ) -> argparse.Namespace:
     """Read the arguments that all programs take, print the first lines, and begin the file of figures.
 
@@ -56,6 +61,8 @@ def parse_arguments(
         Those of the command line unless given.
     parser : ArgumentParser, optional
         With the program's own options. Figures of a run with any of them set go to no file but that of ``--json``.
+    pooled : bool
+        Whether the program has pieces for several processes: ``--jobs`` and ``--dask`` say which, for `open_pool`.
 
     Returns
     -------
@@ -73,6 +80,8 @@ def parse_arguments(
     parser.add_argument("--check", action="store_true", help="exit status 1 if a row is SHORT")
     parser.add_argument("--seed", type=int, default=DEFAULT_SEED, metavar="N", help=f"default: {DEFAULT_SEED}")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to this file")
+    if pooled:
+        add_pool_options(parser)
     arguments = parser.parse_args(argv)
     figures = Figures(
         program=program_name(Path(sys.argv[0])),

@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from benchmarks.peers.orb import OrbExtractor
 from benchmarks.worlds.hall_runs import building, drift, make_runs
 from robocup_vision.camera import PinholeCamera
@@ -221,12 +222,13 @@ def plot(sizes: Sequence[int], sums: Sequence[float]) -> None:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     cv2.setNumThreads(1)
     seed = arguments.seed
     count, located, turns = (48, 24, 48 / 143) if arguments.quick else (143, 100, 1.0)
     rng = np.random.default_rng([seed, 1])
-    runs = make_runs(seed, count, located, turns, rng)
+    with open_pool(arguments) as pool:
+        runs = make_runs(seed, count, located, turns, rng, pool)
     first_run, second, third, landmarks, poses = runs.first, runs.second, runs.third, runs.landmarks, runs.poses
     views = len(landmarks.view_landmark)
     size = f"{len(first_run)} moments, {runs.lost} left out; {len(landmarks)} landmarks, {views} views"

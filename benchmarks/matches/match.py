@@ -16,17 +16,16 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import Pool, open_pool
 from robocup_vision.geometry import Pose2
-from robocup_vision.workers import local_workers
 from sim2d.match.run import MatchPlan
-from sim2d.match.tournament import plan_matches, play_matches
+from sim2d.match.tournament import plan_matches, play_plan
 from sim2d.sensors.faults import BodyFault, Fault, SenseFault
 
 # (matches, seconds each, matches with faults, seconds of the soak)
@@ -81,13 +80,7 @@ def faulty_plan(seed: int, index: int) -> tuple[MatchPlan, dict[tuple[int, float
     return MatchPlan(seconds=seconds, seed=seed + index, faults=tuple(faults)), kinds
 
 
-def play(plans: list[MatchPlan]) -> list[dict[str, Any]]:
-    """Play matches on all processors; a match.json each."""
-    results = dict(play_matches(plans, local_workers(os.cpu_count() or 1)))
-    return [results[index] for index in range(len(plans))]
-
-
-def judge_matches(seed: int, matches: int, seconds: float) -> bool:
+def judge_matches(seed: int, matches: int, seconds: float, pool: Pool) -> bool:
     """Play undisturbed matches, print a row each, and judge the whole."""
     table = Table(
         (
@@ -108,7 +101,7 @@ def judge_matches(seed: int, matches: int, seconds: float) -> bool:
         # of two frames one after the other the second adds little
         samples=round(seconds),
     )
-    results = play(plan_matches(MatchPlan(seconds=seconds, seed=seed), matches))
+    results = list(pool.map(play_plan, plan_matches(MatchPlan(seconds=seconds, seed=seed), matches)))
     all_ok, goals = True, 0
     for result in results:
         robots = result["robots"]
@@ -139,10 +132,10 @@ def judge_matches(seed: int, matches: int, seconds: float) -> bool:
     return all_ok and goals > 0
 
 
-def judge_faults(seed: int, matches: int) -> bool:
+def judge_faults(seed: int, matches: int, pool: Pool) -> bool:
     """Play disturbed matches, print a row for each kind of fault, and judge the whole."""
     planned = [faulty_plan(seed + 1000, index) for index in range(matches)]
-    results = play([plan for plan, _ in planned])
+    results = list(pool.map(play_plan, [plan for plan, _ in planned]))
     recoveries: dict[str, list[float]] = {kind: [] for kind in KINDS}
     for (_, kinds), result in zip(planned, results, strict=True):
         for fault in result["faults"]:
@@ -213,10 +206,11 @@ def _memory_mb() -> float:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     matches, seconds, faulty, soak_s = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
-    all_ok = judge_matches(arguments.seed, matches, seconds)
-    all_ok &= judge_faults(arguments.seed, faulty)
+    with open_pool(arguments) as pool:
+        all_ok = judge_matches(arguments.seed, matches, seconds, pool)
+        all_ok &= judge_faults(arguments.seed, faulty, pool)
     if Path("/proc/self/statm").exists():
         all_ok &= soak(arguments.seed, soak_s)
     finish(arguments.check, all_ok)

@@ -11,7 +11,6 @@ standard errors; "no lower score": goals for less goals against, lower by no mor
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import replace
 from typing import Any
 
@@ -19,20 +18,14 @@ import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
-from robocup_vision.workers import local_workers
+from benchmarks.harness.pool import open_pool
 from sim2d.match.run import MatchPlan
-from sim2d.match.tournament import plan_matches, play_matches
+from sim2d.match.tournament import plan_matches, play_plan
 from sim2d.players.catalog import player_factory
 
 # (matches, seconds each)
 QUICK, DEFAULT, FULL = (2, 6.0), (40, 20.0), (40, 60.0)
 MAX_STUCK_S = 5.0
-
-
-def play(plans: list[MatchPlan]) -> list[dict[str, Any]]:
-    """Play matches on all processors; a match.json each."""
-    results = dict(play_matches(plans, local_workers(os.cpu_count() or 1)))
-    return [results[index] for index in range(len(plans))]
 
 
 def figures_of(match: dict[str, Any]) -> tuple[float, float, float, float]:
@@ -44,11 +37,12 @@ def figures_of(match: dict[str, Any]) -> tuple[float, float, float, float]:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     plans = plan_matches(MatchPlan(seconds=seconds, seed=arguments.seed), matches)
     planning = [replace(plan, ours=player_factory("planning")) for plan in plans]
-    results = play([*plans, *planning])
+    with open_pool(arguments) as pool:
+        results = list(pool.map(play_plan, [*plans, *planning]))
     without, with_ = (np.array([figures_of(m) for m in part]) for part in (results[:matches], results[matches:]))
     stopped = sum(r["stopped_s"] is not None for m in results for r in m["robots"])
     per_minute = 60 / seconds

@@ -10,9 +10,6 @@ ball in its mouth, the ratio in which its last frame showed the ball.
 from __future__ import annotations
 
 import math
-import multiprocessing
-import os
-from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
 
 import cv2
@@ -20,6 +17,7 @@ import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from robocup_vision.planning import Disc
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches
@@ -89,11 +87,11 @@ def log_loss(chance: np.ndarray, scored: np.ndarray) -> float:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     plans = plan_matches(MatchPlan(seconds=seconds, seed=arguments.seed), matches)
-    with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as workers:
-        played = list(workers.map(kicks_of, plans))
+    with open_pool(arguments) as pool:
+        played = list(pool.map(kicks_of, plans))
     kicks = [kick for of_match, _ in played for kick in of_match]
     seen = float(np.mean([one for _, of_match in played for one in of_match]))
     chance, scored = np.array([c for c, _ in kicks]), np.array([s for _, s in kicks])

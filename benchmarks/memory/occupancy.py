@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from time import perf_counter
 
 import cv2
@@ -22,6 +21,7 @@ import numpy.typing as npt
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from field_models import load_field
 from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.kernels.mapping import occupancy as kernel
@@ -284,16 +284,16 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     runs = 2 if arguments.quick else 20 if arguments.full else 6
     for name, model in default_sensors().items():
         print(
             f"{name}: P(O|E) {model.hit_if_occupied:.3f}, P(O|not E) {model.hit_if_free:.3f}, "
             f"n_req {model.observations_needed(0.1)}, reach {model.reach_m} m"
         )
-    with ProcessPoolExecutor(2) as pool:
+    with open_pool(arguments) as pool:
         jobs = [(kind, arguments.seed, number) for kind in LIGHTS for number in range(runs)]
-        all_ok = accuracy(iter(pool.map(drive, jobs)))
+        all_ok = accuracy(pool.map(drive, jobs))
         swept = sum(pool.map(smear, [(arguments.seed, number) for number in range(runs)]))
     assert not isinstance(swept, int)
     columns = ("cells that moving robots have left", "cells", col.loss("not free %"), col.loss("no-go %"), "verdict")

@@ -28,15 +28,14 @@ to see what NEES a wrong guess of that part costs.
 from __future__ import annotations
 
 import math
-import multiprocessing
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from benchmarks.peers.pose_followers import HAS_FILTERPY, Ekf, Follower, Single, pose_difference
 from benchmarks.worlds.pose_runs import (
     KIDNAP_EVERY_S,
@@ -55,7 +54,6 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import FrameErrors, PoseFilter
 
-WORKERS = 2
 # runs of wandering, of kidnapping, synthetic ones of each kind
 QUICK, DEFAULT, FULL = (2, 1, 2), (20, 10, 20), (200, 40, 100)
 MAX_RATIO, NEES_BOUNDS, MAX_RECOVERY_S = 0.6, (1.5, 6.0), 1.0
@@ -222,12 +220,11 @@ def synthesize(task: tuple[int, int, float, float]) -> dict[str, Tally]:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     wandering, kidnapped, synthetic = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     if not HAS_FILTERPY:
         print("filterpy: not installed")
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
+    with open_pool(arguments) as pool:
         all_ok = print_wandering(list(pool.map(wander, [(arguments.seed, run) for run in range(wandering)])))
         all_ok &= print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run) for run in range(kidnapped)])))
         tasks = [(arguments.seed, run, *lasting) for lasting in BIASES for run in range(synthetic)]

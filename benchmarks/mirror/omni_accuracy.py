@@ -28,18 +28,18 @@ reported, with red and orange boxes in view.
 from __future__ import annotations
 
 import math
-import multiprocessing
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import groupby
+from operator import itemgetter
 from typing import Literal
 
-import cv2
 import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from benchmarks.scores.free_space_score import Free, goal_pixels, judge_free_space
 from field_models import load_field
 from robocup_vision import NotLocated, PoseEstimate, Vision
@@ -53,7 +53,7 @@ Size = tuple[int, int]
 Method = Literal["field", "hull"]
 SMALL, LARGE = (256, 220), (640, 480)
 FIELD = load_field("ssl_2001")
-WORKERS, CHUNK = 2, 20
+CHUNK = 20
 MIN_GOAL_PIXELS = 20
 BALL_FOUND_M = 0.10
 # least ratios within 5 cm/3 deg and 10 cm/5 deg, greatest median in mm; the last of "miscalibrated" is only reported
@@ -138,10 +138,6 @@ def _pose_row(index: int, estimate: PoseEstimate | NotLocated, truth: Pose2) -> 
 
 def _is_right_half(pose: Pose2, truth: Pose2) -> bool:
     return sum(pose.error_to(truth)) < sum(pose.half_turn().error_to(truth))
-
-
-def _start_worker() -> None:
-    cv2.setNumThreads(0)
 
 
 def pose_line(table: Table, label: str, rows: Sequence[Row], *, judged: bool = True) -> bool:
@@ -283,21 +279,19 @@ def print_balls(records: dict[str, list[Record]]) -> bool:
 
 def main() -> None:
     """Render, measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     count, large = (24, 12) if arguments.quick else (2000, 400) if arguments.full else (400, 120)
     sets = [(name, name, SMALL, count) for name in CONDITIONS] + [("nominal 640x480", "nominal", LARGE, large)]
     vision_for(SMALL, "field")  # compiles once, for the workers to load
     records: dict[str, list[Record]] = {}
     all_ok = True
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=spawn, initializer=_start_worker) as pool:
-        futures = {
-            label: [
-                pool.submit(measure, (name, size, arguments.seed, range(first, min(first + CHUNK, total))))
-                for first in range(0, total, CHUNK)
-            ]
-            for label, name, size, total in sets
-        }
+    tasks = [
+        (label, (name, size, arguments.seed, range(first, min(first + CHUNK, total))))
+        for label, name, size, total in sets
+        for first in range(0, total, CHUNK)
+    ]
+    with open_pool(arguments) as pool:
+        measured = zip((label for label, _ in tasks), pool.map(measure, [task for _, task in tasks]), strict=True)
         columns = (
             "condition        ",
             col.rate("located  "),
@@ -312,8 +306,8 @@ def main() -> None:
             "verdict",
         )
         table = Table(columns, "Pose: ratios of all images in %", name="poses", samples=count)
-        for label, parts in futures.items():
-            records[label] = [record for part in parts for record in part.result()]
+        for label, parts in groupby(measured, key=itemgetter(0)):
+            records[label] = [record for _, part in parts for record in part]
             all_ok &= pose_line(table, label, [record.row for record in records[label]])
             by_hull = [record.hull for record in records[label] if record.hull is not None]
             if by_hull:

@@ -18,9 +18,7 @@ import argparse
 import dataclasses
 import itertools
 import math
-import os
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +27,7 @@ import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.worlds import gap_choices
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import (
@@ -323,7 +322,7 @@ def matplotlib_circle(center: Point, radius: float) -> Any:
     return Circle(center, radius, color="tab:red", alpha=0.6)
 
 
-def measure_passage(count: int, aside_m: float, seed: int) -> bool:
+def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> bool:
     """Print the table of expected passage times; whether its judged row is ok."""
     narrowest = 1000 * gap_choices.passage_times().narrowest_m
     table = Table(
@@ -349,8 +348,7 @@ def measure_passage(count: int, aside_m: float, seed: int) -> bool:
         ("shortest way", (gap_choices.JUDGED,), count // 10),
     ):
         jobs = [gap_choices.RowJob(seed, number, aside_m, rule, ways) for number in range(rows)]
-        with ProcessPoolExecutor(os.cpu_count()) as pool:
-            found = np.array([row for row in pool.map(gap_choices.row_seconds, jobs, chunksize=20) if row is not None])
+        found = np.array([row for row in pool.map(gap_choices.row_seconds, jobs, chunksize=20) if row is not None])
         oracle_s, touched = float(found[:, -2].mean()), max(touched, float(found[:, -1].mean()))
         for k, again in enumerate(ways):
             its, ours = float(found[:, 2 * k].mean()), float(found[:, 2 * k + 1].mean())
@@ -395,14 +393,15 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--out", type=Path, metavar="DIR", help="draw the viewpoints there")
-    arguments = parse_arguments(str(__doc__), parser=parser)
+    arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     count, brute, drives = (30, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
     all_ok = measure_gates(count, brute, drives, arguments.seed)
     all_ok &= measure_fork(arguments.out)
     measure_times(count // 10, arguments.seed)
     # opponents across a field; and close together, where turning back costs next to nothing
-    all_ok &= measure_passage(5 * count, 2.5, arguments.seed)
-    all_ok &= measure_passage(5 * count, 1.0, arguments.seed)
+    with open_pool(arguments) as pool:
+        all_ok &= measure_passage(5 * count, 2.5, arguments.seed, pool)
+        all_ok &= measure_passage(5 * count, 1.0, arguments.seed, pool)
     finish(arguments.check, all_ok)
 
 

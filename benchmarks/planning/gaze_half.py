@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import cv2
@@ -17,6 +16,7 @@ import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import Pool, open_pool
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.belief import Hypothesis
@@ -135,7 +135,7 @@ def ask(case: Case, rule: str) -> Asked:
     return Asked(looks, answered, bool(answered and int(np.argmax(probability)) == int(case.turned)))
 
 
-def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
+def measure(arguments: Namespace, pool: Pool) -> bool:
     """Print the table; return whether every acceptance row is ok."""
     runs = 16 if arguments.quick else 1200 if arguments.full else 600
     all_asked = list(pool.map(ask_all, [[arguments.seed, 11, i] for i in range(runs)], chunksize=10))
@@ -197,8 +197,8 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    with ProcessPoolExecutor(2) as pool:
+    arguments = parse_arguments(str(__doc__), pooled=True)
+    with open_pool(arguments) as pool:
         finish(arguments.check, measure(arguments, pool))
 
 

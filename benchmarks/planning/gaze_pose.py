@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,6 +18,7 @@ import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.worlds.walking_dog import (
     CAMERA,
     FIELD,
@@ -198,7 +198,7 @@ def sighting(seed: list[int]) -> Sighting:
     return Sighting(int(feet.sum()), int(crossings.sum()), by_posts, by_lines)
 
 
-def detectors(arguments: Namespace, pool: ProcessPoolExecutor) -> None:
+def detectors(arguments: Namespace, pool: Pool) -> None:
     """Print what the real detectors see, beside what the planner takes them to see."""
     count = 24 if arguments.quick else 160
     seen = list(pool.map(sighting, [[arguments.seed, 7, i] for i in range(count)], chunksize=8))
@@ -251,7 +251,7 @@ def compare(table: Table, scores: dict[str, list[RunScore]], *, judged: bool) ->
     return all_ok
 
 
-def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
+def measure(arguments: Namespace, pool: Pool) -> bool:
     """Print the tables; return whether every acceptance row is ok."""
     detectors(arguments, pool)
     columns = (
@@ -291,8 +291,8 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    with ProcessPoolExecutor(2) as pool:
+    arguments = parse_arguments(str(__doc__), pooled=True)
+    with open_pool(arguments) as pool:
         finish(arguments.check, measure(arguments, pool))
 
 

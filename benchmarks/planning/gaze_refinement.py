@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy.typing as npt
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import Pool, open_pool
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning.gaze.selective_look import SelectiveLook, is_in_sight
 
@@ -154,7 +154,7 @@ def best_length_m(seed: list[int]) -> float:
     )
 
 
-def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
+def measure(arguments: Namespace, pool: Pool) -> bool:
     """Print the table; return whether every acceptance row is ok."""
     maps = 40 if arguments.quick else 1000 if arguments.full else 200
     seeds = [[arguments.seed, 13, i] for i in range(maps)]
@@ -190,8 +190,8 @@ def measure(arguments: Namespace, pool: ProcessPoolExecutor) -> bool:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    with ProcessPoolExecutor(2) as pool:
+    arguments = parse_arguments(str(__doc__), pooled=True)
+    with open_pool(arguments) as pool:
         finish(arguments.check, measure(arguments, pool))
 
 

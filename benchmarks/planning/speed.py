@@ -14,14 +14,13 @@ stop before what they know, and plan their way round it, by tracked places that 
 from __future__ import annotations
 
 import math
-import os
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.worlds import hidden_opponents
 from benchmarks.worlds.uncertain_robot import (
     BIAS_STD,
@@ -220,7 +219,7 @@ def one_hidden(job: tuple[tuple[int, int], str, float | None]) -> tuple[float, b
     return found.seconds, found.collided, found.arrived
 
 
-def measure_unknown(runs: int, others: int, seed: int) -> bool:
+def measure_unknown(runs: int, others: int, seed: int, pool: Pool) -> bool:
     """Print the table of unknown surroundings; whether its row is ok."""
     table = Table(
         (
@@ -237,29 +236,29 @@ def measure_unknown(runs: int, others: int, seed: int) -> bool:
         samples=others,
     )
     slow_s, ok = math.nan, False
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        for name, rule, constant in RULES:
-            count = runs if rule == "planned" else others
-            jobs = [((seed, k), rule, constant) for k in range(count)]
-            found = np.array(list(pool.map(one_hidden, jobs, chunksize=10)), dtype=np.float64)
-            # a run that does not arrive counts with its 40 s
-            seconds, collided = float(found[:others, 0].mean()), float(found[:, 1].mean())
-            slow_s = seconds if constant == 0.4 else slow_s
-            ok = collided <= 0.01 and seconds <= 0.6 * slow_s
-            table.row(
-                name, str(count), percent(collided), percent(float(found[:, 2].mean())), seconds, seconds / slow_s,
-                verdict(ok) if rule == "planned" else None,
-            )  # fmt: skip
+    for name, rule, constant in RULES:
+        count = runs if rule == "planned" else others
+        jobs = [((seed, k), rule, constant) for k in range(count)]
+        found = np.array(list(pool.map(one_hidden, jobs, chunksize=10)), dtype=np.float64)
+        # a run that does not arrive counts with its 40 s
+        seconds, collided = float(found[:others, 0].mean()), float(found[:, 1].mean())
+        slow_s = seconds if constant == 0.4 else slow_s
+        ok = collided <= 0.01 and seconds <= 0.6 * slow_s
+        table.row(
+            name, str(count), percent(collided), percent(float(found[:, 2].mean())), seconds, seconds / slow_s,
+            verdict(ok) if rule == "planned" else None,
+        )  # fmt: skip
     table.note("planned: collisions at most 1 %, time at most 0.6 of constant 0.4 m/s")
     return ok
 
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    arguments = parse_arguments(str(__doc__), pooled=True)
     runs = 30 if arguments.quick else 1500 if arguments.full else 300
     hidden, others = (20, 10) if arguments.quick else (1500, 150)
-    all_ok = measure_unknown(hidden, others, arguments.seed)
+    with open_pool(arguments) as pool:
+        all_ok = measure_unknown(hidden, others, arguments.seed, pool)
     all_ok &= measure_known(runs, arguments.seed)
     finish(arguments.check, all_ok)
 

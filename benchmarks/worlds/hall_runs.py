@@ -7,14 +7,15 @@ some posters have changed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.harness.pool import Pool
 from benchmarks.peers.orb import OrbExtractor
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.landmarks.landmark_map import LandmarkMap
@@ -23,6 +24,8 @@ from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
 
 SHIFT_M, DIM, MOVED = 0.2, 0.5, 0.3
+
+Built = tuple[LandmarkMap, list[Pose2], int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +40,10 @@ class HallRuns:
     lost: int
     drifted: LandmarkMap
     drifted_poses: list[Pose2]
-    orb: tuple[LandmarkMap, list[Pose2], int]
+    orb: Built
 
 
-def make_runs(seed: int, count: int, located: int, turns: float, rng: np.random.Generator) -> HallRuns:
+def make_runs(seed: int, count: int, located: int, turns: float, rng: np.random.Generator, pool: Pool) -> HallRuns:
     """Render the runs, and build the maps.
 
     Parameters
@@ -53,6 +56,8 @@ def make_runs(seed: int, count: int, located: int, turns: float, rng: np.random.
         How often the runs go round the hall.
     rng : numpy.random.Generator
         Of the posters that change.
+    pool : Pool
+        Renders the frames, and builds the maps.
     """
     hall = make_hall(seed)
     first_path, second_path = loop_path(count, turns=turns), loop_path(located, shift_m=SHIFT_M, turns=turns)
@@ -65,16 +70,21 @@ def make_runs(seed: int, count: int, located: int, turns: float, rng: np.random.
     for number, place in enumerate((hall, changed)):
         jobs += [(place, "one", second_path[k : k + step], seed + 1 + number, k, dim) for k in range(0, located, step)]
     parts_of_run = math.ceil(located / step)
-    with ProcessPoolExecutor(2) as pool:
-        parts = list(pool.map(render, jobs))
-        first_run = [f for part in parts[:rigs] for f in part]
-        second = [f for part in parts[rigs : rigs + parts_of_run] for f in part]
-        third = [f for part in parts[rigs + parts_of_run :] for f in part]
-        drifting = pool.submit(build, first_run, bound_drift=False)
-        with_orb = pool.submit(build, first_run, orb=True)
-        landmarks, poses, lost = build(first_run)
-        drifted, drifted_poses, _ = drifting.result()
-        return HallRuns(first_run, second, third, landmarks, poses, lost, drifted, drifted_poses, with_orb.result())
+    parts = list(pool.map(render, jobs))
+    first_run = [f for part in parts[:rigs] for f in part]
+    second = [f for part in parts[rigs : rigs + parts_of_run] for f in part]
+    third = [f for part in parts[rigs + parts_of_run :] for f in part]
+    ways = (
+        partial(build, first_run, bound_drift=False),
+        partial(build, first_run, orb=True),
+        partial(build, first_run),
+    )
+    (drifted, drifted_poses, _), with_orb, (landmarks, poses, lost) = pool.map(_built, ways)
+    return HallRuns(first_run, second, third, landmarks, poses, lost, drifted, drifted_poses, with_orb)
+
+
+def _built(build_map: Callable[[], Built]) -> Built:
+    return build_map()
 
 
 def render(job: tuple[Hall, str, list[Pose2], int, int, HallLight | None]) -> list[HallFrame]:
@@ -85,9 +95,7 @@ def render(job: tuple[Hall, str, list[Pose2], int, int, HallLight | None]) -> li
     return list(take(hall, cameras, poses, seed, first=first, light=light))
 
 
-def build(
-    frames: Sequence[HallFrame], *, bound_drift: bool = True, orb: bool = False
-) -> tuple[LandmarkMap, list[Pose2], int]:
+def build(frames: Sequence[HallFrame], *, bound_drift: bool = True, orb: bool = False) -> Built:
     """Build a map; return it, its estimated poses, and how many moments it could not use."""
     extractor = OrbExtractor(HALL_CAMERA) if orb else None
     mapper = StereoMapper(HALL_RIG, frames[0].pose, bound_drift=bound_drift, extractor=extractor)
