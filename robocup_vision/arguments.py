@@ -19,6 +19,9 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 
+# a thousand kilometres: beyond that sums of squares lose what the picture says
+_MAX_AWAY_M = 1e6
+
 
 def as_field(value: object) -> Field:
     """Return a field, loaded where its name or file is given.
@@ -56,12 +59,14 @@ def as_pose(name: str, value: object) -> Pose2:
     Raises
     ------
     ArgumentError
-        If it is no `Pose2`, or not finite.
+        If it is no `Pose2`, not finite, or farther away than anything on a field.
     """
     if not isinstance(value, Pose2):
         raise ArgumentError(f"{name} must be a Pose2(x_m, y_m, theta_rad), got {_shown(value)}")
     if not (_is_finite(value.x_m) and _is_finite(value.y_m) and _is_finite(value.theta_rad)):
         raise ArgumentError(f"{name} must be finite, got {value}")
+    if max(abs(value.x_m), abs(value.y_m)) > _MAX_AWAY_M:
+        raise ArgumentError(f"{name} must lie within {_MAX_AWAY_M:g} m, got {value}")
     return value
 
 

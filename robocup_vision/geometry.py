@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 
 
@@ -27,6 +28,11 @@ class Pose2:
         Position of the moving frame's origin in the reference frame, metres.
     theta_rad : float
         Direction of the moving frame's x axis in the reference frame, radians, wrapped into (-pi, pi].
+
+    Raises
+    ------
+    ArgumentError
+        If `theta_rad` is no number, or infinite.
     """
 
     x_m: float
@@ -34,7 +40,11 @@ class Pose2:
     theta_rad: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "theta_rad", wrap_angle(self.theta_rad))
+        try:
+            wrapped = wrap_angle(self.theta_rad)
+        except (TypeError, ValueError, OverflowError):
+            raise ArgumentError(f"theta_rad must be a finite number, got {self.theta_rad!r}") from None
+        object.__setattr__(self, "theta_rad", wrapped)
 
     @property
     def array(self) -> FloatArray:

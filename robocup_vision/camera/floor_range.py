@@ -73,7 +73,8 @@ class Hyperboloid:
     @property
     def implied_height_m(self) -> float | None:
         """The mirror's outer focus over the floor: sqrt(C / (A^2 - B^2 C))."""
-        denominator = self.A_px_per_m**2 - self.B_per_m**2 * self.C_px2
+        # a product, unlike a power, overflows to infinity
+        denominator = self.A_px_per_m * self.A_px_per_m - self.B_per_m * self.B_per_m * self.C_px2
         return math.sqrt(self.C_px2 / denominator) if denominator > 0 else None
 
 

@@ -6,6 +6,7 @@ pose says that they lie. Line points that the pose does not explain speak agains
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +26,9 @@ class LineSupportSettings:
 
     Parameters
     ----------
-    sure_inlier_ratio : float
-        An outline that agrees so well needs no lines: on pictures of other things at most 0.7 agree.
+    sure_inlier_ratio, max_sure_rms : float
+        An outline of which so much agrees needs no lines: on photographs of other things at most 0.7 agree. Round
+        shapes agree by chance, too, but spread over the whole gate; see `max_tight_rms`.
     tight_inlier_ratio, max_tight_rms : float
         Nor does one of which so much agrees so well: root mean square of the residuals, in units of 1/86 of the usable
         radius. What agrees by chance is spread over the whole gate: 0.3 to 0.9 on pictures of other things.
@@ -38,23 +40,40 @@ class LineSupportSettings:
     min_samples : int
         With fewer samples marked as line these are not evidence. They are coarse, but cost nothing; where they do not
         support the pose, line points are found to a fraction of a pixel.
+    min_sample_ratio : float
+        Of these samples, those that must lie on lines: coarse ones come near to some line by chance. Then floor shows
+        where other lines should be.
     min_points : int
         With fewer the points are no evidence: robots may hide all lines. Plain floor where the pose puts lines is then
         evidence against it.
-    min_hidden_inlier_ratio : float
-        Fraction of the outline that must agree where all lines are hidden.
+    min_hidden_inlier_ratio, sure_hidden_nats : float
+        Where all lines are hidden: the fraction of the outline that must agree, and the log-likelihood ratio a bearing,
+        against chance, that needs nothing else.
+    min_bare_inlier_ratio, min_bare_nats, max_bare_samples : float, float, int
+        With less the picture may show plain floor, far from the walls: more must agree, with some of that ratio, and
+        hardly any sample may look like a line where the pose has none.
+    min_bare_samples : int
+        So many samples of plain floor where the pose puts lines speak against it, where no lines are seen.
     near_widths : float
         So near to a line's middle, in line widths, a point is on it.
     """
 
     sure_inlier_ratio: float = 0.8
+    max_sure_rms: float = 0.45
     tight_inlier_ratio: float = 0.65
     max_tight_rms: float = 0.35
+    chance_rms: float = 3.0 / math.sqrt(math.tau * math.e)
     min_evidence: float = 0.83
     point_weight: float = 1.5
-    min_samples: int = 10
+    min_samples: int = 20
+    min_sample_ratio: float = 0.4
     min_points: int = 20
     min_hidden_inlier_ratio: float = 0.4
+    sure_hidden_nats: float = 0.6
+    min_bare_inlier_ratio: float = 0.53
+    min_bare_nats: float = 0.15
+    max_bare_samples: int = 15
+    min_bare_samples: int = 10
     near_widths: float = 1.2
 
 
@@ -100,24 +119,35 @@ class LineSupport:
             What the view's samples show, from `FloorMarking.mark`.
         """
         settings = self._settings
-        if estimate.inlier_ratio >= settings.sure_inlier_ratio:
+        rms = estimate.residual_px / self._unit_px
+        if estimate.inlier_ratio >= settings.sure_inlier_ratio and rms <= settings.max_sure_rms:
             return True
-        if (
-            estimate.inlier_ratio >= settings.tight_inlier_ratio
-            and estimate.residual_px <= settings.max_tight_rms * self._unit_px
-        ):
+        if estimate.inlier_ratio >= settings.tight_inlier_ratio and rms <= settings.max_tight_rms:
             return True
+        above_chance = math.log(settings.chance_rms / max(rms, 1e-3))
+        tightness = above_chance / math.log(settings.chance_rms / settings.max_tight_rms)
+        agreeing_ratio = estimate.inlier_ratio * min(max(tightness, 0.0), 1.0)
         row, column = np.nonzero(marks == LINE)
-        missing_ratio = (settings.min_evidence - estimate.inlier_ratio) / settings.point_weight
-        if len(row) >= settings.min_samples:
-            off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
-            if np.count_nonzero(off_m < self._near_sample_m[column]) >= missing_ratio * len(row):
-                return True
+        missing_ratio = (settings.min_evidence - agreeing_ratio) / settings.point_weight
+        off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
+        on_lines = int(np.count_nonzero(off_m < self._near_sample_m[column]))
+        min_on_lines = max(missing_ratio, settings.min_sample_ratio) * len(row)
+        if len(row) >= settings.min_samples and on_lines >= min_on_lines and not self._lacks_lines(estimate, marks):
+            return True
         points = self._finder.find(frame)
-        if len(points) < settings.min_points:
-            return estimate.inlier_ratio >= settings.min_hidden_inlier_ratio and not self._lacks_lines(estimate, marks)
-        off_m = self._off_lines_m(estimate.pose, points.floor_m)
-        return bool(np.count_nonzero(off_m < self._near_m) >= missing_ratio * len(points))
+        if len(points) >= settings.min_points:
+            off_m = self._off_lines_m(estimate.pose, points.floor_m)
+            return bool(np.count_nonzero(off_m < self._near_m) >= missing_ratio * len(points))
+        nats = estimate.inlier_ratio * above_chance
+        if nats >= settings.sure_hidden_nats:
+            is_outline_enough = estimate.inlier_ratio >= settings.min_hidden_inlier_ratio
+        else:
+            is_outline_enough = (
+                estimate.inlier_ratio >= settings.min_bare_inlier_ratio
+                and nats >= settings.min_bare_nats
+                and len(row) - on_lines <= settings.max_bare_samples
+            )
+        return is_outline_enough and not self._lacks_lines(estimate, marks)
 
     def _lacks_lines(self, estimate: PoseEstimate, marks: UInt8Array) -> bool:
         """Whether plain floor shows where the pose puts lines."""
@@ -127,7 +157,7 @@ class LineSupport:
         near = np.gradient(self._view.range_m)[column] < 2 * width_m
         row, column = row[near], column[near]
         off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
-        return int(np.count_nonzero(off_m < 0.25 * width_m)) >= self._settings.min_samples
+        return int(np.count_nonzero(off_m < 0.25 * width_m)) >= self._settings.min_bare_samples
 
     def _off_lines_m(self, pose: Pose2, floor_m: FloatArray) -> FloatArray:
         return self._map.nearest(pose.transform(floor_m)).distance_m

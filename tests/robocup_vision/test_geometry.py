@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from strategies import covariances, numbers, poses
 
+from field_models.errors import ArgumentError
 from robocup_vision.arrays import read_only
 from robocup_vision.geometry import Pose2, compose_covariance, half_turn_covariance, wrap_angle
 
@@ -128,3 +129,9 @@ def test_read_only_is_a_copy_nobody_writes_to():
     assert frozen[0] == 1.0
     with pytest.raises(ValueError, match="read-only"):
         frozen[0] = 3.0
+
+
+@pytest.mark.parametrize("theta_rad", [math.inf, -math.inf, "1", None, 1j])
+def test_a_heading_that_is_no_finite_number_is_refused(theta_rad):
+    with pytest.raises(ArgumentError, match="theta_rad must be a finite number, got"):
+        Pose2(0.0, 0.0, theta_rad)

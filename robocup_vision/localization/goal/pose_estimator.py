@@ -54,8 +54,9 @@ class GoalSettings:
         How far from where lines put it a post may stand.
     telling_marks : int
         So many places on lines predicted in view, and lines that are not seen speak against a white goal.
-    min_alone_score : float
-        Score from which a white goal counts without lines.
+    min_alone_score, min_alone_hue_score : float
+        Score from which a white goal counts without lines, and from which one of a hue does on a field that has lines:
+        motley clutter has up to 0.7, goals that no lamp dazzles 0.85 and more.
     """
 
     search: SearchSettings = field(default_factory=SearchSettings)
@@ -70,6 +71,7 @@ class GoalSettings:
     post_reach_px: float = 3.0
     telling_marks: int = 60
     min_alone_score: float = 0.6
+    min_alone_hue_score: float = 0.72
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +165,10 @@ class GoalPoseEstimator:
         self._check(frame)
         candidates, reason = self._search.candidates(frame)
         if candidates and candidates[0].objection is None and candidates[0].model is self._search.colored_model:
-            return self._colored(frame, candidates)
+            placed = self._colored(frame, candidates)
+            if isinstance(placed, CameraEstimate):
+                return placed
+            reason, candidates = placed.reason, []
         for candidate in candidates[: self.settings.max_line_trials]:
             joined = self._with_lines(frame, candidate)
             if joined is not None:
@@ -188,8 +193,8 @@ class GoalPoseEstimator:
             self._goal_alone(part) if part is not None else NotLocated(f"{reason}; too little of it confirms the prior")
         )
 
-    def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> CameraEstimate:
-        """Make a goal of a hue, which is certain, exact by its profiles, and by the lines where they confirm it."""
+    def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> CameraEstimate | NotLocated:
+        """Make a goal of a hue exact by its profiles, and by the lines where they confirm it."""
         best = candidates[0]
         rivals = [
             c
@@ -205,6 +210,8 @@ class GoalPoseEstimator:
             if joined is not None:
                 return CameraEstimate(joined[1].unknowns, joined[1].covariance, candidate.sides, fine, joined[1])
         assert alone is not None
+        if alone.fit.score < self.settings.min_alone_hue_score and self._colored_lines is not None:
+            return NotLocated("no certain goal: posts and bar agree too badly to count without the lines around them")
         return self._goal_alone(alone)
 
     def _with_lines(self, frame: UInt8Array, candidate: Candidate) -> CameraEstimate | None:

@@ -34,6 +34,10 @@ class LineSettings:
         Of its stages.
     min_inlier_ratio, min_inlier_ratio_at_prior : float
         Of the line points, those that must lie on lines of the pose; of a pose refined from a prior.
+    few_points, min_nats_of_few : int, float
+        So few line points come to lie near some lines by chance, evenly over the whole gate: the log-likelihood ratio a
+        point against that, which they must have for a pose that is found without a prior. Rendered frames have 1.0 and
+        more; photographs by a rough calibration less, but they have a thousand points.
     rival_ratio, rival_excess : float
         The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
     clear_ratio : float
@@ -50,6 +54,8 @@ class LineSettings:
     fit: LineFitSettings = LineFitSettings()
     min_inlier_ratio: float = 0.6
     min_inlier_ratio_at_prior: float = 0.8
+    few_points: int = 300
+    min_nats_of_few: float = 0.5
     rival_ratio: float = 1.35
     rival_excess: float = 0.15
     clear_ratio: float = 2.0
@@ -129,6 +135,8 @@ class LinePoseEstimator:
             return refined
         if refined.inlier_ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {refined.inlier_ratio:.0%} of the line points lie on lines of the best pose")
+        if len(points) < self.settings.few_points and self._nats(refined) < self.settings.min_nats_of_few:
+            return NotLocated(f"{len(points)} line points lie near lines of the best pose no better than by chance")
         support = self._support(refined.pose, points)
         if support < self.settings.min_support:
             return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
@@ -186,6 +194,11 @@ class LinePoseEstimator:
                     f"and ({other.x_m:.2f}, {other.y_m:.2f})"
                 )
         return best
+
+    def _nats(self, estimate: PoseEstimate) -> float:
+        """Log-likelihood ratio a point: residuals of a normal distribution against even ones over the gate."""
+        chance_px = 2 * self.settings.fit.inlier_px / math.sqrt(math.tau * math.e)
+        return estimate.inlier_ratio * math.log(chance_px / max(estimate.residual_px, 1e-3))
 
     def _support(self, pose: Pose2, points: LinePoints) -> float:
         """Fraction of the predicted line points that were seen, of all that were seen or are bare floor instead."""

@@ -233,3 +233,9 @@ def test_a_robot_among_posts_never_touches_and_arrives(speed, acceleration):
             if arrived:
                 break
         assert arrived
+
+
+def test_a_target_many_turns_away_is_steered_to_at_once():
+    near = steering().steer(facing(0.5), (0.0, 0.0), math.remainder(1e9, math.tau))
+    far = steering().steer(facing(0.5), (0.0, 0.0), 1e9)
+    np.testing.assert_allclose(far.velocity_mps, near.velocity_mps)

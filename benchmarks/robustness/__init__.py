@@ -1,0 +1,1 @@
+"""What a robot's loop withstands: wrong frames, and many hours."""
