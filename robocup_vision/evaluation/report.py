@@ -23,6 +23,9 @@ from robocup_vision.evaluation.overlays import WORST_COUNT
 from robocup_vision.evaluation.plots import data_uri, draw_plots
 from robocup_vision.evaluation.scoring import FAIR_M, Figures, Row
 
+# a longer table opens in no browser
+_MAX_LISTED = 5000
+
 
 @dataclass(frozen=True, slots=True)
 class _Overlay:
@@ -96,7 +99,8 @@ def render_report(
             worst_overlays=[_overlay(rows[index], jpeg) for index, jpeg in worst],
             other_overlays=[_overlay(rows[index], jpeg) for index, jpeg in others],
             reasons=_reasons(rows),
-            rows=[_line(row) for row in rows],
+            rows=[_line(rows[index]) for index in sorted(ranked[:_MAX_LISTED])],
+            images=len(rows),
             moments=moments or {},
         )
     )

@@ -30,7 +30,7 @@ ROWS = [
     located("position_only.png", Truth(0.5, 0.2, None)),
     located("nobody_knows.png", None),
     Row("dark.png", truth=TRUTH, time_s=0.002, reason="<script>alert(1)</script> too dark"),
-    Row("torn & lost.png", reason="is a truncated PNG", failed=True),
+    Row("torn & lost.png", reason="is a truncated PNG", failed=True, unreadable=True),
 ]
 
 
@@ -63,6 +63,16 @@ def test_the_page_shows_each_image(page: str) -> None:
     assert names == ["torn &amp; lost.png", "dark.png", "far.png"]
     for text in ("ssl_2001", "64 × 56 px", "errors modulo a half turn", "4/6", "16.7 %", "300.0 mm"):
         assert text in page
+
+
+def test_of_very_many_images_the_worst_are_listed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "_MAX_LISTED", 2)
+    page = report.render_report(load_dataset(folder), ROWS, figures(ROWS), [], {}, [])
+    everything = page[page.index("<details") :]
+    assert f"The worst 2 of {len(ROWS)} images; results.csv has all" in everything
+    assert re.findall(r"<tr class=\"([a-z-]+)\"><td>([^<]+)</td>", everything) == [
+        ("not-located", "dark.png"), ("unreadable", "torn &amp; lost.png")
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
