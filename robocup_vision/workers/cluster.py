@@ -30,7 +30,14 @@ _COUNT_SLOTS_S = 2.0
 
 
 def cluster_workers(address: str) -> Workers:
-    """Return the workers of the cluster whose scheduler listens at an address."""
+    """Return the workers of the cluster whose scheduler listens at an address.
+
+    Raises
+    ------
+    ArgumentError
+        If none does. Before any work is prepared, so that a mistyped address costs nothing.
+    """
+    _require_scheduler(address)
     return Workers(
         lambda start: _open(address, start), (BrokenExecutor, CancelledError, KilledWorker), share_files=False
     )
@@ -62,19 +69,30 @@ def _open(address: str, start: Start[Any, Any]) -> Iterator[Pool]:
 
 @contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    try:
-        # a client that fails to connect goes on trying in a thread of its own, so that a bare connection asks first;
+    # a client that fails to connect goes on trying in a thread of its own, so that a bare connection asks first
+    _require_scheduler(address)
+    with _telling(address):
+        client: Any = Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+    with client:
+        yield client
+
+
+def _require_scheduler(address: str) -> None:
+    with _telling(address):
         # in a thread, because the caller may be in an event loop
         with ThreadPoolExecutor(1) as thread:
             kind = thread.submit(asyncio.run, _kind(address)).result()
         if kind != "Scheduler":
             raise ArgumentError(f"a {kind} listens there, not a scheduler")
-        client: Any = Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def _telling(address: str) -> Iterator[None]:
+    try:
+        yield
     except Exception as error:  # of many kinds, by what is wrong with the address
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ArgumentError(f"no dask scheduler answers at '{address}' ({reason})") from None
-    with client:
-        yield client
 
 
 async def _kind(address: str) -> str:

@@ -22,7 +22,7 @@ def find_workers(jobs: int, dask: str | None = None) -> Workers:
     Raises
     ------
     ArgumentError
-        If `jobs` is not positive, or dask.distributed is not installed.
+        If `jobs` is not positive, dask.distributed is not installed, or no scheduler answers.
     """
     if dask is not None:
         return dask_workers(dask)
@@ -65,7 +65,7 @@ def dask_workers(address: str) -> Workers:
     Raises
     ------
     ArgumentError
-        If dask.distributed is not installed.
+        If dask.distributed is not installed, or no scheduler answers.
     """
     if find_spec("distributed") is None:
         raise ArgumentError("dask.distributed is not installed (pip install 'robocup-vision[distributed]')")

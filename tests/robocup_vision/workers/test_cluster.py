@@ -95,9 +95,19 @@ def test_a_cluster_that_stays_without_workers_is_told(monkeypatch):
 def test_addresses_that_are_none_are_one_line(address, reason, monkeypatch):
     monkeypatch.setattr(cluster, "_CONNECT_S", 0.1)
     with pytest.raises(ArgumentError) as told:
-        list(run_pieces(refusing, [1], dask_workers(address)))
+        dask_workers(address)
     assert str(told.value).startswith(f"no dask scheduler answers at '{address}' ({reason}")
     assert "\n" not in str(told.value)
+
+
+def test_a_mistyped_address_costs_no_earlier_results(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cluster, "_CONNECT_S", 0.1)
+    (tmp_path / "results.csv").write_text("of an earlier run")
+    assert cli.main(["evaluate", str(DATASET), "--dask", "tcp://127.0.0.1:9", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(
+        "robocup-vision evaluate: no dask scheduler answers at 'tcp://127.0.0.1:9'"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["results.csv"]
 
 
 def test_without_dask_it_is_one_line(monkeypatch):
