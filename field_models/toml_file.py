@@ -25,6 +25,9 @@ class StrictStruct(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """Base of every file format: unknown keys are refused."""
 
 
+_BOUNDS = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
+
+
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Parse a TOML file into plain values, refusing NaN, infinity and integers beyond 64 bits anywhere in it.
 
@@ -79,6 +82,8 @@ def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
         elif problem.startswith("Invalid value "):
             words = " or ".join(repr(word) for word in _allowed(struct, key))
             problem = f"must be {words}" if words else problem
+        elif (bound := re.fullmatch(r"Expected `(?:int|float)` ([<>]=?) (\S+)", problem)) is not None:
+            problem = f"must be {_BOUNDS[bound[1]]} {bound[2]}"
         value = _look_up(raw, key) if key else ...
         raise FileError(path, problem[0].lower() + problem[1:], key=key or None, value=value) from None
 

@@ -129,7 +129,11 @@ class Memory:
         settings: MemorySettings = MemorySettings(),
     ) -> None:
         field = as_field(field)
+        if ego_motion is not None and not isinstance(ego_motion, ViewMotion):
+            raise ArgumentError(f"ego_motion must be a ViewMotion(), got {type(ego_motion).__name__}")
         if limits is not None:
+            if not isinstance(limits, MotionLimits):
+                raise ArgumentError(f"limits must be MotionLimits(speed_mps, ...), got {type(limits).__name__}")
             if poses is not None:
                 raise ArgumentError("limits are for the pose filter that Memory makes: leave out poses or limits")
             max_speed_mps = _FASTER * limits.speed_mps

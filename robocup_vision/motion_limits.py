@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
@@ -34,7 +35,9 @@ class MotionLimits:
     def __post_init__(self) -> None:
         for name, least in (("speed_mps", 1e-6), ("acceleration_mps2", 1e-6), ("dead_time_s", 0.0)):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= least):
+            if not isinstance(value, numbers.Real) or isinstance(value, bool):
+                raise ArgumentError(f"{name} must be a number, got {type(value).__name__} {value!r}")
+            if not (math.isfinite(value) and float(value) >= least):
                 raise ArgumentError(f"{name} must be at least {least:g}, got {value!r}")
 
     def travel_s(self, distance_m: float) -> float:

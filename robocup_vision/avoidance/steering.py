@@ -244,7 +244,7 @@ class Steering:
         rules = self._rules
         if speed_mps is not None:
             rules = rules._replace(speed=min(float(speed_mps), rules.speed))
-        if not all(isinstance(disc, Disc) for disc in moving):
+        if not isinstance(moving, Sequence) or not all(isinstance(disc, Disc) for disc in moving):
             raise ArgumentError("moving must be a sequence of Disc: track.as_disc(robot, radius_m)")
         if not rules.use_velocity:
             moving = ()

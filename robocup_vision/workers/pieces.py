@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
 
-from field_models.errors import RobocupVisionError
+from field_models.errors import ArgumentError, RobocupVisionError
 
 P = TypeVar("P")
 R = TypeVar("R")
@@ -100,11 +100,17 @@ def run_pieces(
 
     Raises
     ------
+    ArgumentError
+        If `batch` is not positive, or `workers` are none.
     RobocupVisionError
         If workers are lost again and again before they finish anything, or there are none.
     Exception
         What a piece raises.
     """
+    if not isinstance(workers, Workers):
+        raise ArgumentError(f"workers must be what find_workers(jobs) returns, got {type(workers).__name__}")
+    if batch < 1:
+        raise ArgumentError(f"batch must be at least 1, got {batch}")
     taken = iter(pieces)
     batches = enumerate(iter(lambda: list(islice(taken, batch)), []))
     # by number: those that are not finished, the oldest first

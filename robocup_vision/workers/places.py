@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
@@ -14,6 +15,9 @@ from robocup_vision.workers.pieces import Pool, Start, Workers
 from robocup_vision.workers.processes import worker_processes
 
 T = TypeVar("T")
+
+# processes; each loads the library, which takes some hundred megabytes
+_MAX_JOBS = 1024
 
 
 def find_workers(jobs: int, dask: str | None = None) -> Workers:
@@ -40,10 +44,14 @@ def local_workers(jobs: int) -> Workers:
     Raises
     ------
     ArgumentError
-        If `jobs` is not positive.
+        If `jobs` is not a whole number, 1 to 1024.
     """
+    if not isinstance(jobs, numbers.Integral) or isinstance(jobs, bool):
+        raise ArgumentError(f"jobs must be a whole number, got {type(jobs).__name__} {jobs!r}")
     if jobs < 1:
         raise ArgumentError(f"jobs must be at least 1, got {jobs}")
+    if jobs > _MAX_JOBS:
+        raise ArgumentError(f"jobs must be at most {_MAX_JOBS}, got {jobs}")
 
     @contextmanager
     def open_pool(start: Start[Any, Any]) -> Iterator[Pool]:

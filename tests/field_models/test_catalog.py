@@ -248,7 +248,7 @@ def test_a_line_from_goal_to_goal_where_the_file_says_so(write: Write):
     [
         ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
         ("length_m = 7.8\n", "", "key 'length_m': is missing"),
-        ("length_m = 7.8", "length_m = -7.8", "key 'length_m': expected `float` > 0.0, got -7.8"),
+        ("length_m = 7.8", "length_m = -7.8", "key 'length_m': must be above 0.0, got -7.8"),
         ("length_m = 7.8", "length_m = inf", "key 'length_m': must be a finite number, got inf"),
         ("length_m = 7.8", 'length_m = "7.8"', "key 'length_m': expected `float`, got `str`, got '7.8'"),
         ("depth_m = 0.18", "depth = 0.18", "key 'goal.depth': is unknown, got 0.18"),
@@ -262,7 +262,7 @@ def test_a_line_from_goal_to_goal_where_the_file_says_so(write: Write):
         ("depth_m = 0.18", "depth_m = 0.4", "key 'goal.depth_m': reaches through the boards, got 0.4"),
         ("width_m = 1.0", "width_m = 5.4", "key 'goal.width_m': is wider than the field (5.4 m), got 5.4"),
         ("height_m = 0.1\n", "", "key 'boundary.height_m': must be positive for kind 'boards', got 0.0"),
-        ("margin_m = 0.3", "margin_m = -0.3", "key 'boundary.margin_m': expected `float` >= 0.0, got -0.3"),
+        ("margin_m = 0.3", "margin_m = -0.3", "key 'boundary.margin_m': must be at least 0.0, got -0.3"),
         ('"orange"', '"tangerine"', "key 'ball_color': is not one of white, "),
         ('"black"', '"coal"', "key 'boundary.color': is not one of white, "),
         ('"white", "pink"', '"white", "rose"', "key 'beacons[0].colors': is not one of white, "),

@@ -134,6 +134,7 @@ def test_predictions_take_poses_and_times(vision):
         ({"target_bearing_rad": None}, "target_bearing_rad must be a number, got NoneType None"),
         ({"target_distance_m": "far"}, "target_distance_m must be a number, got 'far'"),
         ({"moving": [(1.0, 0.0)]}, "moving must be a sequence of Disc"),
+        ({"moving": None}, "moving must be a sequence of Disc"),
         ({"speed_mps": math.nan}, "speed_mps must be positive, got nan"),
     ],
 )
@@ -143,6 +144,19 @@ def test_steering_takes_free_space_and_numbers(view, changes, message):
         given["free_space"] = view
     with pytest.raises(ArgumentError, match=message):
         Steering(0.09, LIMITS).steer(**given)
+
+
+def test_memories_are_made_of_what_belongs_there():
+    with pytest.raises(ArgumentError, match=r"limits must be MotionLimits\(speed_mps, ...\), got float"):
+        Memory("ssl_2001", limits=0.4)
+    with pytest.raises(ArgumentError, match=r"ego_motion must be a ViewMotion\(\), got bool"):
+        Memory("ssl_2001", ego_motion=True)
+
+
+@pytest.mark.parametrize("value", ["0.4", None, True])
+def test_limits_are_numbers(value):
+    with pytest.raises(ArgumentError, match="acceleration_mps2 must be a number, got "):
+        MotionLimits(0.4, value)
 
 
 def test_what_steers_is_made_of_what_belongs_there(view):

@@ -93,7 +93,7 @@ BAD = [
     ('"omni"', "7", "key 'model': must be"),
     ("size_px = [256, 220]\n", "", "key 'size_px': is missing"),
     ("[256, 220]", "[256]", "key 'size_px': expected `array` of length 2, got 1"),
-    ("[256, 220]", "[256, 0]", "key 'size_px[1]': expected `int` >= 1, got 0"),
+    ("[256, 220]", "[256, 0]", "key 'size_px[1]': must be at least 1, got 0"),
     ("[256, 220]", "[256.5, 220]", "key 'size_px[0]': expected `int`, got `float`, got 256.5"),
     ("format = 1", "format = 1\nfocal = 3", "key 'focal': is unknown, got 3"),
     ("format = 1", 'format = 1\nmirrored = "no"', "key 'mirrored': expected `bool`, got `str`, got 'no'"),
@@ -103,14 +103,14 @@ BAD = [
     ("109.5", "-1", "key 'center_px': lies outside the 256x220 image, got [127.5, -1.0]"),
     ("[26.0, 112.0]", "[112.0, 26.0]", "key 'usable_radius_px': must be inner < outer, got [112.0, 26.0]"),
     ("[26.0, 112.0]", "[26.0, 26.0]", "key 'usable_radius_px': must be inner < outer, got [26.0, 26.0]"),
-    ("[26.0, 112.0]", "[0.0, 26.0]", "key 'usable_radius_px[0]': expected `float` > 0.0, got 0.0"),
+    ("[26.0, 112.0]", "[0.0, 26.0]", "key 'usable_radius_px[0]': must be above 0.0, got 0.0"),
     ("[26.0, 112.0]", "[114.0, 118.0]", "key 'usable_radius_px': shows no floor at its inner end, got [114.0, 118.0]"),
     (
         "format = 1",
         "format = 1\ntilt_rad = [0.0, 0.5]",
         "key 'tilt_rad': must be small (at most 0.3 rad), got [0.0, 0.5]",
     ),
-    ("20.54", "-20.54", "key 'floor_range.B_per_m': expected `float` > 0.0, got -20.54"),
+    ("20.54", "-20.54", "key 'floor_range.B_per_m': must be above 0.0, got -20.54"),
     ("B_per_m = 20.54\n", "", "key 'floor_range.B_per_m': is missing"),
     ("B_per_m = 20.54", "B_per_m = 20.54\nD = 1", "key 'floor_range.D': is unknown, got 1"),
     ('"hyperboloid"', '"sphere"', "key 'floor_range.kind': "),
@@ -125,7 +125,7 @@ BAD = [
     (
         "[floor_range]\n" + HYPERBOLOID,
         "viewpoint_height_m = 0\n[floor_range]\n" + TANGENT,
-        "key 'viewpoint_height_m': expected `float` > 0.0, got 0",
+        "key 'viewpoint_height_m': must be above 0.0, got 0",
     ),
     (
         HYPERBOLOID,
@@ -139,7 +139,7 @@ BAD = [
         "key 'floor_range.range_m': must have as many entries as radius_px (3), got 2",
     ),
     (HYPERBOLOID, TABLE.replace("26.0, 60.0, ", ""), "key 'floor_range.radius_px': expected `array` of length >= 2"),
-    (HYPERBOLOID, TABLE.replace("0.1", "0"), "key 'floor_range.range_m[0]': expected `float` > 0.0, got 0"),
+    (HYPERBOLOID, TABLE.replace("0.1", "0"), "key 'floor_range.range_m[0]': must be above 0.0, got 0"),
     (HYPERBOLOID, TABLE.replace("26.0", "30.0"), "key 'usable_radius_px': shows no floor at its inner end"),
 ]
 

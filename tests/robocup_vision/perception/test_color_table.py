@@ -160,8 +160,8 @@ BROKEN = {
     "one spread": (lambda t: replaced(t, "spread", [0.1]), r"key 'floor.spread': .*length 2.*got \[0.1\]"),
     "NaN": (lambda t: replaced(t, "noise", "nan"), "key 'floor.noise': must be a finite number, got nan"),
     "infinity in a list": (lambda t: replaced(t, "spread", "[0.1, inf]"), r"key 'floor.spread\[1\]': must be a finite"),
-    "negative": (lambda t: replaced(t, "level", -5.0), "key 'floor.level': expected `float` > 0.0, got -5.0"),
-    "over a byte": (lambda t: replaced(t, "level", 256.0), "key 'floor.level': expected `float` <= 255.0, got 256.0"),
+    "negative": (lambda t: replaced(t, "level", -5.0), "key 'floor.level': must be above 0.0, got -5.0"),
+    "over a byte": (lambda t: replaced(t, "level", 256.0), "key 'floor.level': must be at most 255.0, got 256.0"),
     "a word": (lambda t: replaced(t, "noise", '"low"'), "key 'floor.noise': expected `float`, got `str`, got 'low'"),
     "a number for a class": (lambda t: "ball = 3\n" + re.sub(r"\[ball\]\n.*\n.*\n", "", t), "key 'ball': .*got 3"),
 }

@@ -171,6 +171,16 @@ def test_stopping_early_ends_the_work():
     assert ended == [True]
 
 
+def test_what_is_no_worker_is_refused():
+    with pytest.raises(ArgumentError, match="workers must be what find_workers\\(jobs\\) returns, got int"):
+        list(run_pieces(thrice, [1], 3))
+    with pytest.raises(ArgumentError, match="batch must be at least 1, got 0"):
+        list(run_pieces(thrice, [1], this_process(), batch=0))
+    for jobs, problem in ((1.5, "must be a whole number, got float 1.5"), (10**6, "must be at most 1024, got 1000000")):
+        with pytest.raises(ArgumentError, match=f"jobs {problem}"):
+            find_workers(jobs)
+
+
 def test_no_processes_are_refused():
     for find in (local_workers, find_workers):
         with pytest.raises(ArgumentError, match="jobs must be at least 1, got 0"):
