@@ -35,8 +35,9 @@ for period in range(90):
     if period % 30 == 29:
         moved = start.inverse().compose(truth)
         print(f"{senses.t_s:.1f} s: really at {moved.x_m:+.3f} m, {moved.y_m:+.3f} m from the start")
-        off_m, _ = view.belief.pose.pose.error_to(truth)
-        print(f"    its pose in the field, estimated without odometry: off by {1000 * off_m:.1f} mm")
+        if view.belief and view.belief.pose:
+            off_m, _ = view.belief.pose.pose.error_to(truth)
+            print(f"    its pose in the field, estimated without odometry: off by {1000 * off_m:.1f} mm")
         for name, pose in (("views alone", seen.pose), ("wheels alone", reported), ("both", fused.pose)):
             off_m, off_rad = pose.error_to(moved)
             print(f"    {name:12} off by {1000 * off_m:5.1f} mm, {np.degrees(off_rad):4.1f} deg")

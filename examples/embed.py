@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from field_models import load_field
 from robocup_vision import MotionLimits, Steering, Vision, draw, load_camera
@@ -17,11 +18,12 @@ OUT = Path("out")
 
 vision = Vision(load_field("ssl_2001"), load_camera(DATASET / "camera.toml"))
 steering = Steering(robot_radius_m=0.09, limits=MotionLimits(speed_mps=0.4, acceleration_mps2=0.3, dead_time_s=0.03))
-velocity_mps = (0.0, 0.0)
+velocity_mps = np.zeros(2)
 target_bearing_rad = 0.0
 
 for path in sorted((DATASET / "images").glob("*.png")):
     frame = cv2.imread(str(path))
+    assert frame is not None
     view = vision.look(frame)
 
     if view.ball is not None:
@@ -40,5 +42,6 @@ for path in sorted((DATASET / "images").glob("*.png")):
     print(f"    command: {velocity_mps[0]:+.3f} m/s ahead, {velocity_mps[1]:+.3f} m/s to the left ({command.reason})")
 
 OUT.mkdir(exist_ok=True)
+assert frame is not None
 cv2.imwrite(str(OUT / "embed.png"), draw(view, frame, vision))
 print(f"what the last frame showed: {OUT / 'embed.png'}")

@@ -21,6 +21,7 @@ with (DATASET / "truth.csv").open(encoding="utf-8") as stream:
     rows = list(csv.DictReader(stream))[::8]
 for row in rows:
     frame = cv2.imread(str(DATASET / "images" / row["image"]))
+    assert frame is not None
     vision.forget()
     view = vision.look(frame)
     if not view.pose:
@@ -33,5 +34,6 @@ for row in rows:
     print(f"off by {error_m:.3f} m and {math.degrees(error_rad):.1f} deg")
 
 OUT.mkdir(exist_ok=True)
+assert frame is not None
 cv2.imwrite(str(OUT / "goal_pose.png"), draw(view, frame, vision))
 print("overlay of the last picture:", OUT / "goal_pose.png")

@@ -19,12 +19,12 @@ OUT.mkdir(exist_ok=True)
 hall = make_hall(1)
 turns = 12 / 143  # of a round of 10 m
 
-mapper = None
 cameras = (HALL_RIG.right, HALL_RIG.left, HALL_RIG.top)
-for moment in take(hall, cameras, loop_path(12, turns=turns), seed=1):
-    if mapper is None:
-        mapper = StereoMapper(HALL_RIG, start=moment.pose)
-    step = mapper.add(*moment.images)
+places = loop_path(12, turns=turns)
+mapper = StereoMapper(HALL_RIG, start=places[0])
+for moment in take(hall, cameras, places, seed=1):
+    right, left, top = moment.images
+    step = mapper.add(right, left, top)
     print(f"{step.stereo_points} features seen by all three cameras, {step.matched} of them on the map")
 save_map(mapper.finish(), OUT / "landmarks.npz")
 

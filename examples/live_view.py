@@ -28,6 +28,7 @@ def main() -> None:
         slowest_s = 0.0
         for number in range(ROUNDS * len(frames)):
             frame = frames[number % len(frames)]
+            assert frame is not None
             view = vision.look(frame, t_s=number / 10)
             command = steering.steer(view.free_space, (0.0, 0.0), 0.0)
             begin_s = time.perf_counter()

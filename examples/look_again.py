@@ -12,6 +12,7 @@ import numpy as np
 from field_models import load_field
 from robocup_vision import Memory, Vision
 from robocup_vision.belief import Hypothesis
+from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import half_turn_covariance
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.mapping.occupancy import FREE, NO_GO
@@ -25,6 +26,7 @@ field = load_field("four_legged_2007")
 arena = Arena(field, players=1, seed=3)
 for _ in range(30):  # it faces away from both goals
     arena.step({0: Command(turn_rps=2.0)})
+assert isinstance(arena.camera, PinholeCamera)
 estimator, question = GoalPoseEstimator(field, arena.camera), GoalQuestion(field, arena.camera)
 pose, covariance = arena.state.robots[0].pose, np.diag([0.05, 0.05, 0.05]) ** 2
 halves = [(pose.half_turn(), half_turn_covariance(covariance)), (pose, covariance)]
@@ -38,6 +40,8 @@ for _ in range(6):
     for _ in range(20):  # until the head is there
         arena.step({0: Command(pan_rad=fixation.pan_rad)})
     senses = arena.senses()[0]
+    assert senses.frame is not None
+    assert senses.frame_pan_rad is not None
     pan_rad = senses.frame_pan_rad
     goal = identified_goal(field, estimator.locate(senses.frame))
     print(f"    at {math.degrees(pan_rad):+.0f} deg:", {1: "goal at +x", -1: "goal at -x", 0: "no goal"}[goal])
@@ -52,9 +56,9 @@ for period in range(60):
     senses = arena.senses()[0]
     view = vision.look(senses.frame, senses.t_s, odometry=senses.odometry)
     arena.step({0: Command(0.2, 0.0, 0.3)})
-    picture = view.belief.free_map
-    if period % 20 == 19 and view.belief.pose and picture is not None:
-        here = view.belief.pose.pose
+    belief = view.belief
+    if period % 20 == 19 and belief and belief.pose and belief.free_map:
+        here, picture = belief.pose.pose, belief.free_map
         planner = SelectiveLook(picture.cell_m, robot_radius_m=0.09, half_view_rad=0.2)
         corner, side_m = np.array(picture.corner_m), picture.cell_m * len(picture.state)
         target = np.clip((0.9, 0.4), corner + 0.05, corner + side_m - 0.05).tolist()

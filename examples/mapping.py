@@ -26,6 +26,9 @@ for period in range(150):
     senses = arena.senses()[0]
     view = vision.look(senses.frame, senses.t_s, odometry=senses.odometry)
     belief = view.belief
+    assert belief is not None  # with a memory there is one
+    free_map = belief.free_map
+    assert free_map is not None
 
     if period % 30 == 29 and belief.pose:
         x_m, y_m, theta_rad = belief.pose.pose.array
@@ -34,12 +37,13 @@ for period in range(150):
         for track in belief.tracks:
             print(f"    robot at {track.x_m:+.2f} m, {track.y_m:+.2f} m", end="")
             print(f", going {track.vx_mps:+.2f} m/s, {track.vy_mps:+.2f} m/s")
-        free, no_go = ((belief.free_map.state == kind).sum() * belief.free_map.cell_m**2 for kind in (FREE, NO_GO))
+        free, no_go = ((free_map.state == kind).sum() * free_map.cell_m**2 for kind in (FREE, NO_GO))
         print(f"    {free:.1f} m2 of free floor, {no_go:.1f} m2 that must not be entered")
     arena.step({0: Command(0.3, 0.0, 0.2), 1: Command(0.3, 0.0, -0.9), 2: Command(0.3, 0.0, 0.9)})
 
 OUT.mkdir(exist_ok=True)
 colors = np.array([(90, 160, 90), (60, 60, 200), (120, 120, 120)], dtype=np.uint8)
-picture = colors[belief.free_map.state.T[::-1]]
+assert free_map is not None
+picture = colors[free_map.state.T[::-1]]
 cv2.imwrite(str(OUT / "map.png"), cv2.resize(picture, None, fx=5, fy=5, interpolation=cv2.INTER_NEAREST))
 print(f"the map: {OUT / 'map.png'}")

@@ -7,6 +7,7 @@ import numpy as np
 
 from field_models import load_field
 from robocup_vision import Pose2, PoseEstimate, load_camera
+from robocup_vision.camera import PinholeCamera
 from robocup_vision.planning import (
     GOAL_DETECTORS,
     Disc,
@@ -62,8 +63,9 @@ floor = UndecidedFloor(looks, corner_m=(-0.5, -1.5), cell_m=0.05)
 print(UndecidedSpeed(limits, ROBOT_M, LOOK_S).plan(np.array([(1.2, 0.2), goal]), floor).reason)
 
 # a four-legged robot turns its head to where landmarks leave its pose least uncertain, past an opponent
-camera = load_camera(Path(__file__).parents[1] / "images" / "goal_four_legged" / "camera.toml")
-gaze = PoseGaze(load_field("four_legged_2007"), camera, Neck(1.4), detectors=GOAL_DETECTORS)
+head = load_camera(Path(__file__).parents[1] / "images" / "goal_four_legged" / "camera.toml")
+assert isinstance(head, PinholeCamera)
+gaze = PoseGaze(load_field("four_legged_2007"), head, Neck(1.4), detectors=GOAL_DETECTORS)
 belief = PoseEstimate(Pose2(0.5, -0.8, 0.6), np.diag([0.1, 0.1, 0.05]) ** 2, 1.0, 0.0)
 opponent = Disc(1.5, -0.5, 0.15, np.diag([0.05, 0.05]) ** 2, height_m=0.28)
 print(gaze.choose(belief, t_s=0.0, blockers=[opponent]).reason)

@@ -3,6 +3,8 @@
 import math
 from pathlib import Path
 
+import numpy as np
+
 from field_models import load_field
 from robocup_vision import Memory, MotionLimits, Steering, Vision
 from robocup_vision.recording import Recorder, Recording
@@ -21,7 +23,7 @@ vision = Vision(arena.field, arena.camera, memory=Memory.of_everything(arena.fie
 steering = Steering(robot_radius_m=0.1, limits=MotionLimits(speed_mps=0.5, acceleration_mps2=0.5))
 
 with Recorder(PATH, vision, steering) as recorder:
-    velocity_mps = (0.0, 0.0)
+    velocity_mps = np.zeros(2)
     for _ in range(60):
         senses, truth = arena.senses()[0], arena.state.robots[0].pose
         view = recorder.look(senses.frame, t_s=senses.t_s, odometry=senses.odometry)

@@ -28,6 +28,7 @@ with VisionClient(port=30020) as vision, RobotClient(Team.YELLOW, port=30302) as
     while vision.receive(timeout_s=1.0) and away_m < 1.0:
         if vision.overview is not None and vision.overview.balls:
             ball, me = vision.overview.balls[0], vision.overview.yellow[1]
+            assert me.orientation_rad is not None  # a robot on the field has one
             dx_m, dy_m = ball.x_m - me.x_m, ball.y_m - me.y_m
             away_m = math.hypot(dx_m, dy_m)
             turn_rps = 4.0 * math.remainder(math.atan2(dy_m, dx_m) - me.orientation_rad, math.tau)
@@ -35,6 +36,6 @@ with VisionClient(port=30020) as vision, RobotClient(Team.YELLOW, port=30302) as
             robots.send([RobotCommand(1, move, kick_mps=3.0)])
             answer = robots.receive(timeout_s=0.1)
     print(f"kicked from {me.x_m:+.2f} m, {me.y_m:+.2f} m; the ball is at {ball.x_m:+.2f} m, {ball.y_m:+.2f} m already")
-    print(f"the robot answers: {answer.feedback[0]}")
+    print("the robot answers:", answer.feedback[0] if answer else "nothing")
 simulator.kill()
 simulator.wait()

@@ -19,7 +19,7 @@ simulator = subprocess.Popen(
 )
 
 
-async def watch(client, log, until_s):
+async def watch(client: VisionClient | TrackerClient | RefereeClient, log: SslLogWriter, until_s: float) -> None:
     """Write what a client receives until a time."""
     while time.monotonic() < until_s:
         packet = await client.receive_async(timeout_s=1.0)
@@ -27,14 +27,15 @@ async def watch(client, log, until_s):
             log.write(log_entry(time.time_ns(), packet))
 
 
-async def main():
+async def main() -> None:
     """Listen to all three at once."""
     with VisionClient(30020) as vision, TrackerClient(30010) as tracker, RefereeClient(30003) as referee:
         with SslLogWriter(LOG) as log:
             await asyncio.to_thread(vision.receive, 20.0)
             until_s = time.monotonic() + 3.0
             await asyncio.gather(*(watch(client, log, until_s) for client in (vision, tracker, referee)))
-        print(f"field {vision.geometry.field.length_m:g} m long, referee says {referee.newest.command.name}")
+        if vision.geometry and referee.newest:
+            print(f"field {vision.geometry.field.length_m:g} m long, referee says {referee.newest.command.name}")
 
 
 LOG.parent.mkdir(exist_ok=True)
@@ -43,4 +44,6 @@ simulator.kill()
 simulator.wait()
 with SslLog(LOG) as log:
     score = score_log(log)
-    print(f"{LOG}: {len(log.places)} packets; a robot is tracked to {1000 * score.robot_rms_m:.1f} mm")
+    print(f"{LOG}: {len(log.places)} packets")
+    if score.robot_rms_m is not None:
+        print(f"a robot is tracked to {1000 * score.robot_rms_m:.1f} mm")

@@ -40,14 +40,6 @@ def test_programs_run(program, tmp_path):
     assert run.stdout
 
 
-@pytest.mark.slow
-def test_programs_are_right_for_a_type_checker(tmp_path):
-    for number, program in enumerate(PROGRAMS):
-        (tmp_path / f"program_{number}.py").write_text(program, encoding="utf-8")
-    run = subprocess.run([sys.executable, "-m", "mypy", "--strict", "."], cwd=tmp_path, capture_output=True, text=True)
-    assert run.returncode == 0, run.stdout
-
-
 @pytest.mark.parametrize("command", COMMANDS)
 def test_commands_are_understood(command):
     name, *arguments = shlex.split(command)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from field_models.errors import ArgumentError, RobocupVisionError
 from field_models.field import Field
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.avoidance.steering import SteeringCommand
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -102,7 +102,7 @@ class FoxgloveServer(Closing):
 
     def show(
         self,
-        frame: UInt8Array,
+        frame: Frame,
         view: View,
         t_s: float | None = None,
         odometry: Pose2 | None = None,
@@ -124,7 +124,7 @@ class FoxgloveServer(Closing):
             What the robot does next.
         """
         at_s = t_s if t_s is not None else view.t_s if view.t_s is not None else time.time()
-        copied = frame.copy()
+        copied = cast("UInt8Array", frame.copy())
         with self._changed:
             if odometry is not None:
                 # motion of frames that are left out is not

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.closing import Closing
 from robocup_vision.live.handover.controls import Controls
 from robocup_vision.live.handover.feed_settings import FeedSettings
@@ -93,7 +94,7 @@ class Viewer(Controls, Closing):
 
     def show(
         self,
-        frame: UInt8Array,
+        frame: Frame,
         view: View,
         *,
         command: Sequence[float] | None = None,
@@ -135,7 +136,7 @@ class Viewer(Controls, Closing):
         self._page.put(
             Moment(
                 self._name,
-                frame,
+                cast("UInt8Array", frame),
                 t_s,
                 view,
                 colors=self._vision.colors,

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, Frame, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
 from robocup_vision.camera.files import save_camera
 from robocup_vision.closing import Closing
@@ -249,7 +249,7 @@ class Recorder(Closing):
 
     def look(
         self,
-        frame: UInt8Array | None,
+        frame: Frame | None,
         t_s: float | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
@@ -264,7 +264,7 @@ class Recorder(Closing):
     def add_look(
         self,
         view: View,
-        frame: UInt8Array | None,
+        frame: Frame | None,
         t_s: float | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
@@ -275,7 +275,7 @@ class Recorder(Closing):
         at_s = self._at(t_s)
         inputs: dict[str, Any] = {"t_s": t_s, "odometry": odometry, "prior": prior, "pan_rad": pan_rad}
         # recordings hold BGR, whatever the camera gives
-        kept = None if frame is None else own_frame(to_bgr(frame, self._vision.channels))
+        kept = None if frame is None else own_frame(to_bgr(cast("UInt8Array", frame), self._vision.channels))
         if kept is None:
             inputs[DROPPED] = True
         topics = self._calls.topics
