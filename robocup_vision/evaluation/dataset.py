@@ -186,6 +186,8 @@ def load_dataset(
     ArgumentError
         If an argument is unknown, or `field` or `camera` is needed.
     """
+    if not isinstance(path, str | Path):
+        raise ArgumentError(f"the path of a dataset must be a str or Path, got {type(path).__name__} {path!r}")
     path = Path(path)
     if not path.exists():
         raise FileError(path, "does not exist")

@@ -147,8 +147,8 @@ def evaluate(
     Raises
     ------
     ArgumentError
-        If `jobs` is not positive, no cluster answers, or the belief of a dataset without times or of camera poses is
-        to be scored.
+        If an argument is of another kind, `jobs` is not positive, or the belief of a dataset without times or of
+        camera poses is to be scored.
     FileError
         If the folder holds files of others, or the files cannot be written.
     RobocupVisionError
@@ -156,6 +156,12 @@ def evaluate(
     KeyboardInterrupt
         If interrupted: results.csv then holds the finished images, and the error says how many they are.
     """
+    _require("dataset", dataset, Dataset, "load_dataset(path)")
+    if workers is not None:
+        _require("workers", workers, Workers, "find_workers(jobs)")
+    if steering is not None:
+        _require("steering", steering, SteerPlan, "SteerPlan(robot_radius_m, limits)")
+    _require("out", out, (str, Path), "the path of a folder")
     crew = find_workers(jobs) if workers is None else workers
     if scores_belief and dataset.times is None:
         raise ArgumentError("--memory needs a sequence: a video, or a dataset with frames.csv")
@@ -212,6 +218,11 @@ def evaluate(
         summary = replace(_write_files(out, dataset, run, notes, page, moments), steering=steered)
         kept.delete()
     return summary
+
+
+def _require(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{name} must be {wanted}, got {type(value).__name__}")
 
 
 def _write_files(

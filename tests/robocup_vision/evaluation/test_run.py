@@ -245,6 +245,16 @@ def test_without_the_report_packages_the_other_files_are_written(
 
 def test_arguments_that_cannot_be_meant(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
     dataset = load_dataset(folder)
+    for changes, problem in (
+        ({"dataset": "folder"}, r"dataset must be load_dataset\(path\), got str"),
+        ({"out": None}, "out must be the path of a folder, got NoneType"),
+        ({"workers": 3}, r"workers must be find_workers\(jobs\), got int"),
+        ({"steering": True}, r"steering must be SteerPlan\(robot_radius_m, limits\), got bool"),
+    ):
+        with pytest.raises(ArgumentError, match=problem):
+            evaluate(**{"dataset": dataset, "out": tmp_path / "out", **changes})
+    with pytest.raises(ArgumentError, match="the path of a dataset must be a str or Path, got int 3"):
+        load_dataset(3)
     with pytest.raises(ArgumentError, match="jobs must be at least 1, got 0"):
         evaluate(dataset, tmp_path / "out", 0, make_vision=fake.FakeVision)
     (tmp_path / "file").write_text("")
