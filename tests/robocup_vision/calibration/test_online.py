@@ -26,6 +26,7 @@ def true_camera(paper_camera):
     return CONDITIONS["miscalibrated"].true_camera(paper_camera)
 
 
+@pytest.mark.slow
 def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera, true_camera, walk):
     online = OnlineCalibration(ssl_field, paper_camera, settings=OnlineSettings(every=1))
     vision = Vision(ssl_field, paper_camera, online=online)

@@ -12,6 +12,7 @@ from robocup_vision.recording.recorder import Recorder
 DATASET = Path(__file__).parents[3] / "images" / "omni_ssl_2001"
 
 
+@pytest.mark.slow
 def test_images_of_a_recording_are_linked_to_their_moments(tmp_path):
     vision = Vision(load_field("ssl_2001"), load_camera(DATASET / "camera.toml"))
     frames = [cv2.imread(str(path)) for path in sorted((DATASET / "images").glob("*.png"))[:3]]

@@ -51,6 +51,7 @@ def error_line(capsys) -> str:
     return err
 
 
+@pytest.mark.slow
 def test_errors_are_one_line(hall_folder, short_run, tmp_path, capsys):
     capsys.readouterr()
     run = tmp_path / "run"

@@ -13,6 +13,7 @@ from robocup_vision.recording.recording import Recording
 DATASET = Path(__file__).parents[3] / "images" / "omni_ssl_2001"
 
 
+@pytest.mark.slow
 def test_it_serves_a_dataset_for_some_seconds_and_records(images, tmp_path, capfd):
     path = tmp_path / "run.mcap"
     arguments = ["live", str(images), "--port", "0", "--seconds", "1.5", "--record", str(path)]

@@ -301,6 +301,7 @@ def test_a_localiser_without_camera_poses_cannot_be_scored_by_them(
     assert summary.problem is not None
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_keeps_what_is_done_and_is_gone_on_with(
     folder: Path, fake: ModuleType, tmp_path: Path
 ) -> None:
@@ -355,6 +356,7 @@ def test_the_time_of_single_images_is_said_to_be_theirs(folder: Path, fake: Modu
     assert "per frame (median), single images, nothing carried on between them" in page
 
 
+@pytest.mark.slow
 def test_the_estimate_over_time_is_scored(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
     class Remembering(fake.FakeVision):
         def look(self, frame, t_s=None, odometry=None):

@@ -59,6 +59,7 @@ def test_what_is_shown_arrives_in_a_page(viewer, vision, frames, tmp_path):
     assert viewer.cpu_s > 0
 
 
+@pytest.mark.slow
 def test_frames_of_another_size_pass_too(viewer, vision, frames):
     with link_to(viewer) as link:
         view = vision.look(frames[0], t_s=0.0)
@@ -76,6 +77,7 @@ def test_bad_arguments_are_refused(viewer, vision, frames):
         viewer.show(frames[0], view, command=(0.1, 0.2))
 
 
+@pytest.mark.slow
 def test_a_port_that_is_taken_is_named(viewer, vision):
     port = int(viewer.address.rstrip("/").rsplit(":", 1)[1])
     with pytest.raises(RobocupVisionError, match=f"port {port}"):

@@ -32,6 +32,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> MatchSummary:
     return run_match(PLAN, tmp_path_factory.mktemp("match"), record=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [0, 1])
 def test_a_robot_replays_bit_for_bit(recorded: MatchSummary, robot: int) -> None:
     recording = Recording(recorded.recordings[robot])
@@ -68,6 +69,7 @@ def test_another_field_or_camera_may_be_tried_but_no_method(recorded: MatchSumma
     assert 0.0 < (differences.pose_m.largest or 0.0) < 0.2
 
 
+@pytest.mark.slow
 def test_a_player_that_is_not_built_in_is_recorded_but_not_replayed(tmp_path: Path) -> None:
     plan = MatchPlan(players=1, seconds=0.1, ours=FailsAt, theirs=PLAYERS["plain"])
     summary = run_match(plan, tmp_path, record=True)
@@ -87,6 +89,7 @@ def test_the_report_links_the_recordings(recorded: MatchSummary) -> None:
     assert "currentTime" in page
 
 
+@pytest.mark.slow
 def test_without_recordings_the_report_links_nothing(tmp_path: Path) -> None:
     summary = run_match(PLAN, tmp_path)
     assert summary.report is not None

@@ -46,6 +46,7 @@ def test_some_robots_play_and_the_others_obey_foreign_commands():
     assert 0.02 < simulator.world.robot(sim.Team.YELLOW, 0).pose.y_m < 0.3
 
 
+@pytest.mark.slow
 def test_players_with_cameras_of_their_own_play_within_their_limits():
     simulator = begin("blue=plain:1", players=2)
     assert way(simulator, sim.Team.BLUE, 1, 1.5) > 0.1

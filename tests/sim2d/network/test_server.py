@@ -194,6 +194,7 @@ def test_wrong_options_are_reported_in_one_line(options, words, capsys):
     assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_foreign_team_of_thirty_lines_drives_a_square_and_kicks(running):
     ports = running.ports
     arguments = [ports.control, ports.yellow, running.simulator.vision_port]

@@ -186,6 +186,7 @@ def test_before_anything_is_seen_it_waits():
     assert player.status.view is None
 
 
+@pytest.mark.slow
 def test_the_same_seed_plays_the_same_match():
     first, second = (play(2.0, seed=11)[0].state for _ in range(2))
     assert first.robots == second.robots

@@ -76,6 +76,7 @@ def test_frames_are_those_of_the_ray_caster(name, camera):
         assert difference[on_floor].mean() < 1.2
 
 
+@pytest.mark.slow
 def test_a_place_is_distinguished_from_them_as_well_as_from_the_ray_casters():
     field = load_field("ssl_2001")
     eye = MatchCamera(field, SEKIMORI, LIMITS, np.random.default_rng(0))

@@ -19,6 +19,7 @@ def from_rough(ssl_field, off_frames, rough_camera):
     return calibrate_omni(ssl_field, off_frames, rough_camera)
 
 
+@pytest.mark.slow
 def test_a_rough_start_leads_to_the_true_camera(from_rough, true_camera, floor_error_m):
     assert isinstance(from_rough, OmniCalibration)
     assert floor_error_m(from_rough.camera, true_camera) < 2e-3
@@ -90,6 +91,7 @@ def test_a_carpet_is_calibrated_by_its_lines(mirror_camera, paint_field, floor_e
     assert all(len(frame.boundary_px) == 0 for frame in result.frames)
 
 
+@pytest.mark.slow
 def test_frames_that_are_of_no_use_are_left_out_by_name(ssl_field, off_frames, rough_camera):
     class Broken(list):
         def __getitem__(self, index):

@@ -33,6 +33,7 @@ def estimator():
     return GoalPoseEstimator(FIELD, CLEAN.camera)
 
 
+@pytest.mark.slow
 def test_clean_frames_are_located(clean, estimator):
     for sample in clean:
         estimate = estimator.locate(sample.frame)
@@ -140,6 +141,7 @@ def test_the_goal_s_colour_gives_the_side(estimator):
             assert np.sign(np.cos(estimate.pose.theta_rad)) == sample.goal.side
 
 
+@pytest.mark.slow
 def test_frames_without_a_whole_goal_are_refused_with_a_reason(estimator):
     views = ("no_goal", "half_goal", "goal_behind_robot", "orange_wall")
     for sample in sample_goal(FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 4, 8, views=views, supersample=2):

@@ -44,6 +44,7 @@ def prior_at(pose):
     return PoseEstimate(pose, np.diag(STD**2), 1.0, 0.0)
 
 
+@pytest.mark.slow
 def test_priors_are_refined_where_the_walls_are(field, camera, vision):
     rng = np.random.default_rng(11)
     before, after, distances = [], [], []

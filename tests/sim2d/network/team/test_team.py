@@ -100,6 +100,7 @@ def test_in_a_halt_no_robot_is_commanded_to_move_from_the_next_command_on(comman
     assert max(map(speed, loop.own(state))) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("realism", ["none", "rc2021"])
 def test_in_a_stop_they_leave_the_ball_and_drive_slowly(realism):
     loop = Loop(4, realism).tell(C.FORCE_START)

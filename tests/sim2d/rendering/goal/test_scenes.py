@@ -122,6 +122,7 @@ def test_negative_views_show_no_whole_goal():
             assert min(shown(sample, member, alone=True) for member in ("positive_y", "negative_y")) > 0.0
 
 
+@pytest.mark.slow
 def test_orange_wall_is_orange_where_a_plain_hall_is_not():
     def orange_share(view) -> float:
         frames = [s.frame for s in sample_goal(DOGS, TINY["clean"], 2, 8, views=(view,), supersample=2)]
@@ -212,6 +213,7 @@ def render_goal(*words: str | Path) -> int:
     return run_render_goal(parser.parse_args(["render-goal", *map(str, words)]))
 
 
+@pytest.mark.slow
 def test_dataset_holds_pictures_and_their_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out, again = tmp_path / "data", tmp_path / "again"
     words = ["--condition", "mild_glare_208x160", "--count", "3", "--seed", "5", "--jpeg", "90"]
