@@ -62,8 +62,8 @@ class NearbySettings:
     min_points, max_points : int
         Points near the predicted lines that are needed, and used.
     min_inlier_ratio : float
-        Of the points near the predicted lines, those that must agree: by chance up to 0.58 do, on frames of a field
-        0.84 and more.
+        Of the points near the predicted lines, those that must agree: on photographs of other things one in eight
+        priors finds more than half, one in ninety more than this; on frames of a field 0.84 and more agree.
     max_deviation : float
         Chi-square of the result's deviation from the prior: 5 degrees of freedom, 99.9 %.
     fit : LineFitSettings
@@ -81,7 +81,7 @@ class NearbySettings:
     paint_error_m: float = 0.01
     min_points: int = 30
     max_points: int = 200
-    min_inlier_ratio: float = 0.65
+    min_inlier_ratio: float = 0.75
     max_deviation: float = 20.5
     fit: LineFitSettings = LineFitSettings()
 

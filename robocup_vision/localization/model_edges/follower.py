@@ -126,6 +126,25 @@ class FollowedCamera:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FollowerState:
+    """What is carried from frame to frame.
+
+    Parameters
+    ----------
+    sway : (2, 4) float64
+        How far tilt, roll, height and focal length were off those at rest, and the variances of that.
+    last_pose : Pose2 or None
+        The camera's.
+    log_odds : float
+        That it was right.
+    """
+
+    sway: FloatArray
+    last_pose: Pose2 | None
+    log_odds: float
+
+
 class EdgeFollower:
     """Follows one camera on one field.
 
@@ -160,6 +179,8 @@ class EdgeFollower:
         self._sway = np.zeros((2, 4))
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
         self._keep, self._dt_s = np.zeros(4), -1.0
+        self._last_pose: Pose2 | None = None
+        self._log_odds = 0.0
         self.forget()
 
     @property
@@ -172,6 +193,15 @@ class EdgeFollower:
         """The camera's pose by the last fit, whether it was accepted or not."""
         return Pose2(*self._fit.unknowns[:3].tolist())
 
+    @property
+    def state(self) -> FollowerState:
+        """What the frames so far leave behind; may be set to what those of another follower of this camera left."""
+        return FollowerState(self._sway.copy(), self._last_pose, self._log_odds)
+
+    @state.setter
+    def state(self, state: FollowerState) -> None:
+        self._sway[:], self._last_pose, self._log_odds = state.sway, state.last_pose, state.log_odds
+
     def edge_points(self) -> EdgePoints:
         """Return where the last fit predicts the field's edges, and what its frame shows there."""
         count = int(self._fit.figures[0])
@@ -180,8 +210,7 @@ class EdgeFollower:
     def forget(self) -> None:
         """Forget the last frame: the camera's pose, its orientation, and the odds of both."""
         self._sway[0], self._sway[1] = 0.0, self._camera_prior[1] ** 2
-        self._last_pose: Pose2 | None = None
-        self._log_odds = 0.0
+        self._last_pose, self._log_odds = None, 0.0
 
     def resume(self, answer: FollowedCamera) -> None:
         """Continue from an answer: take its pose and orientation of the camera."""

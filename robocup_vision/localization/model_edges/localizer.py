@@ -10,10 +10,11 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.forward import GoalLocalizer
 from robocup_vision.localization.localizer import FrameEvidence, Localization
+from robocup_vision.localization.model_edges.blurred import BlurredFollower
 from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
@@ -35,6 +36,7 @@ class EdgeLocalizer:
         settings: EdgeSettings | None = None,
     ) -> None:
         self.follower = EdgeFollower(field, camera, settings)
+        self._blurred = BlurredFollower(field, camera, self.follower.settings)
         self._finder: EdgeFinder | None = None
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
@@ -45,11 +47,12 @@ class EdgeLocalizer:
         camera = evidence.camera
         assert isinstance(camera, PinholeCamera)
         answer: FollowedCamera | NotLocated
+        points: EdgePoints | None = None
         if prior is None:
             answer = self._find(evidence.frame)
         else:
-            near = self._as_estimate(prior).seen_from(camera.camera_in_robot)
-            answer = self.follower.follow(evidence.frame, _with_pan_error(near), self._passed(evidence.t_s))
+            near = _with_pan_error(self._as_estimate(prior).seen_from(camera.camera_in_robot))
+            answer, points = self._follow(evidence, near)
             if isinstance(answer, NotLocated):
                 found = self._find(evidence.frame)
                 answer = answer if isinstance(found, NotLocated) else found
@@ -62,7 +65,7 @@ class EdgeLocalizer:
                 return by_goal
             answer = answer if by_goal is None else by_goal
         if isinstance(answer, NotLocated):
-            return Localization(answer, camera, edge_points=self.follower.edge_points())
+            return Localization(answer, camera, edge_points=points or self.follower.edge_points())
         back = camera.camera_in_robot.inverse()
         oriented = replace(
             camera,
@@ -73,8 +76,22 @@ class EdgeLocalizer:
             roll_rad=answer.camera.roll_rad,
         )
         measurement = answer.measurement.seen_from(back)
-        points = self.follower.edge_points()
+        points = points or self.follower.edge_points()
         return Localization(answer.estimate.seen_from(back), oriented, measurement=measurement, edge_points=points)
+
+    def _follow(
+        self, evidence: FrameEvidence, near: PoseEstimate
+    ) -> tuple[FollowedCamera | NotLocated, EdgePoints | None]:
+        """Follow by the frame, or else by smaller copies of it; with the edges where those located the camera."""
+        before, dt_s = self.follower.state, self._passed(evidence.t_s)
+        answer = self.follower.follow(evidence.frame, near, dt_s)
+        if answer:
+            return answer, None
+        by_copy = self._blurred.follow(evidence.frame, near, dt_s, before)
+        if not by_copy:
+            return answer, None
+        self.follower.state = self._blurred.state
+        return by_copy, self._blurred.edge_points()
 
     def _find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
         return self._made_finder().find(frame)

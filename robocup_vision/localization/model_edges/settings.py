@@ -86,6 +86,9 @@ class EdgeSettings:
     sway_std_rad: float = 0.02
     # height rises and falls with the gait
     height_memory_s: float = 0.12
+    # a frame that confirms nothing may be blurred: it is looked at again so many times smaller, at least this wide
+    copy_factors: tuple[int, ...] = (2, 3)
+    min_copy_px: int = 200
     # of the prior where only a pose is given
     prior_std_m: float = 0.15
     prior_std_rad: float = 0.1

@@ -1,0 +1,282 @@
+"""Poses in photographs: right where something is known of them, and none where no field is.
+
+A pose is right within 5 cm and 2 degrees of the known one (two_zone, whose truth is good to 0.1 m: 15 cm), modulo a
+half turn for mirror cameras. Photographs of other things are scaled to each camera's size and looked at once without
+and once with a random prior (0.1 m, 0.1 m, 5 degrees, one standard deviation, anywhere on the field); every pose that
+comes back counts as one too many. Priors on the photographs of a field are drawn about the known pose with the same
+standard deviations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs, table_of
+from field_models import Field, load_field
+from robocup_vision import PoseEstimate, Vision, load_camera
+from robocup_vision.calibration.omni.calibrate import calibrate_omni
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.cameras import sekimori_camera
+
+SEED = 20010305
+PRIOR_STD = np.array([0.1, 0.1, math.radians(5.0)])
+PRIORS = 6
+RIGHT_M, RIGHT_RAD, ROUGH_M = 0.05, math.radians(2.0), 0.15
+# folder and image of each calibration from a single photograph
+SINGLE = (
+    ("omni_msl_6x4", "a_center.png"),
+    ("omni_msl_6x4_b", "b_center.png"),
+    ("omni_msl_noisy", "y_1bakbak_pic0.png"),
+    ("omni_msl_noisy", "y_2_pic0.png"),
+    ("omni_msl_noisy", "y_100_pic0.png"),
+    ("omni_msl_table", "d100.png"),
+    ("omni_msl_table", "d175.png"),
+    ("omni_msl_table", "d250.png"),
+)
+
+
+def _field_of(folder: str) -> Field:
+    own = REAL / folder / "field.toml"
+    return load_field(own if own.is_file() else "msl_6x4")
+
+
+def _truths(folder: str) -> dict[str, Pose2]:
+    return {
+        row["image"]: Pose2(float(row["x_m"]), float(row["y_m"]), float(row["theta_rad"]))
+        for row in table_of(folder, "truth.csv")
+        if row["theta_rad"]
+    }
+
+
+def _drawn(pose: Pose2, rng: np.random.Generator) -> PoseEstimate:
+    x, y, theta = (pose.array + rng.normal(0.0, PRIOR_STD)).tolist()
+    return PoseEstimate(Pose2(x, y, theta), np.diag(PRIOR_STD**2), 1.0, 0.0)
+
+
+def _is_right(view_pose: object, truth: Pose2, max_m: float = RIGHT_M) -> bool:
+    if not isinstance(view_pose, PoseEstimate):
+        return False
+    off_m, off_rad = view_pose.pose.error_to(truth, symmetric=True)
+    return off_m <= max_m and off_rad <= RIGHT_RAD
+
+
+def _pinhole_rows() -> list[tuple[str, Field, PinholeCamera]]:
+    out = []
+    for folder in ("onboard_ssl_more", "goal_spl"):
+        camera = load_camera(REAL / folder / "camera.toml")
+        assert isinstance(camera, PinholeCamera)
+        field = load_field("spl_2020") if folder == "goal_spl" else _field_of(folder)
+        out.append((folder, field, camera))
+    return out
+
+
+def other_things(kind: str, *, with_prior: bool) -> PhotographRow | None:
+    """Look at photographs of other things, by a mirror camera among walls or lines, or by pinhole cameras."""
+    if not (REAL / "negatives").is_dir():
+        return None
+    rng = np.random.default_rng(SEED)
+    visions: list[Vision]
+    if kind == "walls":
+        visions = [Vision(load_field("ssl_2001"), sekimori_camera())]
+    elif kind == "lines":
+        visions = [Vision(load_field("msl_6x4"), load_camera(REAL / "omni_msl_6x4" / "camera.toml"))]
+    else:
+        visions = []
+        for _, field, camera in _pinhole_rows():
+            if kind == "pinhole":
+                visions.append(Vision(field, camera))
+            elif camera.tilt_rad is not None:
+                visions.append(Vision(field, camera, method=kind))
+    found = looks = 0
+    for _, photograph in photographs("negatives"):
+        for vision in visions:
+            vision.forget()
+            frame = np.asarray(cv2.resize(photograph, vision.camera.size_px), dtype=np.uint8)
+            half = vision.field.length_m / 2, vision.field.width_m / 2
+            there = Pose2(
+                rng.uniform(-half[0], half[0]), rng.uniform(-half[1], half[1]), rng.uniform(-math.pi, math.pi)
+            )
+            prior = PoseEstimate(there, np.diag(PRIOR_STD**2), 1.0, 0.0) if with_prior else None
+            found += bool(vision.look(frame, prior=prior).pose)
+            looks += 1
+    words = "random prior" if with_prior else "no prior"
+    return PhotographRow(f"other things, {kind}, {words}", f"{found} poses of {looks}", "none", found == 0)
+
+
+def mirror_lines(folder: str, *, with_prior: bool) -> PhotographRow | None:
+    """Look at mirror photographs with clutter; those without a known pose count where any is found."""
+    if not (REAL / folder / "images").is_dir():
+        return None
+    truths = _truths(folder) if (REAL / folder / "truth.csv").is_file() else {}
+    if with_prior and not truths:
+        return None
+    vision = Vision(_field_of(folder), load_camera(REAL / folder / "camera.toml"))
+    rng = np.random.default_rng(SEED)
+    right = looks = wrong = 0
+    for name, frame in photographs(folder):
+        for _ in range(PRIORS if with_prior else 1):
+            vision.forget()
+            prior = _drawn(truths[name], rng) if with_prior else None
+            pose = vision.look(frame, prior=prior).pose
+            is_right = _is_right(pose, truths[name]) if name in truths else bool(pose)
+            right, wrong, looks = right + is_right, wrong + (bool(pose) and not is_right), looks + 1
+    words = "prior" if with_prior else "no prior"
+    return PhotographRow(
+        f"{folder}, {words}", f"{right} of {looks} right, {wrong} wrong", "all, 0 wrong", right == looks and not wrong
+    )
+
+
+def two_zones() -> PhotographRow | None:
+    """Look through a mirror of two zones by its team's table."""
+    folder = "omni_msl_two_zone"
+    if not (REAL / folder / "images").is_dir():
+        return None
+    truths = _truths(folder)
+    vision = Vision(_field_of(folder), load_camera(REAL / folder / "camera_team.toml"))
+    found = wrong = 0
+    for name, frame in photographs(folder):
+        vision.forget()
+        pose = vision.look(frame).pose
+        found += bool(pose)
+        wrong += bool(pose) and not _is_right(pose, truths[name], ROUGH_M)
+    return PhotographRow(folder, f"{found} of {len(truths)} located, {wrong} wrong", "0 wrong", wrong == 0)
+
+
+def noisy_carpet() -> PhotographRow | None:
+    """Look at the photographs with noise by cameras calibrated on them."""
+    folder = "omni_msl_noisy"
+    if not (REAL / folder / "images").is_dir():
+        return None
+    located = []
+    for name, frame in photographs(folder):
+        vision = Vision(load_field("msl_6x4"), load_camera(REAL / folder / f"camera_{name[:-4]}.toml"))
+        if vision.look(frame).pose:
+            located.append(name[:-9])
+    return PhotographRow(folder, f"{len(located)} of 3 located ({', '.join(located)})", "all", len(located) == 3)
+
+
+def single_photographs(start: str | None) -> PhotographRow | None:
+    """Calibrate mirror cameras from one photograph each; right where the camera agrees with the known one."""
+    if not (REAL / "omni_msl_table").is_dir():
+        return None
+    right = wrong = 0
+    cases = [case for case in SINGLE if start is None or case[0] == "omni_msl_table"]
+    for folder, name in cases:
+        frame = np.asarray(cv2.imread(str(REAL / folder / "images" / name), cv2.IMREAD_COLOR), dtype=np.uint8)
+        known = load_camera(
+            REAL / folder / ("camera.toml" if folder != "omni_msl_noisy" else f"camera_{name[:-4]}.toml")
+        )
+        assert isinstance(known, OmniCamera)
+        first = None if start is None else load_camera(REAL / folder / start)
+        assert first is None or isinstance(first, OmniCamera)
+        result = calibrate_omni(_field_of(folder), [frame], first)
+        if result:
+            agrees = _agree(result.camera, known)
+            right, wrong = right + agrees, wrong + (not agrees)
+    label = "calibrated from one photograph" + (", by the team's table" if start else "")
+    return PhotographRow(
+        label, f"{right} of {len(cases)}, {wrong} wrong", "9 of 11, 0 wrong", not wrong and 11 * right >= 9 * len(cases)
+    )
+
+
+def _agree(camera: OmniCamera, known: OmniCamera) -> bool:
+    """Whether two cameras see the floor within 8 percent up to 2.5 m, whatever way they are turned."""
+    angles = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
+    around = np.column_stack([np.cos(angles), np.sin(angles)])
+    for range_m in (0.8, 1.5, 2.5):
+        back = camera.pixel_to_floor(known.floor_to_pixel(range_m * around))
+        if not np.all(np.abs(np.linalg.norm(back, axis=-1) - range_m) <= 0.08 * range_m):
+            return False
+    return True
+
+
+def forward_poses(*, with_prior: bool) -> PhotographRow | None:
+    """Look by the small-size robot's camera; without a prior any right candidate counts."""
+    if not (REAL / "onboard_ssl_more").is_dir():
+        return None
+    rng = np.random.default_rng(SEED)
+    errors: list[tuple[float, float]] = []
+    nearer = looks = right = wrong = 0
+    for folder in ("onboard_ssl", "onboard_ssl_more"):
+        truths = _truths(folder)
+        vision = Vision(_field_of("onboard_ssl_more"), load_camera(REAL / folder / "camera.toml"))
+        for name, frame in photographs(folder):
+            if name not in truths:
+                continue
+            for _ in range(PRIORS if with_prior else 1):
+                vision.forget()
+                prior = _drawn(truths[name], rng) if with_prior else None
+                pose = vision.look(frame, prior=prior).pose
+                looks += 1
+                if not pose:
+                    continue
+                if prior is None:
+                    near = min(c.error_to(truths[name])[0] for c in pose.candidates)
+                    right, wrong = right + (near < 0.3), wrong + (near >= 0.3)
+                else:
+                    error = pose.pose.error_to(truths[name])
+                    errors.append(error)
+                    nearer += error[0] < prior.pose.error_to(truths[name])[0]
+    if not with_prior:
+        return PhotographRow(
+            "onboard_ssl, no prior",
+            f"{right} of {looks} right, {wrong} wrong",
+            "a third, 0 wrong",
+            not wrong and 3 * right >= looks,
+        )
+    away, turn = np.mean(errors, axis=0)
+    measured = (
+        f"{len(errors)}/{looks}; {away:.3f} m, {math.degrees(turn):.1f} deg; nearer {100 * nearer / len(errors):.0f} %"
+    )
+    return PhotographRow(
+        "onboard_ssl, prior", measured, "0.07 m; nearer 90 %", float(away) <= 0.07 and nearer >= 0.9 * len(errors)
+    )
+
+
+def white_goals() -> PhotographRow | None:
+    """Locate the head camera of a Nao by its white goal."""
+    if not (REAL / "goal_spl").is_dir():
+        return None
+    vision = Vision(load_field("spl_2020"), load_camera(REAL / "goal_spl" / "camera.toml"))
+    images = dict(photographs("goal_spl"))
+    rows = table_of("goal_spl", "truth.csv")
+    errors = []
+    for row in rows:
+        vision.forget()
+        pose = vision.look(images[row["image"]]).pose
+        if pose:
+            true = np.array([float(row["x_m"]), float(row["y_m"])])
+            errors.append(min(math.dist(c.array[:2], true) for c in pose.candidates))
+    if not errors:
+        return PhotographRow("goal_spl", f"0 of {len(rows)}", "5 of 5; 0.05, 0.10 m", False)
+    mean, worst = float(np.mean(errors)), max(errors)
+    measured = f"{len(errors)} of {len(rows)}; mean {mean:.3f}, worst {worst:.3f} m"
+    is_met = len(errors) == len(rows) and mean <= 0.05 and worst <= 0.1
+    return PhotographRow("goal_spl", measured, "5 of 5; 0.05, 0.10 m", is_met)
+
+
+ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
+    lambda: other_things("walls", with_prior=False),
+    lambda: other_things("walls", with_prior=True),
+    lambda: other_things("lines", with_prior=False),
+    lambda: other_things("lines", with_prior=True),
+    lambda: other_things("pinhole", with_prior=False),
+    lambda: other_things("pinhole", with_prior=True),
+    lambda: other_things("field", with_prior=True),
+    lambda: other_things("floor", with_prior=True),
+    lambda: mirror_lines("omni_msl_lab", with_prior=False),
+    lambda: mirror_lines("omni_msl_table", with_prior=False),
+    lambda: mirror_lines("omni_msl_table", with_prior=True),
+    two_zones,
+    noisy_carpet,
+    lambda: single_photographs(None),
+    lambda: single_photographs("camera_team.toml"),
+    lambda: forward_poses(with_prior=False),
+    lambda: forward_poses(with_prior=True),
+    white_goals,
+)

@@ -1,0 +1,95 @@
+"""Follows the camera by smaller copies of a frame, in which motion blur is as many times shorter.
+
+A blurred line is a slope as wide as the blur, and no edge at the frame's own size: a search of a few pixels sees too
+little of the step, and takes what it borders on for another thing than carpet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
+from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera, FollowerState
+from robocup_vision.localization.model_edges.settings import EdgeSettings
+
+
+class BlurredFollower:
+    """Follows where the follower of whole frames does not, in copies of a half and a third of the size.
+
+    Parameters
+    ----------
+    field, camera, settings
+        As of `EdgeFollower`. No copy is narrower than `settings.min_copy_px`: a small frame has none.
+    """
+
+    def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings) -> None:
+        self._field, self._camera, self._settings = field, camera, settings
+        self._factors = [k for k in settings.copy_factors if camera.size_px[0] >= k * settings.min_copy_px]
+        self._followers: dict[int, EdgeFollower] = {}
+        self._last: tuple[int, EdgeFollower] | None = None
+
+    def follow(
+        self, frame: UInt8Array, prior: PoseEstimate, dt_s: float, before: FollowerState
+    ) -> FollowedCamera | NotLocated:
+        """Locate the camera by the largest copy of a frame that confirms a pose.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR, of the camera's size.
+        prior : PoseEstimate
+            Of the camera's foot and axis.
+        dt_s : float
+            Time since the last frame.
+        before : FollowerState
+            Of the follower of whole frames, before it saw this one.
+        """
+        for factor in self._factors:
+            follower = self._made_follower(factor)
+            follower.state = before
+            size_px = follower.camera.size_px
+            copy = np.asarray(cv2.resize(frame, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+            answer = follower.follow(copy, prior, dt_s)
+            if answer:
+                self._last = factor, follower
+                residual_px = factor * answer.estimate.residual_px
+                estimate = replace(answer.estimate, residual_px=residual_px)
+                return replace(answer, estimate=estimate, file_camera=self._camera)
+        return NotLocated("no smaller copy of the frame confirms a pose")
+
+    @property
+    def state(self) -> FollowerState:
+        """State after the last answer."""
+        assert self._last is not None
+        return self._last[1].state
+
+    def edge_points(self) -> EdgePoints:
+        """Return where the last answer predicts the field's edges, in pixels of the whole frame."""
+        assert self._last is not None
+        factor, follower = self._last
+        points = follower.edge_points()
+        return EdgePoints((points.pixels + 0.5) * factor - 0.5, points.state)
+
+    def _made_follower(self, factor: int) -> EdgeFollower:
+        if factor not in self._followers:
+            self._followers[factor] = EdgeFollower(self._field, _smaller(self._camera, factor), self._settings)
+        return self._followers[factor]
+
+
+def _smaller(camera: PinholeCamera, factor: int) -> PinholeCamera:
+    """Return the camera whose frames are this many times smaller."""
+    size_px = (camera.size_px[0] // factor, camera.size_px[1] // factor)
+    across, down = camera.size_px[0] / size_px[0], camera.size_px[1] / size_px[1]
+    return replace(
+        camera,
+        size_px=size_px,
+        focal_px=(camera.focal_px[0] / across, camera.focal_px[1] / down),
+        center_px=((camera.center_px[0] + 0.5) / across - 0.5, (camera.center_px[1] + 0.5) / down - 0.5),
+        focal_std_px=camera.focal_std_px / factor,
+    )
