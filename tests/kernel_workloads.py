@@ -22,7 +22,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from field_models import load_field
+from field_models import Field, load_field
 from robocup_vision import Memory, MotionLimits, Pose2, PoseEstimate, Steering, Vision, Wayfinder, load_camera
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.compiling.prepared_kernels import KERNELS, SIGNATURES, spelled_type
@@ -93,7 +93,7 @@ def mirror(method: str, seed: int = 1, count: int = 4) -> Workload:
     look_at(Vision(load_field("ssl_2001"), camera, vision.colors, method=method), frames[:30])
 
 
-def walk_frames(seed: int, count: int) -> tuple[PinholeCamera, list[tuple[Any, Pose2]]]:
+def walk_frames(seed: int, count: int, field: Field | None = None) -> tuple[PinholeCamera, list[tuple[Any, Pose2]]]:
     from sim2d.rendering.pinhole import render_pinhole
     from sim2d.rendering.scene import Room, Scene
     from sim2d.rendering.sensor import Sensor
@@ -110,7 +110,8 @@ def walk_frames(seed: int, count: int) -> tuple[PinholeCamera, list[tuple[Any, P
         roll_std_rad=math.radians(1.4),
     )
     rng = np.random.default_rng(seed)
-    scene, sensor = Scene(load_field("four_legged_2007"), room=Room(seed=5)), Sensor(noise_sigma=3.0, blur_px=0.6)
+    field = load_field("four_legged_2007") if field is None else field
+    scene, sensor = Scene(field, room=Room(seed=5)), Sensor(noise_sigma=3.0, blur_px=0.6)
     frames = []
     for _ in range(count):
         robot = Pose2(*rng.uniform((-2.0, -1.2, -math.pi), (2.0, 1.2, math.pi)))
@@ -132,7 +133,10 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
         for condition in (GOAL_CONDITIONS["heavy_glare_416x320"],):
             frames += [(one.frame, one.pose) for one in sample_goal(field, condition, seed, count)]
     else:
-        camera, frames = walk_frames(seed, count)
+        if method == "floor":
+            # the feet of boards
+            field = replace(field, boundary="boards")
+        camera, frames = walk_frames(seed, count, field)
     visions = [Vision(field, camera, method=method)]
     if method == "edges":
         visions.append(Vision(load_field("ssl_division_b"), camera))
@@ -215,7 +219,7 @@ def example(*names: str) -> Workload:
 
 WORKLOADS: dict[str, Callable[[], Workload]] = {
     **{f"mirror_{name}": (lambda name=name: mirror(name)) for name in ("field", "floor", "hull")},
-    **{f"pinhole_{name}": (lambda name=name: pinhole(name)) for name in ("edges", "goal", "field")},
+    **{f"pinhole_{name}": (lambda name=name: pinhole(name)) for name in ("edges", "goal", "field", "floor")},
     "steering": steering,
     "memory": memory,
     "planning": lambda: example("planning"),
