@@ -83,6 +83,13 @@ def draw(view: View, frame: Frame, vision: Vision, out: Frame | None = None) -> 
         canvas = canvas.copy() if np.shares_memory(canvas, frame) else canvas
     else:
         canvas, scale = cast("UInt8Array", out), _scale_of(out, width, height)
+    draw_layers(view, canvas, vision, scale)
+    _write(canvas, _summary(view))
+    return canvas
+
+
+def draw_layers(view: View, canvas: UInt8Array, vision: Vision, scale: int = 1) -> None:
+    """Draw what `draw` does, without the text and the checks, on a BGR picture `scale` times as large as the frame."""
     layers = _layer_maker(vision.field).layers(view)
     _draw_free_space(canvas, layers.free_px, scale)
     _draw_paths(canvas, layers.field_px, scale, FIELD_COLOR)
@@ -95,8 +102,6 @@ def draw(view: View, frame: Frame, vision: Vision, out: Frame | None = None) -> 
         _draw_edge_points(canvas, view.edge_points, scale)
     _draw_paths(canvas, layers.obstacles_px, scale, OBSTACLE_COLOR, 2)
     _draw_paths(canvas, layers.ball_px, scale, BALL_COLOR, 2)
-    _write(canvas, _summary(view))
-    return canvas
 
 
 def _draw_edge_points(canvas: UInt8Array, points: EdgePoints, scale: int) -> None:

@@ -4,30 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
+from queue import Queue
+from threading import Thread
 
 import cv2
 import numpy as np
 
-from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.belief import MapPicture
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.overlay import draw
+from robocup_vision.overlay import draw_layers
 from robocup_vision.vision import Vision
+from sim2d.report.film_file import FilmFile
 from sim2d.report.moment import Moment, RobotMoment
 from sim2d.report.top_view import SIDE_COLORS, Bgr, TopView
 from sim2d.robot_link import CONTROL_PERIOD_S
 from sim2d.world.state import RobotState, WorldState
 
-# every third control period is shown: drawing takes longer than playing
-_PERIODS_PER_FRAME = 3
+# every fourth control period is shown: more pictures would take more time than the play itself
+_PERIODS_PER_FRAME = 4
+# pictures that may wait to be drawn: each holds the robots' frames
+_MAX_WAITING = 16
 # without smoothing the sensor's noise makes up two thirds of the file
 _SMOOTHING_PX = 0.8
 _TOP_WIDTH, _MIN_HEIGHT, _MIN_PANEL_HEIGHT = 760, 456, 180
@@ -39,6 +39,8 @@ _PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
 
 class MatchVideo:
     """Writes a match as VP8 in a webm file; `problem` is the reason why it cannot; then nothing is written.
+
+    Pictures are drawn and encoded by a thread of its own: the match goes on meanwhile.
 
     Parameters
     ----------
@@ -58,24 +60,53 @@ class MatchVideo:
         self, path: Path, field: Field, camera: OmniCamera | PinholeCamera, robots: int, robot_radius_m: float
     ) -> None:
         self._pictures = MatchPictures(field, camera, robots, robot_radius_m)
-        self._size_px = self._pictures.size_px
         self._count = 0
-        self._writer = _open_writer(path, 1 / (_PERIODS_PER_FRAME * CONTROL_PERIOD_S), self._size_px)
-        self.problem = "" if self._writer.isOpened() else f"no {path.name}: this OpenCV cannot write VP8 video"
+        self._film = FilmFile(path, 1 / (_PERIODS_PER_FRAME * CONTROL_PERIOD_S), self._pictures.size_px)
+        self.problem = self._film.problem
+        self._waiting: Queue[Moment | None] = Queue(_MAX_WAITING)
+        self._failure: Exception | None = None
+        self._thread = Thread(target=self._draw_all, name="film", daemon=True)
+        self._thread.start()
 
     def add(self, moment: Moment) -> None:
-        """Add a control period; every third becomes a picture."""
+        """Add a control period; every fourth becomes a picture.
+
+        Raises
+        ------
+        FrameError, cv2.error
+            If an earlier picture could not be drawn or written.
+        """
+        if self._failure is not None:
+            raise self._failure
         if not self.problem and self._count % _PERIODS_PER_FRAME == 0:
-            picture = self._pictures.draw(moment)
-            if (picture.shape[1], picture.shape[0]) != self._size_px:
-                # OpenCV would drop it without an error
-                raise FrameError(f"a video picture must be {self._size_px}, got {picture.shape[1::-1]}")
-            self._writer.write(picture)
+            self._waiting.put(moment)
         self._count += 1
 
+    def _draw_all(self) -> None:
+        while True:
+            moment = self._waiting.get()
+            if moment is None:
+                return
+            # after a failure the rest is taken and dropped: the match must not wait for a place
+            if self._failure is None:
+                try:
+                    self._film.write(self._pictures.draw(moment))
+                except Exception as failure:
+                    self._failure = failure
+
     def close(self) -> None:
-        """Finish the file."""
-        self._writer.release()
+        """Finish the file.
+
+        Raises
+        ------
+        FrameError, FileError, cv2.error
+            If a picture or the file could not be written.
+        """
+        self._waiting.put(None)
+        self._thread.join()
+        self._film.close()
+        if self._failure is not None:
+            raise self._failure
 
 
 class MatchPictures:
@@ -122,10 +153,10 @@ class MatchPictures:
         if frame is not None:
             picture = np.asarray(cv2.GaussianBlur(frame, (0, 0), _SMOOTHING_PX), dtype=np.uint8)
             if view is not None and view.t_s == robot.senses.frame_t_s:
-                picture = draw(view, picture, self._vision)
+                draw_layers(view, picture, self._vision)
         if picture is not None:
             size = (self._panel_width, self._view_height)
-            panel[_LINE_HEIGHT:] = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+            panel[_LINE_HEIGHT:] = cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR)
         else:
             _write(panel, "no frame", (10, _LINE_HEIGHT + 30), _SOFT)
         if view is not None and view.belief is not None and view.belief.free_map is not None:
@@ -172,21 +203,3 @@ def _draw_map(panel: UInt8Array, free_map: MapPicture) -> None:
 
 def _write(canvas: UInt8Array, text: str, place: tuple[int, int], color: Bgr, size: float = 0.42) -> None:
     cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, color, 1, cv2.LINE_AA)
-
-
-def _open_writer(path: Path, frames_per_s: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
-    with _silence():
-        return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"VP80"), frames_per_s, size_px)
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Suppress the line that OpenCV writes to standard error, whatever its log level, when it opens a webm file."""
-    kept = os.dup(2)
-    with tempfile.TemporaryFile() as nowhere:
-        os.dup2(nowhere.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)

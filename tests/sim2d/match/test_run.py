@@ -13,6 +13,7 @@ from field_models.errors import ArgumentError, FileError
 from robocup_vision import cli
 from sim2d.match import run as match_run
 from sim2d.match.run import MatchPlan, run_match
+from sim2d.report import film_file
 from sim2d.report import html as match_report
 from sim2d.report import video as match_video
 from sim2d.sensors.faults import SenseFault
@@ -39,7 +40,7 @@ def test_all_files_are_written(played):
     assert values["faults"][1]["until_s"] is None
 
 
-def test_the_film_has_a_picture_for_every_third_period(played):
+def test_the_film_has_a_picture_for_every_fourth_period(played):
     capture = cv2.VideoCapture(str(played[1] / "match.webm"))
     pictures = []
     while True:
@@ -47,8 +48,8 @@ def test_the_film_has_a_picture_for_every_third_period(played):
         if not read:
             break
         pictures.append(picture)
-    assert len(pictures) == 10
-    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
+    assert len(pictures) == 8
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(7.5)
     assert int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") == b"VP80"
     assert {picture.shape for picture in pictures} == {pictures[0].shape}
     # something moves on the field, and robot 0's camera was black in between
@@ -80,7 +81,7 @@ def test_a_film_that_cannot_be_written_is_one_note(tmp_path, monkeypatch):
         def release(self):
             pass
 
-    monkeypatch.setattr(match_video, "_open_writer", Nothing)
+    monkeypatch.setattr(film_file, "_open_writer", Nothing)
     monkeypatch.setattr(match_report, "missing_packages", lambda: ("jinja2",))
     summary = run_match(SHORT, tmp_path)
     assert summary.video is None
@@ -90,6 +91,16 @@ def test_a_film_that_cannot_be_written_is_one_note(tmp_path, monkeypatch):
         "no match.webm: this OpenCV cannot write VP8 video",
         "no report.html: jinja2 not installed (pip install 'robocup-vision[report]')",
     )
+
+
+def test_a_picture_that_cannot_be_drawn_ends_the_match_with_its_error(tmp_path, monkeypatch):
+    def fail(*_):
+        raise ValueError("a fault of drawing")
+
+    monkeypatch.setattr(match_video.MatchPictures, "draw", fail)
+    with pytest.raises(ValueError, match="a fault of drawing"):
+        run_match(SHORT, tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_files_of_an_earlier_match_do_not_stay(tmp_path):
