@@ -74,6 +74,7 @@ def test_a_type_that_is_not_known_is_told() -> None:
     [
         "work.mirror('field', seed=77, count=15)",
         "work.pinhole('edges', seed=77)",
+        "work.pinhole('floor', seed=77)",
         "work.steering(77)",
         "work.memory(77)",
     ],
