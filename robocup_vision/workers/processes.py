@@ -59,6 +59,7 @@ class _Processes(ProcessPoolExecutor):
 
     def end(self) -> None:
         """End the processes without waiting for what they do."""
+        results = getattr(self, "_result_queue", None)
         self.shutdown(wait=False, cancel_futures=True)
         for process in self._started:
             process.terminate()
@@ -66,3 +67,8 @@ class _Processes(ProcessPoolExecutor):
             process.join(_END_S)
             if process.is_alive():
                 process.kill()
+        # a process that ended while it wrote a result leaves half of it: the executor's thread would wait for the rest
+        # for ever, and this process for that thread
+        writer = getattr(results, "_writer", None)
+        if writer is not None and not writer.closed:
+            writer.close()
