@@ -91,7 +91,9 @@ def _telling(address: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:  # of many kinds, by what is wrong with the address
-        reason = " ".join(str(error).split()) or type(error).__name__
+        # an OSError of dask says "Timed out ...", a bare TimeoutError says nothing
+        kind = type(error).__name__.replace("TimeoutError", "Timed out")
+        reason = " ".join(str(error).split()) or kind
         raise ArgumentError(f"no dask scheduler answers at '{address}' ({reason})") from None
 
 

@@ -48,6 +48,7 @@ def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera
     assert str(state).startswith(f"centre moved by {state.moved_px:.2f} px, tilt by ")
 
 
+@pytest.mark.slow
 def test_it_stops_at_its_bound_and_says_so(ssl_field, paper_camera, walk):
     off = dataclasses.replace(paper_camera, center_px=(125.5, 111.0))
     online = OnlineCalibration(ssl_field, off, settings=OnlineSettings(every=1, max_center_px=0.5, max_tilt_rad=1e-3))

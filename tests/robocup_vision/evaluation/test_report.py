@@ -65,6 +65,7 @@ def test_the_page_shows_each_image(page: str) -> None:
         assert text in page
 
 
+@pytest.mark.slow
 def test_of_very_many_images_the_worst_are_listed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "_MAX_LISTED", 2)
     page = report.render_report(load_dataset(folder), ROWS, figures(ROWS), [], {}, [])

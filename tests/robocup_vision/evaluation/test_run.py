@@ -207,6 +207,7 @@ def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, t
     assert len({row["x_m"] for row in rows}) > 5
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_reported(
     folder: Path, fake: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -423,6 +424,7 @@ def test_each_frame_is_steered_by(folder: Path, fake: ModuleType, tmp_path: Path
     assert all(float(row["ms"]) > 0 for row in rows if row["ms"])
 
 
+@pytest.mark.slow
 def test_commands_of_an_interrupted_run_are_kept(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
     class Looking(fake.FakeVision):
         stops = True

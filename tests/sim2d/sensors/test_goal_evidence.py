@@ -34,6 +34,7 @@ def test_corners_in_view_are_counted_with_what_hides_them() -> None:
         assert corners_in_view(hidden, CAMERA, pose, 1)[0] == left
 
 
+@pytest.mark.slow
 def test_counts_add_up_and_depend_on_seed_and_index_alone() -> None:
     both = count_evidence(FIELD, CAMERA, 3, range(8))
     parts = count_evidence(FIELD, CAMERA, 3, range(4)) + count_evidence(FIELD, CAMERA, 3, range(4, 8))

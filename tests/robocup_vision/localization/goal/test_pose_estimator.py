@@ -46,6 +46,7 @@ def test_clean_frames_are_located(clean, estimator):
         assert offset @ np.linalg.solve(estimate.covariance, offset) < 16.3  # 99.9 % of 3 degrees of freedom
 
 
+@pytest.mark.slow
 def test_shading_alone_moves_no_edge(clean):
     goal_alone = GoalPoseEstimator(FIELD, CLEAN.camera, use_lines=False)
     for sample in clean:

@@ -87,6 +87,7 @@ def test_goal_is_wholly_in_view_from_each_of_the_66_places():
         assert sample.camera.pan_rad == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("field", "name"), [(DOGS, "clean_208x160"), (NAOS, "white_640x480")])
 def test_goal_anywhere_is_in_view_and_no_robot_hides_a_post(field, name: str):
     condition = GOAL_CONDITIONS[name]
