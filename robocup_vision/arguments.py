@@ -21,6 +21,8 @@ from robocup_vision.geometry import Pose2
 
 # a thousand kilometres: beyond that sums of squares lose what the picture says
 _MAX_AWAY_M = 1e6
+# thirty thousand years: what is larger counts milliseconds or nanoseconds, or nothing
+_MAX_TIME_S = 1e12
 
 
 def as_field(value: object) -> Field:
@@ -94,11 +96,14 @@ def as_time(value: object, name: str = "t_s") -> float:
     Raises
     ------
     ArgumentError
-        If it is no finite number.
+        If it is no finite number, or so large that float64 does not tell milliseconds apart.
     """
-    if isinstance(value, float) and math.isfinite(value):
+    if isinstance(value, float) and -_MAX_TIME_S <= value <= _MAX_TIME_S:
         return value
-    return as_number(name, value)
+    time_s = as_number(name, value)
+    if abs(time_s) > _MAX_TIME_S:
+        raise ArgumentError(f"{name} must be in seconds, at most {_MAX_TIME_S:g}, got {time_s:g}")
+    return time_s
 
 
 def as_number(name: str, value: object) -> float:

@@ -160,6 +160,8 @@ def _check_omni(path: str | Path, camera: OmniCamera) -> None:
     pixels = camera.polar_to_pixel(bearings[:, None], radii[None, defined & (q > NEAREST_HORIZON_PER_M)]).reshape(-1, 2)
     floor = camera.pixel_to_floor(pixels)
     seen = np.isfinite(floor).all(axis=1)
+    if not seen.any():
+        raise FileError(path, "shows no floor between usable_radius_px", key="floor_range")
     error = np.linalg.norm(camera.floor_to_pixel(floor[seen]) - pixels[seen], axis=1)
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     if not error[worst] < 1e-3:

@@ -92,6 +92,7 @@ def test_memory_of_another_field_is_refused(ssl_field, paper_camera):
         ({"t_s": math.nan}, "t_s must be finite, got nan"),
         ({"t_s": "1.0"}, "t_s must be a number, got str '1.0'"),
         ({"t_s": math.inf}, "t_s must be finite, got inf"),
+        ({"t_s": 1e308}, r"t_s must be in seconds, at most 1e\+12, got 1e\+308"),
         ({"pan_rad": math.nan}, "pan_rad must be finite, got nan"),
     ],
 )

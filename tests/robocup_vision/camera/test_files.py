@@ -115,6 +115,7 @@ BAD = [
     ("B_per_m = 20.54", "B_per_m = 20.54\nD = 1", "key 'floor_range.D': is unknown, got 1"),
     ('"hyperboloid"', '"sphere"', "key 'floor_range.kind': "),
     ('kind = "hyperboloid"\n', "", "key 'floor_range.kind': is missing"),
+    ("A_px_per_m = 10120.0", "A_px_per_m = 1e308", "key 'floor_range': shows no floor between usable_radius_px"),
     ("A_px_per_m = 10120.0", "A_px_per_m = 9000.0", "key 'usable_radius_px': shows no floor at its inner end"),
     ("[floor_range]\n" + HYPERBOLOID, "", "key 'floor_range': is missing"),
     (
