@@ -106,6 +106,29 @@ def as_time(value: object, name: str = "t_s") -> float:
     return time_s
 
 
+def require_kind(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
+    """Check that a value is of a class.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument.
+    value : object
+        What was handed over.
+    kind : type or tuple of type
+        What it must be an instance of.
+    wanted : str
+        How the user gets one.
+
+    Raises
+    ------
+    ArgumentError
+        If it is of another class.
+    """
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{name} must be {wanted}, got {type(value).__name__}")
+
+
 def as_number(name: str, value: object) -> float:
     """Return a finite number.
 

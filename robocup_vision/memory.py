@@ -14,7 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arguments import as_field
+from robocup_vision.arguments import as_field, require_kind
 from robocup_vision.belief import Belief, MapPicture, Track
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import PoseEstimate
@@ -129,11 +129,10 @@ class Memory:
         settings: MemorySettings = MemorySettings(),
     ) -> None:
         field = as_field(field)
-        if ego_motion is not None and not isinstance(ego_motion, ViewMotion):
-            raise ArgumentError(f"ego_motion must be a ViewMotion(), got {type(ego_motion).__name__}")
+        if ego_motion is not None:
+            require_kind("ego_motion", ego_motion, ViewMotion, "a ViewMotion()")
         if limits is not None:
-            if not isinstance(limits, MotionLimits):
-                raise ArgumentError(f"limits must be MotionLimits(speed_mps, ...), got {type(limits).__name__}")
+            require_kind("limits", limits, MotionLimits, "MotionLimits(speed_mps, ...)")
             if poses is not None:
                 raise ArgumentError("limits are for the pose filter that Memory makes: leave out poses or limits")
             max_speed_mps = _FASTER * limits.speed_mps

@@ -8,7 +8,7 @@ from typing import Literal, Protocol, cast
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arguments import as_camera, as_count, as_field, as_number, as_pose, as_prior, as_time
+from robocup_vision.arguments import as_camera, as_count, as_field, as_number, as_pose, as_prior, as_time, require_kind
 from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -107,10 +107,10 @@ class Vision:
         channels: Literal["bgr", "rgb"] = "bgr",
     ) -> None:
         field, camera = as_field(field), as_camera(camera)
-        if colors is not None and not isinstance(colors, Colors):
-            raise ArgumentError(f"colors must be what load_colors(path) returns, got {type(colors).__name__}")
-        if memory is not None and not isinstance(memory, Memory):
-            raise ArgumentError(f"memory must be a Memory(field), got {type(memory).__name__}")
+        if colors is not None:
+            require_kind("colors", colors, Colors, "what load_colors(path) returns")
+        if memory is not None:
+            require_kind("memory", memory, Memory, "a Memory(field)")
         if memory is not None and not _is_same_field(memory.field, field):
             raise ArgumentError(f"memory is of field '{memory.field.name}', this Vision of '{field.name}'")
         directions = as_count("directions", directions, 3, _MAX_DIRECTIONS)

@@ -36,6 +36,7 @@ from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from benchmarks.scores import photograph_balls as balls
 from benchmarks.scores import photograph_poses as poses
+from benchmarks.scores.photograph_rows import REAL, drawn_prior, known_poses
 from field_models import load_field
 from robocup_vision import PoseEstimate, Vision, draw, load_camera
 from robocup_vision.arrays import FloatArray
@@ -45,7 +46,6 @@ from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.nearby import locate_nearby
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 
-REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 OUT = Path("out") / "real_photographs"
 PHOTOGRAPHS = (("omni_msl_6x4", "a_center.png"), ("omni_msl_6x4_b", "b_center.png"))
 HAND_PICKED = "line_points_a_center.csv"
@@ -59,7 +59,6 @@ ONBOARD, ONBOARD_FIELD = (
     "onboard_ssl",
     Path(__file__).resolve().parents[2] / "tests" / "data" / "onboard_ssl_field.toml",
 )
-PRIOR_STD = np.array([0.1, 0.1, math.radians(5.0)])
 
 
 def held_back_m(estimator: LinePoseEstimator, frame: np.ndarray, line_map: LineMap) -> FloatArray | None:
@@ -110,19 +109,14 @@ def forward_camera(draws: int, seed: int) -> bool:
     rng = np.random.default_rng(seed)
     errors: list[FloatArray] = []
     located = 0
-    with (REAL / ONBOARD / "truth.csv").open(encoding="utf-8", newline="") as file:
-        truths = list(csv.DictReader(file))
-    for given in truths:
-        truth = Pose2(*(float(given[key]) for key in ("x_m", "y_m", "theta_rad")))
-        frame = np.asarray(
-            cv2.imread(str(REAL / ONBOARD / "images" / given["image"]), cv2.IMREAD_COLOR), dtype=np.uint8
-        )
+    truths = known_poses(ONBOARD)
+    for name, truth in truths.items():
+        frame = np.asarray(cv2.imread(str(REAL / ONBOARD / "images" / name), cv2.IMREAD_COLOR), dtype=np.uint8)
         points = estimator.finder.find(frame)
         own: list[FloatArray] = []
         sway = []
         for _ in range(draws):
-            x, y, theta = (truth.array + rng.normal(0.0, PRIOR_STD)).tolist()
-            prior = PoseEstimate(Pose2(x, y, theta), np.diag(PRIOR_STD**2), 1.0, 0.0)
+            prior = drawn_prior(truth, rng)
             refined, fitted = locate_nearby(points, estimator.line_map, prior, camera)
             rigid, _ = locate_nearby(points, estimator.line_map, prior, stiff)
             if not refined:
@@ -134,7 +128,7 @@ def forward_camera(draws: int, seed: int) -> bool:
         errors += own
         mean = [error_text(own, k) for k in range(3)]
         tilt, roll = np.degrees(np.mean(sway, axis=0)) if sway else (math.nan, math.nan)
-        table.row(given["image"], f"{len(own)}/{draws}", *mean, f"{tilt:.2f}, {roll:.2f}", None)
+        table.row(name, f"{len(own)}/{draws}", *mean, f"{tilt:.2f}, {roll:.2f}", None)
     every = np.array(errors)
     helps = bool(every[:, 1, 0].mean() < every[:, 0, 0].mean())
     total = f"{located}/{draws * len(truths)}"

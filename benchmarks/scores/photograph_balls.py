@@ -13,10 +13,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
-from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs, table_of
+from benchmarks.scores.photograph_rows import (
+    REAL,
+    PhotographRow,
+    photographs,
+    photographs_of_other_things,
+    table_of,
+)
 from field_models import Field, load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.camera import OmniCamera, PinholeCamera
@@ -115,17 +120,15 @@ def noisy_mirrors() -> PhotographRow | None:
 
 def other_things() -> PhotographRow | None:
     """Count the balls seen in photographs of other things, by mirror and pinhole cameras."""
-    frames = [frame for _, frame in photographs("negatives")]
-    if not frames or not (REAL / "onboard_ssl_more").is_dir():
+    if not all((REAL / folder).is_dir() for folder in ("negatives", "onboard_ssl_more")):
         return None
     looks = false = 0
     for field, camera in _cameras():
         # the pose is found by the quickest method: it only removes balls beyond the floor
         vision = Vision(field, camera, method="floor" if field.is_bounded else "field")
-        for frame in frames:
+        for frame in photographs_of_other_things(camera.size_px):
             vision.forget()
-            scaled = cv2.resize(frame, camera.size_px, interpolation=cv2.INTER_AREA)
-            false += bool(vision.look(np.asarray(scaled, dtype=np.uint8)).balls)
+            false += bool(vision.look(frame).balls)
             looks += 1
     return PhotographRow("other things", f"{false}/{looks} show a ball", "<= 1/200", false <= MAX_FALSE * looks)
 

@@ -15,7 +15,16 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs, table_of
+from benchmarks.scores.photograph_rows import (
+    PRIOR_STD,
+    REAL,
+    PhotographRow,
+    drawn_prior,
+    known_poses,
+    photographs,
+    photographs_of_other_things,
+    table_of,
+)
 from field_models import Field, load_field
 from robocup_vision import PoseEstimate, Vision, load_camera
 from robocup_vision.calibration.omni.calibrate import calibrate_omni
@@ -24,7 +33,6 @@ from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
 
 SEED = 20010305
-PRIOR_STD = np.array([0.1, 0.1, math.radians(5.0)])
 PRIORS = 6
 RIGHT_M, RIGHT_RAD, ROUGH_M = 0.05, math.radians(2.0), 0.15
 # folder and image of each calibration from a single photograph
@@ -43,19 +51,6 @@ SINGLE = (
 def _field_of(folder: str) -> Field:
     own = REAL / folder / "field.toml"
     return load_field(own if own.is_file() else "msl_6x4")
-
-
-def _truths(folder: str) -> dict[str, Pose2]:
-    return {
-        row["image"]: Pose2(float(row["x_m"]), float(row["y_m"]), float(row["theta_rad"]))
-        for row in table_of(folder, "truth.csv")
-        if row["theta_rad"]
-    }
-
-
-def _drawn(pose: Pose2, rng: np.random.Generator) -> PoseEstimate:
-    x, y, theta = (pose.array + rng.normal(0.0, PRIOR_STD)).tolist()
-    return PoseEstimate(Pose2(x, y, theta), np.diag(PRIOR_STD**2), 1.0, 0.0)
 
 
 def _is_right(view_pose: object, truth: Pose2, max_m: float = RIGHT_M) -> bool:
@@ -93,10 +88,9 @@ def other_things(kind: str, *, with_prior: bool) -> PhotographRow | None:
             elif camera.tilt_rad is not None:
                 visions.append(Vision(field, camera, method=kind))
     found = looks = 0
-    for _, photograph in photographs("negatives"):
-        for vision in visions:
+    for vision in visions:
+        for frame in photographs_of_other_things(vision.camera.size_px):
             vision.forget()
-            frame = np.asarray(cv2.resize(photograph, vision.camera.size_px), dtype=np.uint8)
             half = vision.field.length_m / 2, vision.field.width_m / 2
             there = Pose2(
                 rng.uniform(-half[0], half[0]), rng.uniform(-half[1], half[1]), rng.uniform(-math.pi, math.pi)
@@ -112,7 +106,7 @@ def mirror_lines(folder: str, *, with_prior: bool) -> PhotographRow | None:
     """Look at mirror photographs with clutter; those without a known pose count where any is found."""
     if not (REAL / folder / "images").is_dir():
         return None
-    truths = _truths(folder) if (REAL / folder / "truth.csv").is_file() else {}
+    truths = known_poses(folder) if (REAL / folder / "truth.csv").is_file() else {}
     if with_prior and not truths:
         return None
     vision = Vision(_field_of(folder), load_camera(REAL / folder / "camera.toml"))
@@ -121,7 +115,7 @@ def mirror_lines(folder: str, *, with_prior: bool) -> PhotographRow | None:
     for name, frame in photographs(folder):
         for _ in range(PRIORS if with_prior else 1):
             vision.forget()
-            prior = _drawn(truths[name], rng) if with_prior else None
+            prior = drawn_prior(truths[name], rng) if with_prior else None
             pose = vision.look(frame, prior=prior).pose
             is_right = _is_right(pose, truths[name]) if name in truths else bool(pose)
             right, wrong, looks = right + is_right, wrong + (bool(pose) and not is_right), looks + 1
@@ -136,7 +130,7 @@ def two_zones() -> PhotographRow | None:
     folder = "omni_msl_two_zone"
     if not (REAL / folder / "images").is_dir():
         return None
-    truths = _truths(folder)
+    truths = known_poses(folder)
     vision = Vision(_field_of(folder), load_camera(REAL / folder / "camera_team.toml"))
     found = wrong = 0
     for name, frame in photographs(folder):
@@ -203,14 +197,14 @@ def forward_poses(*, with_prior: bool) -> PhotographRow | None:
     errors: list[tuple[float, float]] = []
     nearer = looks = right = wrong = 0
     for folder in ("onboard_ssl", "onboard_ssl_more"):
-        truths = _truths(folder)
+        truths = known_poses(folder)
         vision = Vision(_field_of("onboard_ssl_more"), load_camera(REAL / folder / "camera.toml"))
         for name, frame in photographs(folder):
             if name not in truths:
                 continue
             for _ in range(PRIORS if with_prior else 1):
                 vision.forget()
-                prior = _drawn(truths[name], rng) if with_prior else None
+                prior = drawn_prior(truths[name], rng) if with_prior else None
                 pose = vision.look(frame, prior=prior).pose
                 looks += 1
                 if not pose:

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.arguments import as_number
+from robocup_vision.arguments import as_number, require_kind
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
 from robocup_vision.avoidance.steering_settings import SteeringSettings
@@ -123,8 +123,7 @@ class Steering:
         self, robot_radius_m: float, limits: MotionLimits, settings: SteeringSettings = SteeringSettings()
     ) -> None:
         robot_radius_m = as_number("robot_radius_m", robot_radius_m)
-        if not isinstance(limits, MotionLimits):
-            raise ArgumentError(f"limits must be MotionLimits(speed_mps, ...), got {type(limits).__name__}")
+        require_kind("limits", limits, MotionLimits, "MotionLimits(speed_mps, ...)")
         if not robot_radius_m >= 1e-6:
             raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
         self.robot_radius_m, self.limits, self.settings = robot_radius_m, limits, settings

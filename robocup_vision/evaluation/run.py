@@ -9,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 
 from field_models.errors import ArgumentError, FileError, RobocupVisionError
+from robocup_vision.arguments import require_kind
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.evaluation.frame_scorer import (
@@ -156,12 +157,12 @@ def evaluate(
     KeyboardInterrupt
         If interrupted: results.csv then holds the finished images, and the error says how many they are.
     """
-    _require("dataset", dataset, Dataset, "load_dataset(path)")
+    require_kind("dataset", dataset, Dataset, "load_dataset(path)")
     if workers is not None:
-        _require("workers", workers, Workers, "find_workers(jobs)")
+        require_kind("workers", workers, Workers, "find_workers(jobs)")
     if steering is not None:
-        _require("steering", steering, SteerPlan, "SteerPlan(robot_radius_m, limits)")
-    _require("out", out, (str, Path), "the path of a folder")
+        require_kind("steering", steering, SteerPlan, "SteerPlan(robot_radius_m, limits)")
+    require_kind("out", out, (str, Path), "the path of a folder")
     crew = find_workers(jobs) if workers is None else workers
     if scores_belief and dataset.times is None:
         raise ArgumentError("--memory needs a sequence: a video, or a dataset with frames.csv")
@@ -218,11 +219,6 @@ def evaluate(
         summary = replace(_write_files(out, dataset, run, notes, page, moments), steering=steered)
         kept.delete()
     return summary
-
-
-def _require(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
-    if not isinstance(value, kind):
-        raise ArgumentError(f"{name} must be {wanted}, got {type(value).__name__}")
 
 
 def _write_files(

@@ -32,7 +32,7 @@ class BlurredFollower:
         self._field, self._camera, self._settings = field, camera, settings
         self._factors = [k for k in settings.copy_factors if camera.size_px[0] >= k * settings.min_copy_px]
         self._followers: dict[int, EdgeFollower] = {}
-        self._last: tuple[int, EdgeFollower] | None = None
+        self._last: EdgeFollower | None = None
 
     def follow(
         self, frame: UInt8Array, prior: PoseEstimate, dt_s: float, before: FollowerState
@@ -57,7 +57,7 @@ class BlurredFollower:
             copy = np.asarray(cv2.resize(frame, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
             answer = follower.follow(copy, prior, dt_s)
             if answer:
-                self._last = factor, follower
+                self._last = follower
                 residual_px = factor * answer.estimate.residual_px
                 estimate = replace(answer.estimate, residual_px=residual_px)
                 return replace(answer, estimate=estimate, file_camera=self._camera)
@@ -67,14 +67,13 @@ class BlurredFollower:
     def state(self) -> FollowerState:
         """State after the last answer."""
         assert self._last is not None
-        return self._last[1].state
+        return self._last.state
 
     def edge_points(self) -> EdgePoints:
         """Return where the last answer predicts the field's edges, in pixels of the whole frame."""
         assert self._last is not None
-        factor, follower = self._last
-        points = follower.edge_points()
-        return EdgePoints((points.pixels + 0.5) * factor - 0.5, points.state)
+        points, per_px = self._last.edge_points(), np.divide(self._camera.size_px, self._last.camera.size_px)
+        return EdgePoints((points.pixels + 0.5) * per_px - 0.5, points.state)
 
     def _made_follower(self, factor: int) -> EdgeFollower:
         if factor not in self._followers:

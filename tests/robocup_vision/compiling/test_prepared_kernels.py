@@ -68,6 +68,19 @@ def test_a_type_that_is_not_known_is_told() -> None:
     assert spelled_type(types.Array(types.uint8, 2, "A", readonly=True)) == ["array", "uint8", 2, "A", False]
 
 
+def compiled_by(program: str, workload: str, environment: dict[str, str]) -> str:
+    """Run a workload in a process of its own; what it prints: the loops that it compiled, and what went wrong."""
+    done = subprocess.run(
+        [sys.executable, "-c", program, workload],
+        env={**environment, "PYTHONPATH": str(TESTS)},
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        check=False,
+    )
+    return done.stdout if done.stdout == "[]\n" else done.stdout + done.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "workload",
@@ -80,16 +93,8 @@ def test_a_type_that_is_not_known_is_told() -> None:
     ],
 )
 def test_nothing_is_compiled_after_the_making(workload: str, tmp_path: Path) -> None:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(TESTS)}
-    done = subprocess.run(
-        [sys.executable, "-c", COUNT, workload],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=1800,
-        check=False,
-    )
-    assert done.stdout == "[]\n", done.stdout + done.stderr
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    assert compiled_by(COUNT, workload, environment) == "[]\n"
 
 
 @pytest.mark.slow
@@ -99,16 +104,7 @@ def test_warm_up_leaves_nothing_to_compile(tmp_path: Path) -> None:
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=1800, check=False)
     assert "loops are ready" in done.stdout, done.stderr
     count = COUNT.replace("is_made = False", "is_made = True")
-    environment["PYTHONPATH"] = str(TESTS)
-    done = subprocess.run(
-        [sys.executable, "-c", count, "work.mirror('field', seed=78, count=1)"],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.stdout == "[]\n", done.stdout + done.stderr
+    assert compiled_by(count, "work.mirror('field', seed=78, count=1)", environment) == "[]\n"
 
 
 def test_mistakes_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
