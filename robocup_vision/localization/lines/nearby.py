@@ -21,6 +21,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.localization.lines.chance import nats_beyond_chance
 from robocup_vision.localization.lines.fit import (
     LineFitSettings,
     LineRows,
@@ -64,6 +65,10 @@ class NearbySettings:
     min_inlier_ratio : float
         Of the points near the predicted lines, those that must agree: on photographs of other things one in eight
         priors finds more than half, one in ninety more than this; on frames of a field 0.84 and more agree.
+    min_nats_beyond_chance : float
+        Of all line points on the carpet, wherever they lie, the log-likelihood ratio a point that the pose must have
+        against points thrown anywhere: at most 0.07 for 39 poses of 2,400 priors on photographs of other things, at
+        least 1.0 on photographs of a field.
     max_deviation : float
         Chi-square of the result's deviation from the prior: 5 degrees of freedom, 99.9 %.
     fit : LineFitSettings
@@ -82,6 +87,7 @@ class NearbySettings:
     min_points: int = 30
     max_points: int = 200
     min_inlier_ratio: float = 0.75
+    min_nats_beyond_chance: float = 0.25
     max_deviation: float = 20.5
     fit: LineFitSettings = LineFitSettings()
 
@@ -166,13 +172,19 @@ def locate_nearby(
         away, turn = math.hypot(offset[0], offset[1]), math.degrees(abs(offset[2]))
         return NotLocated(f"the lines lie {away:.2f} m and {turn:.0f} degrees off the prior"), camera
     tilt, roll = (camera.tilt_rad or 0.0) + float(unknowns[3]), (camera.roll_rad or 0.0) + float(unknowns[4])
+    pose, oriented = Pose2(*unknowns[:3].tolist()), camera.with_orientation(camera.pan_rad, tilt, roll)
+    nats = nats_beyond_chance(points.pixels, pose, oriented, line_map, settings.fit.inlier_px)
+    if nats < settings.min_nats_beyond_chance:
+        return NotLocated(
+            f"chance explains the {len(points)} line points in view nearly as well as any pose near the prior"
+        ), camera
     estimate = PoseEstimate(
-        Pose2(*unknowns[:3].tolist()),
+        pose,
         _spread([(loss, fit.unknowns[:3], estimate.covariance) for loss, fit, estimate in rivals]),
         ratio,
         float(np.sqrt(np.mean(best.rows.residual[agree] ** 2))),
     )
-    return estimate, camera.with_orientation(camera.pan_rad, tilt, roll)
+    return estimate, oriented
 
 
 def _spread(rivals: list[tuple[float, FloatArray, FloatArray]]) -> FloatArray:
