@@ -17,9 +17,10 @@ import cv2
 import numpy as np
 
 from field_models.catalog import field_names, load_field
-from field_models.errors import FrameError
+from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.calibration.carpet import shows_carpet
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
@@ -61,6 +62,9 @@ class CheckSettings:
         Images that are used, evenly spread; those that are tried on other fields and with newly learnt colours.
     min_located_ratio : float
         Of the images, those that must be located on the field.
+    max_stray_ratio, min_other_ratio : float
+        Pictures of something else: no more of them are located, and at least so many show ground before the robot that
+        is not green. Of 60 photographs of other things two thirds do, of those of fields none.
     min_agreement : float
         Mean inlier ratio of a right set-up.
     min_improvement : float
@@ -86,6 +90,8 @@ class CheckSettings:
     max_images: int = 24
     max_tried: int = 8
     min_located_ratio: float = 0.8
+    max_stray_ratio: float = 0.1
+    min_other_ratio: float = 0.5
     min_agreement: float = 0.6
     min_improvement: float = 1.3
     max_truth_error_m: float = 0.1
@@ -173,6 +179,9 @@ class _Check:
         channels = self._check_channels()
         if channels is not None and channels.state == "wrong":
             return [channels]
+        other = self._other_pictures()
+        if other is not None:
+            return [other] if channels is None else [channels, other]
         field = self._check_field()
         findings = [field] if channels is None else [channels, field]
         if isinstance(self.dataset.camera, OmniCamera):
@@ -224,6 +233,21 @@ class _Check:
             return Finding("channels", "unknown", f"{evidence}: perhaps {advice}")
         return Finding("channels", "ok", evidence)
 
+    def _other_pictures(self) -> Finding | None:
+        """Report pictures of something else than a field; None where poses or the ground's colour speak for a field."""
+        settings, count = self.settings, len(self.views)
+        placed = sum(bool(view.pose) for view in self.views)
+        if placed > settings.max_stray_ratio * count:
+            return None
+        others = sum(shows_carpet(view, frame) is False for view, frame in zip(self.views, self.frames, strict=True))
+        if others < settings.min_other_ratio * count:
+            return None
+        evidence = (
+            f"these pictures do not show this field: {placed} of {count} images can be located on "
+            f"'{self.dataset.field.name}', and in {others} of {count} the ground before the robot is no green carpet"
+        )
+        return Finding("field", "wrong", evidence)
+
     def _check_field(self) -> Finding:
         name = self.dataset.field.name
         placed = sum(bool(view.pose) for view in self.views)
@@ -237,8 +261,14 @@ class _Check:
         scores = {}
         for other in field_names():
             field = load_field(other)
-            if other != name and (field.is_bounded or len(field.lines)):
-                scores[other] = _agreement(self._look(self._vision(field), self.frames[chosen], other))
+            if other == name or not (field.is_bounded or len(field.lines)):
+                continue
+            try:
+                vision = self._vision(field)
+            except ArgumentError:
+                # the dataset's method needs what that field has not: its goals are panels
+                continue
+            scores[other] = _agreement(self._look(vision, self.frames[chosen], other))
         best = max(scores, key=lambda other: scores[other])
         evidence += f" ({own:.0%} of their points agree)"
         if scores[best] > settings.min_improvement * own and scores[best] > settings.min_agreement:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robocup_vision.calibration.check import check_dataset
-from robocup_vision.camera import save_camera
+from robocup_vision.camera import PinholeCamera, save_camera
 from robocup_vision.cli import main
 from robocup_vision.evaluation.dataset import load_dataset
 from robocup_vision.perception.color_table import save_colors
@@ -57,6 +57,29 @@ def test_swapped_channels_are_found_and_told_how_they_came(write, off_samples):
     assert [finding.subject for finding in findings] == ["size", "channels"]
     assert findings[1].state == "wrong"
     assert re.match(r"in [34] of 4 images the goals look as with red and blue swapped", findings[1].evidence)
+
+
+def test_pictures_that_show_no_field_are_reported_as_such_and_nothing_else(write, true_camera, capsys):
+    path = write(with_truth=False)
+    rng = np.random.default_rng(4)
+    width, height = true_camera.size_px
+    for i in range(4):
+        # brown and grey shapes, as a room has them
+        coarse = rng.uniform(40, 160, (6, 8, 1)) * np.array([0.7, 0.9, 1.1])
+        cv2.imwrite(str(path / "images" / f"{i}.png"), cv2.resize(coarse.astype(np.uint8), (width, height)))
+    assert main(["check", str(path)]) == 1
+    *_, last = capsys.readouterr().out.strip().splitlines()
+    assert last.strip() == (
+        "WRONG    field: these pictures do not show this field: 0 of 4 images can be located on 'ssl_2001', "
+        "and in 4 of 4 the ground before the robot is no green carpet"
+    )
+
+
+@pytest.mark.slow
+def test_a_field_by_a_camera_that_is_far_off_is_not_said_to_be_none(write, true_camera):
+    u, v = true_camera.center_px
+    findings = found(write(camera=dataclasses.replace(true_camera, center_px=(u + 40.0, v - 30.0))))
+    assert not any("do not show this field" in finding.evidence for finding in findings.values())
 
 
 @pytest.mark.slow
@@ -165,3 +188,15 @@ def test_colours_of_another_light_are_reported(write, ssl_field, true_camera, of
     findings = found(write(colors=dataclasses.replace(wrong, floor=red)))
     assert findings["colours"].state == "wrong"
     assert "leave it out, or make a new one" in findings["colours"].evidence
+
+
+@pytest.mark.slow
+def test_fields_whose_goals_the_method_cannot_use_are_not_tried(tmp_path):
+    (tmp_path / "images").mkdir()
+    cv2.imwrite(str(tmp_path / "images" / "0.png"), np.full((240, 320, 3), (50, 130, 45), dtype=np.uint8))
+    save_camera(PinholeCamera((320, 240), (320.0, 320.0), (159.5, 119.5), 0.3), tmp_path / "camera.toml")
+    dataset = load_dataset(tmp_path / "images", field="spl_2020", camera=tmp_path / "camera.toml")
+    assert dataset.method == "goal"
+    findings = {finding.subject: finding for finding in check_dataset(dataset)}
+    assert findings["field"].state == "unknown"
+    assert "0 of 1 images" in findings["field"].evidence
