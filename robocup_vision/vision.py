@@ -79,8 +79,8 @@ class Vision:
         is then the one now in use, and `online.state` holds how far it has moved.
     channels : {"bgr", "rgb"}
         Order of the frames' channels: "bgr" as OpenCV reads images, "rgb" as rgb8 of ROS, picamera2 and Pillow give
-        them. Where the goals' colours show that it is the other one, the answer is `SwappedChannels`, which is
-        `NotLocated`, and the view has a warning.
+        them. Where balls and goals show that it is the other one, the view has a warning, once. Where goals or beacons
+        of different colours decide on the half, the answer is then `SwappedChannels`, which is `NotLocated`.
     memory : Memory, optional
         Joins the frames: `view.belief` is then the estimate over time, and its pose the prior of the next
         frame. Frames need `t_s`, and the robot's `odometry` between them, or a memory with `ego_motion`.
@@ -286,6 +286,14 @@ class Vision:
     def colors(self) -> Colors | None:
         """The colours in use, None before the first frame."""
         return self._pipeline.colors
+
+    @property
+    def swapped_channels_nats(self) -> float:
+        """How much more likely red and blue are swapped in the frames since the last `forget` than not, nats.
+
+        By balls and goals seen; 0: nothing tells. From ln(100) on, warnings and poses say so.
+        """
+        return self._pipeline.swapped_channels_nats
 
     @property
     def polar(self) -> PolarView | FloorView:

@@ -26,6 +26,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.localization.swapped_channels import SWAPPED_BY_GOALS
 from robocup_vision.progress import progress
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
@@ -81,8 +82,8 @@ class CheckSettings:
         Of the floor by fixed colours or by colours learnt from the image, the part on which both agree.
     min_turns : int
         Turns, or headings, that are needed for a decision.
-    min_ball_ratio : float
-        Swapped channels are suspected if they show a ball in so many times as many images.
+    min_channel_nats, told_channel_nats : float
+        Evidence of an image, and of all images, that counts for the order of the channels.
     min_turn_rad, max_turn_rad : float
         Odometry turns that can be compared: larger than its noise, smaller than the ambiguity of a half turn.
     """
@@ -101,7 +102,8 @@ class CheckSettings:
     max_heading_error_rad: float = math.radians(3.0)
     min_color_agreement: float = 0.8
     min_turns: int = 3
-    min_ball_ratio: float = 3.0
+    min_channel_nats: float = 1.0
+    told_channel_nats: float = math.log(100.0)
     min_turn_rad: float = math.radians(2.0)
     max_turn_rad: float = math.radians(60.0)
 
@@ -173,7 +175,13 @@ class _Check:
     def __init__(self, dataset: Dataset, names: list[str], frames: list[UInt8Array], settings: CheckSettings) -> None:
         self.settings = settings
         self.dataset, self.names, self.frames = dataset, names, frames
-        self.views = self._look(self._vision(dataset.field), frames)
+        vision = self._vision(dataset.field)
+        self.views: list[View] = []
+        self.channel_nats: list[float] = []
+        for frame in progress(frames, len(frames), "looking"):
+            vision.forget()
+            self.views.append(vision.look(frame))
+            self.channel_nats.append(vision.swapped_channels_nats)
 
     def run(self) -> list[Finding]:
         channels = self._check_channels()
@@ -198,16 +206,15 @@ class _Check:
         *,
         learnt: bool = False,
         camera: OmniCamera | None = None,
-        channels: Literal["bgr", "rgb"] = "bgr",
     ) -> Vision:
         d = self.dataset
         colors = None if learnt else d.colors
         method = (
             None if d.method == "landmarks" or (d.method in ("floor", "hull") and not field.is_bounded) else d.method
         )
-        return Vision(field, camera or d.camera, colors, method=method, mask=d.mask, channels=channels)
+        return Vision(field, camera or d.camera, colors, method=method, mask=d.mask)
 
-    def _look(self, vision: Vision, frames: list[UInt8Array], label: str = "looking") -> list[View]:
+    def _look(self, vision: Vision, frames: list[UInt8Array], label: str) -> list[View]:
         views = []
         for frame in progress(frames, len(frames), label):
             vision.forget()
@@ -215,23 +222,27 @@ class _Check:
         return views
 
     def _check_channels(self) -> Finding | None:
-        """Whether red and blue are swapped, by the goals, or else by the ball; None where the field has no colours."""
+        """Whether red and blue are swapped, by goals and ball; None where the field has none of a telling colour."""
         count = len(self.views)
-        swapped = sum(isinstance(view.pose, SwappedChannels) for view in self.views)
-        advice = "the images were written with red and blue swapped (RGB arrays by OpenCV's imwrite?)"
-        if swapped:
-            evidence = f"in {swapped} of {count} images the goals look as with red and blue swapped"
-            return Finding("channels", "wrong" if 2 * swapped > count else "unknown", f"{evidence}: {advice}?")
-        if self.dataset.field.ball_color in ("white", "black"):
+        nats = np.array(self.channel_nats)
+        for_swapped, for_own = (int((sign * nats >= self.settings.min_channel_nats).sum()) for sign in (1, -1))
+        if for_swapped:
+            by_goals = any(
+                isinstance(view.pose, SwappedChannels) and view.pose.reason == SWAPPED_BY_GOALS for view in self.views
+            )
+            what = "goals look" if by_goals else "ball looks"
+            evidence = f"in {for_swapped} of {count} images the {what} as with red and blue swapped"
+            if for_own:
+                evidence += f", in {for_own} as they are"
+            is_wrong = float(nats.sum()) >= self.settings.told_channel_nats and for_swapped > 2 * for_own
+            advice = "the images were written with red and blue swapped (RGB arrays by OpenCV's imwrite?)?"
+            return Finding("channels", "wrong" if is_wrong else "unknown", f"{evidence}: {advice}")
+        if for_own:
+            return Finding("channels", "ok", f"in {for_own} of {count} images goals or ball have their own colours")
+        field = self.dataset.field
+        if field.ball_color in ("white", "black") and not field.halves_differ:
             return None
-        chosen = slice(None, None, -(-count // self.settings.max_tried))
-        vision = self._vision(self.dataset.field, channels="rgb")
-        balls = sum(bool(view.balls) for view in self.views[chosen])
-        if_swapped = sum(bool(view.balls) for view in self._look(vision, self.frames[chosen], "channels"))
-        evidence = f"a ball in {balls} of {len(self.views[chosen])} images, with red and blue swapped in {if_swapped}"
-        if if_swapped >= self.settings.min_turns and if_swapped > self.settings.min_ball_ratio * balls:
-            return Finding("channels", "unknown", f"{evidence}: perhaps {advice}")
-        return Finding("channels", "ok", evidence)
+        return Finding("channels", "unknown", "no ball, and no goal that could tell, is seen in its own colour")
 
     def _other_pictures(self) -> Finding | None:
         """Report pictures of something else than a field; None where poses or the ground's colour speak for a field."""

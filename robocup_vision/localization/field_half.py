@@ -18,11 +18,16 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.goal.colors import GoalPalette, GoalVotes, MirrorProjection, vote_goal_colors
-from robocup_vision.localization.swapped_channels import SwappedChannelsSettings, are_swapped
+from robocup_vision.localization.swapped_channels import (
+    SWAPPED_BY_GOALS,
+    SwappedChannelsSettings,
+    are_swapped,
+    goal_points,
+    is_inside,
+    log_ratios_at,
+)
 from robocup_vision.perception.color_table import Colors
 
-# one grey level in each of nine pixels: no logarithm of zero
-_DARKEST = 9
 _NO_VOTES = GoalVotes(0, 0, 0, 0)
 
 
@@ -80,14 +85,7 @@ class GoalSide:
 
     @cached_property
     def _points(self) -> tuple[FloatArray, FloatArray]:
-        points, sides = [], []
-        for goal in self.field.goals:
-            for x0, y0, x1, y1 in goal.panels:
-                for along in (0.15, 0.4, 0.6, 0.85):
-                    for up in (0.4, 0.8):
-                        points.append([x0 + along * (x1 - x0), y0 + along * (y1 - y0), up * goal.height_m])
-                        sides.append(float(goal.side))
-        return np.array(points), np.array(sides)
+        return goal_points(self.field)
 
     @cached_property
     def _radius_of_q(self) -> tuple[float, FloatArray]:
@@ -141,9 +139,7 @@ class GoalSide:
         right, wrong, own, swapped = self._vote(frame, estimate.pose, colors) if self.is_able else _NO_VOTES
         decides = max(right, wrong, swapped) >= self.settings.min_votes
         if decides and self._is_doubtful(own, swapped, colors) and self._are_swapped(frame, estimate.pose, colors):
-            return SwappedChannels(
-                "the goals look as with red and blue swapped: are the frames RGB? Vision(..., channels='rgb')"
-            )
+            return SwappedChannels(SWAPPED_BY_GOALS)
         most = max(right, wrong)
         if most >= self.settings.min_votes and most >= self.settings.majority * min(right, wrong):
             better = estimate if right > wrong else estimate.half_turn()
@@ -173,17 +169,8 @@ class GoalSide:
         points, sides = self._points
         on_robot = np.column_stack([pose.inverse().transform(points[:, :2]), points[:, 2]])
         pixels = np.nan_to_num(self.camera.point_to_pixel(on_robot), nan=-1.0)
-        height, width = frame.shape[:2]
-        u, v = np.rint(pixels).astype(int).T
         radius = np.hypot(*(pixels - self.camera.center_px).T)
         inner, outer = self.camera.usable_radius_px
-        shown = (radius >= inner) & (radius <= outer) & (u > 0) & (v > 0) & (u < width - 1) & (v < height - 1)
-        u, v, sides = u[shown], v[shown], sides[shown]
-        if self.mask is not None:
-            shown = self._hidden[v, u] == 0
-            u, v, sides = u[shown], v[shown], sides[shown]
-        around = np.arange(-1, 2)
-        patches = frame[v[:, None, None] + around[:, None], u[:, None, None] + around]
-        blue, green, red = np.log(patches.sum(axis=(1, 2), dtype=np.int64) + _DARKEST).T
-        log_ratios = np.stack([red - green, blue - green], axis=1)
-        return are_swapped(log_ratios, sides > 0, colors.goal_log_ratios, self.settings.channels)
+        shown = (radius >= inner) & (radius <= outer) & is_inside(pixels, frame, self.mask)
+        log_ratios = log_ratios_at(frame, pixels, shown)
+        return are_swapped(log_ratios, sides[shown] > 0, colors.goal_log_ratios, self.settings.channels)

@@ -12,7 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.arrays import BoolArray, FloatArray
+from field_models.field import Field
+from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
+
+SWAPPED_BY_GOALS = "the goals look as with red and blue swapped: are the frames RGB? Vision(..., channels='rgb')"
+
+# one grey level in each of nine pixels: no logarithm of zero
+_DARKEST = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +54,47 @@ class SwappedChannelsSettings:
     light_points: float = 4.0
 
 
+def goal_points(field: Field) -> tuple[FloatArray, FloatArray]:
+    """Return points (N, 3) float64 on the goals' panels, field frame, metres, and the goal's side (N,) of each."""
+    points, sides = [], []
+    for goal in field.goals:
+        for x0, y0, x1, y1 in goal.panels.tolist():
+            for along in (0.15, 0.4, 0.6, 0.85):
+                for up in (0.4, 0.8):
+                    points.append([x0 + along * (x1 - x0), y0 + along * (y1 - y0), up * goal.height_m])
+                    sides.append(float(goal.side))
+    return np.array(points).reshape(-1, 3), np.array(sides)
+
+
+def log_ratios_at(frame: UInt8Array, pixels: FloatArray, shown: BoolArray) -> FloatArray:
+    """Return logarithms of R/G and B/G, (N, 2) float64, of the 3 x 3 pixels about those of `pixels` that are shown.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    pixels : (P, 2) float64
+        u, v; those shown lie a pixel from the frame's border, or farther inside.
+    shown : (P,) bool
+        Which of them are read.
+    """
+    u, v = np.rint(pixels[shown]).astype(int).T
+    around = np.arange(-1, 2)
+    patches = frame[v[:, None, None] + around[:, None], u[:, None, None] + around]
+    blue, green, red = np.log(patches.sum(axis=(1, 2), dtype=np.int64) + _DARKEST).T
+    return np.stack([red - green, blue - green], axis=1)
+
+
+def is_inside(pixels: FloatArray, frame: UInt8Array, mask: UInt8Array | None) -> BoolArray:
+    """Return which pixels (P, 2) lie inside a frame, with their neighbours, and are not masked."""
+    height, width = frame.shape[:2]
+    u, v = np.rint(np.clip(np.nan_to_num(pixels, nan=-1.0), -1, max(width, height))).astype(int).T
+    inside = (u > 0) & (v > 0) & (u < width - 1) & (v < height - 1)
+    if mask is not None:
+        inside[inside] = mask[v[inside], u[inside]] == 0
+    return np.asarray(inside)
+
+
 def are_swapped(
     log_ratios: FloatArray,
     is_positive: BoolArray,
@@ -55,6 +102,19 @@ def are_swapped(
     settings: SwappedChannelsSettings = SwappedChannelsSettings(),
 ) -> bool:
     """Return whether the points fit goals whose red and blue are swapped better than the goals' own colours.
+
+    Parameters as those of `swapped_nats`.
+    """
+    return swapped_nats(log_ratios, is_positive, palette, settings) > 0.0
+
+
+def swapped_nats(
+    log_ratios: FloatArray,
+    is_positive: BoolArray,
+    palette: FloatArray,
+    settings: SwappedChannelsSettings = SwappedChannelsSettings(),
+) -> float:
+    """Return how much better the points fit goals whose red and blue are swapped than the goals' own colours, nats.
 
     Parameters
     ----------
@@ -75,7 +135,7 @@ def are_swapped(
         )
         for pair in (paints[:2], paints[2:])
     )
-    return swapped > own
+    return (swapped - own) / settings.light_points
 
 
 def _support(lights: FloatArray, white: FloatArray, settings: SwappedChannelsSettings) -> float:

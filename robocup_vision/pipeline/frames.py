@@ -23,6 +23,7 @@ from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.perception.polar_view import PolarView
+from robocup_vision.pipeline.channel_order import ChannelOrder
 
 # others may have moved by a robot's width by then
 _MAX_CARRIED_S = 0.5
@@ -110,6 +111,7 @@ class FramePipeline:
         self.edge_settings = FloorEdgeSettings()
         self._size_px = size_px
         self._has_warned = False
+        self._channel_order = ChannelOrder(field)
         width, height = size_px
         mask = options.mask
         if mask is not None:
@@ -126,6 +128,7 @@ class FramePipeline:
     def forget(self) -> None:
         """Forget learnt colours, the last pose and floor: the next frame stands alone."""
         self._has_warned = False
+        self._channel_order.forget()
         self._carried = None
         self._color_memory.forget()
         self._last_pose = None
@@ -134,6 +137,11 @@ class FramePipeline:
     def colors(self) -> Colors | None:
         """The colours in use, None before the first frame."""
         return self._color_memory.colors
+
+    @property
+    def swapped_channels_nats(self) -> float:
+        """See `Vision.swapped_channels_nats`."""
+        return self._channel_order.nats
 
     def _on_floor(self, balls: tuple[Ball, ...], pose: Pose2 | None) -> tuple[Ball, ...]:
         """Return those of the balls that a known pose puts on the floor, where walls or boards bound it."""
@@ -175,12 +183,28 @@ class FramePipeline:
         seconds = dropped * _USUAL_STEP_S if t_s is None or kept.frame_s is None else t_s - kept.frame_s
         return free_space if seconds <= _MAX_CARRIED_S else None
 
+    def _as_told(self, pose: PoseEstimate | NotLocated) -> PoseEstimate | NotLocated:
+        """Return what of a pose holds if red and blue are swapped, where the colours of goals or beacons give the half.
+
+        No pose where that is told; both halves where it is suspected.
+        """
+        if not pose or not self.field.halves_differ:
+            return pose
+        reason = self._channel_order.reason
+        if reason:
+            self._last_pose = None
+            return SwappedChannels(reason)
+        if self._channel_order.is_suspected and len(pose.candidates) == 1:
+            return replace(pose, candidates=(pose.pose, pose.pose.half_turn()))
+        return pose
+
     def _warnings(self, pose: PoseEstimate | NotLocated) -> tuple[str, ...]:
         """Return what a user must be told of the frames, once."""
-        if self._has_warned or not isinstance(pose, SwappedChannels):
+        reason = pose.reason if isinstance(pose, SwappedChannels) else self._channel_order.reason
+        if self._has_warned or not reason:
             return ()
         self._has_warned = True
-        return (pose.reason,)
+        return (reason,)
 
     def _checked(self, frame: UInt8Array) -> UInt8Array:
         width, height = self._size_px

@@ -12,11 +12,12 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.prepared_kernels import prepare
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import outline
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import make_mirror_localizer
+from robocup_vision.localization.swapped_channels import SwappedChannelsSettings
 from robocup_vision.perception.balls.mirror import MirrorBallFinder
 from robocup_vision.perception.color_table import LLR_PER_UNIT, ColorTable
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
@@ -68,6 +69,7 @@ class OmniPipeline(FramePipeline):
         other = OmniPipeline(self.field, camera, replace(self._options, colors=None))
         other._color_memory, other._last_pose = self._color_memory, self._last_pose
         other._has_warned, other._carried = self._has_warned, self._carried
+        other._channel_order = self._channel_order
         return other
 
     def forget(self) -> None:
@@ -98,14 +100,21 @@ class OmniPipeline(FramePipeline):
         answer = self._localizer.locate(evidence, prior)
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
-        balls = self._ball_finder.find(frame, table, self._near_floor_nats(llr, self.polar))
-        balls = self._on_floor(balls, pose.pose if pose else None)
+        near, robot = self._near_floor_nats(llr, self.polar), pose.pose if pose else None
+        balls = self._on_floor(self._ball_finder.find(frame, table, near), robot)
         balled = perf_counter()
         for ball in balls:
             self._ball_finder.clear(ball, self.polar, marks)
         free_space = self.grid.measure(marks)
         end = perf_counter()
-        self._last_pose = pose.pose if pose else None
+        self._last_pose = robot
+        self._channel_order.judge(
+            balls,
+            lambda: self._on_floor(self._ball_finder.find_swapped(frame, table, near), robot),
+            pose,
+            lambda: self._goal_nats(pose, table),
+        )
+        pose = self._as_told(pose)
         self._keep_floor(free_space, t_s)
         timings = {
             "colors": colored - begin,
@@ -129,6 +138,14 @@ class OmniPipeline(FramePipeline):
             t_s,
             warnings=self._warnings(pose),
         )
+
+    def _goal_nats(self, pose: PoseEstimate | NotLocated, table: ColorTable) -> float:
+        """Return what the goals' verdict on the half tells of swapped red and blue, nats."""
+        most = self._channel_order.settings.max_nats
+        if isinstance(pose, SwappedChannels):
+            return most
+        tells = self.field.halves_differ and table.colors.swap_distance >= SwappedChannelsSettings().min_distance
+        return -most if tells and pose and len(pose.candidates) == 1 else 0.0
 
     def _outline(
         self, frame: UInt8Array, samples: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable

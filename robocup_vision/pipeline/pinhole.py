@@ -20,10 +20,17 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import make_pinhole_localizer
+from robocup_vision.localization.swapped_channels import (
+    SwappedChannelsSettings,
+    goal_points,
+    is_inside,
+    log_ratios_at,
+    swapped_nats,
+)
 from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.pinhole import PinholeBallFinder
-from robocup_vision.perception.color_table import ColorTable
+from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
@@ -87,6 +94,9 @@ class PinholePipeline(FramePipeline):
         method = options.method
         self.camera = camera
         self._needs_samples = method.needs_samples
+        panelled = [goal for goal in field.goals if goal.kind != "posts"]
+        tells = len({goal.color for goal in panelled}) == 2
+        self._goal_points = goal_points(field) if tells else (np.empty((0, 3)), np.empty(0))
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
         self._floor = self._make_floor(camera) if camera.known_orientation else None
         prepare(f"pinhole_{method.name}")
@@ -177,18 +187,32 @@ class PinholePipeline(FramePipeline):
         if floor is None:
             self._carried = None
             timings["total"] = perf_counter() - begin
+            pose = self._as_told(pose)
+            if measured is not None:
+                opened = self._as_told(measured)
+                measured = opened if opened else None
             view = self._without_floor(pose, answer.camera, timings, t_s)
-            return replace(view, measurement=measured, edge_points=answer.edge_points)
+            return replace(
+                view,
+                measurement=measured,
+                edge_points=answer.edge_points,
+                warnings=self._warnings(pose),
+            )
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
         marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
+        self._judge_channels(frame, floor, samples, balls, pose)
+        told = self._as_told(pose)
+        if measured is not None:
+            opened = self._as_told(measured)
+            measured = opened if opened else None
         self._keep_floor(free_space, t_s)
         walls = np.full(floor.view.bearings, np.nan)
         if robot is not None and self.field.is_bounded:
             walls = wall_px(self.field.walls, robot, floor.view)
         timings["total"] = perf_counter() - begin
         return View(
-            pose,
+            told,
             free_space,
             balls,
             timings,
@@ -200,8 +224,42 @@ class PinholePipeline(FramePipeline):
             floor.grid,
             t_s,
             measurement=measured,
+            warnings=self._warnings(told),
             edge_points=answer.edge_points,
         )
+
+    def _judge_channels(
+        self,
+        frame: UInt8Array,
+        floor: _Floor,
+        samples: _FloorSamples,
+        balls: tuple[Ball, ...],
+        pose: PoseEstimate | NotLocated,
+    ) -> None:
+        table = samples.table
+        if table is None:
+            return
+        robot = pose.pose if pose else None
+
+        def find_swapped() -> tuple[Ball, ...]:
+            found = floor.finder.find_swapped(frame, table, self._near_floor_nats(samples.llr, floor.view))
+            return self._on_floor(tuple(ball.turned(floor.turn_rad) for ball in found), robot)
+
+        self._channel_order.judge(
+            balls, find_swapped, pose, lambda: self._goal_nats(frame, floor.camera, table.colors, robot)
+        )
+
+    def _goal_nats(self, frame: UInt8Array, camera: PinholeCamera, colors: Colors, robot: Pose2 | None) -> float:
+        """Return what goals of two colours in view tell of swapped red and blue, nats."""
+        settings = SwappedChannelsSettings()
+        points, sides = self._goal_points
+        if robot is None or not len(points) or colors.swap_distance < settings.min_distance:
+            return 0.0
+        on_robot = np.column_stack([robot.inverse().transform(points[:, :2]), points[:, 2]])
+        pixels = camera.point_to_pixel(on_robot)
+        shown = is_inside(pixels, frame, self._mask)
+        log_ratios = log_ratios_at(frame, pixels, shown)
+        return swapped_nats(log_ratios, sides[shown] > 0, colors.goal_log_ratios, settings)
 
     def drop(self, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
         """Return the view of a frame that the camera did not give; see `Vision.look`."""

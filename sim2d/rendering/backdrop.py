@@ -40,6 +40,9 @@ class Backdrop:
 
     def colors(self, x_m: Float32Array, y_m: Float32Array, z_m: Float32Array) -> Float32Array:
         """Colours (N, 3) BGR of points on the room's wall, field frame, metres."""
+        if not len(x_m):
+            # OpenCV refuses empty maps
+            return np.empty((0, 3), dtype=np.float32)
         picture = _panorama(self)
         rows, columns = picture.shape[:2]
         u = np.remainder(np.arctan2(y_m, x_m) / math.tau, 1.0) * (columns - 1)

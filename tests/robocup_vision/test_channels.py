@@ -9,11 +9,15 @@ import pytest
 
 from field_models import load_field
 from field_models.errors import ArgumentError
-from robocup_vision.camera import load_camera
+from robocup_vision.camera import PinholeCamera, load_camera
 from robocup_vision.estimates import SwappedChannels
+from robocup_vision.geometry import Pose2
 from robocup_vision.pipeline.frames import to_bgr
 from robocup_vision.vision import Vision
+from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.random_scenes import CONDITIONS, sample
+from sim2d.rendering.scene import Scene
+from sim2d.sensors.match_camera import MATCH_SENSOR
 
 SAMPLES = Path(__file__).resolve().parents[2] / "images" / "omni_ssl_2001"
 
@@ -107,3 +111,62 @@ def test_a_plain_bgr_frame_is_not_copied(sample_frames):
     frame = sample_frames[0]
     assert to_bgr(frame, "bgr") is frame
     np.testing.assert_array_equal(to_bgr(frame, "rgb"), frame[..., ::-1])
+
+
+GOALS = Path(__file__).resolve().parents[2] / "images" / "goal_four_legged"
+# of the sample pictures, some with a ball on the field, in three places
+WITH_BALL = (3, 23, 24)
+
+
+@pytest.fixture(scope="module")
+def goal_frames():
+    paths = sorted((GOALS / "images").iterdir())
+    return [cv2.imread(str(paths[n]), cv2.IMREAD_COLOR) for n in WITH_BALL]
+
+
+@pytest.fixture(scope="module")
+def goal_vision():
+    return Vision(load_field("four_legged_2007"), load_camera(GOALS / "camera.toml"))
+
+
+def test_a_goal_alone_never_decides_against_a_ball_of_swapped_color(goal_vision, goal_frames):
+    """Yellow with red and blue swapped is cyan: the goal would turn the pose by half a turn."""
+    for frame in goal_frames:
+        right = look_alone(goal_vision, frame)
+        assert len(right.pose.candidates) == 1
+        assert goal_vision.swapped_channels_nats < -1
+        view = look_alone(goal_vision, frame[..., ::-1])
+        assert goal_vision.swapped_channels_nats > 1
+        assert len(view.pose.candidates) == 2
+        assert min(view.pose.candidates, key=lambda pose: pose.error_to(right.pose.pose)[0]) != view.pose.pose
+
+
+def test_swapped_channels_of_a_forward_camera_are_told_by_the_ball(goal_vision, goal_frames):
+    goal_vision.forget()
+    views = [goal_vision.look(frame[..., ::-1]) for frame in goal_frames]
+    assert [len(view.warnings) for view in views] == [0, 0, 1]
+    assert isinstance(views[-1].pose, SwappedChannels)
+    assert views[-1].warnings == (views[-1].pose.reason,)
+    assert "the ball looks as with red and blue swapped" in views[-1].pose.reason
+    goal_vision.forget()
+    assert not any(goal_vision.look(frame).warnings for frame in goal_frames)
+
+
+def test_goals_of_two_colors_tell_swapped_channels_to_a_forward_camera(ssl_field):
+    """Blue and yellow panels: with red and blue swapped, the goal does not decide on the half."""
+    size = (208, 160)
+    camera = PinholeCamera(size, (192.0, 192.0), (103.5, 79.5), 0.185, pan_rad=0.0, tilt_rad=-0.21, roll_rad=0.0)
+    pose = Pose2(0.1, 0.0, 0.05)
+    light = render_pinhole(camera, Scene(ssl_field), pose, supersample=2)
+    frame = MATCH_SENSOR.expose(light, np.random.default_rng(3))
+    vision = Vision(ssl_field, camera)
+    view = vision.look(frame, prior=pose)
+    assert view.pose
+    assert not view.warnings
+    assert vision.swapped_channels_nats < 0
+    vision.forget()
+    view = vision.look(frame[..., ::-1], prior=pose)
+    assert isinstance(view.pose, SwappedChannels)
+    assert "goals look" in view.pose.reason
+    assert view.measurement is None
+    assert view.warnings == (view.pose.reason,)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from robocup_vision.perception.balls.ball import BallSettings
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_color import FloorColor, PaintColor
 
+# a ball whose logarithms of R/G and B/G change by less is not told from one with red and blue swapped
+_MIN_SWAP_DISTANCE = 0.5
 # a polar sample is the mean of 3 x 3 pixels
 _RAW_NOISE = 3.0
 
@@ -54,6 +57,19 @@ def _ball_color(colors: Colors, settings: BallSettings, min_ratio: float) -> ker
         sure=on_dark_ball,
         min_signal=settings.min_signal * raw_noise,
     )
+
+
+def with_swapped_ball(colors: Colors) -> Colors | None:
+    """Return colours with the ball's as if its red and blue were swapped; None where that is nearly its own colour.
+
+    Light falls on the paint as it is: only what the paint adds to white is swapped.
+    """
+    white = np.log([colors.line.red_ratio, colors.line.blue_ratio])
+    beside = np.log([colors.ball.red_ratio, colors.ball.blue_ratio]) - white
+    if np.linalg.norm(beside - beside[::-1]) < _MIN_SWAP_DISTANCE:
+        return None
+    red, blue = np.exp(white + beside[::-1]).tolist()
+    return replace(colors, ball=PaintColor(red, blue))
 
 
 def floor_evidence(floor: FloorColor, near_floor_nats: float, settings: BallSettings) -> float:

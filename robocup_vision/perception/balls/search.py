@@ -16,7 +16,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor import ball as kernel
 from robocup_vision.kernels.floor.ball_evidence import find_and_weigh
 from robocup_vision.perception.balls.ball import Ball, BallSettings
-from robocup_vision.perception.balls.colors import ball_colors, floor_evidence
+from robocup_vision.perception.balls.colors import ball_colors, floor_evidence, with_swapped_ball
 from robocup_vision.perception.color_table import ColorTable
 
 # points all over a disc of radius 1, and how often a ball that the picture cuts is moved until its part in it fits
@@ -49,6 +49,7 @@ class BallSearch(ABC):
         self._stamp = 0
         self._table: ColorTable | None = None
         self._colors: tuple[kernel.BallColor, ...] = ()
+        self._swapped_colors: tuple[kernel.BallColor, ...] | None = None
         self._floor_table = kernel.FloorTable(np.empty((3, 256), dtype=np.uint16), np.empty(0, dtype=np.int8))
         self._blobs = np.empty((settings.max_blobs, kernel.COLUMNS))
         self._ratios = np.empty(settings.max_blobs)
@@ -128,16 +129,55 @@ class BallSearch(ABC):
         """
         if not self.has_color:
             return ()
+        self._adopt(table)
+        found, self._last_px = self._search(frame, self._colors, table, near_floor_nats, self._last_px)
+        return found
+
+    def find_swapped(self, frame: UInt8Array, table: ColorTable, near_floor_nats: float) -> tuple[Ball, ...]:
+        """Find things that look like balls whose red and blue are swapped; as `find`, but nothing is remembered.
+
+        Where swapped red and blue leave the ball's colour nearly as it is, none are found.
+        """
+        if not self.has_color:
+            return ()
+        self._adopt(table)
+        if self._swapped_colors is None:
+            swapped = with_swapped_ball(table.colors)
+            self._swapped_colors = () if swapped is None else ball_colors(swapped, self.settings, self._white_ratios)
+        return self._search(frame, self._swapped_colors, table, near_floor_nats, [])[0]
+
+    def _adopt(self, table: ColorTable) -> None:
         if self._table is not table:
             self._table = table
             self._colors = ball_colors(table.colors, self.settings, self._white_ratios)
+            self._swapped_colors = None
             self._floor_table = kernel.FloorTable(table.packing, table.floor_llr)
+
+    def _search(
+        self,
+        frame: UInt8Array,
+        colors: tuple[kernel.BallColor, ...],
+        table: ColorTable,
+        near_floor_nats: float,
+        before: list[tuple[float, float, float]],
+    ) -> tuple[tuple[Ball, ...], list[tuple[float, float, float]]]:
+        """Return the balls of a colour, the likeliest first, and where and how large they are in the picture.
+
+        Parameters
+        ----------
+        frame, table, near_floor_nats
+            As those of `find`.
+        colors : tuple of BallColor
+            The ball's colour, from several places on the way from white on.
+        before : list of (float, float, float)
+            Where and how large balls were in the last frame.
+        """
         count = 0
-        for color in self._colors:
+        for color in colors:
             count += self._weigh(frame, color, count)
-        before, self._last_px = self._last_px, []
+        places: list[tuple[float, float, float]] = []
         if not count:
-            return ()
+            return (), places
         of_floor = floor_evidence(table.colors.floor, near_floor_nats, self.settings)
         ratios = [ratio + of_floor for ratio in self._ratios[:count].tolist()]
         found: list[Ball] = []
@@ -146,9 +186,7 @@ class BallSearch(ABC):
             if ratios[n] < needed - self.settings.again_nats or len(found) == self.settings.max_balls:
                 break
             u, v, half_px = self._blob(n)
-            if any(
-                math.hypot(u - other_u, v - other_v) < max(half_px, other) for other_u, other_v, other in self._last_px
-            ):
+            if any(math.hypot(u - other_u, v - other_v) < max(half_px, other) for other_u, other_v, other in places):
                 # the same ball, at another threshold of its colour
                 continue
             again = self.settings.again_half_sizes
@@ -157,9 +195,9 @@ class BallSearch(ABC):
             if self._blobs[n, kernel.CUT] and ratios[n] >= needed:
                 ratios[n] += self._cut_evidence(self._blobs[n])
             if ratios[n] >= needed:
-                self._last_px.append((u, v, half_px))
+                places.append((u, v, half_px))
                 found.append(self._ball_at(self._blobs[n, :2], ratios[n]))
-        return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio))
+        return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio)), places
 
     def _weigh(self, frame: UInt8Array, color: kernel.BallColor, first: int) -> int:
         """Find and weigh the blobs of a colour, into the rows from `first` on, and return their number."""

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -80,6 +81,22 @@ def test_a_field_by_a_camera_that_is_far_off_is_not_said_to_be_none(write, true_
     u, v = true_camera.center_px
     findings = found(write(camera=dataclasses.replace(true_camera, center_px=(u + 40.0, v - 30.0))))
     assert not any("do not show this field" in finding.evidence for finding in findings.values())
+
+
+def test_swapped_channels_of_a_forward_camera_are_found_by_the_ball(tmp_path):
+    """Yellow and cyan goals are each other's swapped colour: the ball tells."""
+    samples = Path(__file__).resolve().parents[3] / "images" / "goal_four_legged"
+    (tmp_path / "images").mkdir()
+    paths = sorted((samples / "images").iterdir())
+    for n in (3, 23, 24):
+        image = cv2.imread(str(paths[n]), cv2.IMREAD_COLOR)
+        cv2.imwrite(str(tmp_path / "images" / f"{n}.png"), np.ascontiguousarray(image[..., ::-1]))
+    lines = ["format = 1", 'field = "four_legged_2007"', f'camera = "{samples / "camera.toml"}"', 'images = "images"']
+    (tmp_path / "dataset.toml").write_text("\n".join(lines) + "\n")
+    findings = check_dataset(load_dataset(tmp_path))
+    assert [finding.subject for finding in findings] == ["size", "channels"]
+    assert findings[1].state == "wrong"
+    assert findings[1].evidence.startswith("in 3 of 3 images the ball looks as with red and blue swapped")
 
 
 @pytest.mark.slow

@@ -260,3 +260,9 @@ def test_what_cannot_be_rendered_is_refused():
     folded = dataclasses.replace(level, distortion=(-2.0, 0.0, 0.0, 0.0))
     with pytest.raises(ArgumentError, match="distortion leaves part of the image without rays"):
         render_pinhole(folded, scene, pose)
+
+
+def test_a_backdrop_without_points_has_no_colors():
+    """A camera that looks down shows none of the room's wall."""
+    nothing = np.empty(0, dtype=np.float32)
+    assert Backdrop("hall", seed=1).colors(nothing, nothing, nothing).shape == (0, 3)
