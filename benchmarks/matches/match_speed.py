@@ -2,7 +2,8 @@
 
 Rendering: 256 x 220 frames of ssl_2001 with four robots and a ball at random, none alike, drawn through lens and blur
 without the sensor's noise, and with it; each beside a conversion of such a frame to HSV, one thread. Ratios are of
-medians of the thread's seconds.
+medians of the thread's seconds. The same for forward cameras with the sensor's noise, whose heads pan at random, among
+eight robots on four_legged_2007 (208 x 160) and on spl_2020 (640 x 480).
 
 Matches: two against two on ssl_2001, every robot with its own mirror camera of 256 x 220 at 30 Hz and the built-in
 player; no film, no report. Simulated seconds over the processor's seconds, in one thread: what one core needs if
@@ -17,6 +18,7 @@ clock and of the processor, and the film's size is that of a minute.
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 from dataclasses import replace
@@ -34,16 +36,18 @@ from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: 
 from benchmarks.harness import columns as col  # noqa: E402
 from field_models import load_field  # noqa: E402
 from robocup_vision.geometry import Pose2  # noqa: E402
-from sim2d.match.arena import Arena  # noqa: E402
+from sim2d.match.arena import Arena, camera_for  # noqa: E402
 from sim2d.match.run import MatchPlan, run_match  # noqa: E402
 from sim2d.players.built_in import BuiltInPlayer  # noqa: E402
 from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
+from sim2d.rendering.goal.scenes import nao_camera  # noqa: E402
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits  # noqa: E402
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera  # noqa: E402
 from sim2d.world.world import World  # noqa: E402
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera(256, 220)
 MAX_BARE, MAX_NOISY = 6.0, 20.0
+MAX_FORWARD = {"four_legged_2007": 8.0, "spl_2020": 6.0}
 MIN_REAL_TIME = 2.0
 MIN_WITH_FILM, MAX_FILM_MB = 3.0, 2.0
 
@@ -80,6 +84,44 @@ def measure_rendering(count: int, seed: int) -> bool:
         all_ok &= ok
         table.row(name, f"{1e3 * median:.3f}", f"{median / hsv:.2f}", f"{most:g}", verdict(ok))
     table.row("cvtColor", f"{1e3 * hsv:.3f}", "1", None, None)
+    return all_ok
+
+
+def measure_forward(count: int, seed: int) -> bool:
+    """Print the ratios of drawing a forward camera's frame; return whether they are reached."""
+    columns = ("forward camera          ", "ms    ", col.time_ratio("ratio "), "target", "verdict")
+    table = Table(columns, f"Rendering, {count} frames of a forward camera", name="forward frames")
+    all_ok = True
+    for field_name, most in MAX_FORWARD.items():
+        field = load_field(field_name)
+        camera = camera_for(field)
+        if field_name == "spl_2020":
+            camera = nao_camera().with_orientation(0.0, math.radians(-14.0), 0.0)
+        rng = np.random.default_rng(seed)
+        world = World(field, 4, RobotLimits(), rng)
+        eye = MatchCamera(field, camera, RobotLimits(), rng)
+        half = np.array([field.length_m, field.width_m]) / 2 - 0.2
+        seconds: dict[str, list[float]] = {"drawn": [], "cvtColor": []}
+        for i in range(count + 5):
+            for robot in range(8):
+                x, y = rng.uniform(-half, half).tolist()
+                world.place(robot, Pose2(x, y, rng.uniform(-3.1, 3.1)))
+            world.place_ball(*rng.uniform(-half, half).tolist())
+            state = world.state
+            begin = thread_time()
+            frame = eye.render(state, 0)
+            drawn = thread_time()
+            cv2.cvtColor(frame, cv2.COLOR_BGR2HSV)
+            if i >= 5:  # compiled code is loaded before
+                seconds["drawn"].append(drawn - begin)
+                seconds["cvtColor"].append(thread_time() - drawn)
+        median, hsv = float(np.median(seconds["drawn"])), float(np.median(seconds["cvtColor"]))
+        ok = median / hsv <= most
+        all_ok &= ok
+        width, height = camera.size_px
+        table.row(
+            f"{field_name}, {width} x {height}", f"{1e3 * median:.3f}", f"{median / hsv:.2f}", f"{most:g}", verdict(ok)
+        )
     return all_ok
 
 
@@ -159,6 +201,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     frames, simulated_s = (200, 10.0) if arguments.quick else (3000, 180.0) if arguments.full else (1000, 60.0)
     all_ok = measure_rendering(frames, arguments.seed)
+    all_ok &= measure_forward(frames, arguments.seed)
     all_ok &= measure_match(simulated_s, arguments.seed)
     all_ok &= measure_film(6.0 if arguments.quick else 120.0 if arguments.full else 30.0, arguments.seed)
     finish(arguments.check, all_ok)

@@ -53,6 +53,11 @@ class Backdrop:
         found = cv2.remap(picture, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(found.reshape(-1, 3)[: len(u)])
 
+    def unrolled(self) -> tuple[Float32Array, float]:
+        """Return the wall unrolled (H, W, 3) BGR, azimuth to the right from +x, upper row first; its rows per metre."""
+        picture = _panorama(self)
+        return picture[:, :-1], len(picture) / HEIGHT_M
+
 
 @lru_cache(maxsize=4)
 def _panorama(backdrop: Backdrop) -> Float32Array:

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from field_models import COLOR_NAMES, Field
+from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
-from robocup_vision.geometry import Pose2
 from sim2d.kernels.match_pixels import add_noise
+from sim2d.rendering.backdrop import Backdrop
+from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
 from sim2d.rendering.fast.frames import FastFrames
-from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import RobotLimits
-from sim2d.world.state import WorldState
+from sim2d.world.state import RobotState, WorldState
 
 MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
 MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
@@ -50,6 +50,14 @@ class MatchCamera:
         How the field is lit.
     room : Room
         What is seen beyond.
+    backdrop : Backdrop, optional
+        Hangs on the room's wall in place of the room's own clutter; pinhole cameras only.
+
+    Raises
+    ------
+    ArgumentError
+        If the light has texture, shadow or highlights, the sensor compresses, a pinhole camera's tilt is unknown, or
+        a mirror camera shall see bystanders or a backdrop.
     """
 
     def __init__(
@@ -63,17 +71,24 @@ class MatchCamera:
         sensor: Sensor = MATCH_SENSOR,
         light: Light = MATCH_LIGHT,
         room: Room = MATCH_ROOM,
+        backdrop: Backdrop | None = None,
     ) -> None:
         self.field, self.camera, self.limits = field, camera, limits
         self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, light, room
         self._rng = rng
-        self._fast: FastFrames | None = None
-        if isinstance(camera, OmniCamera):
-            self._fast = FastFrames(self._scene((), None), camera, sensor)
-            size = 3 * camera.size_px[0] * camera.size_px[1]
-            self._noise_starts = size
-            drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
-            self._noise = np.rint(drawn).astype(np.int16)
+        self._frames: FastFrames | ForwardFrames
+        if isinstance(camera, PinholeCamera):
+            if camera.tilt_rad is None:
+                raise ArgumentError("a match's camera needs a known tilt_rad")
+            self._frames = ForwardFrames(self._scene((), None), camera, sensor, backdrop=backdrop)
+        elif backdrop is not None:
+            raise ArgumentError("a mirror camera's match is drawn without a backdrop")
+        else:
+            self._frames = FastFrames(self._scene((), None), camera, sensor)
+        size = 3 * camera.size_px[0] * camera.size_px[1]
+        self._noise_starts = size
+        drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
+        self._noise = np.rint(drawn).astype(np.int16)
 
     def scene(self, state: WorldState, index: int) -> Scene:
         """Return the world around one robot: everything but itself."""
@@ -111,24 +126,26 @@ class MatchCamera:
         (H, W, 3) uint8
             BGR frame, read-only.
         """
-        robot = state.robots[index]
-        if self._fast is not None:
-            frame = self._blur(self._fast.draw(self._robots(state, index), self._ball(state), robot.pose))
-            if self.sensor.noise_sigma:
-                # noise is drawn once; every frame takes it from another random start
-                start = int(self._rng.integers(self._noise_starts))
-                add_noise(frame.reshape(-1), self._noise[start : start + frame.size])
+        robots, ball, robot = self._robots(state, index), self._ball(state), state.robots[index]
+        if isinstance(self._frames, FastFrames):
+            light = self._frames.draw(robots, ball, robot.pose)
         else:
-            assert isinstance(self.camera, PinholeCamera)
-            # panning the head equals turning the whole robot about the head's axis
-            x, y = robot.pose.transform(self.camera.offset_m).tolist()
-            head = Pose2(x, y, robot.pose.theta_rad + robot.pan_rad)
-            camera = replace(self.camera, offset_m=(0.0, 0.0))
-            frame = self.sensor.expose(
-                render_pinhole(camera, self.scene(state, index), head, supersample=COARSE), self._rng
-            )
+            light = self._frames.draw(robots, ball, self._eye(robot))
+        frame = self._blur(light)
+        if self.sensor.noise_sigma:
+            # noise is drawn once; every frame takes it from another random start
+            start = int(self._rng.integers(self._noise_starts))
+            add_noise(frame.reshape(-1), self._noise[start : start + frame.size])
         frame.flags.writeable = False
         return frame
+
+    def _eye(self, robot: RobotState) -> EyeInField:
+        """Return where a robot's pinhole camera is: the head pans about the camera's axis."""
+        camera = self.camera
+        assert isinstance(camera, PinholeCamera)
+        x_m, y_m = robot.pose.transform(camera.offset_m).tolist()
+        heading_rad = robot.pose.theta_rad + robot.pan_rad + (camera.pan_rad or 0.0)
+        return EyeInField(x_m, y_m, camera.height_m, heading_rad, camera.tilt_rad or 0.0, camera.roll_rad or 0.0)
 
     def _blur(self, frame: UInt8Array) -> UInt8Array:
         sigma = self.sensor.blur_px

@@ -42,6 +42,28 @@ MARKER_RATIO = 0.3  # of a robot's radius
 SHADE_REACH = 3.0  # of a ball, in its radii
 
 
+def refuse_uneven(scene: Scene, sensor: Sensor) -> None:
+    """Refuse what no match is drawn with.
+
+    Raises
+    ------
+    ArgumentError
+        If the light has texture, shadow or highlights, or the sensor compresses.
+    """
+    lamp = scene.light
+    if lamp.texture or lamp.shadow is not None or lamp.highlights or sensor.jpeg_quality:
+        raise ArgumentError("a match is drawn without texture, shadow, highlights and compression")
+
+
+def even_light(scene: Scene) -> Lighting:
+    """Return the light on a scene as the compiled loops take it."""
+    lamp = scene.light
+    per_m = lamp.level * lamp.gradient / (scene.field.length_m / 2)
+    direction = lamp.gradient_direction_rad
+    along = per_m * math.cos(direction), per_m * math.sin(direction)
+    return Lighting(float(lamp.level), *along, 0.05 * lamp.level, LAMP_DIRECTION_RAD)
+
+
 class FastFrames:
     """Draws one field and all fixed objects on it for one type of camera.
 
@@ -61,9 +83,9 @@ class FastFrames:
     """
 
     def __init__(self, scene: Scene, camera: OmniCamera, sensor: Sensor) -> None:
-        lamp = scene.light
-        if lamp.texture or lamp.shadow is not None or lamp.highlights or scene.room.bystanders or sensor.jpeg_quality:
-            raise ArgumentError("a match is drawn without texture, shadow, highlights, bystanders and compression")
+        refuse_uneven(scene, sensor)
+        if scene.room.bystanders:
+            raise ArgumentError("a mirror camera's match is drawn without bystanders")
         self.scene, self.camera = scene, camera
         self._cast = np.array(sensor.cast_bgr)
         width, height = camera.size_px
@@ -72,18 +94,12 @@ class FastFrames:
         self._half_line_m = scene.field.line_width_m / 2
         self._room_radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
         self._table = mirror_pixels(camera, gain, 2 * self._room_radius_m)
-        picture = np.ascontiguousarray(room_panorama(scene.room.seed) * lamp.level * self._cast, dtype=np.float32)
+        picture = np.ascontiguousarray(
+            room_panorama(scene.room.seed) * scene.light.level * self._cast, dtype=np.float32
+        )
         ground = np.array(scene.room.floor_bgr) * self._cast
         self._room = RoomWall(picture, float(ROWS_PER_M), self._room_radius_m, ground)
-        per_m = lamp.level * lamp.gradient / (scene.field.length_m / 2)
-        direction = lamp.gradient_direction_rad
-        self._light = Lighting(
-            float(lamp.level),
-            per_m * math.cos(direction),
-            per_m * math.sin(direction),
-            0.05 * lamp.level,
-            LAMP_DIRECTION_RAD,
-        )
+        self._light = even_light(scene)
         self._build_fixed(scene)
         count, rays = len(self._table.bearings.directions), len(self._table.rays.pixels)
         self._crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 4), dtype=np.float32))

@@ -1,0 +1,215 @@
+"""Compiled: where a ray meets one thing that stands or lies on the floor: sheet, cylinder, bar, ball, top of a box.
+
+A ray starts at the eye; its direction need not have length 1. Everything is in axes of the field with the eye's foot
+as the origin.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.arrays import Float32Array, Int32Array
+
+# kinds of things
+SHEET, CYLINDER, BAR, BALL, BOX_TOP = range(5)
+# columns of `UprightThings.rows`: kind; place (of a sheet or bar: its start); end (of a box's top: direction of its
+# width); radius (of a box's top: half its width); height (of a bar: of its axis; of a ball: of its upper end); first
+# colour; bands of colour; and the colour of a sheet's right side or of a cylinder's marker (-1: none), or half the
+# depth of a box's top
+KIND, X0, Y0, X1, Y1, RADIUS, HEIGHT, COLOR, BANDS, OTHER = range(10)
+COLUMNS = 10
+MARKER_RATIO = np.float32(0.3)  # radius of a robot's marker, of its own
+_NOTHING = np.float32(1e30)
+_ZERO, _ONE, _LEAST_DROP = np.float32(0.0), np.float32(1.0), np.float32(1e-6)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _meet_cylinder(
+    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
+) -> tuple[np.float32, np.int32, np.float32]:
+    # without branches, so that the compiler meets several rays at once
+    x, y, radius, top, bands = row[X0], row[Y0], row[RADIUS], row[HEIGHT], row[BANDS]
+    radius2 = radius * radius
+    toward, flat2 = dx * x + dy * y, dx * dx + dy * dy
+    # the part across, computed without the difference of large squares
+    aside = dx * y - dy * x
+    root2 = radius2 * flat2 - aside * aside
+    t = (toward - np.float32(math.sqrt(max(root2, _ZERO)))) / flat2
+    up = height + t * dz
+    on_side = (root2 >= _ZERO) & (t > _ZERO) & (up >= _ZERO) & (up <= top)
+    band = np.int32(min(max(up, _ZERO) * bands / top, bands - _ONE))
+    facing = ((t * dx - x) * lamp[0] + (t * dy - y) * lamp[1]) / radius
+    t_top = (top - height) / min(dz, -_LEAST_DROP)
+    from_x, from_y = t_top * dx - x, t_top * dy - y
+    from2 = from_x * from_x + from_y * from_y
+    on_top = (top < height) & (dz < -_LEAST_DROP) & (from2 <= radius2)
+    marked = (row[OTHER] >= _ZERO) & (from2 <= radius2 * MARKER_RATIO * MARKER_RATIO)
+    top_color = np.int32(row[OTHER]) if marked else np.int32(row[COLOR] + bands - _ONE)
+    color = np.int32(row[COLOR]) + band if on_side else top_color
+    shade = np.float32(0.75) + np.float32(0.20) * facing if on_side else _ONE
+    found = t if on_side else t_top
+    return (found if on_side | on_top else _NOTHING), color, shade
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _meet_sheet(
+    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
+) -> tuple[np.float32, np.int32, np.float32]:
+    ax, ay, bx, by = row[X0], row[Y0], row[X1], row[Y1]
+    turn = ax * by - ay * bx
+    sign = _ONE if turn >= _ZERO else -_ONE
+    past_a, past_b = sign * (ax * dy - ay * dx), sign * (bx * dy - by * dx)
+    t = sign * turn / max(past_a - past_b, np.float32(1e-12))
+    up = height + t * dz
+    is_met = (past_a >= _ZERO) & (past_b < _ZERO) & (up >= _ZERO) & (up <= row[HEIGHT]) & (abs(turn) > np.float32(1e-9))
+    return (t if is_met else _NOTHING), np.int32(row[COLOR] if turn >= _ZERO else row[OTHER]), _ONE
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _meet_bar(
+    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
+) -> tuple[np.float32, np.int32, np.float32]:
+    ax, ay = row[X1] - row[X0], row[Y1] - row[Y0]
+    length = np.float32(math.sqrt(ax * ax + ay * ay))
+    ax, ay = ax / length, ay / length
+    # in the plane across the axis: ray (across, dz) from the eye, circle at (offset, rise)
+    across, offset, rise = dy * ax - dx * ay, row[Y0] * ax - row[X0] * ay, row[HEIGHT] - height
+    norm2, toward = max(across * across + dz * dz, np.float32(1e-12)), across * offset + dz * rise
+    beside, radius = across * rise - dz * offset, row[RADIUS]
+    root2 = norm2 * radius * radius - beside * beside
+    t = (toward - np.float32(math.sqrt(max(root2, _ZERO)))) / norm2
+    along = t * (dx * ax + dy * ay) - row[X0] * ax - row[Y0] * ay
+    is_met = (root2 >= _ZERO) & (t > _ZERO) & (along >= _ZERO) & (along <= length)
+    up = (t * dz - rise) / radius
+    return (t if is_met else _NOTHING), np.int32(row[COLOR]), np.float32(0.80) + np.float32(0.20) * up
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _meet_ball(
+    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
+) -> tuple[np.float32, np.int32, np.float32]:
+    x, y, radius = row[X0], row[Y0], row[RADIUS]
+    z = radius - height
+    toward, norm2 = dx * x + dy * y + dz * z, dx * dx + dy * dy + dz * dz
+    root2 = toward * toward - norm2 * (x * x + y * y + z * z - radius * radius)
+    if root2 < _ZERO or toward <= _ZERO:
+        return _NOTHING, np.int32(-1), _ZERO
+    t = (toward - np.float32(math.sqrt(root2))) / norm2
+    lit = np.float32(0.5) * ((t * dx - x) * lamp[0] + (t * dy - y) * lamp[1])
+    lit = (lit + np.float32(math.sqrt(0.75)) * (t * dz - z)) / radius
+    return t, np.int32(row[COLOR]), np.float32(0.62) + np.float32(0.42) * lit
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _meet_box_top(
+    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
+) -> tuple[np.float32, np.int32, np.float32]:
+    if row[HEIGHT] >= height or dz >= _ZERO:
+        return _NOTHING, np.int32(-1), _ZERO
+    t = (row[HEIGHT] - height) / dz
+    x, y, c, s = t * dx - row[X0], t * dy - row[Y0], row[X1], row[Y1]
+    if abs(x * c + y * s) > row[RADIUS] or abs(y * c - x * s) > row[OTHER]:
+        return _NOTHING, np.int32(-1), _ZERO
+    return t, np.int32(row[COLOR]), _ONE
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def meet_thing(
+    kind: np.float32,
+    row: Float32Array,
+    dx: np.float32,
+    dy: np.float32,
+    dz: np.float32,
+    height: np.float32,
+    lamp: Float32Array,
+) -> tuple[np.float32, np.int32, np.float32]:
+    """Return where a ray meets a thing: distance in lengths of its direction (huge: never), colour, shade.
+
+    Parameters
+    ----------
+    kind : float32
+        What it is.
+    row : (10,) float32
+        Of `UprightThings.rows`, with the eye's foot as the origin.
+    dx, dy, dz : float32
+        Direction of the ray, field axes.
+    height : float32
+        Of the eye over the floor, metres.
+    lamp : (2,) float32
+        Unit direction towards the light, field axes.
+    """
+    if kind == CYLINDER:
+        return _meet_cylinder(row, dx, dy, dz, height, lamp)
+    if kind == SHEET:
+        return _meet_sheet(row, dx, dy, dz, height)
+    if kind == BAR:
+        return _meet_bar(row, dx, dy, dz, height)
+    if kind == BALL:
+        return _meet_ball(row, dx, dy, dz, height, lamp)
+    return _meet_box_top(row, dx, dy, dz, height)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def meet_grid(
+    row: Float32Array,
+    first_id: np.int32,
+    grid: Float32Array,
+    part: tuple[int, int, int, int],
+    wide: int,
+    height: np.float32,
+    lamp: Float32Array,
+    depth: Float32Array,
+    ids: Int32Array,
+) -> None:
+    """Meet one thing by part of a grid of rays, and keep what is nearest.
+
+    Parameters
+    ----------
+    row : (10,) float32
+        As in `meet_thing`.
+    first_id : int32
+        Number of the thing's first colour.
+    grid : (3, G) float32
+        Directions, row by row.
+    part : (int, int, int, int)
+        First row, row after the last, first column, column after the last.
+    wide : int
+        Rays in a row.
+    height, lamp
+        As in `meet_thing`.
+    depth : (G,) float32
+        Distance of the nearest thing so far, in lengths of the rays' directions.
+    ids : (G,) int32
+        Its number.
+    """
+    kind, dx, dy, dz = row[KIND], grid[0], grid[1], grid[2]
+    many = np.uintp(max(part[3] - part[2], 0))
+    for v in range(part[0], part[1]):
+        start = np.uintp(v * wide + part[2])
+        if kind == CYLINDER:
+            for u in range(many):
+                k = start + u
+                t, color, _ = _meet_cylinder(row, dx[k], dy[k], dz[k], height, lamp)
+                is_nearer = t < depth[k]
+                depth[k], ids[k] = t if is_nearer else depth[k], first_id + color if is_nearer else ids[k]
+        elif kind == SHEET:
+            for u in range(many):
+                k = start + u
+                t, color, _ = _meet_sheet(row, dx[k], dy[k], dz[k], height)
+                is_nearer = t < depth[k]
+                depth[k], ids[k] = t if is_nearer else depth[k], first_id + color if is_nearer else ids[k]
+        elif kind == BAR:
+            for u in range(many):
+                k = start + u
+                t, color, _ = _meet_bar(row, dx[k], dy[k], dz[k], height)
+                is_nearer = t < depth[k]
+                depth[k], ids[k] = t if is_nearer else depth[k], first_id + color if is_nearer else ids[k]
+        else:
+            for u in range(many):
+                k = start + u
+                t, color, _ = meet_thing(kind, row, dx[k], dy[k], dz[k], height, lamp)
+                is_nearer = t < depth[k]
+                depth[k], ids[k] = t if is_nearer else depth[k], first_id + color if is_nearer else ids[k]

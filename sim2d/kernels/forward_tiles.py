@@ -1,0 +1,519 @@
+"""Compiled: a forward camera's frame, tile by tile: the empty floor and the room, then what stands there.
+
+A tile's pixels stay in the processor's cache. One ray through each corner of a pixel tells whether an edge crosses it;
+only such pixels get four rays, those that the slow renderer gives every pixel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
+from sim2d.kernels.forward_floor import (
+    cover_arc,
+    cover_line,
+    end_carpet,
+    fill_floor,
+    is_inside,
+    shade_floor,
+)
+from sim2d.kernels.forward_outlines import ARC, EDGE, LINE, SHADE, THING, outline_floor, outline_things, overlaps
+from sim2d.kernels.forward_room import draw_wall, wall_point
+from sim2d.kernels.forward_things import BAR, KIND, RADIUS, SHEET, X0, X1, Y0, Y1, meet_grid, meet_thing
+from sim2d.kernels.forward_values import FloorPaint, ForwardEye, ForwardLens, Outlines, UprightThings, WallPicture
+from sim2d.kernels.frame_values import Lighting
+
+_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_MOST, _FAR = np.float32(255.0), np.float32(1e29)
+# places of the four rays in a pixel, as `rays.sample_offsets(2)` has them
+_SAMPLES_U = (-0.375, -0.125, 0.125, 0.375)
+_SAMPLES_V = (-0.125, 0.375, -0.375, 0.125)
+_ON_FLOOR, _IN_ROOM, _BOTH = range(3)
+_THING_ROWS = THING + 1  # the outlines' rows of the things that a tile may show
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def draw_forward(
+    lens: ForwardLens,
+    eye: ForwardEye,
+    paint: FloorPaint,
+    things: UprightThings,
+    shade_m: float,
+    light: Lighting,
+    wall: WallPicture,
+    outlines: Outlines,
+    tile: tuple[int, int],
+    planes: UInt8Array,
+) -> None:
+    """Draw a frame.
+
+    Parameters
+    ----------
+    lens : ForwardLens
+        Of the camera.
+    eye : ForwardEye
+        Where it is.
+    paint : FloorPaint
+        On the floor.
+    things : UprightThings
+        On the floor.
+    shade_m : float
+        How far a ball's shade reaches.
+    light : Lighting
+        On everything but the wall.
+    wall : WallPicture
+        Behind everything.
+    outlines : Outlines
+        Room for all of them; changed.
+    tile : (int, int)
+        Rows and columns of pixels of a tile.
+    planes : (3, H, W) uint8
+        Blue, green, red of the frame, filled.
+    """
+    here = np.array([eye.x_m, eye.y_m, eye.height_m], dtype=np.float32)
+    lit = np.array([light.level, light.per_m_x, light.per_m_y, light.min_level], dtype=np.float32)
+    lamp = np.array([math.cos(light.lamp_rad), math.sin(light.lamp_rad)], dtype=np.float32)
+    near_rows = _rows_from_eye(things, eye)
+    tile_rows, tile_columns, _ = lens.bounds.shape
+    thin = 2.0 * float(lens.per_pixel[tile_rows // 2, tile_columns // 2, 0])
+    count = outline_things(things, eye, shade_m, thin, outline_floor(paint, eye, thin, outlines), outlines)
+    at_corners = _wall_at_corners(lens, eye, wall)
+
+    pixels = tile[0] * tile[1]
+    rays, slopes = np.empty((3, pixels), dtype=np.float32), np.empty((2, pixels), dtype=np.float32)
+    colors = np.zeros((3, pixels), dtype=np.float32)
+    tone, covered = np.empty(pixels, dtype=np.float32), np.empty(pixels, dtype=np.float32)
+    fine = np.zeros(pixels, dtype=np.uint8)
+    cells, mixed = np.empty((4, pixels), dtype=np.int32), np.empty(pixels, dtype=np.uint64)
+    seen = np.empty((_THING_ROWS + 1, len(outlines.owners)), dtype=np.int32)
+    seen_count = np.empty(_THING_ROWS + 1, dtype=np.int64)
+    corner_rays = np.empty((3, (tile[0] + 1) * (tile[1] + 1)), dtype=np.float32)
+    ids, depth = np.empty(corner_rays.shape[1], dtype=np.int32), np.empty(corner_rays.shape[1], dtype=np.float32)
+    steps, corners = np.empty((2, 3)), np.empty((2, 3, 2))
+    active = np.empty(len(outlines.owners), dtype=np.int32)
+    for row in range(tile_rows):
+        upper, lower = lens.bounds[row, :, 2].min(), lens.bounds[row, :, 3].max()
+        active_count = 0
+        for n in range(count):
+            if outlines.bounds[n, 2] <= lower and outlines.bounds[n, 3] >= upper:
+                active[active_count] = n
+                active_count += 1
+        for column in range(tile_columns):
+            _find_owners(lens.bounds[row, column], outlines, active[:active_count], seen, seen_count)
+            kind = _wall_corners(at_corners, row, column, wall.turn, corners)
+            if kind == _ON_FLOOR and not seen_count.any():
+                color = _floor_color(lens, row, column, paint, eye)
+                _store_floor(lens, tile, row, column, eye.rotation, here, lit, color, planes)
+                continue
+            if kind != _IN_ROOM or seen_count[THING]:
+                _cast(lens, row, column, eye.rotation, slopes, rays, steps)
+            if kind != _IN_ROOM:
+                _draw_floor(paint, near_rows, shade_m, rays, steps, here, lit, seen, seen_count, tone, covered, colors)
+            if kind != _ON_FLOOR:
+                draw_wall(corners, tile, wall, cells, mixed, colors)
+            if seen_count[THING]:
+                _draw_things(
+                    near_rows,
+                    things.colors,
+                    outlines,
+                    seen,
+                    seen_count,
+                    slopes,
+                    lens.per_pixel[row, column],
+                    tile,
+                    rays,
+                    steps,
+                    here,
+                    lit,
+                    lamp,
+                    fine,
+                    corner_rays,
+                    ids,
+                    depth,
+                    colors,
+                )
+            _store(lens, tile, row, column, colors, planes)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rows_from_eye(things: UprightThings, eye: ForwardEye) -> Float32Array:
+    """Return the rows of things with the eye's foot as the origin."""
+    rows = things.rows.astype(np.float32)
+    for k in range(len(rows)):
+        rows[k, X0] = np.float32(things.rows[k, X0] - eye.x_m)
+        rows[k, Y0] = np.float32(things.rows[k, Y0] - eye.y_m)
+        if rows[k, KIND] == SHEET or rows[k, KIND] == BAR:
+            rows[k, X1] = np.float32(things.rows[k, X1] - eye.x_m)
+            rows[k, Y1] = np.float32(things.rows[k, Y1] - eye.y_m)
+    return rows
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture) -> FloatArray:
+    """Return where the rays of the tiles' corners meet the wall: column and height (m).
+
+    Only what tiles need that are not surely all floor; other columns are NaN.
+    """
+    rotation, place = eye.rotation, (eye.x_m, eye.y_m, eye.height_m)
+    tall, wide, _ = lens.corner_slopes.shape
+    at_corners = np.empty((tall, wide, 2))
+    surely_m = 0.9 * (wall.radius_m - math.sqrt(eye.x_m * eye.x_m + eye.y_m * eye.y_m))
+    reach2 = (eye.height_m / max(surely_m, 1e-9)) ** 2
+    on_floor = np.empty((tall, wide), dtype=np.bool_)
+    for turn in range(2):
+        for row in range(tall):
+            for column in range(wide):
+                right, down = lens.corner_slopes[row, column]
+                dz = rotation[2, 0] - rotation[2, 1] * right - rotation[2, 2] * down
+                if turn == 0:
+                    on_floor[row, column] = dz < 0 and dz * dz > reach2 * (1 + right * right + down * down)
+                    continue
+                around = on_floor[max(row - 1, 0) : row + 2, max(column - 2, 0) : column + 3]
+                if around.all():
+                    at_corners[row, column, 0], at_corners[row, column, 1] = math.nan, -math.inf
+                    continue
+                dx = rotation[0, 0] - rotation[0, 1] * right - rotation[0, 2] * down
+                dy = rotation[1, 0] - rotation[1, 1] * right - rotation[1, 2] * down
+                at_corners[row, column, 0], at_corners[row, column, 1] = wall_point((dx, dy, dz), place, wall)
+    return at_corners
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cast(
+    lens: ForwardLens,
+    row: int,
+    column: int,
+    rotation: FloatArray,
+    slopes: Float32Array,
+    rays: Float32Array,
+    steps: FloatArray,
+) -> None:
+    """Fill in the slopes and rays of a tile, and the change of a ray by a pixel."""
+    per_pixel = lens.per_pixel[row, column]
+    right, down = slopes[0], slopes[1]
+    if len(lens.slopes):
+        right[:], down[:] = lens.slopes[row, column, 0], lens.slopes[row, column, 1]
+    else:
+        # the middle of the first pixel lies half a pixel within the tile's corner
+        by_u, by_v, places_u, places_v = per_pixel[0], per_pixel[3], lens.places[0], lens.places[1]
+        first_right = np.float32(lens.corner_slopes[row, 2 * column, 0]) + by_u * _HALF
+        first_down = np.float32(lens.corner_slopes[row, 2 * column, 1]) + by_v * _HALF
+        for i in range(len(right)):
+            right[i], down[i] = first_right + by_u * places_u[i], first_down + by_v * places_v[i]
+    for axis in range(3):
+        ahead, left, up = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2]
+        steps[0, axis] = -left * per_pixel[0] - up * per_pixel[2]
+        steps[1, axis] = -left * per_pixel[1] - up * per_pixel[3]
+        a, b, c = np.float32(ahead), np.float32(left), np.float32(up)
+        of_axis = rays[axis]
+        for i in range(len(of_axis)):
+            of_axis[i] = a - b * right[i] - c * down[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _find_owners(
+    bounds: Float32Array, outlines: Outlines, active: Int32Array, seen: Int32Array, seen_count: Int64Array
+) -> None:
+    """List by kind what may be seen in a tile, each once."""
+    seen_count[:] = 0
+    left, right, upper, lower = bounds[0], bounds[1], bounds[2], bounds[3]
+    for n in active:
+        if overlaps(outlines.bounds[n], left, right, upper, lower):
+            kind, number = outlines.owners[n, 0], outlines.owners[n, 1]
+            at = seen_count[kind]
+            if at == 0 or seen[kind, at - 1] != number:
+                seen[kind, at] = number
+                seen_count[kind] = at + 1
+            if kind == THING:
+                seen[_THING_ROWS, at] = n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _wall_corners(at_corners: FloatArray, row: int, column: int, turn: int, corners: FloatArray) -> int:
+    """Fill in where corners and middles of a tile's sides meet the wall, without a jump; return what it shows."""
+    low, high, least = math.inf, -math.inf, math.inf
+    for v in range(2):
+        for u in range(3):
+            corners[v, u] = at_corners[row + v, 2 * column + u]
+            corners[v, u, 0] += turn * np.rint((corners[0, 0, 0] - corners[v, u, 0]) / turn)
+            low, high = min(low, corners[v, u, 1]), max(high, corners[v, u, 1])
+            least = min(least, corners[v, u, 0])
+    corners[:, :, 0] -= turn * math.floor(least / turn)
+    margin = (high - low) / 8 if low > -math.inf else 0.0
+    return _IN_ROOM if low > margin else _ON_FLOOR if high < -margin else _BOTH
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _floor_color(lens: ForwardLens, row: int, column: int, paint: FloorPaint, eye: ForwardEye) -> Float32Array:
+    """Return the colour of a tile that shows nothing but floor, without any edge."""
+    right, down = lens.corner_slopes[row, 2 * column + 1]
+    ray = eye.rotation[:, 0] - eye.rotation[:, 1] * right - eye.rotation[:, 2] * down
+    scale = -eye.height_m / ray[2]
+    is_carpet = is_inside(paint.edges, eye.x_m + scale * ray[0], eye.y_m + scale * ray[1])
+    color: Float32Array = paint.colors[0] if is_carpet else paint.colors[2]
+    return color
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _store_floor(
+    lens: ForwardLens,
+    tile: tuple[int, int],
+    row: int,
+    column: int,
+    rotation: FloatArray,
+    here: Float32Array,
+    lit: Float32Array,
+    color: Float32Array,
+    planes: UInt8Array,
+) -> None:
+    """Put a tile of plain floor into the frame: as `fill_floor` and `_store`, at once."""
+    _, height, width = planes.shape
+    v0, u0 = row * tile[0], column * tile[1]
+    rows, many = min(tile[0], height - v0), np.uintp(min(tile[1], width - u0))
+    per_pixel, gain = lens.per_pixel[row, column], lens.gains[row, column]
+    # how far a ray goes down, and how much lighter it is per length, both by the slopes
+    along = np.empty(3)
+    for axis in range(3):
+        along[axis] = float(here[2]) * (lit[1] * rotation[0, axis] + lit[2] * rotation[1, axis])
+    a0, a1, a2 = np.float32(along[0]), np.float32(along[1]), np.float32(along[2])
+    d0, d1, d2 = np.float32(-rotation[2, 0]), np.float32(-rotation[2, 1]), np.float32(-rotation[2, 2])
+    level, least = lit[0] + lit[1] * here[0] + lit[2] * here[1], lit[3]
+    blue, green, red = color[0], color[1], color[2]
+    of_blue, of_green, of_red = planes[0].reshape(-1), planes[1].reshape(-1), planes[2].reshape(-1)
+    is_bent = len(lens.slopes) > 0
+    right, down = lens.places[0], lens.places[1]
+    by_u, by_v = per_pixel[0], per_pixel[3]
+    first_right = np.float32(lens.corner_slopes[row, 2 * column, 0]) + by_u * _HALF
+    first_down = np.float32(lens.corner_slopes[row, 2 * column, 1]) + by_v * _HALF
+    if is_bent:
+        right, down = lens.slopes[row, column, 0], lens.slopes[row, column, 1]
+        first_right, first_down, by_u, by_v = _ZERO, _ZERO, _ONE, _ONE
+    # the same in terms of what `right` and `down` hold
+    a0, a1, a2 = a0 - a1 * first_right - a2 * first_down, a1 * by_u, a2 * by_v
+    d0, d1, d2 = d0 - d1 * first_right - d2 * first_down, d1 * by_u, d2 * by_v
+    for v in range(rows):
+        start, put = np.uintp(v * tile[1]), np.uintp((v0 + v) * width + u0)
+        for u in range(many):
+            i, k = start + u, put + u
+            drop = d0 - d1 * right[i] - d2 * down[i]
+            tone = max(level + (a0 - a1 * right[i] - a2 * down[i]) / drop, least) * gain[i]
+            of_blue[k] = np.uint8(np.int32(min(tone * blue + _HALF, _MOST)))
+            of_green[k] = np.uint8(np.int32(min(tone * green + _HALF, _MOST)))
+            of_red[k] = np.uint8(np.int32(min(tone * red + _HALF, _MOST)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_floor(
+    paint: FloorPaint,
+    near_rows: Float32Array,
+    shade_m: float,
+    rays: Float32Array,
+    steps: FloatArray,
+    here: Float32Array,
+    lit: Float32Array,
+    seen: Int32Array,
+    seen_count: Int64Array,
+    tone: Float32Array,
+    covered: Float32Array,
+    colors: Float32Array,
+) -> None:
+    """Fill a tile with carpet, lines and ground."""
+    pixels = len(tone)
+    fill_floor(rays, here, lit, tone)
+    for n in range(seen_count[SHADE]):
+        row = near_rows[seen[SHADE, n]]
+        ball = np.array([row[X0], row[Y0], row[RADIUS]], dtype=np.float32)
+        shade_floor(ball, shade_m, rays, here[2], tone)
+    base, over = paint.colors[0], paint.colors[1]
+    if seen_count[LINE] or seen_count[ARC]:
+        covered[:pixels] = _ZERO
+        for n in range(seen_count[LINE]):
+            cover_line(paint.lines[seen[LINE, n]], paint.half_m, rays, steps, here, covered)
+        for n in range(seen_count[ARC]):
+            cover_arc(paint.arcs[seen[ARC, n]], paint.half_m, rays, steps, here, covered)
+        for channel in range(3):
+            first, more, of_channel = base[channel], over[channel] - base[channel], colors[channel]
+            for i in range(pixels):
+                of_channel[i] = tone[i] * (first + covered[i] * more)
+    else:
+        for channel in range(3):
+            first, of_channel = base[channel], colors[channel]
+            for i in range(pixels):
+                of_channel[i] = tone[i] * first
+    is_carpet = True
+    if seen_count[EDGE]:
+        end_carpet(paint, seen[EDGE], seen_count[EDGE], rays, steps, here, covered)
+        is_carpet = False
+    else:
+        for i in (0, pixels - 1):  # on the floor, if the tile shows any, at one of these
+            if rays[2, i] < _ZERO:
+                scale = -here[2] / rays[2, i]
+                x, y = here[0] + scale * rays[0, i], here[1] + scale * rays[1, i]
+                is_carpet = is_inside(paint.edges, float(x), float(y))
+        if not is_carpet:
+            covered[:pixels] = _ZERO
+    if not is_carpet:
+        ground = paint.colors[2]
+        for channel in range(3):
+            of_channel, beside = colors[channel], ground[channel]
+            for i in range(pixels):
+                other = tone[i] * beside
+                of_channel[i] = other + covered[i] * (of_channel[i] - other)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pixels_of(
+    bounds: Float32Array, of_tile: Float32Array, per_pixel: Float32Array, tile: tuple[int, int]
+) -> tuple[int, int, int, int]:
+    """Return the first and last row, first and last column of a tile in which an outline may be seen, with a margin."""
+    rows, columns = tile
+    across_v = abs(per_pixel[1]) * rows + per_pixel[0]  # a lens bends columns and rows
+    across_u = abs(per_pixel[2]) * columns + per_pixel[3]
+    right, down = of_tile[0, 0], of_tile[1, 0]
+    u0 = math.floor((bounds[0] - across_v - right) / per_pixel[0]) - 1
+    u1 = math.ceil((bounds[1] + across_v - right) / per_pixel[0]) + 1
+    v0 = math.floor((bounds[2] - across_u - down) / per_pixel[3]) - 1
+    v1 = math.ceil((bounds[3] + across_u - down) / per_pixel[3]) + 1
+    return max(int(v0), 0), min(int(v1), rows - 1), max(int(u0), 0), min(int(u1), columns - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cast_corners(rays: Float32Array, tile: tuple[int, int], steps: FloatArray, corner_rays: Float32Array) -> None:
+    """Fill in the rays through the corners of a tile's pixels from those through their middles."""
+    rows, columns = tile
+    wide = columns + 1
+    for axis in range(3):
+        by_u, by_v = np.float32(steps[0, axis]), np.float32(steps[1, axis])
+        of_axis, of_corner = rays[axis], corner_rays[axis]
+        for v in range(rows + 1):
+            # the last row and column go on from the pixels before them
+            below = v == rows
+            back = (by_u + by_v) * _HALF - (by_v if below else _ZERO)
+            start, put, many = np.uintp((v - below) * columns), np.uintp(v * wide), np.uintp(columns)
+            for u in range(many):
+                of_corner[put + u] = of_axis[start + u] - back
+            of_corner[put + many] = of_corner[put + many - np.uintp(1)] + by_u
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_things(
+    rows_of: Float32Array,
+    paints: Float32Array,
+    outlines: Outlines,
+    seen: Int32Array,
+    seen_count: Int64Array,
+    of_tile: Float32Array,
+    per_pixel: Float32Array,
+    tile: tuple[int, int],
+    rays: Float32Array,
+    steps: FloatArray,
+    here: Float32Array,
+    lit: Float32Array,
+    lamp: Float32Array,
+    fine: UInt8Array,
+    corner_rays: Float32Array,
+    ids: Int32Array,
+    depth: Float32Array,
+    colors: Float32Array,
+) -> None:
+    """Draw things over a tile's floor and room."""
+    rows, columns = tile
+    near, near_count, height = seen[THING], seen_count[THING], here[2]
+    wide = columns + 1
+    _cast_corners(rays, tile, steps, corner_rays)
+    for k in range(len(depth)):
+        depth[k], ids[k] = _FAR, -1
+    any_thin = False
+    first_v, last_v, first_u, last_u = rows, -1, columns, -1
+    half = per_pixel[0] * _HALF
+    for n in range(near_count):
+        outline = outlines.bounds[seen[_THING_ROWS, n]]
+        v0, v1, u0, u1 = _pixels_of(outline, of_tile, per_pixel, tile)
+        first_v, last_v, first_u, last_u = min(first_v, v0), max(last_v, v1), min(first_u, u0), max(last_u, u1)
+        part = v0, v1 + 2, u0, u1 + 2
+        meet_grid(rows_of[near[n]], np.int32(near[n] * 256), corner_rays, part, wide, height, lamp, depth, ids)
+        if outlines.owners[seen[_THING_ROWS, n], 2]:
+            any_thin = True
+            for v in range(v0, v1 + 1):
+                for u in range(u0, u1 + 1):
+                    right, down = of_tile[0, v * columns + u], of_tile[1, v * columns + u]
+                    if overlaps(outline, right - half, right + half, down - half, down + half):
+                        fine[v * columns + u] = 1
+    for v in range(first_v, last_v + 1):
+        for u in range(first_u, last_u + 1):
+            k, i = v * wide + u, v * columns + u
+            first = ids[k]
+            if fine[i] or first != ids[k + 1] or first != ids[k + wide] or first != ids[k + wide + 1]:
+                _draw_edge(rows_of, paints, near, near_count, rays, i, steps, here, lit, lamp, colors)
+            elif first >= 0:
+                dx, dy, dz = rays[0, i], rays[1, i], rays[2, i]
+                row = rows_of[first // 256]
+                t, color, shade = meet_thing(row[KIND], row, dx, dy, dz, height, lamp)
+                if t < _FAR:
+                    bright = lit[0] + lit[1] * (here[0] + t * dx) + lit[2] * (here[1] + t * dy)
+                    bright = shade * max(bright, lit[3])
+                    colors[0, i], colors[1, i] = bright * paints[color, 0], bright * paints[color, 1]
+                    colors[2, i] = bright * paints[color, 2]
+    if any_thin:
+        fine[:] = 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_edge(
+    rows_of: Float32Array,
+    paints: Float32Array,
+    near: Int32Array,
+    near_count: int,
+    rays: Float32Array,
+    i: int,
+    steps: FloatArray,
+    here: Float32Array,
+    lit: Float32Array,
+    lamp: Float32Array,
+    colors: Float32Array,
+) -> None:
+    """Draw things over a pixel by four rays."""
+    ux, uy, uz = np.float32(steps[0, 0]), np.float32(steps[0, 1]), np.float32(steps[0, 2])
+    vx, vy, vz = np.float32(steps[1, 0]), np.float32(steps[1, 1]), np.float32(steps[1, 2])
+    blue, green, red, left = _ZERO, _ZERO, _ZERO, _ZERO
+    for sample in range(4):
+        a, b = np.float32(_SAMPLES_U[sample]), np.float32(_SAMPLES_V[sample])
+        dx, dy, dz = rays[0, i] + a * ux + b * vx, rays[1, i] + a * uy + b * vy, rays[2, i] + a * uz + b * vz
+        nearest, found, shade = _FAR, np.int32(-1), _ZERO
+        for n in range(near_count):
+            row = rows_of[near[n]]
+            t, color, shade_there = meet_thing(row[KIND], row, dx, dy, dz, here[2], lamp)
+            if t < nearest:
+                nearest, found, shade = t, color, shade_there
+        if found < 0:
+            left += _ONE
+            continue
+        bright = lit[0] + lit[1] * (here[0] + nearest * dx) + lit[2] * (here[1] + nearest * dy)
+        bright = shade * max(bright, lit[3])
+        blue += bright * paints[found, 0]
+        green += bright * paints[found, 1]
+        red += bright * paints[found, 2]
+    quarter = np.float32(0.25)
+    colors[0, i] = quarter * (blue + left * colors[0, i])
+    colors[1, i] = quarter * (green + left * colors[1, i])
+    colors[2, i] = quarter * (red + left * colors[2, i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _store(
+    lens: ForwardLens, tile: tuple[int, int], row: int, column: int, colors: Float32Array, planes: UInt8Array
+) -> None:
+    """Put a tile into the frame through the lens."""
+    _, height, width = planes.shape
+    v0, u0 = row * tile[0], column * tile[1]
+    rows, many = min(tile[0], height - v0), np.uintp(min(tile[1], width - u0))
+    gain = lens.gains[row, column]
+    for channel in range(3):
+        of_channel, plane = colors[channel], planes[channel].reshape(-1)
+        for v in range(rows):
+            start, put = np.uintp(v * tile[1]), np.uintp((v0 + v) * width + u0)
+            for u in range(many):
+                plane[put + u] = np.uint8(np.int32(min(of_channel[start + u] * gain[start + u] + _HALF, _MOST)))

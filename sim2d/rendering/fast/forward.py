@@ -1,0 +1,214 @@
+"""Frames of a forward camera in match time: one ray a pixel, four where an edge crosses it, nothing worked out twice.
+
+It draws walls, goals, beacons, boxes, bystanders, robots, ball and lines under evenly changing light before the room's
+wall or a hall's backdrop, as `render_pinhole` does. Only `render_pinhole` draws texture, shadows, highlights, glare and
+patches of sun.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from field_models import COLOR_NAMES
+from robocup_vision.arrays import Float32Array, UInt8Array
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
+from sim2d.kernels.forward_outlines import ARC_PIECES
+from sim2d.kernels.forward_room import pack_cells
+from sim2d.kernels.forward_things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, SHEET
+from sim2d.kernels.forward_tiles import draw_forward
+from sim2d.kernels.forward_values import FloorPaint, ForwardEye, Outlines, UprightThings, WallPicture
+from sim2d.rendering.backdrop import Backdrop
+from sim2d.rendering.fast.frames import SHADE_REACH, even_light, refuse_uneven
+from sim2d.rendering.fast.lens_table import TILE_PX, lens_table
+from sim2d.rendering.fast.line_rows import arc_rows, line_rows
+from sim2d.rendering.room import ROWS_PER_M, room_panorama
+from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene
+from sim2d.rendering.sensor import Sensor, vignette_gain
+from sim2d.rendering.surfaces import face_light
+
+
+class EyeInField(NamedTuple):
+    """A camera's centre of projection and where it looks, field frame.
+
+    Parameters
+    ----------
+    x_m, y_m, height_m : float
+        Its place.
+    heading_rad, tilt_rad, roll_rad : float
+        See `camera_rotation`.
+    """
+
+    x_m: float
+    y_m: float
+    height_m: float
+    heading_rad: float
+    tilt_rad: float
+    roll_rad: float
+
+
+class ForwardFrames:
+    """Draws one field and all fixed objects around it for one type of camera.
+
+    Parameters
+    ----------
+    scene : Scene
+        Field, boxes, light and room; its robots and ball do not matter.
+    camera : PinholeCamera
+        Its place and orientation do not matter.
+    sensor : Sensor
+        Whose vignette, gain and white balance are applied; blur and noise are not.
+    backdrop : Backdrop, optional
+        Hangs on the room's wall in place of the scene's own clutter.
+
+    Raises
+    ------
+    ArgumentError
+        If the light has texture, shadow or highlights, the sensor compresses, or the lens leaves part of the image
+        without rays.
+    """
+
+    def __init__(
+        self, scene: Scene, camera: PinholeCamera, sensor: Sensor, *, backdrop: Backdrop | None = None
+    ) -> None:
+        refuse_uneven(scene, sensor)
+        self.scene, self.camera = scene, camera
+        self._cast = np.array(sensor.cast_bgr)
+        width, height = camera.size_px
+        self._lens = lens_table(camera, vignette_gain(height, width, sensor.vignette) * np.float32(sensor.gain))
+        self._light = even_light(scene)
+        radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
+        picture, rows_per_m = _wall_picture(scene, backdrop, radius_m / max(camera.focal_px))
+        cells = pack_cells((picture * (scene.light.level * self._cast)).astype(np.float32))
+        self._wall = WallPicture(cells, picture.shape[1], rows_per_m, radius_m)
+        corners = scene.carpet_polygon
+        colors = np.array([COLOR_NAMES["green"], COLOR_NAMES[scene.field.line_color], scene.room.floor_bgr])
+        self._paint = FloorPaint(
+            line_rows(scene.field),
+            arc_rows(scene.field),
+            scene.field.line_width_m / 2,
+            np.hstack([corners, np.roll(corners, -1, axis=0)]),
+            not scene.field.is_bounded,  # a floor with recesses is not
+            (colors * self._cast).astype(np.float32),
+        )
+        self._rows: list[list[float]] = []
+        self._colors: list[Bgr] = []
+        self._add_fixed(scene)
+        self._planes = np.zeros((3, height, width), dtype=np.uint8)
+        self._all_rows = np.zeros((0, COLUMNS))
+        self._outlines = _room_for_outlines(0)
+
+    def _add_fixed(self, scene: Scene) -> None:
+        for wall in scene.walls():
+            normal = math.atan2(wall.y1_m - wall.y0_m, wall.x1_m - wall.x0_m) + math.pi / 2
+            sides = (_lit(wall.left_bgr, face_light(normal)), _lit(wall.right_bgr, face_light(normal + math.pi)))
+            self._add_sheet((wall.x0_m, wall.y0_m), (wall.x1_m, wall.y1_m), wall.height_m, *sides)
+        for goal in scene.field.goals:
+            if goal.kind == "posts":
+                half, x = goal.width_m / 2, goal.line_x_m
+                row = [BAR, x, -half, x, half, goal.post_radius_m, goal.height_m, len(self._colors), 1, -1]
+                self._rows.append(row)
+                self._colors.append(COLOR_NAMES[goal.color])
+        for thing in (*scene.posts(), *scene.boxes, *scene.bystanders()):
+            if isinstance(thing, Post):
+                row = [CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, len(self._colors)]
+                self._rows.append([*row, len(thing.bands_bgr), -1])
+                self._colors += thing.bands_bgr
+            else:
+                self._add_box(thing)
+
+    def _add_box(self, box: Box) -> None:
+        corners = box.corners
+        for start, end in zip(np.roll(corners, 1, axis=0).tolist(), corners.tolist(), strict=True):
+            normal = math.atan2(end[1] - start[1], end[0] - start[0]) - math.pi / 2
+            face = _lit(box.color_bgr, face_light(normal))
+            self._add_sheet(start, end, box.height_m, face, face)
+        row = [BOX_TOP, box.x_m, box.y_m, math.cos(box.yaw_rad), math.sin(box.yaw_rad), box.width_m / 2, box.height_m]
+        self._rows.append([*row, len(self._colors), 1, box.depth_m / 2])
+        self._colors.append(box.color_bgr)
+
+    def _add_sheet(
+        self, start: tuple[float, float], end: tuple[float, float], height_m: float, left: Bgr, right: Bgr
+    ) -> None:
+        number = len(self._colors)
+        self._rows.append([SHEET, *start, *end, 0, height_m, number, 1, number + 1])
+        self._colors += [left, right]
+
+    @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
+    def _paints(self, moving: tuple[Bgr, ...]) -> Float32Array:
+        colors = np.array([*self._colors, *moving], dtype=np.float64).reshape(-1, 3)
+        return np.asarray(colors * self._cast, dtype=np.float32)
+
+    def draw(self, robots: tuple[Robot, ...], ball: Ball | None, eye: EyeInField) -> UInt8Array:
+        """Draw a frame.
+
+        Parameters
+        ----------
+        robots : tuple of Robot
+            The others.
+        ball : Ball or None
+            The ball.
+        eye : EyeInField
+            Where the camera is, and where it looks.
+
+        Returns
+        -------
+        (H, W, 3) uint8
+            Light through the lens, neither blurred nor noisy.
+        """
+        fixed, number = len(self._rows), len(self._colors)
+        count = fixed + len(robots) + (ball is not None)
+        if count > len(self._all_rows):
+            self._all_rows = np.zeros((count, COLUMNS))
+            self._all_rows[:fixed] = np.array(self._rows, dtype=np.float64).reshape(-1, COLUMNS)
+            floor = len(self._paint.edges) + len(self._paint.lines) + len(self._paint.arcs) * ARC_PIECES
+            self._outlines = _room_for_outlines(floor + count + 1)
+        rows = self._all_rows[:count]
+        moving: list[Bgr] = []
+        for k, robot in enumerate(robots):
+            first = number + 2 * k
+            place = robot.x_m, robot.y_m, 0.0, 0.0
+            rows[fixed + k] = CYLINDER, *place, robot.radius_m, robot.height_m, first, 1.0, first + 1
+            moving += [robot.color_bgr, robot.marker_bgr]
+        reach_m = 0.0
+        if ball is not None:
+            place = ball.x_m, ball.y_m, 0.0, 0.0
+            rows[-1] = BALL, *place, ball.radius_m, 2 * ball.radius_m, number + len(moving), 1.0, -1.0
+            moving.append(ball.color_bgr)
+            reach_m = SHADE_REACH * ball.radius_m
+        things = UprightThings(rows, self._paints(tuple(moving)))
+        rotation = np.ascontiguousarray(camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad), dtype=np.float64)
+        at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation)
+        seen = self._lens, at, self._paint, things, reach_m, self._light, self._wall
+        draw_forward(*seen, self._outlines, TILE_PX, self._planes)
+        return np.asarray(cv2.merge(list(self._planes)), dtype=np.uint8)
+
+
+def _room_for_outlines(count: int) -> Outlines:
+    return Outlines(np.zeros((count, 10), dtype=np.float32), np.zeros((count, 3), dtype=np.int32))
+
+
+def _lit(color: Bgr, factor: float) -> Bgr:
+    return (color[0] * factor, color[1] * factor, color[2] * factor)
+
+
+def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tuple[Float32Array, float]:
+    """Return what the room's wall shows, row 0 at the floor, and its rows a metre; a pixel is `pixel_m` wide there."""
+    if backdrop is None:
+        picture = room_panorama(scene.room.seed)
+        half = picture.shape[1] // 2
+        # `render_pinhole` rounds columns of negative azimuth up
+        return np.concatenate([picture[:, :half], picture[:, half + 1 :], picture[:, :1]], axis=1), float(ROWS_PER_M)
+    picture, rows_per_m = backdrop.unrolled()
+    # one cell is averaged over at most one pixel
+    coarser = max(1, int(pixel_m * rows_per_m))
+    rows, columns = picture.shape[:2]
+    if coarser > 1:
+        shape = (columns // coarser, rows // coarser)
+        picture = np.asarray(cv2.resize(picture, shape, interpolation=cv2.INTER_AREA))
+    return np.ascontiguousarray(picture[::-1]), rows_per_m * len(picture) / rows
