@@ -19,7 +19,7 @@ import numpy as np
 from field_models.errors import FileError, FrameError
 from robocup_vision.arrays import UInt8Array
 
-# leaves 9 kB for a picture; of a match's pictures, 7.5 a second, the encoder needs a third: 1.5 MB a minute
+# leaves 9 kB for a picture; a match's pictures, 5 a second, need less
 _CLAIMED_PER_S = 14_000.0
 _VP8 = cv2.VideoWriter.fourcc(*"VP80")
 

@@ -24,13 +24,13 @@ from sim2d.report.top_view import SIDE_COLORS, Bgr, TopView
 from sim2d.robot_link import CONTROL_PERIOD_S
 from sim2d.world.state import RobotState, WorldState
 
-# every fourth control period is shown: more pictures would take more time than the play itself
-_PERIODS_PER_FRAME = 4
+# every sixth control period is shown, in pictures of 0.4 million pixels: more would take more time than the play itself
+_PERIODS_PER_FRAME = 6
 # pictures that may wait to be drawn: each holds the robots' frames
 _MAX_WAITING = 16
 # without smoothing the sensor's noise makes up two thirds of the file
 _SMOOTHING_PX = 0.8
-_TOP_WIDTH, _MIN_HEIGHT, _MIN_PANEL_HEIGHT = 760, 456, 180
+_TOP_WIDTH, _MIN_HEIGHT, _MIN_PANEL_HEIGHT = 620, 380, 180
 _LINE_HEIGHT = 22
 # of FREE, NO_GO and UNDECIDED cells
 _MAP_COLORS = np.array([(90, 160, 90), (60, 60, 200), (120, 120, 120)], dtype=np.uint8)
@@ -69,7 +69,7 @@ class MatchVideo:
         self._thread.start()
 
     def add(self, moment: Moment) -> None:
-        """Add a control period; every fourth becomes a picture.
+        """Add a control period; every sixth becomes a picture.
 
         Raises
         ------
@@ -129,11 +129,14 @@ class MatchPictures:
         self._vision = Vision(field, camera)
         self._name = field.name
         self.size_px = (_TOP_WIDTH + self._columns * self._panel_width, height)
+        # what no moment changes is drawn once
+        self._empty = np.full((height, self.size_px[0], 3), _PAPER, dtype=np.uint8)
+        legend = "disc: truth   ring: estimate, with its 95 % ellipse   cross: estimated ball   small ring: track"
+        _write(self._empty, legend, (14, 37), _SOFT, 0.38)
 
     def draw(self, moment: Moment) -> UInt8Array:
         """Return the picture (H, W, 3) of a moment, with W and H of `size_px`."""
-        width, height = self.size_px
-        canvas = np.full((height, width, 3), _PAPER, dtype=np.uint8)
+        canvas = self._empty.copy()
         canvas[self._head_height :, :_TOP_WIDTH] = self._top.draw(moment.state, moment.robots)
         self._write_reasons(canvas, moment)
         self._write_head(canvas, moment.state)
@@ -188,9 +191,7 @@ class MatchPictures:
     def _write_head(self, canvas: UInt8Array, state: WorldState) -> None:
         ours, theirs = state.score
         doing = "kick-off" if state.phase == "kick_off" else state.phase.replace("_", " ")
-        _write(canvas, f"{self._name}   {state.t_s:6.1f} s   {ours} : {theirs}   {doing}", (14, 27), _INK, 0.55)
-        legend = "disc: truth   ring: estimate, with its 95 % ellipse   cross: estimated ball   small ring: track"
-        _write(canvas, legend, (330, 27), _SOFT, 0.38)
+        _write(canvas, f"{self._name}   {state.t_s:6.1f} s   {ours} : {theirs}   {doing}", (14, 19), _INK, 0.5)
 
 
 def _draw_map(panel: UInt8Array, free_map: MapPicture) -> None:
