@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from sim2d.match.disturbances import Disturbances
     from sim2d.match.run import MatchPlan
 
 
@@ -19,6 +21,13 @@ def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
     names = "plain, memory, planning, asking or looking (default: plain)"
     add("--ours", default="plain", metavar="NAME", help=f"players of the side that attacks +x: {names}")
     add("--theirs", default="plain", metavar="NAME", help=f"players of the other side: {names}")
+    add(
+        "--disturb",
+        default="default",
+        metavar="NAMES",
+        help="what disturbs robots: default (by the field's league), none, all, or some of sway, latency, slip and "
+        "drift, with commas between",
+    )
     add("--out", default=out, metavar="DIR", help=f"folder for the files (default: {out})")
 
 
@@ -28,4 +37,20 @@ def match_plan(args: argparse.Namespace) -> MatchPlan:
     from sim2d.players.catalog import player_factory
 
     ours, theirs = player_factory(args.ours), player_factory(args.theirs)
-    return MatchPlan(args.field, args.players, args.seconds, args.seed, ours, theirs)
+    plan = MatchPlan(args.field, args.players, args.seconds, args.seed, ours, theirs)
+    return replace(plan, disturbances=_disturbances(args.field, args.disturb))
+
+
+def _disturbances(field: str, names: str) -> Disturbances | None:
+    """Return what `--disturb` names; None: the default."""
+    from field_models import load_field
+    from sim2d.match.arena import camera_for
+    from sim2d.match.disturbances import NAMES, NONE, disturbances_for
+
+    if names == "default":
+        return None
+    if names == "none":
+        return NONE
+    pitch = load_field(field)
+    usual = disturbances_for(pitch, camera_for(pitch))
+    return usual.only(NAMES if names == "all" else names.split(","))

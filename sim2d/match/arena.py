@@ -14,11 +14,15 @@ import numpy as np
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.camera import OmniCamera, PinholeCamera
+from sim2d.match.disturbances import Disturbances, disturbances_for
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.goal.scenes import ers7_camera
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, RobotLimits, Senses
+from sim2d.sensors.body_sway import UPRIGHT, BodySway
 from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
+from sim2d.sensors.late_frames import LateFrames
+from sim2d.sensors.light_drift import LightDrift
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera
 from sim2d.world.referee import RefereeFactory
 from sim2d.world.state import WorldState
@@ -30,7 +34,7 @@ Camera = OmniCamera | PinholeCamera
 _HEAD_SIZE_PX, _HEAD_TILT_RAD = (208, 160), math.radians(-12.0)
 
 # one stream of random numbers for each source of chance
-_WORLD, _SENSOR, _FAULTS, _PLAYERS = range(4)
+_WORLD, _SENSOR, _FAULTS, _PLAYERS, _SWAY, _LATENCY, _LIGHT = range(7)
 
 
 def camera_for(field: Field) -> Camera:
@@ -63,6 +67,8 @@ class Arena:
         Lens and sensor of every camera.
     referee : RefereeFactory, optional
         Makes who judges; default: the simple rules of `sim2d.world.referee`.
+    disturbances : Disturbances, optional
+        Of bodies, frames, odometry and light; default: those of the field's league and camera (`disturbances_for`).
 
     Raises
     ------
@@ -82,6 +88,7 @@ class Arena:
         physics: WorldSettings = WorldSettings(),
         sensor: Sensor = MATCH_SENSOR,
         referee: RefereeFactory | None = None,
+        disturbances: Disturbances | None = None,
     ) -> None:
         if seed < 0:
             raise ArgumentError(f"seed must not be negative, got {seed}")
@@ -90,6 +97,9 @@ class Arena:
         self.camera = camera_for(field) if camera is None else camera
         self.limits = RobotLimits() if limits is None else limits
         self.faults = tuple(faults)
+        self.disturbances = disturbances_for(field, self.camera) if disturbances is None else disturbances
+        if self.disturbances.slip is not None:
+            physics = dataclasses.replace(physics, body=self.disturbances.slip.of(physics.body))
         judge = None if referee is None else referee(field, self.limits)
         self.world = World(field, players, self.limits, np.random.default_rng([seed, _WORLD]), physics, judge)
         robots = range(2 * players)
@@ -105,8 +115,22 @@ class Arena:
             )
             for index in robots
         ]
+        self._sways, self._late = self._disturb(seed)
         self._body_faults = sorted((f for f in faults if isinstance(f, BodyFault)), key=lambda f: (f.at_s, f.robot))
         self._player_seeds = np.random.default_rng([seed, _PLAYERS]).integers(2**31, size=len(robots)).tolist()
+
+    def _disturb(self, seed: int) -> tuple[list[BodySway], list[LateFrames]]:
+        """Return each robot's sway and late frames, none where a disturbance is off; make the light drift."""
+        on, robots = self.disturbances, range(2 * self.players)
+        sways, late = [], []
+        if on.sway is not None and isinstance(self.camera, PinholeCamera):
+            sways = [BodySway(on.sway, self.limits, np.random.default_rng([seed, _SWAY, k])) for k in robots]
+        if on.latency is not None:
+            late = [LateFrames(on.latency, np.random.default_rng([seed, _LATENCY, k])) for k in robots]
+        self._drift: LightDrift | None = None
+        if on.drift is not None:
+            self._drift = LightDrift(on.drift, self._cameras.light, np.random.default_rng([seed, _LIGHT]))
+        return sways, late
 
     @property
     def state(self) -> WorldState:
@@ -128,8 +152,14 @@ class Arena:
         self._apply_body_faults()
         state = self.world.state
         sensed = []
+        if self._drift is not None:
+            self._cameras.set_light(self._drift.at(state.t_s))
+        kickers = {index for event in state.events if event.kind == "kick" for index in event.robots}
         for robot in state.robots:
-            frame = np.array(self._cameras.render(state, robot.index))
+            sway = UPRIGHT
+            if self._sways:
+                sway = self._sways[robot.index].update(robot, robot.index in kickers)
+            frame = np.array(self._cameras.render(state, robot.index, sway))
             frame.flags.writeable = False
             senses = Senses(
                 state.t_s,
@@ -142,6 +172,8 @@ class Arena:
                 robot.pan_rad if isinstance(self.camera, PinholeCamera) else None,
                 state.placement_m,
             )
+            if self._late:
+                senses = self._late[robot.index].apply(senses)
             sensed.append(self._faulty[robot.index].apply(senses))
         return tuple(sensed)
 

@@ -17,6 +17,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
 from sim2d.match.arena import Arena, Camera, camera_for
+from sim2d.match.disturbances import NONE
 from sim2d.match.match import periods
 from sim2d.report.top_view import TopView
 from sim2d.robot_link import Command, RobotLimits, Senses
@@ -161,6 +162,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             camera=self._camera,
             limits=self._limits,
             faults=self._faults,
+            disturbances=NONE,
         )
         for eyes in self._percepts.values():
             eyes.forget()

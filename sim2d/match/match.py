@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from field_models.field import Field
 from robocup_vision.camera import OmniCamera
 from sim2d.match.arena import Arena, Camera
+from sim2d.match.disturbances import Disturbances
 from sim2d.match.seat import Seat
 from sim2d.match.seat_process import SeatProcess, can_fork
 from sim2d.players.built_in import BuiltInPlayer
@@ -38,7 +39,7 @@ class Match:
         The same seed gives the same match, bit for bit.
     ours, theirs : PlayerFactory
         Make the players of the side that attacks the goal at +x, and of the other.
-    camera, limits, faults, physics, sensor, referee
+    camera, limits, faults, physics, sensor, referee, disturbances
         See `Arena`.
     keeps_figures : bool
         Count what `figures` tells: each control period takes some memory.
@@ -64,6 +65,7 @@ class Match:
         sensor: Sensor = MATCH_SENSOR,
         keeps_figures: bool = True,
         referee: RefereeFactory | None = None,
+        disturbances: Disturbances | None = None,
     ) -> None:
         self.arena = Arena(
             field,
@@ -75,6 +77,7 @@ class Match:
             physics=physics,
             sensor=sensor,
             referee=referee,
+            disturbances=disturbances,
         )
         self.seed = seed
         self._elsewhere: SeatProcess | None = None

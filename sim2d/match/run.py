@@ -13,6 +13,7 @@ from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
 from robocup_vision.progress import progress
 from sim2d.match.arena import Camera
+from sim2d.match.disturbances import Disturbances
 from sim2d.match.match import Match, periods
 from sim2d.match.recorded import MatchRecorders
 from sim2d.players.built_in import BuiltInPlayer
@@ -54,6 +55,8 @@ class MatchPlan:
     referee : RefereeFactory, optional
         Makes who judges; default: simple rules without stops. One that listens to a game controller cannot be sent to
         another process.
+    disturbances : Disturbances, optional
+        Of bodies, frames, odometry and light; default: those of the field's league and camera.
     """
 
     field: str = "ssl_2001"
@@ -65,6 +68,7 @@ class MatchPlan:
     camera: Camera | None = None
     faults: tuple[Fault, ...] = ()
     referee: RefereeFactory | None = None
+    disturbances: Disturbances | None = None
 
     def begin(self) -> Match:
         """Set the match up.
@@ -85,6 +89,7 @@ class MatchPlan:
             camera=self.camera,
             faults=self.faults,
             referee=self.referee,
+            disturbances=self.disturbances,
         )
 
 

@@ -68,6 +68,7 @@ def plan_json(plan: MatchPlan) -> dict[str, Any]:
         "seed": plan.seed,
         "ours": player_name(plan.ours),
         "theirs": player_name(plan.theirs),
+        "disturbances": repr(plan.disturbances),
     }
 
 

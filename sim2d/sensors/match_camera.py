@@ -12,6 +12,7 @@ from field_models import COLOR_NAMES, Field
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
 from sim2d.kernels.match_pixels import add_noise
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
@@ -19,6 +20,7 @@ from sim2d.rendering.fast.frames import FastFrames
 from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import RobotLimits
+from sim2d.sensors.body_sway import UPRIGHT, Sway
 from sim2d.world.state import RobotState, WorldState
 
 MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
@@ -111,7 +113,12 @@ class MatchCamera:
         margin = 0.0 if self.field.is_bounded else CARPET_MARGIN_M
         return Scene(self.field, self.boxes, robots, ball, self.light, self.room, margin)
 
-    def render(self, state: WorldState, index: int) -> UInt8Array:
+    def set_light(self, light: Light) -> None:
+        """Light the field so from now on; the room behind it keeps its light."""
+        self._frames.set_light(light)
+        self.light = light
+
+    def render(self, state: WorldState, index: int, sway: Sway = UPRIGHT) -> UInt8Array:
         """Take one robot's picture.
 
         Parameters
@@ -120,6 +127,8 @@ class MatchCamera:
             The truth.
         index : int
             Which robot.
+        sway : Sway
+            How its body stands; a mirror camera is drawn upright.
 
         Returns
         -------
@@ -130,7 +139,7 @@ class MatchCamera:
         if isinstance(self._frames, FastFrames):
             light = self._frames.draw(robots, ball, robot.pose)
         else:
-            light = self._frames.draw(robots, ball, self._eye(robot))
+            light = self._frames.draw(robots, ball, self._eye(robot, sway))
         frame = self._blur(light)
         if self.sensor.noise_sigma:
             # noise is drawn once; every frame takes it from another random start
@@ -139,13 +148,21 @@ class MatchCamera:
         frame.flags.writeable = False
         return frame
 
-    def _eye(self, robot: RobotState) -> EyeInField:
-        """Return where a robot's pinhole camera is: the head pans about the camera's axis."""
+    def _eye(self, robot: RobotState, sway: Sway) -> EyeInField:
+        """Return where a robot's pinhole camera is: the head pans about the camera's axis, the body turns the head."""
         camera = self.camera
         assert isinstance(camera, PinholeCamera)
         x_m, y_m = robot.pose.transform(camera.offset_m).tolist()
-        heading_rad = robot.pose.theta_rad + robot.pan_rad + (camera.pan_rad or 0.0)
-        return EyeInField(x_m, y_m, camera.height_m, heading_rad, camera.tilt_rad or 0.0, camera.roll_rad or 0.0)
+        pan_rad, tilt_rad, roll_rad = robot.pan_rad + (camera.pan_rad or 0.0), camera.tilt_rad, camera.roll_rad or 0.0
+        height_m = camera.height_m + sway.height_m
+        if sway == UPRIGHT:
+            return EyeInField(x_m, y_m, height_m, robot.pose.theta_rad + pan_rad, tilt_rad or 0.0, roll_rad)
+        ahead_m, left_m = camera.offset_m
+        height_m += ahead_m * math.sin(sway.pitch_rad) + left_m * math.sin(sway.roll_rad)
+        head = camera_rotation(pan_rad, tilt_rad or 0.0, roll_rad)
+        held = camera_rotation(robot.pose.theta_rad, sway.pitch_rad, sway.roll_rad) @ head
+        angles = math.atan2(held[1, 0], held[0, 0]), math.asin(held[2, 0]), math.atan2(held[2, 1], held[2, 2])
+        return EyeInField(x_m, y_m, height_m, *angles)
 
     def _blur(self, frame: UInt8Array) -> UInt8Array:
         sigma = self.sensor.blur_px

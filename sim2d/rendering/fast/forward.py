@@ -28,7 +28,7 @@ from sim2d.rendering.fast.frames import SHADE_REACH, even_light, refuse_uneven
 from sim2d.rendering.fast.lens_table import TILE_PX, lens_table
 from sim2d.rendering.fast.line_rows import arc_rows, line_rows
 from sim2d.rendering.room import ROWS_PER_M, room_panorama
-from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene
+from sim2d.rendering.scene import Ball, Bgr, Box, Light, Post, Robot, Scene
 from sim2d.rendering.sensor import Sensor, vignette_gain
 from sim2d.rendering.surfaces import face_light
 
@@ -76,12 +76,12 @@ class ForwardFrames:
     def __init__(
         self, scene: Scene, camera: PinholeCamera, sensor: Sensor, *, backdrop: Backdrop | None = None
     ) -> None:
-        refuse_uneven(scene, sensor)
+        refuse_uneven(scene.light, sensor)
         self.scene, self.camera = scene, camera
         self._cast = np.array(sensor.cast_bgr)
         width, height = camera.size_px
         self._lens = lens_table(camera, vignette_gain(height, width, sensor.vignette) * np.float32(sensor.gain))
-        self._light = even_light(scene)
+        self._light = even_light(scene, scene.light)
         radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
         picture, rows_per_m = _wall_picture(scene, backdrop, radius_m / max(camera.focal_px))
         cells = pack_cells((picture * (scene.light.level * self._cast)).astype(np.float32))
@@ -143,6 +143,17 @@ class ForwardFrames:
     def _paints(self, moving: tuple[Bgr, ...]) -> Float32Array:
         colors = np.array([*self._colors, *moving], dtype=np.float64).reshape(-1, 3)
         return np.asarray(colors * self._cast, dtype=np.float32)
+
+    def set_light(self, light: Light) -> None:
+        """Light the field so from now on; the room behind it keeps its light.
+
+        Raises
+        ------
+        ArgumentError
+            If it has texture, shadow or highlights.
+        """
+        refuse_uneven(light)
+        self._light = even_light(self.scene, light)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, eye: EyeInField) -> UInt8Array:
         """Draw a frame.

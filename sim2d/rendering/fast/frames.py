@@ -33,7 +33,7 @@ from sim2d.kernels.match_pixels import draw_pixels, fill_carpet, paint_marked
 from sim2d.rendering.fast.line_rows import arc_rows, line_rows
 from sim2d.rendering.fast.pixel_table import mirror_pixels
 from sim2d.rendering.room import ROWS_PER_M, room_panorama
-from sim2d.rendering.scene import Ball, Bgr, Robot, Scene, Wall
+from sim2d.rendering.scene import Ball, Bgr, Light, Robot, Scene, Wall
 from sim2d.rendering.sensor import Sensor, vignette_gain
 from sim2d.rendering.surfaces import LAMP_DIRECTION_RAD, face_light
 
@@ -42,7 +42,7 @@ MARKER_RATIO = 0.3  # of a robot's radius
 SHADE_REACH = 3.0  # of a ball, in its radii
 
 
-def refuse_uneven(scene: Scene, sensor: Sensor) -> None:
+def refuse_uneven(lamp: Light, sensor: Sensor = Sensor()) -> None:
     """Refuse what no match is drawn with.
 
     Raises
@@ -50,14 +50,12 @@ def refuse_uneven(scene: Scene, sensor: Sensor) -> None:
     ArgumentError
         If the light has texture, shadow or highlights, or the sensor compresses.
     """
-    lamp = scene.light
     if lamp.texture or lamp.shadow is not None or lamp.highlights or sensor.jpeg_quality:
         raise ArgumentError("a match is drawn without texture, shadow, highlights and compression")
 
 
-def even_light(scene: Scene) -> Lighting:
-    """Return the light on a scene as the compiled loops take it."""
-    lamp = scene.light
+def even_light(scene: Scene, lamp: Light) -> Lighting:
+    """Return the light on a scene's floor as the compiled loops take it."""
     per_m = lamp.level * lamp.gradient / (scene.field.length_m / 2)
     direction = lamp.gradient_direction_rad
     along = per_m * math.cos(direction), per_m * math.sin(direction)
@@ -83,7 +81,7 @@ class FastFrames:
     """
 
     def __init__(self, scene: Scene, camera: OmniCamera, sensor: Sensor) -> None:
-        refuse_uneven(scene, sensor)
+        refuse_uneven(scene.light, sensor)
         if scene.room.bystanders:
             raise ArgumentError("a mirror camera's match is drawn without bystanders")
         self.scene, self.camera = scene, camera
@@ -99,7 +97,7 @@ class FastFrames:
         )
         ground = np.array(scene.room.floor_bgr) * self._cast
         self._room = RoomWall(picture, float(ROWS_PER_M), self._room_radius_m, ground)
-        self._light = even_light(scene)
+        self._light = even_light(scene, scene.light)
         self._build_fixed(scene)
         count, rays = len(self._table.bearings.directions), len(self._table.rays.pixels)
         self._crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 4), dtype=np.float32))
@@ -163,6 +161,17 @@ class FastFrames:
             rows.append([height, 1, len(colors), len(colors), len(colors) + 1, gap, 0.0])
             colors += [color, marker]
         return Things(np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast)
+
+    def set_light(self, light: Light) -> None:
+        """Light the field so from now on; the room behind it keeps its light.
+
+        Raises
+        ------
+        ArgumentError
+            If it has texture, shadow or highlights.
+        """
+        refuse_uneven(light)
+        self._light = even_light(self.scene, light)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2) -> UInt8Array:
         """Draw a frame.

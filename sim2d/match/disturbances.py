@@ -1,0 +1,96 @@
+"""What disturbs the robots of a match: bodies that sway, frames that come late, legs that slip, light that drifts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from sim2d.sensors.body_sway import LEGS_SWAY, WHEELS_SWAY, SwaySettings
+from sim2d.sensors.late_frames import LatencySettings
+from sim2d.sensors.light_drift import LightDriftSettings
+from sim2d.world.robot_body import BodySettings
+
+NAMES = ("sway", "latency", "slip", "drift")
+
+
+@dataclass(frozen=True, slots=True)
+class Slip:
+    """How much less sure odometry is than that of `BodySettings`.
+
+    Attributes
+    ----------
+    gain_std : float
+        Systematic error of the odometry's way and turn, drawn once a robot: legs are 10 % off at two of these.
+    slip_part, slip_turn_rad_per_m : float
+        As in `BodySettings`.
+    """
+
+    gain_std: float = 0.05
+    slip_part: float = 0.1
+    slip_turn_rad_per_m: float = 0.1
+
+    def of(self, body: BodySettings) -> BodySettings:
+        """Return a body that slips so."""
+        return replace(
+            body, gain_std=self.gain_std, slip_part=self.slip_part, slip_turn_rad_per_m=self.slip_turn_rad_per_m
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbances:
+    """Which of them a match has, and how much; None: not this one.
+
+    Parameters
+    ----------
+    sway : SwaySettings or None
+        Of bodies that carry a pinhole camera; a mirror camera is drawn upright.
+    latency : LatencySettings or None
+        Of frames.
+    slip : Slip or None
+        Of the odometry.
+    drift : LightDriftSettings or None
+        Of the light.
+    """
+
+    sway: SwaySettings | None = None
+    latency: LatencySettings | None = None
+    slip: Slip | None = None
+    drift: LightDriftSettings | None = None
+
+    def only(self, names: Iterable[str]) -> Disturbances:
+        """Return those of some names (`NAMES`) alone; of one that is off here, with its default values.
+
+        Raises
+        ------
+        ArgumentError
+            If there is none of a name.
+        """
+        wanted = set(names)
+        for name in sorted(wanted - set(NAMES)):
+            raise ArgumentError(f"there is no disturbance '{name}': they are {', '.join(NAMES)}")
+        return Disturbances(
+            (self.sway or WHEELS_SWAY) if "sway" in wanted else None,
+            (self.latency or LatencySettings()) if "latency" in wanted else None,
+            (self.slip or Slip()) if "slip" in wanted else None,
+            (self.drift or LightDriftSettings()) if "drift" in wanted else None,
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of those that are on."""
+        return tuple(name for name in NAMES if getattr(self, name) is not None)
+
+
+NONE = Disturbances()
+LEGS = Disturbances(LEGS_SWAY, LatencySettings(), Slip(), LightDriftSettings())
+WHEELS = Disturbances(WHEELS_SWAY, LatencySettings(), None, LightDriftSettings())
+
+
+def disturbances_for(field: Field, camera: OmniCamera | PinholeCamera) -> Disturbances:
+    """Return those of a field's league: legs where goals have posts, else wheels; none with a mirror camera."""
+    if isinstance(camera, OmniCamera):
+        return NONE
+    return LEGS if any(goal.kind == "posts" for goal in field.goals) else WHEELS
