@@ -73,6 +73,7 @@ class _FieldFile(StrictStruct):
     source: str = ""
     ball_radius_m: Length = 0.0215
     ball_color: str = "orange"
+    ball_patches: str = ""
     robot_radius_m: Length = 0.09
 
 
@@ -153,6 +154,8 @@ def _check(path: Path, f: _FieldFile) -> None:
         if f.goal.kind == "posts" and f.goal.post_radius_m <= 0:
             raise FileError(path, "must be positive for posts", key="goal.post_radius_m", value=f.goal.post_radius_m)
     colors = [("boundary.color", f.boundary.color), ("ball_color", f.ball_color)]
+    if f.ball_patches:
+        colors.append(("ball_patches", f.ball_patches))
     if f.goal is not None:
         colors += [
             ("goal.color_positive_x", f.goal.color_positive_x),
@@ -183,6 +186,7 @@ def _derive(f: _FieldFile) -> Field:
         ball_color=f.ball_color,
         robot_radius_m=f.robot_radius_m,
         ball_radius_m=f.ball_radius_m,
+        ball_patches=f.ball_patches,
     )
 
 

@@ -130,6 +130,10 @@ class Field:
         Names of colours.
     robot_radius_m, ball_radius_m : float
         Of the league's robots and ball.
+    line_color : str
+        Name of a colour.
+    ball_patches : str
+        Name of the colour of the ball's dark patches; "": it has none.
     """
 
     name: str
@@ -149,6 +153,7 @@ class Field:
     robot_radius_m: float
     ball_radius_m: float
     line_color: str = field(default="white")
+    ball_patches: str = ""
 
     @property
     def is_bounded(self) -> bool:

@@ -48,7 +48,7 @@ class View:
         Where the pose predicts the walls; NaN where it predicts none.
     polar : PolarView, FloorView or None
         Where those samples lie; None where the camera's place over the floor is unknown: then free space, boundary and
-        marks are empty, and there is no ball and no obstacle.
+        marks are empty, and there is no obstacle and no ball but a patterned one, whose size says how far away it is.
     camera : OmniCamera or PinholeCamera
         The camera as this frame shows it to be mounted on the robot: with the head's pan, tilt and roll as fitted.
     grid : FreeSpaceGrid or None

@@ -25,6 +25,7 @@ from benchmarks.scores.photograph_rows import (
 from field_models import Field, load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.perception.balls.patterned import PatternedBallFinder
 from sim2d.rendering.cameras import sekimori_camera
 
 # balls in the six photographs of onboard_ssl, read by eye, pixels; the near one is 110 wide
@@ -38,6 +39,31 @@ MIRROR_BALLS = (
     ("omni_msl_6x4_b", "b_center.png", "camera.toml", "yellow", (291.0, 144.0)),
 )
 MIRROR_HIT_PX = 10.0
+# balls with dark patches: centre and radius, read by eye
+PATTERNED_BALLS = {
+    "point1.jpg": ((124, 239, 12), (268, 260, 14), (173, 314, 23), (499, 245, 13), (627, 259, 15), (381, 198, 6)),
+    "point2.jpg": (
+        (206, 383, 15),
+        (344, 382, 15),
+        (345, 360, 12),
+        (345, 342, 9),
+        (429, 340, 9),
+        (345, 316, 6),
+        (126, 320, 6),
+        (567, 319, 5),
+    ),
+    "point3.jpg": (
+        (314, 378, 17),
+        (430, 361, 14),
+        (350, 346, 12),
+        (250, 323, 9),
+        (325, 321, 8),
+        (143, 301, 6),
+        (351, 294, 5),
+    ),
+    "point4.jpg": ((28, 310, 27), (350, 241, 16), (434, 221, 13), (575, 234, 16)),
+    "point5.jpg": ((276, 372, 27), (502, 342, 24), (320, 275, 14), (275, 258, 11), (372, 252, 11), (530, 215, 7)),
+}
 MIN_ALONE, MIN_SEQUENCE, MIN_PRECISION, MAX_FALSE = 0.90, 0.96, 0.98, 1 / 200
 
 
@@ -103,6 +129,51 @@ def before_boards() -> PhotographRow | None:
     )
 
 
+def patterned() -> PhotographRow | None:
+    """Look for balls with dark patches by the head camera of a Nao, whose tilt is not known."""
+    if not (REAL / "goal_spl").is_dir():
+        return None
+    vision = Vision(load_field("spl_2020"), load_camera(REAL / "goal_spl" / "camera.toml"))
+    nearest = hits = false = 0
+    for name, frame in photographs("goal_spl"):
+        vision.forget()
+        marked = np.array(PATTERNED_BALLS[name], dtype=np.float64)
+        found = set()
+        for ball in vision.look(frame).balls:
+            off = np.hypot(marked[:, 0] - ball.u_px, marked[:, 1] - ball.v_px) - 0.6 * marked[:, 2] - 2.0
+            if off.min() > 0:
+                false += 1
+            else:
+                found.add(int(np.argmin(off)))
+        hits += len(found)
+        # two lie equally near in one of the pictures
+        nearest += any(marked[n, 2] == marked[:, 2].max() for n in found)
+    pictures, balls = len(PATTERNED_BALLS), sum(map(len, PATTERNED_BALLS.values()))
+    return PhotographRow(
+        "patterned balls",
+        f"nearest in {nearest} of {pictures}, {hits} of {balls}, {false} false",
+        "5 of 5, <= 1 false in 9",
+        nearest == pictures and 9 * false <= pictures,
+    )
+
+
+def patterned_in_other_things() -> PhotographRow | None:
+    """Count the patterned balls seen in photographs of other things."""
+    if not all((REAL / folder).is_dir() for folder in ("negatives", "goal_spl")):
+        return None
+    field, camera = load_field("spl_2020"), load_camera(REAL / "goal_spl" / "camera.toml")
+    assert isinstance(camera, PinholeCamera)
+    finder = PatternedBallFinder(field, camera)
+    looks = false = 0
+    for frame in photographs_of_other_things(camera.size_px):
+        for held in (camera, camera.with_orientation(0.0, -0.2, 0.0)):
+            false += bool(finder.find(frame, held))
+            looks += 1
+    return PhotographRow(
+        "patterned, other things", f"{false}/{looks} show a ball", "<= 1/200", false <= MAX_FALSE * looks
+    )
+
+
 def noisy_mirrors() -> PhotographRow | None:
     """Measure yellow and orange middle-size balls in mirrors."""
     if not all((REAL / folder).is_dir() for folder, *_ in MIRROR_BALLS):
@@ -149,6 +220,8 @@ ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
     lambda: onboard_sequence(alone=True),
     lambda: onboard_sequence(alone=False),
     before_boards,
+    patterned,
     noisy_mirrors,
     other_things,
+    patterned_in_other_things,
 )

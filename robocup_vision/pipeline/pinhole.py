@@ -29,6 +29,7 @@ from robocup_vision.localization.swapped_channels import (
 )
 from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.patterned import PatternedBallFinder
 from robocup_vision.perception.balls.pinhole import PinholeBallFinder
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
@@ -99,6 +100,7 @@ class PinholePipeline(FramePipeline):
         self._goal_points = goal_points(field) if tells else (np.empty((0, 3)), np.empty(0))
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
         self._floor = self._make_floor(camera) if camera.known_orientation else None
+        self._patterned = PatternedBallFinder(field, camera, self._mask) if field.ball_patches else None
         prepare(f"pinhole_{method.name}")
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
         self.forget()
@@ -186,6 +188,8 @@ class PinholePipeline(FramePipeline):
             floor = floor.turned(_as_held(answer.camera))
         if floor is None:
             self._carried = None
+            # patterned balls say themselves how the camera is tilted
+            balls = () if self._patterned is None else self._patterned.find(frame, camera)
             timings["total"] = perf_counter() - begin
             pose = self._as_told(pose)
             if measured is not None:
@@ -194,6 +198,7 @@ class PinholePipeline(FramePipeline):
             view = self._without_floor(pose, answer.camera, timings, t_s)
             return replace(
                 view,
+                balls=balls,
                 measurement=measured,
                 edge_points=answer.edge_points,
                 warnings=self._warnings(pose),
@@ -201,7 +206,8 @@ class PinholePipeline(FramePipeline):
         robot = pose.pose if pose else None
         samples = samples or self._sample(frame, floor.view, timings)
         marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
-        self._judge_channels(frame, floor, samples, balls, pose)
+        # white and black look alike with red and blue swapped
+        self._judge_channels(frame, floor, samples, balls if self._patterned is None else (), pose)
         told = self._as_told(pose)
         if measured is not None:
             opened = self._as_told(measured)
@@ -325,9 +331,12 @@ class PinholePipeline(FramePipeline):
             free_space = _none_free(floor.grid)
             ball_found = perf_counter()
         else:
-            balls = floor.finder.find(frame, samples.table, self._near_floor_nats(samples.llr, floor.view))
-            if floor.turn_rad:
-                balls = tuple(ball.turned(floor.turn_rad) for ball in balls)
+            if self._patterned is None:
+                balls = floor.finder.find(frame, samples.table, self._near_floor_nats(samples.llr, floor.view))
+                if floor.turn_rad:
+                    balls = tuple(ball.turned(floor.turn_rad) for ball in balls)
+            else:
+                balls = self._patterned.find(frame, floor.camera)
             balls = self._on_floor(balls, robot)
             ball_found = perf_counter()
             marks = floor.marking.mark(samples.colors, samples.llr)

@@ -69,12 +69,14 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Ball:
-    """A ball that lies on the floor."""
+    """A ball that lies on the floor; `patches_bgr`: of its dark patches, turned by `turn_rad` about x, y, z."""
 
     x_m: float
     y_m: float
     radius_m: float
     color_bgr: Bgr = COLOR_NAMES["orange"]
+    patches_bgr: Bgr | None = None
+    turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

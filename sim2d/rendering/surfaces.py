@@ -10,6 +10,7 @@ import numpy.typing as npt
 from field_models import COLOR_NAMES
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.geometry import Pose2
+from sim2d.rendering.ball_patches import is_patch
 from sim2d.rendering.rays import RaySet
 from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene, Wall
 
@@ -160,6 +161,7 @@ class FirstHits:
     def add_ball(self, ball: Ball) -> None:
         """Meet a ball on the floor, lit from above and a little from the side."""
         number = self.add_surface(ball.color_bgr)
+        patches = None if ball.patches_bgr is None else self.add_surface(ball.patches_bgr)
         x, y = self._to_eye.transform([ball.x_m, ball.y_m])
         z = ball.radius_m - self.rays.height_m
         lamp = LAMP_DIRECTION_RAD - self.eye.theta_rad
@@ -172,6 +174,15 @@ class FirstHits:
             distance = (toward - np.sqrt(np.maximum(root2, 0))) / norm2
             hit = (root2 >= 0) & (distance > 0) & (distance < self.distance_m[part])
             self._set(part, hit, distance, number)
+            if patches is not None:
+                reach = (
+                    distance * cos - np.float32(x),
+                    distance * sin - np.float32(y),
+                    distance * slope - np.float32(z),
+                )
+                radius = np.float32(ball.radius_m)
+                normals = (reach[0] / radius, reach[1] / radius, reach[2] / radius)
+                self._set(part, hit & is_patch(normals, ball.turn_rad), distance, patches)
             lit = (distance * cos - np.float32(x)) * np.float32(lx) + (distance * sin - np.float32(y)) * np.float32(ly)
             lit = (lit + (distance * slope - np.float32(z)) * np.float32(lz)) / np.float32(ball.radius_m)
             np.copyto(self.shade[part], np.float32(0.62) + np.float32(0.42) * lit, where=hit)

@@ -264,6 +264,7 @@ def test_a_line_from_goal_to_goal_where_the_file_says_so(write: Write):
         ("height_m = 0.1\n", "", "key 'boundary.height_m': must be positive for kind 'boards', got 0.0"),
         ("margin_m = 0.3", "margin_m = -0.3", "key 'boundary.margin_m': must be at least 0.0, got -0.3"),
         ('"orange"', '"tangerine"', "key 'ball_color': is not one of white, "),
+        ('"orange"', '"white"\nball_patches = "coal"', "key 'ball_patches': is not one of white, "),
         ('"black"', '"coal"', "key 'boundary.color': is not one of white, "),
         ('"white", "pink"', '"white", "rose"', "key 'beacons[0].colors': is not one of white, "),
         ('["white", "pink"]', "[]", "key 'beacons[0].colors': expected `array` of length >= 1, got []"),
@@ -286,6 +287,12 @@ def test_bad_field_file_is_refused_in_one_line(write: Write, old: str, new: str,
         load_field(path)
     assert str(caught.value).startswith(f"{path}: {message}")
     assert "\n" not in str(caught.value)
+
+
+def test_a_ball_has_patches_where_the_field_file_says_so(write: Write):
+    assert load_field(write(OWN)).ball_patches == ""
+    assert load_field(write(OWN.replace('"orange"', '"white"\nball_patches = "black"'))).ball_patches == "black"
+    assert [name for name in field_names() if load_field(name).ball_patches] == ["spl_2020"]
 
 
 def test_a_field_file_may_leave_out_its_source(tmp_path):

@@ -1,0 +1,275 @@
+"""White balls with dark patches, in frames of a pinhole camera: no blob of a colour, but round, patched, on carpet.
+
+A ball's size says how far below the horizon its centre lies: by its radius in the picture, times the height of the
+camera over that centre, by the radius in metres. So balls in one picture bear each other out, and where the camera's
+tilt is not known they give it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.kernels.floor import patterned_ball as kernel
+from robocup_vision.perception.balls.ball import Ball
+
+_TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
+_DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
+# a pixel's noise, added to its level before the logarithm is taken
+_LOGS = np.log(np.arange(256) + 8.0)
+
+
+@dataclass(frozen=True, slots=True)
+class PatternedBallSettings:
+    """What the search for patterned balls can be tuned by.
+
+    Parameters
+    ----------
+    min_radius_px, max_radius_px, radius_step : float
+        Of the balls that are looked for, and the factor from one size to the next: half a step is blur.
+    search : DiscSearch
+        Where rims are looked for.
+    carpet_hue, min_green, min_carpet_ratio : float
+        Below this hue and above this greenness (see the kernel) a pixel of the lower half may be carpet; so many of
+        them must be.
+    max_discs, max_kept, max_balls : int
+        Discs that are found, weighed, and reported at most.
+    rim_ratio, chance_rim_ratio, rim_signs : float
+        Of the directions at a rim, those that part ball from carpet, at a ball and elsewhere; independent ones.
+    dark_ratio, dark_std, chance_dark_ratio, chance_any : float
+        Of a disc, what is dark: mean and standard deviation at a ball, whose patches cover 28 % and fade with distance;
+        mean elsewhere, and the ratio of discs elsewhere that have any.
+    around_ratio, chance_around_ratio, around_signs : float
+        Of places two and three radii away, those that are carpet, at a ball and elsewhere; independent ones.
+    signs_per_px : float
+        Of either at most so many for each pixel of the radius: neighbours that the blur covers say the same.
+    min_white, max_white : float
+        The white is so many times as bright as the carpet at the ball's rim: more is a lamp, or before the dark.
+    radius_std, tilt_std_rad, tilt_span_rad : float
+        Of a measured radius, relative; of the camera's tilt, which sways; angle over which the tilts lie that other
+        discs would need.
+    outlier_ratio : float
+        Of balls, those whose size says nothing: half hidden, or half in the dark.
+    min_log_likelihood_ratio : float
+        A find with less is no ball.
+    place_std : float
+        Of a disc's centre, of its radius.
+    """
+
+    min_radius_px: float = 5.0
+    max_radius_px: float = 50.0
+    radius_step: float = 1.12
+    search: kernel.DiscSearch = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
+    carpet_hue: float = -0.12
+    min_green: float = 0.1
+    min_carpet_ratio: float = 0.5
+    max_discs: int = 20000
+    max_kept: int = 40
+    max_balls: int = 8
+    rim_ratio: float = 0.85
+    chance_rim_ratio: float = 0.45
+    rim_signs: float = 6.0
+    dark_ratio: float = 0.24
+    dark_std: float = 0.09
+    chance_dark_ratio: float = 0.06
+    chance_any: float = 0.1
+    around_ratio: float = 0.88
+    chance_around_ratio: float = 0.6
+    around_signs: float = 8.0
+    signs_per_px: float = 0.7
+    min_white: float = 1.0
+    max_white: float = 2.6
+    radius_std: float = 0.12
+    tilt_std_rad: float = 0.013
+    tilt_span_rad: float = 0.5
+    outlier_ratio: float = 0.05
+    min_log_likelihood_ratio: float = 4.0
+    place_std: float = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class _Disc:
+    """A disc that may be a ball: place and radius, what speaks for it, and the camera's tilt if it is one."""
+
+    u_px: float
+    v_px: float
+    radius_px: float
+    nats: float
+    tilt_rad: float
+    tilt_std_rad: float
+
+
+class PatternedBallFinder:
+    """Finds white balls with dark patches in frames of one pinhole camera; holds scratch memory: one object a thread.
+
+    Parameters
+    ----------
+    field : Field
+        Gives the ball's size.
+    camera : PinholeCamera
+        Its tilt may be unknown: then two balls in view give it, or one that is clear.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    settings : PatternedBallSettings, optional
+        Thresholds of the search.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: PinholeCamera,
+        mask: UInt8Array | None = None,
+        settings: PatternedBallSettings = PatternedBallSettings(),
+    ) -> None:
+        self.camera, self.settings = camera, settings
+        self._radius_m = field.ball_radius_m
+        self._mask = mask
+        width, height = camera.size_px
+        self._kinds, self._level = np.zeros((2, height, width), dtype=np.uint8)
+        self._found = np.empty((settings.max_discs, kernel.COLUMNS))
+        self._kept = np.empty((settings.max_kept, kernel.COLUMNS))
+
+    @cached_property
+    def _radii_px(self) -> FloatArray:
+        settings = self.settings
+        count = math.log(settings.max_radius_px / settings.min_radius_px) / math.log(settings.radius_step)
+        return np.asarray(settings.min_radius_px * settings.radius_step ** np.arange(int(count) + 1), dtype=np.float64)
+
+    def find(self, frame: UInt8Array, camera: PinholeCamera) -> tuple[Ball, ...]:
+        """Find the balls in a frame, the likeliest first.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        camera : PinholeCamera
+            As held in the frame; its tilt may be unknown.
+
+        Returns
+        -------
+        tuple of Ball
+            Where the tilt is unknown the balls' own sizes give it, and with it their places.
+        """
+        discs = self._discs(frame, camera)
+        needed = self.settings.min_log_likelihood_ratio
+        if camera.tilt_rad is None:
+            voted = self._voted_tilt(discs)
+            if voted is None:
+                return ()
+            tilt, is_alone = voted
+            # a disc that alone says what the tilt is cannot be borne out by it
+            ratios = [min(self._ratio(disc, tilt), disc.nats if is_alone else math.inf) for disc in discs]
+        else:
+            tilt = camera.tilt_rad
+            ratios = [self._ratio(disc, tilt) for disc in discs]
+        held = camera.with_orientation(camera.pan_rad or 0.0, tilt, camera.roll_rad or 0.0)
+        balls: list[Ball] = []
+        taken: list[_Disc] = []
+        for ratio, disc in sorted(zip(ratios, discs, strict=True), key=lambda one: -one[0]):
+            if ratio < needed or len(balls) == self.settings.max_balls:
+                break
+            if any(
+                math.hypot(disc.u_px - o.u_px, disc.v_px - o.v_px) < max(disc.radius_px, o.radius_px) for o in taken
+            ):
+                continue
+            ball = self._ball(disc, held, ratio)
+            if ball is not None:
+                balls.append(ball)
+                taken.append(disc)
+        return tuple(balls)
+
+    def _voted_tilt(self, discs: list[_Disc]) -> tuple[float, bool] | None:
+        """Return the tilt that most speaks for, and whether one disc alone does; None if no disc may be a ball."""
+        needed = self.settings.min_log_likelihood_ratio
+        tilts = [disc.tilt_rad for disc in discs if disc.nats > 0]
+        if not tilts:
+            return None
+        best = max(tilts, key=lambda tilt: sum(max(self._ratio(disc, tilt), 0.0) for disc in discs))
+        clear = [disc for disc in discs if self._ratio(disc, best) >= needed]
+        if len(clear) < 2:
+            return best, True
+        weights = [disc.tilt_std_rad**-2 for disc in clear]
+        return float(np.average([disc.tilt_rad for disc in clear], weights=weights)), False
+
+    def _discs(self, frame: UInt8Array, camera: PinholeCamera) -> list[_Disc]:
+        settings = self.settings
+        blurred = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
+        low = blurred[frame.shape[0] // 2 :: 4, ::4].reshape(-1, 3)
+        logs = _LOGS[low]
+        hue = logs[:, 2] - logs[:, 1] + kernel.BLUE_WEIGHT * (logs[:, 0] - logs[:, 1])
+        near = low.astype(np.float64)
+        total = near.sum(axis=1)
+        greenness = (3 * near[:, 1] - total) / (total + kernel.DARK_COUNTS)
+        is_carpet = (hue < settings.carpet_hue) & (greenness > settings.min_green)
+        if np.mean(is_carpet) < settings.min_carpet_ratio:
+            return []
+        green = float(np.median(greenness[is_carpet]))
+        # half-way from white to the carpet
+        kernel.classify(blurred, _LOGS, 0.5 * float(np.median(hue[is_carpet])), 0.5 * green, self._kinds, self._level)
+        if self._mask is not None:
+            self._kinds[self._mask > 0] = kernel.COLORED
+        found = self._found[: kernel.find_discs(self._kinds, _DIRECTIONS, self._radii_px, settings.search, self._found)]
+        count = kernel.best_discs(self._kinds, self._level, _DIRECTIONS, settings.search, found, self._kept)
+        return [self._weighed(row, camera) for row in self._kept[:count]]
+
+    def _weighed(self, row: FloatArray, camera: PinholeCamera) -> _Disc:
+        settings = self.settings
+        u, v, radius, rim, _, white, dark, carpet, around = row.tolist()
+        nats = min(settings.rim_signs, settings.signs_per_px * radius) * _sign_nats(
+            rim, settings.rim_ratio, settings.chance_rim_ratio
+        )
+        nats += min(settings.around_signs, settings.signs_per_px * radius) * _sign_nats(
+            around, settings.around_ratio, settings.chance_around_ratio
+        )
+        off = (dark - settings.dark_ratio) / settings.dark_std
+        at_ball = math.exp(-0.5 * off * off) / (settings.dark_std * math.sqrt(math.tau))
+        elsewhere = math.exp(-dark / settings.chance_dark_ratio) / settings.chance_dark_ratio
+        nats += math.log((at_ball + settings.outlier_ratio) / (elsewhere + settings.chance_any))
+        if not settings.min_white * carpet <= white <= settings.max_white * carpet:
+            nats -= settings.min_log_likelihood_ratio
+        # the depression of the ray to the centre by the ball's size, and the tilt that puts the ray there
+        ray = camera.pixel_to_camera_ray((u, v)) @ camera_rotation(0.0, 0.0, camera.roll_rad or 0.0).T
+        half = radius * float(ray[0]) / camera.focal_px[0]
+        fall = min((camera.height_m - self._radius_m) / self._radius_m * math.sin(half), 0.99)
+        reach = math.hypot(float(ray[0]), float(ray[2]))
+        tilt = math.asin(max(-fall / reach, -1.0)) - math.atan2(float(ray[2]), float(ray[0]))
+        std = math.hypot(settings.tilt_std_rad, settings.radius_std * fall / math.sqrt(1 - fall * fall))
+        return _Disc(u, v, radius, nats, tilt, std)
+
+    def _ratio(self, disc: _Disc, tilt_rad: float) -> float:
+        """Return the log-likelihood ratio of a disc, its size included, for a tilt of the camera."""
+        settings = self.settings
+        off = (disc.tilt_rad - tilt_rad) / disc.tilt_std_rad
+        density = math.exp(-0.5 * off * off) / (disc.tilt_std_rad * math.sqrt(math.tau))
+        likelihood = (1 - settings.outlier_ratio) * density * settings.tilt_span_rad + 0.1 * settings.outlier_ratio
+        return disc.nats + math.log(likelihood)
+
+    def _ball(self, disc: _Disc, camera: PinholeCamera, ratio: float) -> Ball | None:
+        """Place a ball on the floor; None where its ray does not meet it."""
+        height = camera.height_m - self._radius_m
+        ray = camera.pixel_to_ray((disc.u_px, disc.v_px))
+        if ray[2] > -1e-3:
+            return None
+        range_m = height * math.hypot(float(ray[0]), float(ray[1])) / -float(ray[2])
+        away = np.asarray(ray[:2]) / math.hypot(float(ray[0]), float(ray[1]))
+        x, y = (camera.offset_m + range_m * away).tolist()
+        # a ray errs by the disc's place, and along itself by the tilt, too
+        pixel = self.settings.place_std * disc.radius_px / camera.focal_px[0]
+        along = (range_m**2 + height**2) / height * math.hypot(pixel, self.settings.tilt_std_rad)
+        across = math.hypot(range_m, height) * pixel
+        turn = np.array([[away[0], -away[1]], [away[1], away[0]]])
+        covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
+        return Ball(x, y, covariance, disc.u_px, disc.v_px, ratio)
+
+
+def _sign_nats(ratio: float, expected: float, by_chance: float) -> float:
+    """Log-likelihood ratio a sign, where a ratio of signs speaks for a ball."""
+    return ratio * math.log(expected / by_chance) + (1 - ratio) * math.log((1 - expected) / (1 - by_chance))

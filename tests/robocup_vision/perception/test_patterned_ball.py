@@ -1,0 +1,104 @@
+"""White balls with dark patches are found on carpet, by their size where the tilt is not known, and nothing else is."""
+
+import dataclasses
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.perception.balls.patterned import PatternedBallFinder
+from robocup_vision.vision import Vision
+from sim2d.rendering.ball_patches import is_patch
+
+FIELD = load_field("spl_2020")
+HELD = PinholeCamera(
+    (480, 360), (462.0, 462.0), (239.5, 179.5), 0.46, pan_rad=0.0, tilt_rad=-0.2, roll_rad=0.0, height_std_m=0.01
+)
+FREE = dataclasses.replace(HELD, pan_rad=None, tilt_rad=None, roll_rad=None)
+
+
+def picture(places, patches=True, seed=0):
+    """Carpet below the horizon, and balls drawn on it as spheres far away look."""
+    rng = np.random.default_rng(seed)
+    width, height = HELD.size_px
+    v, u = np.mgrid[:height, :width].astype(float)
+    frame = np.full((height, width, 3), (55.0, 130.0, 70.0))
+    frame[np.isnan(HELD.pixel_to_floor(np.stack([u, v], axis=-1))[..., 0])] = (120, 110, 115)
+    for x, y in places:
+        ray = np.array([x, y, FIELD.ball_radius_m - HELD.height_m])
+        away = float(np.linalg.norm(ray))
+        center = HELD.ray_to_pixel(ray / away)
+        radius = HELD.focal_px[0] * FIELD.ball_radius_m / away
+        right, up = (u - center[0]) / radius, (center[1] - v) / radius
+        inside = right**2 + up**2 < 1
+        toward = np.sqrt(np.maximum(1 - right**2 - up**2, 0))
+        dark = is_patch(tuple(n.astype(np.float32) for n in (right, up, toward)), tuple(rng.uniform(-3, 3, 3)))
+        frame[inside] = 190 + 30 * up[inside, None]
+        if patches:
+            frame[inside & dark] = 25
+    frame = cv2.GaussianBlur(frame, (0, 0), 0.7) + rng.normal(0, 4, frame.shape)
+    return np.clip(frame, 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def finder():
+    return PatternedBallFinder(FIELD, HELD)
+
+
+@pytest.mark.parametrize("place", [(0.8, 0.1), (1.5, -0.4), (2.6, 0.6)])
+@pytest.mark.parametrize("camera", [HELD, FREE], ids=["tilt known", "tilt unknown"])
+def test_a_ball_is_found_and_placed_within_what_it_owns_to(finder, place, camera):
+    (ball,) = finder.find(picture([place]), camera)
+    off = np.array([ball.x_m, ball.y_m]) - place
+    assert off @ np.linalg.solve(ball.covariance, off) < 16
+    assert math.hypot(*off) < (0.06 if camera is HELD else 0.2) * math.hypot(*place)
+    assert ball.log_likelihood_ratio >= finder.settings.min_log_likelihood_ratio
+
+
+def test_all_balls_are_found_and_bear_each_other_out(finder):
+    places = [(0.9, 0.2), (1.4, -0.3), (2.2, 0.5)]
+    balls = finder.find(picture(places), FREE)
+    assert len(balls) == 3
+    for place in places:
+        offs = [(np.array([ball.x_m, ball.y_m]) - place, ball) for ball in balls]
+        assert min(off @ np.linalg.solve(ball.covariance, off) for off, ball in offs) < 16
+        assert min(math.hypot(*off) for off, _ in offs) < 0.2 * math.hypot(*place)
+    ratios = [ball.log_likelihood_ratio for ball in balls]
+    assert ratios == sorted(ratios, reverse=True)
+    alone = finder.find(picture(places[:1]), FREE)[0]
+    assert max(ratios) > alone.log_likelihood_ratio
+
+
+@pytest.mark.parametrize(
+    "frame", [picture([]), picture([(1.0, 0.1)], patches=False), np.full((360, 480, 3), 90, np.uint8)]
+)
+@pytest.mark.parametrize("camera", [HELD, FREE], ids=["tilt known", "tilt unknown"])
+def test_carpet_a_plain_white_ball_and_a_grey_picture_show_none(finder, frame, camera):
+    assert finder.find(frame, camera) == ()
+
+
+def test_a_ball_of_another_size_than_its_place_asks_for_is_none(finder):
+    tilted = HELD.with_orientation(0.0, -0.45, 0.0)
+    assert finder.find(picture([(2.6, 0.6)]), tilted) == ()
+
+
+def test_masked_pixels_show_no_ball():
+    mask = np.zeros((360, 480), np.uint8)
+    frame = picture([(1.0, 0.1)])
+    (ball,) = PatternedBallFinder(FIELD, HELD, mask).find(frame, HELD)
+    cv2.circle(mask, (round(ball.u_px), round(ball.v_px)), 30, 255, -1)
+    assert PatternedBallFinder(FIELD, HELD, mask).find(frame, HELD) == ()
+
+
+@pytest.mark.parametrize("method", ["goal", "field"])
+def test_a_view_has_them_with_or_without_a_pose(method):
+    vision = Vision(FIELD, FREE if method == "goal" else HELD, method=method)
+    view = vision.look(picture([(1.2, -0.2)]))
+    assert not view.pose
+    assert (view.polar is None) == (method == "goal")
+    assert view.ball is not None
+    assert math.hypot(view.ball.x_m - 1.2, view.ball.y_m + 0.2) < 0.2
+    assert vision.look(picture([])).balls == ()
