@@ -25,8 +25,8 @@ def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
         "--disturb",
         default="default",
         metavar="NAMES",
-        help="what disturbs robots: default (by the field's league), none, all, or some of sway, latency, slip and "
-        "drift, with commas between",
+        help="what disturbs robots: default (by the field's league), none, all, or some of sway, latency, slip, "
+        "drift and shutter, with commas between",
     )
     add("--out", default=out, metavar="DIR", help=f"folder for the files (default: {out})")
 

@@ -80,7 +80,7 @@ def draw_forward(
     tile_rows, tile_columns, _ = lens.bounds.shape
     thin = 2.0 * float(lens.per_pixel[tile_rows // 2, tile_columns // 2, 0])
     count = outline_things(things, eye, shade_m, thin, outline_floor(paint, eye, thin, outlines), outlines)
-    at_corners = _wall_at_corners(lens, eye, wall)
+    at_corners = _wall_at_corners(lens, eye, wall, planes.shape[1], tile[0])
 
     pixels = tile[0] * tile[1]
     rays, slopes = np.empty((3, pixels), dtype=np.float32), np.empty((2, pixels), dtype=np.float32)
@@ -93,23 +93,33 @@ def draw_forward(
     corner_rays = np.empty((3, (tile[0] + 1) * (tile[1] + 1)), dtype=np.float32)
     ids, depth = np.empty(corner_rays.shape[1], dtype=np.int32), np.empty(corner_rays.shape[1], dtype=np.float32)
     steps, corners = np.empty((2, 3)), np.empty((2, 3, 2))
+    is_turning = (eye.turn_rad != 0).any()
+    per_pixel, bounds = np.empty(4, dtype=np.float32), lens.bounds[0].copy()
+    shutter = (eye.turn_rad[0], eye.turn_rad[1], eye.turn_rad[2], 1.0 / max(planes.shape[1] - 1, 1))
     active = np.empty(len(outlines.owners), dtype=np.int32)
     for row in range(tile_rows):
-        upper, lower = lens.bounds[row, :, 2].min(), lens.bounds[row, :, 3].max()
+        bounds[:] = lens.bounds[row]
+        if is_turning:
+            _turn_bounds(bounds, shutter, row * tile[0], tile[0])
+        upper, lower = bounds[:, 2].min(), bounds[:, 3].max()
         active_count = 0
         for n in range(count):
             if outlines.bounds[n, 2] <= lower and outlines.bounds[n, 3] >= upper:
                 active[active_count] = n
                 active_count += 1
         for column in range(tile_columns):
-            _find_owners(lens.bounds[row, column], outlines, active[:active_count], seen, seen_count)
+            _find_owners(bounds[column], outlines, active[:active_count], seen, seen_count)
             kind = _wall_corners(at_corners, row, column, wall.turn, corners)
-            if kind == _ON_FLOOR and not seen_count.any():
+            if kind == _ON_FLOOR and not is_turning and not seen_count.any():
                 color = _floor_color(lens, row, column, paint, eye)
                 _store_floor(lens, tile, row, column, eye.rotation, here, lit, color, planes)
                 continue
             if kind != _IN_ROOM or seen_count[THING]:
-                _cast(lens, row, column, eye.rotation, slopes, rays, steps)
+                per_pixel[:] = lens.per_pixel[row, column]
+                _fill_slopes(lens, row, column, slopes)
+                if is_turning:
+                    _turn_slopes(slopes, per_pixel, lens.places[1], row * tile[0], shutter)
+                _cast(slopes, per_pixel, eye.rotation, rays, steps)
             if kind != _IN_ROOM:
                 _draw_floor(paint, near_rows, shade_m, rays, steps, here, lit, seen, seen_count, tone, covered, colors)
             if kind != _ON_FLOOR:
@@ -122,7 +132,7 @@ def draw_forward(
                     seen,
                     seen_count,
                     slopes,
-                    lens.per_pixel[row, column],
+                    per_pixel,
                     tile,
                     rays,
                     steps,
@@ -152,7 +162,7 @@ def _rows_from_eye(things: UprightThings, eye: ForwardEye) -> Float32Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture) -> FloatArray:
+def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall_px: int, tile_px: int) -> FloatArray:
     """Return where the rays of the tiles' corners meet the wall: column and height (m).
 
     Only what tiles need that are not surely all floor; other columns are NaN.
@@ -163,12 +173,14 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture) -> F
     surely_m = 0.9 * (wall.radius_m - math.sqrt(eye.x_m * eye.x_m + eye.y_m * eye.y_m))
     reach2 = (eye.height_m / max(surely_m, 1e-9)) ** 2
     on_floor = np.empty((tall, wide), dtype=np.bool_)
-    for turn in range(2):
+    for again in range(2):
         for row in range(tall):
+            part = (row * tile_px - 0.5) / max(tall_px - 1, 1) - 0.5
             for column in range(wide):
                 right, down = lens.corner_slopes[row, column]
+                right, down = _turned(right, down, part, eye.turn_rad[0], eye.turn_rad[1], eye.turn_rad[2])
                 dz = rotation[2, 0] - rotation[2, 1] * right - rotation[2, 2] * down
-                if turn == 0:
+                if again == 0:
                     on_floor[row, column] = dz < 0 and dz * dz > reach2 * (1 + right * right + down * down)
                     continue
                 around = on_floor[max(row - 1, 0) : row + 2, max(column - 2, 0) : column + 3]
@@ -181,28 +193,71 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture) -> F
     return at_corners
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _turned(right: float, down: float, part: float, tx: float, ty: float, tz: float) -> tuple[float, float]:
+    """Return the slopes of a ray in the axes of the middle row, if the camera has turned by `part` of (tx, ty, tz)."""
+    ahead = 1.0 + part * (tz * right - ty * down)
+    return (right - part * (tz + tx * down)) / ahead, (down + part * (tx * right + ty)) / ahead
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cast(
-    lens: ForwardLens,
-    row: int,
-    column: int,
-    rotation: FloatArray,
+def _turn_bounds(bounds: Float32Array, shutter: tuple[float, float, float, float], v0: int, rows: int) -> None:
+    """Turn the bounds of a row of tiles, whose first pixels' row is v0, as its pixels are turned."""
+    tx, ty, tz, per_row = shutter
+    for column in range(len(bounds)):
+        left, right, upper, lower = bounds[column]
+        bounds[column, 0], bounds[column, 2] = math.inf, math.inf
+        bounds[column, 1], bounds[column, 3] = -math.inf, -math.inf
+        for corner in range(8):
+            part = (v0 + (rows if corner & 1 else -1)) * per_row - 0.5
+            u, v = _turned(right if corner & 2 else left, lower if corner & 4 else upper, part, tx, ty, tz)
+            bounds[column, 0], bounds[column, 1] = min(bounds[column, 0], u), max(bounds[column, 1], u)
+            bounds[column, 2], bounds[column, 3] = min(bounds[column, 2], v), max(bounds[column, 3], v)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turn_slopes(
     slopes: Float32Array,
-    rays: Float32Array,
-    steps: FloatArray,
+    per_pixel: Float32Array,
+    rows: Float32Array,
+    v0: int,
+    shutter: tuple[float, float, float, float],
 ) -> None:
-    """Fill in the slopes and rays of a tile, and the change of a ray by a pixel."""
-    per_pixel = lens.per_pixel[row, column]
+    """Turn the slopes of a tile, and their change by a pixel, as the camera turns while its rows are read."""
+    tx, ty, tz = np.float32(shutter[0]), np.float32(shutter[1]), np.float32(shutter[2])
+    per_row, first = np.float32(shutter[3]), np.float32(v0 * shutter[3] - 0.5)
     right, down = slopes[0], slopes[1]
+    u, v = right[len(right) // 2], down[len(down) // 2]
+    per_pixel[1] -= per_row * (tz + tx * v + u * (tz * u - ty * v))
+    per_pixel[3] += per_row * (tx * u + ty - v * (tz * u - ty * v))
+    for i in range(len(right)):
+        part, a, b = first + per_row * rows[i], right[i], down[i]
+        per_ahead = _ONE / (_ONE + part * (tz * a - ty * b))
+        right[i] = (a - part * (tz + tx * b)) * per_ahead
+        down[i] = (b + part * (tx * a + ty)) * per_ahead
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill_slopes(lens: ForwardLens, row: int, column: int, slopes: Float32Array) -> None:
+    """Fill in the slopes of a tile's pixels."""
+    per_pixel, right, down = lens.per_pixel[row, column], slopes[0], slopes[1]
     if len(lens.slopes):
         right[:], down[:] = lens.slopes[row, column, 0], lens.slopes[row, column, 1]
-    else:
-        # the middle of the first pixel lies half a pixel within the tile's corner
-        by_u, by_v, places_u, places_v = per_pixel[0], per_pixel[3], lens.places[0], lens.places[1]
-        first_right = np.float32(lens.corner_slopes[row, 2 * column, 0]) + by_u * _HALF
-        first_down = np.float32(lens.corner_slopes[row, 2 * column, 1]) + by_v * _HALF
-        for i in range(len(right)):
-            right[i], down[i] = first_right + by_u * places_u[i], first_down + by_v * places_v[i]
+        return
+    # the middle of the first pixel lies half a pixel within the tile's corner
+    by_u, by_v, places_u, places_v = per_pixel[0], per_pixel[3], lens.places[0], lens.places[1]
+    first_right = np.float32(lens.corner_slopes[row, 2 * column, 0]) + by_u * _HALF
+    first_down = np.float32(lens.corner_slopes[row, 2 * column, 1]) + by_v * _HALF
+    for i in range(len(right)):
+        right[i], down[i] = first_right + by_u * places_u[i], first_down + by_v * places_v[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cast(
+    slopes: Float32Array, per_pixel: Float32Array, rotation: FloatArray, rays: Float32Array, steps: FloatArray
+) -> None:
+    """Fill in the rays of a tile, and the change of a ray by a pixel."""
+    right, down = slopes[0], slopes[1]
     for axis in range(3):
         ahead, left, up = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2]
         steps[0, axis] = -left * per_pixel[0] - up * per_pixel[2]

@@ -48,13 +48,16 @@ class ForwardEye(NamedTuple):
     x_m, y_m, height_m : float
         Centre of projection, field frame.
     rotation : (3, 3) float64
-        From the camera's frame (ahead, left, up) into the field frame.
+        From the camera's frame (ahead, left, up) into the field frame, when the middle row is read.
+    turn_rad : (3,) float64
+        How far the camera turns about its own axes while its rows are read from the first to the last.
     """
 
     x_m: float
     y_m: float
     height_m: float
     rotation: FloatArray
+    turn_rad: FloatArray
 
 
 class FloorPaint(NamedTuple):

@@ -107,7 +107,8 @@ class Arena:
             if fault.robot not in robots:
                 raise ArgumentError(f"a fault must name a robot from 0 to {2 * players - 1}, got {fault.robot}")
         camera_rng = np.random.default_rng([seed, _SENSOR])
-        self._cameras = MatchCamera(field, self.camera, self.limits, camera_rng, sensor=sensor)
+        shutter = self.disturbances.shutter if isinstance(self.camera, PinholeCamera) else None
+        self._cameras = MatchCamera(field, self.camera, self.limits, camera_rng, sensor=sensor, shutter=shutter)
         self._faulty = [
             FaultySenses(
                 [f for f in faults if isinstance(f, SenseFault) and f.robot == index],

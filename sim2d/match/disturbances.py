@@ -1,4 +1,4 @@
-"""What disturbs the robots of a match: bodies that sway, frames that come late, legs that slip, light that drifts."""
+"""What disturbs the robots of a match: sway, late frames, slip, drifting light, a slow shutter."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from robocup_vision.camera import OmniCamera, PinholeCamera
 from sim2d.sensors.body_sway import LEGS_SWAY, WHEELS_SWAY, SwaySettings
 from sim2d.sensors.late_frames import LatencySettings
 from sim2d.sensors.light_drift import LightDriftSettings
+from sim2d.sensors.match_camera import ShutterSettings
 from sim2d.world.robot_body import BodySettings
 
-NAMES = ("sway", "latency", "slip", "drift")
+NAMES = ("sway", "latency", "slip", "drift", "shutter")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +54,15 @@ class Disturbances:
         Of the odometry.
     drift : LightDriftSettings or None
         Of the light.
+    shutter : ShutterSettings or None
+        Motion blur and rolling shutter of pinhole cameras.
     """
 
     sway: SwaySettings | None = None
     latency: LatencySettings | None = None
     slip: Slip | None = None
     drift: LightDriftSettings | None = None
+    shutter: ShutterSettings | None = None
 
     def only(self, names: Iterable[str]) -> Disturbances:
         """Return those of some names (`NAMES`) alone; of one that is off here, with its default values.
@@ -76,6 +80,7 @@ class Disturbances:
             (self.latency or LatencySettings()) if "latency" in wanted else None,
             (self.slip or Slip()) if "slip" in wanted else None,
             (self.drift or LightDriftSettings()) if "drift" in wanted else None,
+            (self.shutter or ShutterSettings()) if "shutter" in wanted else None,
         )
 
     @property
@@ -85,8 +90,8 @@ class Disturbances:
 
 
 NONE = Disturbances()
-LEGS = Disturbances(LEGS_SWAY, LatencySettings(), Slip(), LightDriftSettings())
-WHEELS = Disturbances(WHEELS_SWAY, LatencySettings(), None, LightDriftSettings())
+LEGS = Disturbances(LEGS_SWAY, LatencySettings(), Slip(), LightDriftSettings(), ShutterSettings())
+WHEELS = Disturbances(WHEELS_SWAY, LatencySettings(), None, LightDriftSettings(), ShutterSettings())
 
 
 def disturbances_for(field: Field, camera: OmniCamera | PinholeCamera) -> Disturbances:

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from field_models import COLOR_NAMES, Field
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
 from sim2d.kernels.match_pixels import add_noise
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
 from sim2d.rendering.fast.frames import FastFrames
+from sim2d.rendering.motion_blur import motion_blur
 from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
-from sim2d.robot_link import RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.body_sway import UPRIGHT, Sway
 from sim2d.world.state import RobotState, WorldState
 
@@ -28,6 +30,25 @@ MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
 MATCH_ROOM = Room(seed=4, distance_m=1.2)
 CARPET_MARGIN_M = 0.5  # beyond the floor polygon where nothing bounds it
 MARKERS_BGR = {1: COLOR_NAMES["yellow"], -1: COLOR_NAMES["blue"]}
+
+
+@dataclass(frozen=True, slots=True)
+class ShutterSettings:
+    """How long a pinhole camera takes for a frame while its head and body turn.
+
+    Attributes
+    ----------
+    exposure_s : float
+        Motion blur: a pixel gathers light for so long. An indoor hall's light needs some 10 ms.
+    readout_s : float
+        Rolling shutter: from the first row to the last, as a cheap sensor takes of its frame's 33 ms.
+    max_turn_rad : float
+        A camera that turns farther between two frames was carried elsewhere, and shows neither.
+    """
+
+    exposure_s: float = 0.010
+    readout_s: float = 0.020
+    max_turn_rad: float = 0.6
 
 
 class MatchCamera:
@@ -52,6 +73,8 @@ class MatchCamera:
         How the field is lit.
     room : Room
         What is seen beyond.
+    shutter : ShutterSettings, optional
+        Of pinhole cameras; without it a frame takes no time.
     backdrop : Backdrop, optional
         Hangs on the room's wall in place of the room's own clutter; pinhole cameras only.
 
@@ -74,10 +97,12 @@ class MatchCamera:
         light: Light = MATCH_LIGHT,
         room: Room = MATCH_ROOM,
         backdrop: Backdrop | None = None,
+        shutter: ShutterSettings | None = None,
     ) -> None:
         self.field, self.camera, self.limits = field, camera, limits
         self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, light, room
-        self._rng = rng
+        self._rng, self._shutter = rng, shutter
+        self._held: dict[int, tuple[float, FloatArray]] = {}  # by robot: when its last frame was, and how it was held
         self._frames: FastFrames | ForwardFrames
         if isinstance(camera, PinholeCamera):
             if camera.tilt_rad is None:
@@ -139,7 +164,7 @@ class MatchCamera:
         if isinstance(self._frames, FastFrames):
             light = self._frames.draw(robots, ball, robot.pose)
         else:
-            light = self._frames.draw(robots, ball, self._eye(robot, sway))
+            light = self._expose(self._frames, robots, ball, state.t_s, index, self._eye(robot, sway))
         frame = self._blur(light)
         if self.sensor.noise_sigma:
             # noise is drawn once; every frame takes it from another random start
@@ -164,6 +189,33 @@ class MatchCamera:
         angles = math.atan2(held[1, 0], held[0, 0]), math.asin(held[2, 0]), math.atan2(held[2, 1], held[2, 2])
         return EyeInField(x_m, y_m, height_m, *angles)
 
+    def _expose(
+        self,
+        frames: ForwardFrames,
+        robots: tuple[Robot, ...],
+        ball: Ball | None,
+        t_s: float,
+        index: int,
+        eye: EyeInField,
+    ) -> UInt8Array:
+        """Draw a pinhole camera's frame with what its turning since the robot's last frame does to it."""
+        shutter = self._shutter
+        if shutter is None:
+            return frames.draw(robots, ball, eye)
+        held = camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad)
+        before_s, before = self._held.get(index, (-math.inf, held))
+        self._held[index] = (t_s, held)
+        turned = rotation_vector(before.T @ held)
+        if t_s - before_s > 2 * CONTROL_PERIOD_S or float(np.linalg.norm(turned)) > shutter.max_turn_rad:
+            turned = np.zeros(3)
+        rate_rps = turned / CONTROL_PERIOD_S
+        ahead, left, up = (rate_rps * shutter.readout_s).tolist()
+        light = frames.draw(robots, ball, eye._replace(turn_rad=(ahead, left, up)))
+        moved = rate_rps * shutter.exposure_s
+        assert isinstance(self.camera, PinholeCamera)
+        focal_u, focal_v = self.camera.focal_px
+        return motion_blur(light, float(moved[2]) * focal_u, float(-moved[1]) * focal_v)
+
     def _blur(self, frame: UInt8Array) -> UInt8Array:
         sigma = self.sensor.blur_px
         if not sigma:
@@ -175,3 +227,11 @@ class MatchCamera:
         narrow = math.sqrt(-0.5 / math.log(beside / (1 - 2 * beside)))
         blurred = cv2.GaussianBlur(frame, (3, 3), narrow, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(blurred, dtype=np.uint8)
+
+
+def rotation_vector(rotation: FloatArray) -> FloatArray:
+    """Return axis times angle (3,) of a rotation (3, 3) by less than a half turn."""
+    skew = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
+    sine = float(np.linalg.norm(skew)) / 2
+    angle = math.atan2(sine, (float(np.trace(rotation)) - 1) / 2)
+    return np.asarray(skew / 2 * (angle / sine if sine > 1e-12 else 1.0))

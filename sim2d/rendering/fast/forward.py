@@ -41,7 +41,9 @@ class EyeInField(NamedTuple):
     x_m, y_m, height_m : float
         Its place.
     heading_rad, tilt_rad, roll_rad : float
-        See `camera_rotation`.
+        See `camera_rotation`; when the middle row is read.
+    turn_rad : (float, float, float)
+        How far it turns about its own axes (ahead, left, up) while its rows are read from the first to the last.
     """
 
     x_m: float
@@ -50,6 +52,7 @@ class EyeInField(NamedTuple):
     heading_rad: float
     tilt_rad: float
     roll_rad: float
+    turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class ForwardFrames:
@@ -194,7 +197,7 @@ class ForwardFrames:
             reach_m = SHADE_REACH * ball.radius_m
         things = UprightThings(rows, self._paints(tuple(moving)))
         rotation = np.ascontiguousarray(camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad), dtype=np.float64)
-        at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation)
+        at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation, np.array(eye.turn_rad))
         seen = self._lens, at, self._paint, things, reach_m, self._light, self._wall
         draw_forward(*seen, self._outlines, TILE_PX, self._planes)
         return np.asarray(cv2.merge(list(self._planes)), dtype=np.uint8)

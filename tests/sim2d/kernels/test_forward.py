@@ -204,7 +204,7 @@ def test_a_grid_of_rays_keeps_the_nearest_thing():
 
 
 def eye_at(tilt=-0.2, roll=0.1):
-    return ForwardEye(0.1, 0.2, 0.3, np.ascontiguousarray(camera_rotation(0.4, tilt, roll)))
+    return ForwardEye(0.1, 0.2, 0.3, np.ascontiguousarray(camera_rotation(0.4, tilt, roll)), np.zeros(3))
 
 
 def slopes_of(points, eye):
@@ -269,7 +269,7 @@ def test_an_empty_room_is_floor_below_and_wall_above():
     lens = ForwardLens(
         np.zeros((0, 0, 2, 16), np.float32), np.ones((2, 2, 16), np.float32), corner_slopes, per_pixel, bounds, places
     )
-    eye = ForwardEye(0.0, 0.0, 0.2, np.eye(3))
+    eye = ForwardEye(0.0, 0.0, 0.2, np.eye(3), np.zeros(3))
     far = SQUARE * 50
     wall = WallPicture(pack_cells(np.full((9, 60, 3), 200.0, dtype=np.float32)), 60, 4.0, 60.0)
     planes = np.zeros((3, 8, 8), dtype=np.uint8)

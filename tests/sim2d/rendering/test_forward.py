@@ -10,6 +10,7 @@ import pytest
 from field_models import COLOR_NAMES, load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
@@ -36,13 +37,13 @@ def scene_of(name, rng, *, room=MATCH_ROOM, boxes=(), light=MATCH_LIGHT):
     return Scene(field, boxes, robots, ball, light, room, 0.0 if field.is_bounded else 0.5)
 
 
-def both(scene, lens, eye, backdrop=None):
+def both(scene, lens, eye, backdrop=None, turn_rad=0.0):
     """Return the quick frame and the ray caster's, both through the sensor, without noise."""
     quick = ForwardFrames(scene, lens, CLEAN, backdrop=backdrop).draw(scene.robots, scene.ball, eye)
     blurred = cv2.GaussianBlur(quick.astype(np.float32), (0, 0), CLEAN.blur_px, borderType=cv2.BORDER_REPLICATE)
     held = replace(lens, height_m=eye.height_m, pan_rad=0.0, tilt_rad=eye.tilt_rad, roll_rad=eye.roll_rad)
     place = Pose2(eye.x_m, eye.y_m, eye.heading_rad)
-    slow = render_pinhole(held, scene, place, backdrop=backdrop, supersample=COARSE)
+    slow = render_pinhole(held, scene, place, backdrop=backdrop, supersample=COARSE, turn_rad=turn_rad)
     return np.rint(blurred).astype(int), CLEAN.expose(slow, np.random.default_rng(0)).astype(int)
 
 
@@ -82,6 +83,22 @@ def test_a_frame_is_that_of_the_ray_caster_within_the_sensors_noise(case):
         around = np.ones((5, 5), dtype=np.uint8)
         contrast = cv2.dilate(slow.astype(np.uint8), around) - cv2.erode(slow.astype(np.uint8), around)
         assert difference[contrast.max(axis=2) < 1.5 * NOISE].max() <= NOISE
+
+
+@pytest.mark.parametrize("turn", [0.15, -0.08])
+def test_a_rolling_shutter_is_that_of_the_ray_caster(turn):
+    rng = np.random.default_rng(43)
+    lens = camera(distortion=LENS if turn < 0 else ())
+    scene = scene_of("four_legged_2007", rng)
+    eye = looks(scene, 1, rng, lens.height_m)[0]
+    # about the upright axis, in the camera's own axes
+    about = camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad)[2] * turn
+    quick, slow = both(scene, lens, eye._replace(turn_rad=tuple(about.tolist())), turn_rad=turn)
+    still, _ = both(scene, lens, eye)
+    difference = np.abs(quick - slow).max(axis=2)
+    assert difference.mean() < 0.1 * NOISE
+    assert (difference > NOISE).mean() < 0.02
+    assert np.abs(still - slow).max(axis=2).mean() > 3 * difference.mean()
 
 
 def test_halls_with_people_lamps_and_boxes_are_drawn():

@@ -16,7 +16,7 @@ from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.scene import BOX_COLORS, Box
 from sim2d.robot_link import RobotLimits
-from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_SENSOR, MatchCamera
+from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_SENSOR, MatchCamera, ShutterSettings
 from sim2d.world.world import BallState, RobotState, WorldState
 
 LIMITS = RobotLimits()
@@ -161,3 +161,32 @@ def test_a_wide_blur_is_drawn_too():
 def test_what_a_match_is_not_drawn_with_is_refused(wrong):
     with pytest.raises(ArgumentError, match="a match is drawn without texture"):
         MatchCamera(load_field("ssl_2001"), SEKIMORI, LIMITS, np.random.default_rng(0), **wrong)
+
+
+def test_a_head_that_pans_blurs_upright_edges_and_slants_them():
+    field, rng = load_field("four_legged_2007"), np.random.default_rng(0)
+    lens = PinholeCamera((104, 80), (100.0, 100.0), (51.5, 39.5), 0.2, tilt_rad=0.0)
+    post = [(2.0, 0.0, 0.0)]
+    states = [
+        replace(world_state([(0.0, 0.3, 0.0), *post], ball=(-1.0, 1.0), pan=-0.1 - 0.1 * k), t_s=k / 30) for k in (0, 1)
+    ]
+    still, moving = (
+        MatchCamera(field, lens, LIMITS, rng, sensor=CLEAN, shutter=shutter)
+        for shutter in (None, ShutterSettings(exposure_s=0.01, readout_s=0.02))
+    )
+    first = moving.render(states[0], 0)
+    assert (first == still.render(states[0], 0)).all()  # nothing is known of how it turned
+    sharp, blurred = still.render(states[1], 0).astype(float), moving.render(states[1], 0).astype(float)
+
+    def slant_px(frame):
+        """Pixels by which the room's upright edges shift from the upper rows to those at the horizon."""
+        upper, lower = (np.abs(np.diff(frame[rows].sum(axis=(0, 2)))) for rows in (slice(4, 10), slice(28, 34)))
+        lags = range(-9, 10)
+        return lags[int(np.argmax([np.corrcoef(upper, np.roll(lower, lag))[0, 1] for lag in lags]))]
+
+    assert np.abs(np.diff(blurred[4:34], axis=1)).max() < 0.7 * np.abs(np.diff(sharp[4:34], axis=1)).max()
+    # 0.06 rad while 80 rows are read: 1.8 pixels on 24 rows
+    assert abs(slant_px(blurred) - slant_px(sharp)) in (1, 2, 3)
+    # a robot that is carried elsewhere does not blur
+    away = replace(world_state([(0.0, 0.3, 0.0), *post], ball=(-1.0, 1.0), pan=1.2), t_s=2 / 30)
+    assert (moving.render(away, 0) == still.render(away, 0)).all()
