@@ -28,6 +28,7 @@ from robocup_vision.localization.swapped_channels import (
     swapped_nats,
 )
 from robocup_vision.localization.wall_ranges import wall_px
+from robocup_vision.localization.wall_tilt import tilt_by_walls
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.patterned import PatternedBallFinder
 from robocup_vision.perception.balls.pinhole import PinholeBallFinder
@@ -204,7 +205,8 @@ class PinholePipeline(FramePipeline):
                 warnings=self._warnings(pose),
             )
         robot = pose.pose if pose else None
-        samples = samples or self._sample(frame, floor.view, timings)
+        if samples is None:
+            floor, samples = self._sample_to_walls(frame, floor, pose, timings)
         marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
         # white and black look alike with red and blue swapped
         self._judge_channels(frame, floor, samples, balls if self._patterned is None else (), pose)
@@ -305,6 +307,21 @@ class PinholePipeline(FramePipeline):
         if timings is not None:
             timings["colors"] = perf_counter() - begin
         return _FloorSamples(colors, table, llr, columns, _edge_px(view, columns))
+
+    def _sample_to_walls(
+        self, frame: UInt8Array, floor: _Floor, pose: PoseEstimate | NotLocated, timings: dict[str, float]
+    ) -> tuple[_Floor, _FloorSamples]:
+        """Sample the floor, once more where the feet of walls that the pose predicts say how the camera is tilted."""
+        samples = self._sample(frame, floor.view, timings)
+        # a tilt that the pose came with is better than what walls say of it
+        has_own_tilt = not self.camera.known_orientation
+        if not pose or has_own_tilt or not self.field.is_bounded or samples.table is None:
+            return floor, samples
+        tilt = tilt_by_walls(floor.view, samples.edge_px, self.field.walls, pose, floor.camera)
+        if tilt is None:
+            return floor, samples
+        floor = floor.turned(floor.camera.with_orientation(floor.camera.pan_rad, tilt, floor.camera.roll_rad))
+        return floor, self._sample(frame, floor.view, timings)
 
     def _see_floor(
         self, frame: UInt8Array, floor: _Floor, samples: _FloorSamples, robot: Pose2 | None, timings: dict[str, float]
