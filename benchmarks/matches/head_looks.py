@@ -19,6 +19,7 @@ from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
+from sim2d.match.disturbances import NONE
 from sim2d.match.run import MatchPlan
 from sim2d.players.catalog import player_factory
 from sim2d.report.robot_figures import RobotFigures
@@ -58,7 +59,9 @@ def play(name: str, seed: int, seconds: float, played: Played) -> None:
     rng = np.random.default_rng(seed)
     to = Pose2(rng.uniform(-1.5, 1.5), rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi))
     faults = (BodyFault(0, CARRIED_AT_S, carry_to=to),)
-    match = MatchPlan("four_legged_2007", 1, seconds, seed, player_factory(name), Still, faults=faults).begin()
+    match = MatchPlan(
+        "four_legged_2007", 1, seconds, seed, player_factory(name), Still, faults=faults, disturbances=NONE
+    ).begin()
     for moment in match.play(seconds):
         reasons = moment.robots[0].status.reasons
         played.looks += any(r.topic == "gaze" and r.choice == LOOKS[name] for r in reasons)

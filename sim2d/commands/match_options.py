@@ -26,7 +26,7 @@ def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
         default="default",
         metavar="NAMES",
         help="what disturbs robots: default (by the field's league), none, all, or some of sway, latency, slip, "
-        "drift and shutter, with commas between",
+        "drift, shutter, camera and knock, with commas between",
     )
     add("--out", default=out, metavar="DIR", help=f"folder for the files (default: {out})")
 

@@ -24,6 +24,7 @@ from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
 from sim2d.sensors.late_frames import LateFrames
 from sim2d.sensors.light_drift import LightDrift
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera
+from sim2d.sensors.true_cameras import TrueCamera
 from sim2d.world.referee import RefereeFactory
 from sim2d.world.state import WorldState
 from sim2d.world.world import World, WorldSettings
@@ -34,7 +35,7 @@ Camera = OmniCamera | PinholeCamera
 _HEAD_SIZE_PX, _HEAD_TILT_RAD = (208, 160), math.radians(-12.0)
 
 # one stream of random numbers for each source of chance
-_WORLD, _SENSOR, _FAULTS, _PLAYERS, _SWAY, _LATENCY, _LIGHT = range(7)
+_WORLD, _SENSOR, _FAULTS, _PLAYERS, _SWAY, _LATENCY, _LIGHT, _CAMERA = range(8)
 
 
 def camera_for(field: Field) -> Camera:
@@ -121,7 +122,7 @@ class Arena:
         self._player_seeds = np.random.default_rng([seed, _PLAYERS]).integers(2**31, size=len(robots)).tolist()
 
     def _disturb(self, seed: int) -> tuple[list[BodySway], list[LateFrames]]:
-        """Return each robot's sway and late frames, none where a disturbance is off; make the light drift."""
+        """Return sways and late frames, none where a disturbance is off; make light drift, and draw true cameras."""
         on, robots = self.disturbances, range(2 * self.players)
         sways, late = [], []
         if on.sway is not None and isinstance(self.camera, PinholeCamera):
@@ -131,6 +132,10 @@ class Arena:
         self._drift: LightDrift | None = None
         if on.drift is not None:
             self._drift = LightDrift(on.drift, self._cameras.light, np.random.default_rng([seed, _LIGHT]))
+        self._true_cameras = [TrueCamera(on.camera, on.knock, self.camera, [seed, _CAMERA, k]) for k in robots]
+        for k, true in enumerate(self._true_cameras):
+            if on.camera is not None:
+                self._cameras.set_camera(k, true.camera)
         return sways, late
 
     @property
@@ -155,6 +160,9 @@ class Arena:
         sensed = []
         if self._drift is not None:
             self._cameras.set_light(self._drift.at(state.t_s))
+        for index, true in enumerate(self._true_cameras):
+            if true.is_knocked_by(state.t_s):
+                self._cameras.set_camera(index, true.camera)
         kickers = {index for event in state.events if event.kind == "kick" for index in event.robots}
         for robot in state.robots:
             sway = UPRIGHT

@@ -1,4 +1,4 @@
-"""What disturbs the robots of a match: sway, late frames, slip, drifting light, a slow shutter."""
+"""What disturbs the robots of a match: sway, late frames, slip, drifting light, a slow shutter, wrong camera files."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from sim2d.sensors.body_sway import LEGS_SWAY, WHEELS_SWAY, SwaySettings
 from sim2d.sensors.late_frames import LatencySettings
 from sim2d.sensors.light_drift import LightDriftSettings
 from sim2d.sensors.match_camera import ShutterSettings
+from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings
 from sim2d.world.robot_body import BodySettings
 
-NAMES = ("sway", "latency", "slip", "drift", "shutter")
+NAMES = ("sway", "latency", "slip", "drift", "shutter", "camera", "knock")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,10 @@ class Disturbances:
         Of the light.
     shutter : ShutterSettings or None
         Motion blur and rolling shutter of pinhole cameras.
+    camera : CameraErrorSettings or None
+        Each robot's true camera about its file, which is all that the player knows.
+    knock : KnockSettings or None
+        It is moved once during the match.
     """
 
     sway: SwaySettings | None = None
@@ -63,6 +68,8 @@ class Disturbances:
     slip: Slip | None = None
     drift: LightDriftSettings | None = None
     shutter: ShutterSettings | None = None
+    camera: CameraErrorSettings | None = None
+    knock: KnockSettings | None = None
 
     def only(self, names: Iterable[str]) -> Disturbances:
         """Return those of some names (`NAMES`) alone; of one that is off here, with its default values.
@@ -81,6 +88,8 @@ class Disturbances:
             (self.slip or Slip()) if "slip" in wanted else None,
             (self.drift or LightDriftSettings()) if "drift" in wanted else None,
             (self.shutter or ShutterSettings()) if "shutter" in wanted else None,
+            (self.camera or CameraErrorSettings()) if "camera" in wanted else None,
+            (self.knock or KnockSettings()) if "knock" in wanted else None,
         )
 
     @property

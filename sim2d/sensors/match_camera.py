@@ -103,19 +103,36 @@ class MatchCamera:
         self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, light, room
         self._rng, self._shutter = rng, shutter
         self._held: dict[int, tuple[float, FloatArray]] = {}  # by robot: when its last frame was, and how it was held
-        self._frames: FastFrames | ForwardFrames
-        if isinstance(camera, PinholeCamera):
-            if camera.tilt_rad is None:
-                raise ArgumentError("a match's camera needs a known tilt_rad")
-            self._frames = ForwardFrames(self._scene((), None), camera, sensor, backdrop=backdrop)
-        elif backdrop is not None:
-            raise ArgumentError("a mirror camera's match is drawn without a backdrop")
-        else:
-            self._frames = FastFrames(self._scene((), None), camera, sensor)
+        self._backdrop = backdrop
+        self._frames = self._frames_of(camera)
+        self._own: dict[int, tuple[OmniCamera | PinholeCamera, FastFrames | ForwardFrames]] = {}
         size = 3 * camera.size_px[0] * camera.size_px[1]
         self._noise_starts = size
         drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
         self._noise = np.rint(drawn).astype(np.int16)
+
+    def _frames_of(self, camera: OmniCamera | PinholeCamera) -> FastFrames | ForwardFrames:
+        """Return what draws the frames of a camera."""
+        scene = self._scene((), None)
+        if isinstance(camera, PinholeCamera):
+            if camera.tilt_rad is None:
+                raise ArgumentError("a match's camera needs a known tilt_rad")
+            return ForwardFrames(scene, camera, self.sensor, backdrop=self._backdrop)
+        if self._backdrop is not None:
+            raise ArgumentError("a mirror camera's match is drawn without a backdrop")
+        return FastFrames(scene, camera, self.sensor)
+
+    def set_camera(self, index: int, camera: OmniCamera | PinholeCamera) -> None:
+        """Give one robot a camera of its own from now on, of the same kind and image size as the others'.
+
+        Raises
+        ------
+        ArgumentError
+            If it is of another kind or size.
+        """
+        if type(camera) is not type(self.camera) or camera.size_px != self.camera.size_px:
+            raise ArgumentError("a robot's own camera must be of the kind and image size of the match's")
+        self._own[index] = (camera, self._frames_of(camera))
 
     def scene(self, state: WorldState, index: int) -> Scene:
         """Return the world around one robot: everything but itself."""
@@ -140,7 +157,8 @@ class MatchCamera:
 
     def set_light(self, light: Light) -> None:
         """Light the field so from now on; the room behind it keeps its light."""
-        self._frames.set_light(light)
+        for frames in (self._frames, *(frames for _, frames in self._own.values())):
+            frames.set_light(light)
         self.light = light
 
     def render(self, state: WorldState, index: int, sway: Sway = UPRIGHT) -> UInt8Array:
@@ -161,10 +179,12 @@ class MatchCamera:
             BGR frame, read-only.
         """
         robots, ball, robot = self._robots(state, index), self._ball(state), state.robots[index]
-        if isinstance(self._frames, FastFrames):
-            light = self._frames.draw(robots, ball, robot.pose)
+        camera, frames = self._own.get(index, (self.camera, self._frames))
+        if isinstance(frames, FastFrames):
+            light = frames.draw(robots, ball, robot.pose)
         else:
-            light = self._expose(self._frames, robots, ball, state.t_s, index, self._eye(robot, sway))
+            assert isinstance(camera, PinholeCamera)
+            light = self._expose(frames, robots, ball, state.t_s, index, self._eye(camera, robot, sway))
         frame = self._blur(light)
         if self.sensor.noise_sigma:
             # noise is drawn once; every frame takes it from another random start
@@ -173,10 +193,8 @@ class MatchCamera:
         frame.flags.writeable = False
         return frame
 
-    def _eye(self, robot: RobotState, sway: Sway) -> EyeInField:
+    def _eye(self, camera: PinholeCamera, robot: RobotState, sway: Sway) -> EyeInField:
         """Return where a robot's pinhole camera is: the head pans about the camera's axis, the body turns the head."""
-        camera = self.camera
-        assert isinstance(camera, PinholeCamera)
         x_m, y_m = robot.pose.transform(camera.offset_m).tolist()
         pan_rad, tilt_rad, roll_rad = robot.pan_rad + (camera.pan_rad or 0.0), camera.tilt_rad, camera.roll_rad or 0.0
         height_m = camera.height_m + sway.height_m

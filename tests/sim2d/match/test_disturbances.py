@@ -59,7 +59,7 @@ def test_each_can_be_on_alone(name):
     ]
     assert all(late) == (name == "latency")
     assert slips == (name == "slip")
-    if name in ("sway", "drift", "shutter"):
+    if name in ("sway", "drift", "shutter", "camera"):
         assert max(shown) > 0.1
     assert LEGS.only([name]).names == (name,)
 
@@ -91,6 +91,7 @@ def test_names_come_from_the_command_line():
     assert match_plan(parser.parse_args(["--disturb", "none"])).disturbances == NONE
     assert match_plan(parser.parse_args(["--disturb", "all"])).disturbances.names == NAMES
     with pytest.raises(
-        ArgumentError, match="there is no disturbance 'swing': they are sway, latency, slip, drift, shutter"
+        ArgumentError,
+        match="there is no disturbance 'swing': they are sway, latency, slip, drift, shutter, camera, knock",
     ):
         match_plan(parser.parse_args(["--disturb", "swing"]))

@@ -1,0 +1,167 @@
+"""True cameras drawn about their file: no robot's camera is quite what its file says, and a knock moves it.
+
+The player gets the file's camera. What the frames are drawn with is the simulator's alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera.floor_range import FloorRange
+
+
+@dataclass(frozen=True, slots=True)
+class CameraErrorSettings:
+    """Standard deviations of a true camera about its file.
+
+    Attributes
+    ----------
+    mirror_center_px : float
+        Of the mirror's axis in the image, each way.
+    mirror_curve_ratio : float
+        Of the image radius of every floor range, relative.
+    mirror_tilt_rad : float
+        Of the mirror's axis about either horizontal axis.
+    focal_ratio : float
+        Of a pinhole camera's focal length, relative.
+    center_px : float
+        Of its optical axis in the image, each way.
+    tilt_rad, height_m : float
+        Of its tilt and of its roll; of its height.
+    """
+
+    mirror_center_px: float = 1.5
+    mirror_curve_ratio: float = 0.02
+    mirror_tilt_rad: float = math.radians(0.3)
+    focal_ratio: float = 0.01
+    center_px: float = 3.0
+    tilt_rad: float = math.radians(0.5)
+    height_m: float = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class KnockSettings:
+    """When a knock moves a robot's camera once more, by as much as `CameraErrorSettings` say.
+
+    Attributes
+    ----------
+    from_s, until_s : float
+        At a moment between these, drawn for each robot.
+    error : CameraErrorSettings
+        By how much; a knock changes no lens.
+    """
+
+    from_s: float = 10.0
+    until_s: float = 40.0
+    error: CameraErrorSettings = CameraErrorSettings(mirror_curve_ratio=0.0, focal_ratio=0.0)
+
+
+@dataclass(frozen=True)
+class Magnified:
+    """A mirror's curve whose image radii are a little larger: a `FloorRange`.
+
+    Parameters
+    ----------
+    curve : FloorRange
+        As the file has it.
+    factor : float
+        By which the radii are larger.
+    """
+
+    curve: FloorRange
+    factor: float
+
+    def inverse_range_per_m(self, radius_px: npt.ArrayLike) -> FloatArray:
+        """1/r, see `FloorRange`."""
+        return self.curve.inverse_range_per_m(np.asarray(radius_px, dtype=np.float64) / self.factor)
+
+    def radius_px(self, inverse_range_per_m: npt.ArrayLike) -> FloatArray:
+        """R, see `FloorRange`."""
+        return np.asarray(self.curve.radius_px(inverse_range_per_m) * self.factor)
+
+    @property
+    def implied_height_m(self) -> float | None:
+        """As the file's curve."""
+        return self.curve.implied_height_m
+
+
+def draw_camera(
+    camera: OmniCamera | PinholeCamera, error: CameraErrorSettings, rng: np.random.Generator
+) -> OmniCamera | PinholeCamera:
+    """Draw a true camera about one.
+
+    Parameters
+    ----------
+    camera : OmniCamera or PinholeCamera
+        As its file says, or as it truly was before a knock.
+    error : CameraErrorSettings
+        How far it may be off.
+    rng : numpy.random.Generator
+        Source of chance.
+    """
+    u, v, scale, first, second, up = rng.standard_normal(6).tolist()
+    center_u, center_v = camera.center_px
+    if isinstance(camera, OmniCamera):
+        off_px, curve = error.mirror_center_px, camera.floor_range
+        if error.mirror_curve_ratio:
+            curve = Magnified(curve, 1 + error.mirror_curve_ratio * scale)
+        tilt_x, tilt_y = camera.tilt_rad
+        return replace(
+            camera,
+            center_px=(center_u + off_px * u, center_v + off_px * v),
+            floor_range=curve,
+            tilt_rad=(tilt_x + error.mirror_tilt_rad * first, tilt_y + error.mirror_tilt_rad * second),
+        )
+    focal_u, focal_v = camera.focal_px
+    factor = 1 + error.focal_ratio * scale
+    return replace(
+        camera,
+        focal_px=(focal_u * factor, focal_v * factor),
+        center_px=(center_u + error.center_px * u, center_v + error.center_px * v),
+        height_m=camera.height_m + error.height_m * up,
+        tilt_rad=(camera.tilt_rad or 0.0) + error.tilt_rad * first,
+        roll_rad=(camera.roll_rad or 0.0) + error.tilt_rad * second,
+    )
+
+
+class TrueCamera:
+    """One robot's true camera during a match.
+
+    Parameters
+    ----------
+    error : CameraErrorSettings or None
+        How far it is off its file from the start; None: it is what its file says.
+    knock : KnockSettings or None
+        When it is moved; None: never.
+    camera : OmniCamera or PinholeCamera
+        As its file says.
+    seed : sequence of int
+        Of what is drawn.
+    """
+
+    def __init__(
+        self,
+        error: CameraErrorSettings | None,
+        knock: KnockSettings | None,
+        camera: OmniCamera | PinholeCamera,
+        seed: Sequence[int],
+    ) -> None:
+        self._rng = np.random.default_rng(list(seed))
+        self.camera = camera if error is None else draw_camera(camera, error, self._rng)
+        self._knock = knock
+        self.knock_s = math.inf if knock is None else float(self._rng.uniform(knock.from_s, knock.until_s))
+
+    def is_knocked_by(self, t_s: float) -> bool:
+        """Return whether a knock has moved the camera since the call before; it is another one then."""
+        if self._knock is None or t_s < self.knock_s:
+            return False
+        self.camera = draw_camera(self.camera, self._knock.error, self._rng)
+        self._knock = None
+        return True

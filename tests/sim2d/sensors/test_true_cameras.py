@@ -1,0 +1,77 @@
+"""True cameras lie about their files as far as their settings say, and a knock moves them once."""
+
+import math
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import PinholeCamera
+from sim2d.match.arena import Arena
+from sim2d.match.disturbances import Disturbances
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.robot_link import RobotLimits
+from sim2d.sensors.match_camera import MatchCamera
+from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings, TrueCamera, draw_camera
+
+FORWARD = PinholeCamera((52, 40), (48.0, 48.0), (25.5, 19.5), 0.2, tilt_rad=-0.2, roll_rad=0.0)
+MIRROR = sekimori_camera()
+ERROR = CameraErrorSettings()
+
+
+def test_forward_cameras_are_drawn_about_their_file():
+    rng = np.random.default_rng(1)
+    drawn = [draw_camera(FORWARD, ERROR, rng) for _ in range(400)]
+    values = np.array([(*c.center_px, c.focal_px[0], c.tilt_rad, c.roll_rad, c.height_m) for c in drawn])
+    assert values.std(axis=0) == pytest.approx([3.0, 3.0, 0.48, *[math.radians(0.5)] * 2, 0.005], rel=0.12)
+    about = np.array([25.5, 19.5, 48.0, -0.2, 0.0, 0.2])
+    assert (np.abs(values.mean(axis=0) - about) < 4 * values.std(axis=0) / 20).all()
+    assert all(c.focal_px[0] == c.focal_px[1] for c in drawn)
+
+
+def test_mirror_cameras_are_drawn_about_their_file():
+    rng = np.random.default_rng(2)
+    drawn = [draw_camera(MIRROR, ERROR, rng) for _ in range(400)]
+    radius = [float(c.floor_range.radius_px(2.0)) / float(MIRROR.floor_range.radius_px(2.0)) for c in drawn]
+    values = np.array([(*c.center_px, *c.tilt_rad, r) for c, r in zip(drawn, radius, strict=True)])
+    assert values.std(axis=0) == pytest.approx([1.5, 1.5, *[math.radians(0.3)] * 2, 0.02], rel=0.12)
+    one = drawn[0].floor_range
+    assert one.inverse_range_per_m(one.radius_px(2.0)) == pytest.approx(2.0)
+    assert one.implied_height_m == MIRROR.floor_range.implied_height_m
+
+
+def test_a_knock_moves_a_camera_once_and_changes_no_lens():
+    true = TrueCamera(None, KnockSettings(1.0, 2.0), FORWARD, [3, 0])
+    assert true.camera is FORWARD
+    assert 1.0 <= true.knock_s <= 2.0
+    assert not true.is_knocked_by(0.99)
+    assert true.is_knocked_by(2.0)
+    assert true.camera.focal_px == FORWARD.focal_px
+    assert true.camera.tilt_rad != FORWARD.tilt_rad
+    assert not true.is_knocked_by(3.0)
+    assert not TrueCamera(ERROR, None, FORWARD, [3, 0]).is_knocked_by(1e9)
+
+
+@pytest.mark.parametrize("camera", [FORWARD, MIRROR], ids=["forward", "mirror"])
+def test_players_know_the_file_alone_and_see_by_the_true_camera(camera):
+    field = load_field("four_legged_2007")
+    knocks = KnockSettings(0.0, 1e-3)
+    arenas = [
+        Arena(field, 1, 5, camera=camera, disturbances=Disturbances(camera=error, knock=knock))
+        for error, knock in ((None, None), (ERROR, None), (ERROR, knocks))
+    ]
+    shown = []
+    for arena in arenas:
+        assert arena.setup(0).camera is camera
+        arena.senses()
+        arena.step({})
+        shown.append(arena.senses()[0].frame.astype(int))
+    assert np.abs(shown[0] - shown[1]).mean() > 1.0
+    assert np.abs(shown[1] - shown[2]).mean() > 1.0
+
+
+def test_a_robots_own_camera_is_of_the_matchs_kind():
+    eye = MatchCamera(load_field("four_legged_2007"), FORWARD, RobotLimits(), np.random.default_rng(0))
+    with pytest.raises(ArgumentError, match="of the kind and image size"):
+        eye.set_camera(0, MIRROR)
