@@ -60,7 +60,13 @@ class DiscSearch(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def classify(
-    frame: UInt8Array, logs: FloatArray, max_hue: float, min_green: float, kinds: UInt8Array, level: UInt8Array
+    frame: UInt8Array,
+    logs: FloatArray,
+    max_hue: float,
+    min_green: float,
+    min_level: float,
+    kinds: UInt8Array,
+    level: UInt8Array,
 ) -> None:
     """Say of each pixel whether it may be carpet or ball.
 
@@ -74,6 +80,8 @@ def classify(
         The carpet's pixels have less: logarithm of red by green, and `BLUE_WEIGHT` times that of blue by green.
     min_green : float
         And more of this: twice the green less red and blue, by their sum and `DARK_COUNTS`.
+    min_level : float
+        And its green is at least this: black in the carpet's reflected light is as green as carpet, but darker.
     kinds, level : (H, W) uint8
         Filled: with `CARPET`, `NEUTRAL` or `COLORED`, and with its green: what is carpet in part is no darker.
     """
@@ -84,7 +92,12 @@ def classify(
             level[v, u] = frame[v, u, 1]
             b, g, r = float(frame[v, u, 0]), float(frame[v, u, 1]), float(frame[v, u, 2])
             # black patches are as green as grey is, or nearly; white in warm light is as red as it is green
-            if red + BLUE_WEIGHT * blue < max_hue and 2.0 * g - b - r > min_green * (b + g + r + DARK_COUNTS):
+            is_lit = g >= min_level
+            if (
+                is_lit
+                and red + BLUE_WEIGHT * blue < max_hue
+                and 2.0 * g - b - r > min_green * (b + g + r + DARK_COUNTS)
+            ):
                 kinds[v, u] = CARPET
             elif red > _MAX_RED or blue > _MAX_BLUE:
                 kinds[v, u] = COLORED

@@ -40,6 +40,8 @@ class PatternedBallSettings:
     carpet_hue, min_green, min_carpet_ratio : float
         Below this hue and above this greenness (see the kernel) a pixel of the lower half may be carpet; so many of
         them must be.
+    min_carpet_level : float
+        Carpet in the deepest shadow has so much of the usual one's brightness; less is black.
     max_discs, max_kept, max_balls : int
         Discs that are found, weighed, and reported at most.
     rim_ratio, chance_rim_ratio, rim_signs : float
@@ -70,6 +72,7 @@ class PatternedBallSettings:
     search: kernel.DiscSearch = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
     carpet_hue: float = -0.12
     min_green: float = 0.1
+    min_carpet_level: float = 0.3
     min_carpet_ratio: float = 0.5
     max_discs: int = 20000
     max_kept: int = 40
@@ -213,7 +216,9 @@ class PatternedBallFinder:
             return []
         green = float(np.median(greenness[is_carpet]))
         # half-way from white to the carpet
-        kernel.classify(blurred, _LOGS, 0.5 * float(np.median(hue[is_carpet])), 0.5 * green, self._kinds, self._level)
+        half_hue = 0.5 * float(np.median(hue[is_carpet]))
+        min_level = settings.min_carpet_level * float(np.median(near[is_carpet, 1]))
+        kernel.classify(blurred, _LOGS, half_hue, 0.5 * green, min_level, self._kinds, self._level)
         if self._mask is not None:
             self._kinds[self._mask > 0] = kernel.COLORED
         found = self._found[: kernel.find_discs(self._kinds, _DIRECTIONS, self._radii_px, settings.search, self._found)]

@@ -71,15 +71,16 @@ def plain_patches(kinds, level, u, v, radius, max_dark):
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.integers(0, 2**32 - 1), st.floats(-0.4, 0.0), st.floats(0.05, 0.4))
-def test_pixels_are_told_apart(seed, max_hue, min_green):
+@given(st.integers(0, 2**32 - 1), st.floats(-0.4, 0.0), st.floats(0.05, 0.4), st.floats(0, 150))
+def test_pixels_are_told_apart(seed, max_hue, min_green, min_level):
     frame = np.random.default_rng(seed).integers(0, 256, (8, 9, 3)).astype(np.uint8)
     kinds, level = np.empty((2, 8, 9), np.uint8)
-    kernel.classify(frame, LOGS, max_hue, min_green, kinds, level)
+    kernel.classify(frame, LOGS, max_hue, min_green, min_level, kinds, level)
     logs, near = LOGS[frame], frame.astype(float)
     red, blue = logs[..., 2] - logs[..., 1], logs[..., 0] - logs[..., 1]
     total = near.sum(axis=-1)
     carpet = (red + kernel.BLUE_WEIGHT * blue < max_hue) & (3 * near[..., 1] - total > min_green * (total + 30))
+    carpet &= near[..., 1] >= min_level
     colored = ~carpet & ((red > 0.6) | (blue > 0.4))
     np.testing.assert_array_equal(
         kinds, np.where(carpet, kernel.CARPET, np.where(colored, kernel.COLORED, kernel.NEUTRAL))
