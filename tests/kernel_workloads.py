@@ -13,6 +13,7 @@ import runpy
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -25,7 +26,7 @@ import numpy as np
 from field_models import Field, load_field
 from robocup_vision import Memory, MotionLimits, Pose2, PoseEstimate, Steering, Vision, Wayfinder, load_camera
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.compiling.prepared_kernels import KERNELS, SIGNATURES, spelled_type
+from robocup_vision.compiling.prepared_kernels import KERNELS, SIGNATURES, prepare_kernel, spelled_type
 from robocup_vision.disc import Disc
 from robocup_vision.mapping import ViewMotion
 
@@ -153,6 +154,22 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
     look_at(Vision(field, camera, visions[0].colors, method=method), frames)
 
 
+def patterned_balls() -> Workload:
+    camera = PinholeCamera((320, 240), (300.0, 300.0), (159.5, 119.5), 0.46, pan_rad=0.0, tilt_rad=-0.2, roll_rad=0.0)
+    frame = np.full((240, 320, 3), (55, 130, 70), dtype=np.uint8)
+    frames = [frame, *empty_frames(camera.size_px, np.random.default_rng(1))]
+    for plain in frames:
+        Vision(load_field("four_legged_2007"), camera).look(plain)
+    yield
+    vision = Vision(load_field("spl_2020"), camera)
+    yield
+    cv2.circle(frame, (160, 150), 14, (225, 225, 225), -1)
+    for place in ((160, 150), (152, 143), (168, 143), (160, 160)):
+        cv2.circle(frame, place, 3, (30, 30, 30), -1)
+    for one in frames:
+        vision.look(one)
+
+
 def steering(seed: int = 1, count: int = 4) -> Workload:
     camera = load_camera(ROOT / "images" / "omni_ssl_2001" / "camera.toml")
     vision = Vision(load_field("ssl_2001"), camera)
@@ -220,6 +237,7 @@ def example(*names: str) -> Workload:
 WORKLOADS: dict[str, Callable[[], Workload]] = {
     **{f"mirror_{name}": (lambda name=name: mirror(name)) for name in ("field", "floor", "hull")},
     **{f"pinhole_{name}": (lambda name=name: pinhole(name)) for name in ("edges", "goal", "field", "floor")},
+    "patterned_balls": patterned_balls,
     "steering": steering,
     "memory": memory,
     "planning": lambda: example("planning"),
@@ -252,20 +270,50 @@ def record(group: str) -> list[Any]:
     return sorted(entries, key=json.dumps)
 
 
+def print_longest_first(groups: dict[str, list[Any]]) -> None:
+    """Compile all loops into an empty cache, one after the other; print the groups, loops that take long first."""
+    seconds: dict[str, float] = {}
+    for entry in (entry for entries in groups.values() for entry in entries):
+        begin_s = time.process_time()
+        prepare_kernel(*entry)
+        seconds.setdefault(json.dumps(entry), time.process_time() - begin_s)
+    print(
+        json.dumps(
+            {name: sorted(of, key=lambda entry: -seconds[json.dumps(entry)]) for name, of in sorted(groups.items())}
+        )
+    )
+
+
+def write(groups: dict[str, list[Any]]) -> None:
+    lines = [
+        f' "{group}": [\n  ' + ",\n  ".join(json.dumps(entry) for entry in entries) + "\n ]"
+        for group, entries in sorted(groups.items())
+    ]
+    SIGNATURES.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+
+
+def in_own_process(*arguments: str, environment: dict[str, str] | None = None, check: bool = True) -> Any:
+    command = [sys.executable, __file__, *arguments]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=check, env=environment)
+    return json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else None
+
+
 if __name__ == "__main__":
-    if len(sys.argv) == 2 and sys.argv[1] != "all":
+    if sys.argv[1:] == ["longest-first"]:
+        print_longest_first(json.loads(SIGNATURES.read_text(encoding="utf-8")))
+    elif len(sys.argv) == 2 and sys.argv[1] != "all":
         cv2.setNumThreads(0)
         print(json.dumps(record(sys.argv[1])))
     else:
-        # callees of a loop that is compiled anew would be taken for loops that are called: the last run loads all
         listed = json.loads(SIGNATURES.read_text(encoding="utf-8"))
-        for name in sys.argv[2:] or WORKLOADS:
-            for last in (False, True):
-                done = subprocess.run([sys.executable, __file__, name], stdout=subprocess.PIPE, text=True, check=last)
-            listed[name] = json.loads(done.stdout.splitlines()[-1])
+        names = sys.argv[2:] or list(WORKLOADS)
+        # constructors compile what is listed: what is no longer called would stay in the list
+        write({name: entries for name, entries in listed.items() if name not in names})
+        for name in names:
+            # callees of a loop that is compiled anew would be taken for loops that are called: the second run loads all
+            in_own_process(name, check=False)
+            listed[name] = in_own_process(name)
             print(name, len(listed[name]), file=sys.stderr)
-            lines = [
-                f' "{group}": [\n  ' + ",\n  ".join(json.dumps(entry) for entry in entries) + "\n ]"
-                for group, entries in sorted(listed.items())
-            ]
-            SIGNATURES.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+        write(listed)
+        with tempfile.TemporaryDirectory() as cache:
+            write(in_own_process("longest-first", environment={**os.environ, "NUMBA_CACHE_DIR": cache}))

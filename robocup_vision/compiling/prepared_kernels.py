@@ -1,16 +1,23 @@
 """Compiles, or loads from the disk's cache, all loops that an object's calls can reach, so that no call waits for it.
 
 numba compiles a loop when it is first called with arguments of some types. `signatures.json` beside the kernels lists
-those types for each kind of object; ``python tests/kernel_workloads.py`` writes it.
+those types for each kind of object, loops that take long to compile first; ``python tests/kernel_workloads.py`` writes
+it.
 """
 
 from __future__ import annotations
 
+import gc
 import json
+from collections import deque
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+from robocup_vision.compiling.second_process import Entry, second_process
 
 KERNELS = "robocup_vision.kernels"
 SIGNATURES = Path(__file__).parents[1] / "kernels" / "signatures.json"
@@ -25,8 +32,37 @@ def prepare(group: str) -> None:
     group : str
         Name in `groups`, such as ``mirror_field`` or ``steering``.
     """
-    for kernel, arguments in _listed().get(group, ()):
-        _prepare_kernel(kernel, json.dumps(arguments))
+    entries = _listed().get(group, [])
+    # the shortest first, as one that is not in the cache says that a second process is of use; that takes the longest
+    waiting = deque(entries)
+    with _seldom_collected(), ExitStack() as beside:
+        is_alone = True
+        for entry in _from_the_end(waiting):
+            if prepare_kernel(*entry) and is_alone:
+                beside.enter_context(second_process(waiting))
+                is_alone = False
+    with _seldom_collected():
+        for kernel, arguments in entries:
+            prepare_kernel(kernel, arguments)
+
+
+def _from_the_end(waiting: deque[Entry]) -> Iterator[Entry]:
+    while True:
+        try:
+            yield waiting.pop()
+        except IndexError:  # the second process may take the last one
+            return
+
+
+@contextmanager
+def _seldom_collected() -> Iterator[None]:
+    """Look for garbage seldom: numba makes so many objects that Python's search takes a tenth of the time."""
+    before = gc.get_threshold()
+    gc.set_threshold(50_000, 20, 100)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def groups() -> dict[str, list[tuple[str, list[Any]]]]:
@@ -49,8 +85,9 @@ def _length(module: str) -> int:
 
 def prepare_module(module: str) -> None:
     """Compile or load the loops of one module, as `modules` lists them."""
-    for kernel, arguments in modules()[module]:
-        _prepare_kernel(kernel, json.dumps(arguments))
+    with _seldom_collected():
+        for kernel, arguments in modules()[module]:
+            prepare_kernel(kernel, arguments)
 
 
 @cache
@@ -59,11 +96,18 @@ def _listed() -> dict[str, list[tuple[str, list[Any]]]]:
     return {group: [(kernel, arguments) for kernel, arguments in entries] for group, entries in listed.items()}
 
 
+def prepare_kernel(kernel: str, arguments: list[Any]) -> bool:
+    """Compile or load one loop, as `groups` lists it; return whether it had to be compiled."""
+    return _prepared(kernel, json.dumps(arguments))
+
+
 @cache
-def _prepare_kernel(kernel: str, arguments: str) -> None:
+def _prepared(kernel: str, arguments: str) -> bool:
     module, _, name = kernel.rpartition(".")
     dispatcher = getattr(import_module(f"{KERNELS}.{module}"), name)
+    missed = sum(dispatcher.stats.cache_misses.values())
     dispatcher.compile(tuple(_type_of(argument) for argument in json.loads(arguments)))
+    return bool(sum(dispatcher.stats.cache_misses.values()) > missed)
 
 
 def _type_of(spelled: Any) -> Any:

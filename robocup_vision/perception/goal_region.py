@@ -212,7 +212,7 @@ def strips(
     settings : StripSettings, optional
         Bounds of a strip.
     """
-    row, left, right, _ = runs
+    row, left, right, contrast = (np.ascontiguousarray(part) for part in runs)
     chain = np.empty(len(row), np.int64)
     chains = link_runs(row, left, right, settings.max_lean, 4.0 * row_step, chain)
     order = np.argsort(chain, kind="stable")
@@ -229,7 +229,7 @@ def strips(
     found = [
         strip
         for members in _join(pieces, summary[kept], row, (left + right) / 2, max_gap)
-        if (strip := _strip(members, runs, carpet, limits))
+        if (strip := _strip(members, (row, left, right, contrast), carpet, limits))
     ]
     return sorted(found, key=lambda s: -s.strength)
 

@@ -103,6 +103,8 @@ class PinholePipeline(FramePipeline):
         self._floor = self._make_floor(camera) if camera.known_orientation else None
         self._patterned = PatternedBallFinder(field, camera, self._mask) if field.ball_patches else None
         prepare(f"pinhole_{method.name}")
+        if self._patterned is not None:
+            prepare("patterned_balls")
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
         self.forget()
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.frame_values import BallSphere, Bearings, Crossings, Lighting, RoomWall, Spans, Things, Viewpoint
 
 # kinds of spans
@@ -25,7 +25,7 @@ ROOM_STRIDE = 16
 HEIGHT, BANDS, COLOR, TOP_COLOR, MARKER_COLOR, MARKER_GAP_M2, IS_EDGE = range(7)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _add(bearing: int, near_m: float, far_m: float, thing: int, shade: float, crossings: Crossings) -> None:
     """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
     count, entries = crossings.lengths, crossings.entries
@@ -43,7 +43,7 @@ def _add(bearing: int, near_m: float, far_m: float, thing: int, shade: float, cr
         entries[bearing, k, THING], entries[bearing, k, SHADE] = thing, shade
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def meet_walls(
     walls: FloatArray,
     first: int,
@@ -94,7 +94,7 @@ def meet_walls(
                 _add(k, distance, distance, thing, 1.0, crossings)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def meet_cylinders(
     cylinders: FloatArray,
     first: int,
@@ -132,7 +132,7 @@ def meet_cylinders(
             _add(k, distance, toward + chord, first + i, 0.75 + 0.20 * facing, crossings)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def meet_boxes(
     corners: FloatArray,
     first: int,
@@ -183,7 +183,7 @@ def meet_boxes(
                 _add(k, enter, leave, first + 4 * b + face, 1.0, crossings)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _room_wall(along: float, aside: float, c: float, s: float, eye: Viewpoint, radius_m: float) -> tuple[float, float]:
     """Return the distance (m) of the round wall in a direction of the eye's frame, and its azimuth in turns, 0 to 1."""
     cos, sin = c * along - s * aside, s * along + c * aside
@@ -194,7 +194,7 @@ def _room_wall(along: float, aside: float, c: float, s: float, eye: Viewpoint, r
     return distance, turn - math.floor(turn)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _end_span(k: int, n: int, end: float, kind: int, color: FloatArray, light: float, spans: Spans) -> int:
     """Append a span to bearing k's stack of n unless it is hidden or the stack is full; return the new n."""
     if (n > 0 and end <= spans.ends[k, n - 1]) or n == spans.ends.shape[1] - 1:
@@ -205,7 +205,7 @@ def _end_span(k: int, n: int, end: float, kind: int, color: FloatArray, light: f
     return n + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _ball_slopes(toward: float, aside: float, radius: float, height_m: float) -> tuple[float, float, float]:
     """Return where a bearing meets the ball: distance (infinite: never), slopes of the two rays that touch it."""
     # slopes of the rays that touch its section with the bearing's upright plane
@@ -218,7 +218,7 @@ def _ball_slopes(toward: float, aside: float, radius: float, height_m: float) ->
     return math.inf, 0.0, 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _end_thing(k: int, n: int, entry: Float32Array, lit: float, height_m: float, things: Things, spans: Spans) -> int:
     """Append the spans of one thing to bearing k's stack of n: its bands, its top and a marker there."""
     row, distance = things.rows[int(entry[THING])], float(entry[NEAR])
@@ -240,7 +240,7 @@ def _end_thing(k: int, n: int, entry: Float32Array, lit: float, height_m: float,
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def stack_spans(
     crossings: Crossings,
     things: Things,

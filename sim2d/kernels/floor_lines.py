@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.bearing_profile import FLOOR
 from sim2d.kernels.frame_values import PaintMarks, PixelRays, Spans, Viewpoint
 
@@ -21,7 +21,7 @@ ONE = np.uintp(1)
 X, Y, SLOPE_LOW, SLOPE_HIGH, GAIN, RADIAL, TANGENTIAL, NEAR, FAR = range(9)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float32:
     """Return the fraction of an interval of `size` around `offset` that lies within `half` of 0."""
     reach = max(size, np.float32(1e-6)) * np.float32(0.5)
@@ -29,7 +29,7 @@ def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float
     return max(covered, np.float32(0.0)) / (reach + reach)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def floor_until(spans: Spans, height_m: float, farthest_m: float, until_m: FloatArray) -> None:
     """Fill in for each bearing how far away the floor is seen at most, metres; `spans` as `stack_spans` leaves them."""
     ends, kinds = spans.ends, spans.kinds
@@ -42,7 +42,7 @@ def floor_until(spans: Spans, height_m: float, farthest_m: float, until_m: Float
             n += 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _cut(speed: float, room: float, low: float, high: float) -> tuple[float, float]:
     """Cut an interval of distances a down to where a * speed <= room."""
     if speed > 1e-9:
@@ -54,7 +54,7 @@ def _cut(speed: float, room: float, low: float, high: float) -> tuple[float, flo
     return low, high
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _seek(low_m: float, i: int, start: int, stop: int, far_of: Float32Array) -> int:
     """Return the first ray of a bearing that reaches beyond a distance, searched from ray i on."""
     limit = np.float32(low_m)
@@ -66,7 +66,7 @@ def _seek(low_m: float, i: int, start: int, stop: int, far_of: Float32Array) -> 
     return i
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _bearings_of_line(
     ahead: float, aside: float, half: tuple[float, float], x: float, y: float, turns: int
 ) -> tuple[int, int]:
@@ -87,7 +87,7 @@ def _bearings_of_line(
     return math.floor((middle + low) * turns / math.tau), math.ceil((middle + high) * turns / math.tau)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def mark_lines(
     pixels: PixelRays,
     eye: Viewpoint,
@@ -176,7 +176,7 @@ def mark_lines(
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def mark_arcs(
     pixels: PixelRays,
     eye: Viewpoint,

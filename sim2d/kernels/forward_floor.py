@@ -8,16 +8,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
+from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.forward_values import FloorPaint
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _LEAST_DROP = np.float32(1e-6)  # of a ray that still meets the floor
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float32:
     """Return the fraction of an interval of `size` around `offset` that lies within `half` of 0."""
     reach = max(size, np.float32(1e-6)) * _HALF
@@ -25,7 +25,7 @@ def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float
     return max(covered, _ZERO) / (reach + reach)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def fill_floor(rays: Float32Array, eye: Float32Array, light: Float32Array, out: Float32Array) -> None:
     """Fill a tile with the light on the floor, before any colour.
 
@@ -48,7 +48,7 @@ def fill_floor(rays: Float32Array, eye: Float32Array, light: Float32Array, out: 
         out[i] = max(here + scale * (along_x * dx[i] + along_y * dy[i]), least)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def cover_line(
     line: FloatArray,
     half_m: float,
@@ -94,7 +94,7 @@ def cover_line(
         covered[i] = max(covered[i], part if dz[i] < -_LEAST_DROP else _ZERO)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def cover_arc(
     arc: FloatArray,
     half_m: float,
@@ -129,7 +129,7 @@ def cover_arc(
         covered[i] = max(covered[i], part if is_on else _ZERO)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def shade_floor(ball: Float32Array, reach_m: float, rays: Float32Array, height: np.float32, tone: Float32Array) -> None:
     """Darken the floor's light `tone` (N,) around a ball, (3,) float32: x and y from the eye, radius."""
     x, y, per_radius2 = ball[0], ball[1], np.float32(1) / (ball[2] * ball[2])
@@ -144,7 +144,7 @@ def shade_floor(ball: Float32Array, reach_m: float, rays: Float32Array, height: 
             tone[i] *= _ONE - np.float32(0.55) * np.float32(math.exp(-away2 * per_radius2))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def is_inside(edges: FloatArray, x_m: float, y_m: float) -> bool:
     """Return whether a point lies inside a polygon, (K, 4) float64: x0, y0, x1, y1 of its edges."""
     inside = False
@@ -155,7 +155,7 @@ def is_inside(edges: FloatArray, x_m: float, y_m: float) -> bool:
     return inside
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def end_carpet(
     paint: FloorPaint,
     near: Int32Array,
@@ -205,7 +205,7 @@ def end_carpet(
             carpet[i] = min(carpet[i], inside)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _end_any_carpet(
     paint: FloorPaint,
     near: Int32Array,

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.forward_things import BALL, BAR, BOX_TOP, CYLINDER, HEIGHT, KIND, OTHER, RADIUS, X0, X1, Y0, Y1
 from sim2d.kernels.forward_values import FloorPaint, ForwardEye, Outlines, UprightThings
 
@@ -23,7 +23,7 @@ _NEAR_M = 0.01  # nothing nearer to the camera's plane is seen
 _POINTS = 8
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def bound_hull(points: FloatArray, count: int, eye: ForwardEye, thin: float, out: Float32Array) -> int:
     """Bound the hull of points as the camera sees it.
 
@@ -86,7 +86,7 @@ def bound_hull(points: FloatArray, count: int, eye: ForwardEye, thin: float, out
     return 1 if out[7] - out[6] < thin else 0
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _add(points: FloatArray, count: int, eye: ForwardEye, thin: float, kind: int, k: int, n: int, to: Outlines) -> int:
     """Append the outline of points to `to`, which holds n; return the new n."""
     found = bound_hull(points, count, eye, thin, to.bounds[n])
@@ -96,7 +96,7 @@ def _add(points: FloatArray, count: int, eye: ForwardEye, thin: float, kind: int
     return n + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def outline_floor(paint: FloorPaint, eye: ForwardEye, thin: float, to: Outlines) -> int:
     """Fill in the outlines of the carpet's edges, of lines and of arcs; return how many.
 
@@ -144,7 +144,7 @@ def outline_floor(paint: FloorPaint, eye: ForwardEye, thin: float, to: Outlines)
     return n
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _square(x: float, y: float, half: float, low: float, high: float, points: FloatArray) -> None:
     """Fill in the corners of an upright block around (x, y)."""
     for corner in range(8):
@@ -153,7 +153,7 @@ def _square(x: float, y: float, half: float, low: float, high: float, points: Fl
         points[corner, 2] = high if corner & 4 else low
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin: float, n: int, to: Outlines) -> int:
     """Append the outlines of things and of balls' shades to n outlines; return how many there are.
 
@@ -215,7 +215,7 @@ def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin:
     return n
 
 
-@njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def overlaps(bounds: Float32Array, left: float, right: float, upper: float, lower: float) -> bool:
     """Return whether a rectangle of slopes may meet a row of `Outlines.bounds`."""
     if bounds[0] > right or bounds[1] < left or bounds[2] > lower or bounds[3] < upper:

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
+from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.forward_values import UInt64Array, WallPicture
 
 # a channel is stored in quarters of a grey level and 21 bits; weights are of 256 parts
@@ -30,7 +30,7 @@ def pack_cells(picture: Float32Array) -> UInt64Array:
     return np.ascontiguousarray(np.pad(np.hstack([cells, cells[:, : cells.shape[1] // 2]]), ((1, 1), (0, 0)), "edge"))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def wall_point(
     direction: tuple[float, float, float], eye: tuple[float, float, float], wall: WallPicture
 ) -> tuple[float, float]:
@@ -46,7 +46,7 @@ def wall_point(
     return turn * wall.turn, height_m + distance * dz / flat
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def draw_wall(
     corners: FloatArray,
     shape: tuple[int, int],

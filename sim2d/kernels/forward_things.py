@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, Int32Array
+from robocup_vision.compiling.loops import compiled
 
 # kinds of things
 SHEET, CYLINDER, BAR, BALL, BOX_TOP = range(5)
@@ -26,7 +26,7 @@ _NOTHING = np.float32(1e30)
 _ZERO, _ONE, _LEAST_DROP = np.float32(0.0), np.float32(1.0), np.float32(1e-6)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _meet_cylinder(
     row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
 ) -> tuple[np.float32, np.int32, np.float32]:
@@ -54,7 +54,7 @@ def _meet_cylinder(
     return (found if on_side | on_top else _NOTHING), color, shade
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _meet_sheet(
     row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
 ) -> tuple[np.float32, np.int32, np.float32]:
@@ -68,7 +68,7 @@ def _meet_sheet(
     return (t if is_met else _NOTHING), np.int32(row[COLOR] if turn >= _ZERO else row[OTHER]), _ONE
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _meet_bar(
     row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
 ) -> tuple[np.float32, np.int32, np.float32]:
@@ -87,7 +87,7 @@ def _meet_bar(
     return (t if is_met else _NOTHING), np.int32(row[COLOR]), np.float32(0.80) + np.float32(0.20) * up
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _meet_ball(
     row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
 ) -> tuple[np.float32, np.int32, np.float32]:
@@ -103,7 +103,7 @@ def _meet_ball(
     return t, np.int32(row[COLOR]), np.float32(0.62) + np.float32(0.42) * lit
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _meet_box_top(
     row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
 ) -> tuple[np.float32, np.int32, np.float32]:
@@ -116,7 +116,7 @@ def _meet_box_top(
     return t, np.int32(row[COLOR]), _ONE
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def meet_thing(
     kind: np.float32,
     row: Float32Array,
@@ -152,7 +152,7 @@ def meet_thing(
     return _meet_box_top(row, dx, dy, dz, height)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def meet_grid(
     row: Float32Array,
     first_id: np.int32,

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.forward_floor import (
     cover_arc,
     cover_line,
@@ -35,7 +35,7 @@ _ON_FLOOR, _IN_ROOM, _BOTH = range(3)
 _THING_ROWS = THING + 1  # the outlines' rows of the things that a tile may show
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def draw_forward(
     lens: ForwardLens,
     eye: ForwardEye,
@@ -148,7 +148,7 @@ def draw_forward(
             _store(lens, tile, row, column, colors, planes)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _rows_from_eye(things: UprightThings, eye: ForwardEye) -> Float32Array:
     """Return the rows of things with the eye's foot as the origin."""
     rows = things.rows.astype(np.float32)
@@ -161,7 +161,7 @@ def _rows_from_eye(things: UprightThings, eye: ForwardEye) -> Float32Array:
     return rows
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall_px: int, tile_px: int) -> FloatArray:
     """Return where the rays of the tiles' corners meet the wall: column and height (m).
 
@@ -193,14 +193,14 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
     return at_corners
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _turned(right: float, down: float, part: float, tx: float, ty: float, tz: float) -> tuple[float, float]:
     """Return the slopes of a ray in the axes of the middle row, if the camera has turned by `part` of (tx, ty, tz)."""
     ahead = 1.0 + part * (tz * right - ty * down)
     return (right - part * (tz + tx * down)) / ahead, (down + part * (tx * right + ty)) / ahead
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _turn_bounds(bounds: Float32Array, shutter: tuple[float, float, float, float], v0: int, rows: int) -> None:
     """Turn the bounds of a row of tiles, whose first pixels' row is v0, as its pixels are turned."""
     tx, ty, tz, per_row = shutter
@@ -215,7 +215,7 @@ def _turn_bounds(bounds: Float32Array, shutter: tuple[float, float, float, float
             bounds[column, 2], bounds[column, 3] = min(bounds[column, 2], v), max(bounds[column, 3], v)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _turn_slopes(
     slopes: Float32Array,
     per_pixel: Float32Array,
@@ -237,7 +237,7 @@ def _turn_slopes(
         down[i] = (b + part * (tx * a + ty)) * per_ahead
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _fill_slopes(lens: ForwardLens, row: int, column: int, slopes: Float32Array) -> None:
     """Fill in the slopes of a tile's pixels."""
     per_pixel, right, down = lens.per_pixel[row, column], slopes[0], slopes[1]
@@ -252,7 +252,7 @@ def _fill_slopes(lens: ForwardLens, row: int, column: int, slopes: Float32Array)
         right[i], down[i] = first_right + by_u * places_u[i], first_down + by_v * places_v[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _cast(
     slopes: Float32Array, per_pixel: Float32Array, rotation: FloatArray, rays: Float32Array, steps: FloatArray
 ) -> None:
@@ -268,7 +268,7 @@ def _cast(
             of_axis[i] = a - b * right[i] - c * down[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _find_owners(
     bounds: Float32Array, outlines: Outlines, active: Int32Array, seen: Int32Array, seen_count: Int64Array
 ) -> None:
@@ -286,7 +286,7 @@ def _find_owners(
                 seen[_THING_ROWS, at] = n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _wall_corners(at_corners: FloatArray, row: int, column: int, turn: int, corners: FloatArray) -> int:
     """Fill in where corners and middles of a tile's sides meet the wall, without a jump; return what it shows."""
     low, high, least = math.inf, -math.inf, math.inf
@@ -301,7 +301,7 @@ def _wall_corners(at_corners: FloatArray, row: int, column: int, turn: int, corn
     return _IN_ROOM if low > margin else _ON_FLOOR if high < -margin else _BOTH
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _floor_color(lens: ForwardLens, row: int, column: int, paint: FloorPaint, eye: ForwardEye) -> Float32Array:
     """Return the colour of a tile that shows nothing but floor, without any edge."""
     right, down = lens.corner_slopes[row, 2 * column + 1]
@@ -312,7 +312,7 @@ def _floor_color(lens: ForwardLens, row: int, column: int, paint: FloorPaint, ey
     return color
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _store_floor(
     lens: ForwardLens,
     tile: tuple[int, int],
@@ -360,7 +360,7 @@ def _store_floor(
             of_red[k] = np.uint8(np.int32(min(tone * red + _HALF, _MOST)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _draw_floor(
     paint: FloorPaint,
     near_rows: Float32Array,
@@ -419,7 +419,7 @@ def _draw_floor(
                 of_channel[i] = other + covered[i] * (of_channel[i] - other)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _pixels_of(
     bounds: Float32Array, of_tile: Float32Array, per_pixel: Float32Array, tile: tuple[int, int]
 ) -> tuple[int, int, int, int]:
@@ -435,7 +435,7 @@ def _pixels_of(
     return max(int(v0), 0), min(int(v1), rows - 1), max(int(u0), 0), min(int(u1), columns - 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _cast_corners(rays: Float32Array, tile: tuple[int, int], steps: FloatArray, corner_rays: Float32Array) -> None:
     """Fill in the rays through the corners of a tile's pixels from those through their middles."""
     rows, columns = tile
@@ -453,7 +453,7 @@ def _cast_corners(rays: Float32Array, tile: tuple[int, int], steps: FloatArray, 
             of_corner[put + many] = of_corner[put + many - np.uintp(1)] + by_u
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _draw_things(
     rows_of: Float32Array,
     paints: Float32Array,
@@ -516,7 +516,7 @@ def _draw_things(
         fine[:] = 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _draw_edge(
     rows_of: Float32Array,
     paints: Float32Array,
@@ -557,7 +557,7 @@ def _draw_edge(
     colors[2, i] = quarter * (red + left * colors[2, i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _store(
     lens: ForwardLens, tile: tuple[int, int], row: int, column: int, colors: Float32Array, planes: UInt8Array
 ) -> None:

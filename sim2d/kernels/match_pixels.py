@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, Int16Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.bearing_profile import BALL, FLOOR, PAINT
 from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y
 from sim2d.kernels.frame_values import BallSphere, Lighting, PaintMarks, PixelRays, Spans, Viewpoint
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fill_carpet(
     floor: Float32Array, light: Lighting, eye: Viewpoint, color: Float32Array, body: UInt8Array, out: UInt8Array
 ) -> None:
@@ -48,7 +48,7 @@ def fill_carpet(
         out_r[i] = np.uint8(min(bright * red + half, most)) + body_r[i]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _light_ahead(light: Lighting, eye: Viewpoint) -> tuple[np.float32, np.float32, np.float32]:
     """Return the level at the eye, and its change per metre along the eye's own axes."""
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
@@ -57,7 +57,7 @@ def _light_ahead(light: Lighting, eye: Viewpoint) -> tuple[np.float32, np.float3
     return np.float32(here), np.float32(along_x * c + along_y * s), np.float32(along_y * c - along_x * s)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def paint_marked(
     pixels: PixelRays,
     light: Lighting,
@@ -92,7 +92,7 @@ def paint_marked(
         fraction[i] = np.float32(0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def draw_pixels(
     pixels: PixelRays,
     eye: Viewpoint,
@@ -158,7 +158,7 @@ def draw_pixels(
             n += ONE
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _shade_floor(
     pixels: PixelRays, i: np.uintp, stop: np.uintp, eye: Viewpoint, ball: BallSphere, out: UInt8Array
 ) -> None:
@@ -180,7 +180,7 @@ def _shade_floor(
         i += ONE
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _mix_spans(
     pixels: PixelRays,
     i: np.uintp,
@@ -222,7 +222,7 @@ def _mix_spans(
     out[pixel, 2] = np.uint8(min(red, most))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def ball_shade(cos: float, sin: float, slope: float, eye: Viewpoint, ball: BallSphere, lamp_rad: float) -> float:
     """Return the shade of the ball where a ray (direction in the field frame, slope) meets it."""
     # lit from above and by the lamp
@@ -236,7 +236,7 @@ def ball_shade(cos: float, sin: float, slope: float, eye: Viewpoint, ball: BallS
     return float(0.62 + 0.42 * facing / ball.radius_m)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def add_noise(frame: UInt8Array, noise: Int16Array) -> None:
     """Add noise (N,) int16 to a frame (N,) uint8 in place, clipped."""
     for i in range(len(frame)):

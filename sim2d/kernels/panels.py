@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 
 
 class RayFan(NamedTuple):
@@ -84,7 +84,7 @@ class Pyramids(NamedTuple):
     levels: Int64Array
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def first_panel(rays: RayFan, panels: Panels, window: Int64Array, hits: PanelHits) -> None:
     """Find the rectangle each ray meets first.
 
@@ -136,7 +136,7 @@ def first_panel(rays: RayFan, panels: Panels, window: Int64Array, hits: PanelHit
                     met[r, c, k] = p
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def shade_panels(
     rays: RayFan,
     panels: Panels,

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.compiling.loops import compiled
 
 LEVEL = -1e-7  # slope above which a ray never meets the floor
 MIN_RUN = 1e-9
@@ -37,7 +37,7 @@ class FlatRays(NamedTuple):
     tangential_m: Float32Array
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def flatten_rays(
     height_m: float,
     order: npt.NDArray[np.intp],
@@ -89,7 +89,7 @@ def flatten_rays(
     return math.asin(min(max_sine, 1.0)) if is_ahead else math.pi
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def pinhole_patches(
     height_m: float,
     rays_per_rad: float,

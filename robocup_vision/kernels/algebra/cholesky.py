@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def factor(matrix: FloatArray, n: int) -> bool:
     """Cholesky factor of the leading (n, n) block, lower triangle, in place; False where it is not definite."""
     for j in range(n):
@@ -25,7 +24,7 @@ def factor(matrix: FloatArray, n: int) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def substitute(lower: FloatArray, n: int, right: FloatArray) -> None:
     """Solve with the factor that stands in the leading (n, n) block of `lower`, in place."""
     for i in range(n):
@@ -38,7 +37,7 @@ def substitute(lower: FloatArray, n: int, right: FloatArray) -> None:
         right[i] /= lower[i, i]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def solve_symmetric(matrix: FloatArray, right: FloatArray) -> bool:
     """Solve a small positive definite system in place; returns False where it is not definite."""
     n = right.shape[0]

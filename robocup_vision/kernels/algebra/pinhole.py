@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 
 Axis = tuple[float, float, float]
 
@@ -35,7 +34,7 @@ class PinholeView(NamedTuple):
     center_px: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def camera_axes(pan_rad: float, tilt_rad: float, roll_rad: float) -> tuple[Axis, Axis, Axis]:
     """Rows of R = Rz(pan) Ry(-tilt) Rx(roll), whose columns are the camera's axes: ahead, left and up."""
     cp, sp = math.cos(pan_rad), math.sin(pan_rad)
@@ -48,14 +47,14 @@ def camera_axes(pan_rad: float, tilt_rad: float, roll_rad: float) -> tuple[Axis,
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def in_camera(rotation: tuple[Axis, Axis, Axis], x: float, y: float, z: float) -> Axis:
     """Components ahead, left and up of a vector of the frame that `camera_axes` is given in."""
     (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rotation
     return x * r00 + y * r10 + z * r20, x * r01 + y * r11 + z * r21, x * r02 + y * r12 + z * r22
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def point_in_camera(view: PinholeView, c: float, s: float, x: float, y: float, z: float) -> Axis:
     """Camera frame of a point of the field.
 
@@ -79,7 +78,7 @@ def point_in_camera(view: PinholeView, c: float, s: float, x: float, y: float, z
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def ideal_pixel(
     fu: float, fv: float, cu: float, cv: float, ahead: float, left: float, up: float
 ) -> tuple[float, float]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def adjugate_3x3(matrix: FloatArray, out: FloatArray) -> float:
     """Write the adjugate (3, 3) of a matrix (3, 3), its inverse times its determinant; return the determinant."""
     for i in range(3):
@@ -17,7 +16,7 @@ def adjugate_3x3(matrix: FloatArray, out: FloatArray) -> float:
     return float(matrix[0, 0] * out[0, 0] + matrix[0, 1] * out[1, 0] + matrix[0, 2] * out[2, 0])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def solve_3x3(matrix: FloatArray, right: FloatArray, work: FloatArray, out: FloatArray) -> bool:
     """Solve a symmetric positive definite system by Cramer's rule.
 

@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, UInt8Array, UInt16Array
+from robocup_vision.compiling.loops import compiled
 
 NEVER = 2**31 - 1
 # a channel from here on is clipped, and its ratio to the others tells nothing
@@ -122,7 +121,36 @@ class Scratch(NamedTuple):
     sums: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
+def pick_seeds(frame: UInt8Array, seeds: Int32Array, color: BallColor, out: Int32Array) -> int:
+    """Pick the seeds that may be of a ball's colour, wherever on the way from white on it begins.
+
+    Parameters
+    ----------
+    frame, seeds
+        As those of `find_blobs`.
+    color : BallColor
+        Any of the ball's colours of this frame: what parts them from the floor is the same.
+    out : (N, 2) int32
+        Filled with the seeds picked, in their order.
+
+    Returns
+    -------
+    int
+        How many.
+    """
+    f0, f1, f2 = color.from_floor
+    count = 0
+    for n in range(seeds.shape[0]):
+        v, u = seeds[n, 0], seeds[n, 1]
+        b, g, r = frame[v, u, 0], frame[v, u, 1], frame[v, u, 2]
+        # as they come: a branch that is hard to foresee costs more than writing
+        out[count, 0], out[count, 1] = v, u
+        count += (f0 * b + f1 * g + f2 * r > 0.0) | (max(b, g, r) >= CLIPPED)
+    return count
+
+
+@compiled
 def find_blobs(
     frame: UInt8Array,
     seeds: Int32Array,
@@ -158,7 +186,7 @@ def find_blobs(
     for n in range(seeds.shape[0]):
         v0, u0 = seeds[n, 0], seeds[n, 1]
         b, g, r = frame[v0, u0, 0], frame[v0, u0, 1], frame[v0, u0, 2]
-        if not has_hue(color, b, g, r):
+        if not has_hue(color, float(b), float(g), float(r)):
             continue
         if float(b) + g + r < color.min_level or scratch.stamps[v0, u0] >= first_stamp:
             continue
@@ -197,7 +225,7 @@ def find_blobs(
     return count, stamp
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def has_hue(color: BallColor, blue: float, green: float, red: float) -> bool:
     """Whether a pixel has the ball's hue, however dark it is."""
     f, w = color.from_floor, color.from_white
@@ -207,7 +235,7 @@ def has_hue(color: BallColor, blue: float, green: float, red: float) -> bool:
     return _is_burnt_out(color, blue, green, red)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _is_burnt_out(color: BallColor, blue: float, green: float, red: float) -> bool:
     """Whether a pixel with a clipped channel may be a ball's: what is not clipped still has less of the weak one."""
     if blue < CLIPPED and green < CLIPPED and red < CLIPPED:
@@ -217,7 +245,7 @@ def _is_burnt_out(color: BallColor, blue: float, green: float, red: float) -> bo
     return bool(weak < color.clipped_ratio * middle)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _flood(
     frame: UInt8Array,
     scratch: Scratch,
@@ -252,7 +280,7 @@ def _flood(
         b, g, r = frame[v, u, 0], frame[v, u, 1], frame[v, u, 2]
         # a mixed pixel at the rim counts in part, a shaded or a burnt-out one inside as a whole
         value = f0 * b + f1 * g + f2 * r
-        burnt_out = _is_burnt_out(color, b, g, r)
+        burnt_out = _is_burnt_out(color, float(b), float(g), float(r))
         if value < color.sure and burnt_out:
             value = color.sure
         signal += value
@@ -273,7 +301,7 @@ def _flood(
             if nu < 0 or nv < 0 or nu >= width or nv >= height or stamps[nv, nu] == stamp:
                 continue
             b, g, r = frame[nv, nu, 0], frame[nv, nu, 1], frame[nv, nu, 2]
-            if not has_hue(color, b, g, r):
+            if not has_hue(color, float(b), float(g), float(r)):
                 continue
             if float(b) + g + r < color.min_level or stamps[nv, nu] == NEVER:
                 continue
@@ -285,7 +313,7 @@ def _flood(
     return alone, cut, area, signal
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _half_sizes(ex: float, ey: float, uu: float, uv: float, vv: float) -> tuple[float, float]:
     """Half sizes along and across a ray (ex, ey): an ellipse's second moments are a quarter of their squares."""
     return (

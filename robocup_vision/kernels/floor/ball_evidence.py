@@ -10,9 +10,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.order import sort, sorted_median
 from robocup_vision.kernels.floor.ball import (
     ACROSS,
     ALONG,
@@ -105,7 +106,7 @@ class BallEvidence(NamedTuple):
     hue_noise: float = 0.03
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def find_and_weigh(
     frame: UInt8Array,
     seeds: Int32Array,
@@ -125,7 +126,7 @@ def find_and_weigh(
     return count, stamp
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def weigh_blobs(
     frame: UInt8Array,
     blobs: FloatArray,
@@ -178,20 +179,20 @@ def weigh_blobs(
         out[n] = llr
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _normal_llr(x: float, std: float, span: float, outliers: float) -> float:
     """Return a normal density, with outliers, against a flat one over a span: log-likelihood ratio."""
     density = math.exp(-0.5 * (x / std) ** 2) / (std * math.sqrt(2.0 * math.pi))
     return math.log((1.0 - outliers) * density * span + outliers)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _count_llr(hits: int, places: int, ball: float, clutter: float) -> float:
     """Return binomial against binomial: log-likelihood ratio."""
     return hits * math.log(ball / clutter) + (places - hits) * math.log((1.0 - ball) / (1.0 - clutter))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _hue_of(color: BallColor, blue: float, green: float, red: float) -> float:
     """How far a colour lies towards the ball's from white: the sine of an angle."""
     w = color.from_white
@@ -199,7 +200,7 @@ def _hue_of(color: BallColor, blue: float, green: float, red: float) -> float:
     return float((w[0] * blue + w[1] * green + w[2] * red) / length)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _rim_llr(
     frame: UInt8Array,
     blob: FloatArray,
@@ -250,10 +251,11 @@ def _rim_llr(
                 green_sum += frame[nv, nu, 1]
                 red_sum += frame[nv, nu, 2]
         mean_blue, mean_green, mean_red = blue_sum // 9, green_sum // 9, red_sum // 9
-        rim[outside] = _hue_of(color, mean_blue, mean_green, mean_red)
+        blue, green, red = float(mean_blue), float(mean_green), float(mean_red)
+        rim[outside] = _hue_of(color, blue, green, red)
         outside += 1
         is_floor = False
-        if has_hue(color, mean_blue, mean_green, mean_red):
+        if has_hue(color, blue, green, red):
             like += mean_blue + mean_green + mean_red >= color.min_level
         else:
             packed = table.packing[0, mean_blue] + table.packing[1, mean_green] + table.packing[2, mean_red]
@@ -276,14 +278,15 @@ def _rim_llr(
     nats = evidence.pure_slope * (pure - evidence.pure_ratio)
     llr += min(max(nats, -evidence.max_pure), evidence.max_pure)
     # quartiles: a line, a board or a robot beside the ball does not count as what differs there
-    around = np.sort(rim[:outside])
+    around = rim[:outside]
+    sort(around)
     low, middle, high = around[outside // 4], around[outside // 2], around[(3 * outside) // 4]
     clear = (hue_inside - middle) / ((high - low) / 1.35 + evidence.hue_noise)
     nats = evidence.clear_slope * (clear - evidence.clear_stds)
     return float(llr + min(max(nats, evidence.min_clear), evidence.max_clear))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _floor_distance(frame: UInt8Array, blob: FloatArray, color: BallColor, size: BallSize, table: FloorTable) -> float:
     """Distance from the centre at which floor begins, towards the robot and aside: median, in expected half sizes."""
     height, width = frame.shape[0], frame.shape[1]
@@ -308,11 +311,15 @@ def _floor_distance(frame: UInt8Array, blob: FloatArray, color: BallColor, size:
                 break
             blue, green, red = frame[v, u, 0], frame[v, u, 1], frame[v, u, 2]
             packed = table.packing[0, blue] + table.packing[1, green] + table.packing[2, red]
-            run = run + 1 if table.floor_llr[packed] > 0 and not has_hue(color, blue, green, red) else 0
+            run = (
+                run + 1
+                if table.floor_llr[packed] > 0 and not has_hue(color, float(blue), float(green), float(red))
+                else 0
+            )
             if run == 2:
                 found = reach - step
                 break
             reach += step
         reached[count] = found
         count += 1
-    return float(np.median(reached[:count]))
+    return sorted_median(reached[:count])

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 
 
 class MirrorView(NamedTuple):
@@ -34,7 +33,7 @@ class MirrorView(NamedTuple):
     viewpoint_m: tuple[float, float, float]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def floor_points(pixels: FloatArray, inverse_range: FloatArray, view: MirrorView, out: FloatArray) -> None:
     """Homogeneous floor points X, Y, W of pixels, robot frame: the floor point is (X, Y) / W, W <= 0 above the horizon.
 

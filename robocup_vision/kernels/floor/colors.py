@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
 
 # rows of a density's numbers by brightness: R/G, B/G, inverse covariance (red, mixed, blue), logarithm of its peak
 RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK = range(6)
@@ -13,7 +13,7 @@ RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK = range(6)
 FINE = 8.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def tabulate(
     blue: FloatArray,
     green: FloatArray,
@@ -62,7 +62,7 @@ def tabulate(
                 at += 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def light_on_floor(
     samples: UInt8Array, llr: Int8Array, sure: int, row_stride: int, step_of_sum: UInt8Array, out: FloatArray
 ) -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
 
 BLOCKED, FLOOR, LINE, BALL = 0, 1, 2, 3
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def passable(
     samples: UInt8Array,
     llr: Int8Array,
@@ -52,7 +52,7 @@ def passable(
     _block_corners(valid, line_columns, columns_in_use, out)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _clear_blur(
     samples: UInt8Array, llr: Int8Array, valid: UInt8Array, columns_in_use: int, outermost: Int64Array, out: UInt8Array
 ) -> None:
@@ -94,7 +94,7 @@ def _clear_blur(
                 out[k, m] = FLOOR
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _clear_single(valid: UInt8Array, columns_in_use: int, out: UInt8Array) -> None:
     """Make floor of single blocked samples among floor: they are noise, for what stands there would hide more."""
     rows = out.shape[0]
@@ -112,7 +112,7 @@ def _clear_single(valid: UInt8Array, columns_in_use: int, out: UInt8Array) -> No
                 out[k, m] = FLOOR
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _mark_lines_along(
     samples: UInt8Array,
     llr: Int8Array,
@@ -143,7 +143,7 @@ def _mark_lines_along(
             last = m
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _mark_lines_across(
     samples: UInt8Array,
     llr: Int8Array,
@@ -181,7 +181,7 @@ def _mark_lines_across(
             before[m] = step
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _block_corners(valid: UInt8Array, line_columns: Int32Array, columns_in_use: int, out: UInt8Array) -> None:
     """Block the lines that lead up to something blocked.
 
@@ -203,7 +203,7 @@ def _block_corners(valid: UInt8Array, line_columns: Int32Array, columns_in_use: 
                 left = 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def clear_ball(
     center_row: float,
     center_radius: float,
@@ -224,13 +224,13 @@ def clear_ball(
                 marks[step % rows, m] = BALL
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _is_brighter(sample: UInt8Array, floor: UInt8Array) -> bool:
     """Whether a colour is brighter than the floor's."""
     return bool(int(sample[0]) + sample[1] + sample[2] > int(floor[0]) + floor[1] + floor[2])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def free_rings(
     passable_mask: UInt8Array, cell: Int32Array, needed: Int32Array, seen: Int64Array, free: Int32Array
 ) -> None:
@@ -262,7 +262,7 @@ def free_rings(
         free[j] = ring
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def first_blocked(
     passable_mask: UInt8Array, valid: UInt8Array, first_column: int, columns_in_use: int, run: int, out: Int64Array
 ) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def hull_radius(cos_b: FloatArray, sin_b: FloatArray, radius: FloatArray, out: FloatArray) -> int:
     """Image radius of the convex hull of the points at (bearing, radius) along every bearing.
 
@@ -54,7 +54,7 @@ def hull_radius(cos_b: FloatArray, sin_b: FloatArray, radius: FloatArray, out: F
     return known
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def star_moments(cos_b: FloatArray, sin_b: FloatArray, range_m: FloatArray) -> tuple[float, float, float]:
     """Centroid x, y and the principal axis's direction of the star-shaped polygon with corners at (bearing, range)."""
     area, mx, my, sxx, sxy, syy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -75,7 +75,7 @@ def star_moments(cos_b: FloatArray, sin_b: FloatArray, range_m: FloatArray) -> t
     return mx, my, 0.5 * math.atan2(2 * sxy, sxx - syy)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def hull_moments(
     cos_b: FloatArray, sin_b: FloatArray, radius: FloatArray, first_px: float, step_px: float, q_of_radius: FloatArray
 ) -> tuple[int, float, float, float]:

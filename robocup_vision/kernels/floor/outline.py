@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.floor.free_floor import passable
 from robocup_vision.kernels.floor.polar import EdgeSearch, Rays, outer_boundary, radial_edges
 
@@ -52,7 +52,7 @@ class OutlineRules(NamedTuple):
     columns_in_use: int
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def outline_floor(
     frame: UInt8Array,
     samples: UInt8Array,

@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.compiling.loops import compiled
 
 CARPET, NEUTRAL, COLORED = 0, 1, 2
 DIRECTIONS = 24
@@ -58,7 +58,7 @@ class DiscSearch(NamedTuple):
     min_dark: float
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def classify(
     frame: UInt8Array,
     logs: FloatArray,
@@ -105,7 +105,7 @@ def classify(
                 kinds[v, u] = NEUTRAL
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def measure_disc(
     kinds: UInt8Array, directions: FloatArray, u: float, v: float, radius: float, search: DiscSearch
 ) -> tuple[int, int, float]:
@@ -133,7 +133,7 @@ def measure_disc(
     return agree, shown, inside / max(count, 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def find_discs(
     kinds: UInt8Array,
     directions: FloatArray,
@@ -199,7 +199,7 @@ def find_discs(
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def best_discs(
     kinds: UInt8Array, level: UInt8Array, directions: FloatArray, search: DiscSearch, found: FloatArray, out: FloatArray
 ) -> int:
@@ -243,7 +243,7 @@ def best_discs(
     return kept
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _refine(kinds: UInt8Array, directions: FloatArray, search: DiscSearch, start: FloatArray, out: FloatArray) -> None:
     """Write the best of the discs around one, a little moved, smaller or larger, into a row."""
     best = -1.0
@@ -259,7 +259,7 @@ def _refine(kinds: UInt8Array, directions: FloatArray, search: DiscSearch, start
                     out[U], out[V], out[RADIUS], out[AGREE], out[INSIDE] = u, v, radius, agree / shown, inside
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _surroundings(
     kinds: UInt8Array, level: UInt8Array, directions: FloatArray, row: FloatArray, search: DiscSearch
 ) -> tuple[float, float]:
@@ -281,7 +281,7 @@ def _surroundings(
     return total / max(count, 1), carpet / max(shown, 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def measure_patches(
     kinds: UInt8Array, level: UInt8Array, u: float, v: float, radius: float, max_dark: float
 ) -> tuple[float, float]:

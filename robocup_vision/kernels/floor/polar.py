@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array, UInt16Array
+from robocup_vision.compiling.loops import compiled
 
 # bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
 ONE = 32
@@ -19,7 +19,7 @@ SATURATED = 245
 B1, B2, THREE, B4, B5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def classify(
     samples: UInt8Array,
     packing: UInt16Array,
@@ -53,7 +53,7 @@ def classify(
     return ring / max(count, 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def outer_boundary(llr: Int8Array, valid: UInt8Array, certain: int, gap: int, min_strip: int, out: Int64Array) -> None:
     """Find the outermost floor sample of each bearing.
 
@@ -128,7 +128,7 @@ class EdgeSearch(NamedTuple):
     min_contrast: float
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: EdgeSearch, out: FloatArray) -> None:
     """Locate the edge between two colours along each bearing to a fraction of a pixel.
 
@@ -190,7 +190,7 @@ def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: Edge
             out[k] = edge + _step_shift(signal, offset, base, rise)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _is_inside(size_px: Size, center: Pair, step: Pair, near: float, far: float, half_width: float) -> bool:
     """Whether the picture shows all that is sampled on a bearing between two radii."""
     (width, height), (center_u, center_v), (step_u, step_v) = size_px, center, step
@@ -202,7 +202,7 @@ def _is_inside(size_px: Size, center: Pair, step: Pair, near: float, far: float,
     return bool(left >= 0 and right < width - 1 and top >= 0 and bottom < height - 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _sample_along(
     flat: UInt8Array, size_px: Size, hidden: UInt8Array, center: Pair, step: Pair, near: float, profile: Int64Array
 ) -> bool:
@@ -231,7 +231,7 @@ def _sample_along(
     return seen
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _steepest(profile: Int64Array, first: int, last: int) -> int:
     """Return the sample between `first` and `last` at which the colour changes most."""
     steepest, place = -1, (first + last) // 2
@@ -245,7 +245,7 @@ def _steepest(profile: Int64Array, first: int, last: int) -> int:
     return place
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _weigh_channels(profile: Int64Array, place: int, min_contrast2: float, gain: Int64Array) -> int:
     """Weigh channels by how they distinguish both sides; returns the squared contrast, -1 where it is too small."""
     contrast2, unsaturated2 = 0, 0
@@ -265,7 +265,7 @@ def _weigh_channels(profile: Int64Array, place: int, min_contrast2: float, gain:
     return contrast2
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _first_shift(profile: Int64Array, gain: Int64Array, place: int, contrast2: int) -> float:
     """Return where the edge lies off the steepest sample, pixels: half-way between both sides, by the slope there."""
     gain0, gain1, gain2 = gain[0], gain[1], gain[2]
@@ -278,7 +278,7 @@ def _first_shift(profile: Int64Array, gain: Int64Array, place: int, contrast2: i
     return float(max(-1.0, min(1.0, (0.5 * (low + high) - here) / rise)))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _sample_beside(
     flat: UInt8Array,
     size_px: Size,
@@ -315,7 +315,7 @@ def _sample_beside(
     return seen
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _step_shift(signal: Int64Array, offset: FloatArray, base: float, rise: float) -> float:
     """Fit a smooth step to the samples of all three lines of sight; returns its shift, pixels."""
     shift = 0.0

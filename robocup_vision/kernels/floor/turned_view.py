@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int16Array
+from robocup_vision.compiling.loops import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def map_pixels(pixels: FloatArray, homography: FloatArray, width: int, height: int, out: Int16Array) -> None:
     """Map pixels by a homography and round them into the frame.
 

@@ -6,9 +6,9 @@ OpenCV would take three calls, each of which writes and reads all samples, and h
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Int32Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
 
 ONE, TWO = np.uint64(1), np.uint64(2)
 # a ninth of up to 9 x 255 + 4 in whole numbers: the error of the factor stays below half of the next step
@@ -16,7 +16,7 @@ NINTH, BITS = np.uint32(7282), np.uint32(16)
 HALF = np.uint32(4)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def unroll(frame: UInt8Array, places: Int32Array, out: UInt8Array) -> None:
     """Take the pixels at given places, and average each with its neighbours.
 

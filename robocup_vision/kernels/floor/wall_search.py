@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.floor.walls import FloorOutline, WallFit, WallScene, fit_walls
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def score_bank(bank: FloatArray, radius: FloatArray, weight: FloatArray, width_px: float, out: FloatArray) -> None:
     """Compare a measured outline with the outlines expected at many places, at every heading.
 
@@ -38,7 +39,7 @@ def score_bank(bank: FloatArray, radius: FloatArray, weight: FloatArray, width_p
             out[p, shift] = cost / width_px
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def is_apart(pose: FloatArray, others: FloatArray, apart: float) -> bool:
     """Whether a pose (3,) differs from all others (N, 3), and their half turns, by more than `apart`.
 
@@ -53,13 +54,13 @@ def is_apart(pose: FloatArray, others: FloatArray, apart: float) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _wrapped(angle: float) -> float:
     """Return the same direction within half a turn of 0."""
     return float(angle - 2.0 * math.pi * np.rint(angle / (2.0 * math.pi)))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def spread_starts(places: FloatArray, best: Int64Array, bearings: int, apart: float, out: FloatArray) -> int:
     """Take the best places and headings that are apart from those taken before.
 
@@ -93,7 +94,7 @@ def spread_starts(places: FloatArray, best: Int64Array, bearings: int, apart: fl
     return count
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fit_each(
     poses: FloatArray,
     scene: WallScene,
@@ -107,4 +108,4 @@ def fit_each(
     best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(count), np.empty(count))
     for n in range(poses.shape[0]):
         out_costs[n] = fit_walls(poses[n : n + 1], scene, outline, stride, best)
-        out_poses[n] = best.pose
+        copy_vector(best.pose, out_poses[n])

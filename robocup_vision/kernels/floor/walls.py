@@ -6,9 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
 from robocup_vision.kernels.algebra.three import adjugate_3x3, solve_3x3
 
 
@@ -101,7 +102,7 @@ class WallFit(NamedTuple):
     predicted: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> None:
     """Inverse range at which each bearing meets the nearest wall's foot, from a pose (3,) x, y, theta of the robot.
 
@@ -162,7 +163,7 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
                 bearing = 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
     """Image radius of an inverse range, and its derivative."""
     place = min(q / outline.q_step, outline.radius_of_q.shape[0] - 2 + 0.999)
@@ -171,7 +172,7 @@ def _tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
     return outline.radius_of_q[cell] + (q - cell * outline.q_step) * slope, slope
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _accumulate(
     scene: WallScene,
     outline: FloorOutline,
@@ -232,13 +233,13 @@ def _accumulate(
     return cost / max(used, 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _keep(outline: FloorOutline, prediction: WallPrediction, fit: WallFit, best: WallFit) -> None:
     """Copy a fit, and the walls it predicts, to the best one."""
-    best.pose[:] = fit.pose
-    best.information[:] = fit.information
-    best.scatter[:] = fit.scatter
-    best.residual[:] = fit.residual
+    copy_vector(fit.pose, best.pose)
+    copy_matrix(fit.information, best.information)
+    copy_matrix(fit.scatter, best.scatter)
+    copy_vector(fit.residual, best.residual)
     for k in range(best.predicted.shape[0]):
         best.predicted[k] = np.nan
         if prediction.wall[k] >= 0:
@@ -248,7 +249,7 @@ def _keep(outline: FloorOutline, prediction: WallPrediction, fit: WallFit, best:
             best.predicted[k] = outline.radius_of_q[cell] + (place - cell) * step
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, stride: int, best: WallFit) -> float:
     """Fit poses to a measured floor outline by Gauss-Newton on the image radius, with annealed redescending weights.
 
@@ -274,7 +275,7 @@ def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, stride
     pull, work, step = np.empty(3), np.empty((3, 3)), np.empty(3)
     best_cost = math.inf
     for n in range(poses.shape[0]):
-        fit.pose[:] = poses[n]
+        copy_vector(poses[n], fit.pose)
         for iteration in range(iterations + 1):
             final = iteration == iterations
             scale = outline.scales[min(iteration, iterations - 1)]
@@ -299,7 +300,7 @@ def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, stride
     return best_cost
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def summarise_fit(
     residual: FloatArray,
     inlier_px: float,
@@ -351,7 +352,7 @@ class FitSummary(NamedTuple):
     along_m: float
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fit_and_summarise(
     poses: FloatArray,
     scene: WallScene,

@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.compiling.loops import compiled
 
 
 class MirrorProjection(NamedTuple):
@@ -77,7 +77,7 @@ class GoalVotes(NamedTuple):
     swapped: int
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _nearest_ratio(log_ratios: FloatArray, red: float, blue: float) -> int:
     """Row of the palette that is nearest to the logarithms of R/G and B/G."""
     nearest, least = 0, np.inf
@@ -88,7 +88,7 @@ def _nearest_ratio(log_ratios: FloatArray, red: float, blue: float) -> int:
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _goal_pixel(camera: MirrorProjection, x: float, y: float, z: float) -> tuple[int, int]:
     """Pixel of a direction from the viewpoint, robot frame; (-1, -1) where the camera does not see it."""
     to_camera = camera.robot_to_camera
@@ -111,7 +111,7 @@ def _goal_pixel(camera: MirrorProjection, x: float, y: float, z: float) -> tuple
     return u, v
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def vote_goal_colors(
     frame: UInt8Array,
     pose: FloatArray,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 from robocup_vision.kernels.goal.picture import GoalScene
 
@@ -34,7 +33,7 @@ class EdgePlaces(NamedTuple):
     expected: Int64Array
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def goal_points(scene: GoalScene, p: FloatArray, points: FloatArray) -> bool:
     """Ideal pixels of where to measure: both ends of each free edge, feet, and points above the feet.
 
@@ -97,7 +96,7 @@ def goal_points(scene: GoalScene, p: FloatArray, points: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def spread_samples(
     points: FloatArray, feet: int, size: tuple[int, int], spacing: float, max_count: int, places: EdgePlaces
 ) -> int:

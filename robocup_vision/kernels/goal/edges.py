@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.compiling.loops import compiled
 
 _WASHED = 0.5  # least over greatest channel: half of the colour is lost to white
 _STEP_PX, _MARGIN_PX, _MAX_STEPS = (
@@ -72,7 +72,7 @@ class _Profile(NamedTuple):
     mean_out: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
     """Bilinear value of one channel; the caller keeps (u, v) inside the image."""
     u0, v0 = int(u), int(v)
@@ -82,7 +82,7 @@ def sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
     return float(top * (1.0 - fv) + bottom * fv)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _read_profile(image: UInt8Array, starts: EdgeStarts, n: int, count: int, work: _Profile) -> bool:
     """Read the picture along one normal, and its projection on the expected difference; False at the image's border."""
     height, width = image.shape[0], image.shape[1]
@@ -101,7 +101,7 @@ def _read_profile(image: UInt8Array, starts: EdgeStarts, n: int, count: int, wor
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _strongest_step(score: FloatArray, count: int, reach: float) -> int:
     """Index of the strongest box step of +-1.5 px, the nearer the better where two are alike; -1: none."""
     first = -reach - _MARGIN_PX
@@ -115,7 +115,7 @@ def _strongest_step(score: FloatArray, count: int, reach: float) -> int:
     return at
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _class_means(work: _Profile, at: int, window: tuple[int, int, int]) -> float:
     """Set the mean colours of both classes beside an edge; returns how much brighter the object is."""
     low, high, n_in = window
@@ -132,7 +132,7 @@ def _class_means(work: _Profile, at: int, window: tuple[int, int, int]) -> float
     return brightness
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _middle_crossing(
     work: _Profile, at: int, window: tuple[int, int, int], first: float, norm2: float
 ) -> tuple[float, float]:
@@ -153,7 +153,7 @@ def _middle_crossing(
     return crossing, slope
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _fine_edge(
     work: _Profile, towards: FloatArray, at: int, window: tuple[int, int, int], grey: tuple[float, float], reach: float
 ) -> tuple[float, float, float]:
@@ -190,7 +190,7 @@ def _fine_edge(
     return crossing, size, noise / (size * slope)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def measure_edges(image: UInt8Array, starts: EdgeStarts, glare: float, found: EdgeOffsets) -> None:
     """Sub-pixel step along the normal of each start point: a two-class edge, its classes taken beside it.
 

@@ -6,10 +6,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import solve_symmetric
+from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
 from robocup_vision.kernels.goal.picture import (
     FLOOR_UNKNOWNS,
     GoalScene,
@@ -83,7 +84,7 @@ class FitLoss(NamedTuple):
     redescends: bool
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def goal_residuals(scene: GoalScene, samples: FitSamples, p: FloatArray, residual: FloatArray) -> None:
     """Signed pixel residuals of edge samples, foot samples and floor marks, in this order; NaN behind the camera."""
     lines, feet = np.empty((6, 3)), np.empty((2, scene.offsets.shape[0], 2))
@@ -102,7 +103,7 @@ def goal_residuals(scene: GoalScene, samples: FitSamples, p: FloatArray, residua
     floor_residuals(scene.camera, p, samples.mark_m, samples.mark_uv, samples.mark_direction, residual[goal:])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def robust_cost(
     samples: FitSamples, residual: FloatArray, loss: FitLoss, iteration: int, p: FloatArray, priors: FitPriors
 ) -> float:
@@ -124,7 +125,7 @@ def robust_cost(
     return cost
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_edges(
     samples: FitSamples, by_lines: FloatArray, residual: FloatArray, scale: float, normal: FloatArray, right: FloatArray
 ) -> None:
@@ -159,7 +160,7 @@ def _add_edges(
                 normal[i, j] += m0 * by_lines[j, e, 0] + m1 * by_lines[j, e, 1] + m2 * by_lines[j, e, 2]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_feet(
     samples: FitSamples, by_feet: FloatArray, residual: FloatArray, scale: float, normal: FloatArray, right: FloatArray
 ) -> None:
@@ -180,7 +181,7 @@ def _add_feet(
                 normal[i, j] += w * row[i] * row[j]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_marks(
     samples: FitSamples,
     jacobian: FloatArray,
@@ -203,7 +204,7 @@ def _add_marks(
                 normal[i, j] += wj * jacobian[n, j]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def normal_equations(
     scene: GoalScene,
     samples: FitSamples,
@@ -254,7 +255,7 @@ def normal_equations(
             normal[j, i] = normal[i, j]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fit_goal(
     scene: GoalScene, samples: FitSamples, priors: FitPriors, loss: FitLoss, p: FloatArray, normal: FloatArray
 ) -> float:
@@ -284,7 +285,7 @@ def fit_goal(
         if math.isinf(before):
             return np.inf
         normal_equations(scene, samples, priors, loss, iteration, p, base, NormalSystem(normal, step))
-        work[:, :] = normal
+        copy_matrix(normal, work)
         if not solve_symmetric(work, step):
             return np.inf
         # one step never goes further than the linear picture can hold, nor uphill
@@ -299,7 +300,7 @@ def fit_goal(
             goal_residuals(scene, samples, trial, moved)
             cost = robust_cost(samples, moved, loss, iteration, trial, priors)
             if cost <= before:
-                p[:] = trial
+                copy_vector(trial, p)
                 base, moved = moved, base
                 break
             limit *= 0.4

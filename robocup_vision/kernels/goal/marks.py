@@ -6,9 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.algebra.pinhole import camera_axes, in_camera
 from robocup_vision.kernels.goal.edges import sample
 from robocup_vision.kernels.goal.picture import FLOOR_UNKNOWNS, floor_derivatives
@@ -56,7 +57,7 @@ class MarkPlaces(NamedTuple):
     widths: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def line_marks(
     points: FloatArray,
     directions: FloatArray,
@@ -90,7 +91,7 @@ def line_marks(
     axes = camera_axes(p[2], p[3], p[4])
     (r00, r01, r02), (r10, r11, r12), _ = axes
     fu, fv = view[0] * math.exp(p[6]), view[1] * math.exp(p[6])
-    n = 0
+    n = variable(0)
     last_u, last_v = -1e9, -1e9
     z = -p[5]
     for k in range(points.shape[0]):
@@ -126,7 +127,7 @@ def line_marks(
     return _apart(n, limits, places)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _apart(count: int, limits: MarkLimits, places: MarkPlaces) -> int:
     """Keep the places that no place on another line comes near to, in order; returns how many there are."""
     marks, pixels, normals, widths = places
@@ -143,12 +144,15 @@ def _apart(count: int, limits: MarkLimits, places: MarkPlaces) -> int:
     n = 0
     for i in range(count):
         if alone[i]:
-            marks[n], pixels[n], normals[n], widths[n] = marks[i], pixels[i], normals[i], widths[i]
+            copy_vector(marks[i], marks[n])
+            copy_vector(pixels[i], pixels[n])
+            copy_vector(normals[i], normals[n])
+            widths[n] = widths[i]
             n += 1
     return n
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def mark_stds(
     marks: FloatArray,
     normals: FloatArray,
@@ -181,7 +185,7 @@ def mark_stds(
         std[n] = math.sqrt(max(variance, 0.0))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def measure_ridges(
     image: UInt8Array,
     starts: FloatArray,

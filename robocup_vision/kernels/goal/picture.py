@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import Axis, camera_axes, ideal_pixel, in_camera
 
 # unknowns that move a point of the floor in the picture; the last one, bloom, moves paint's edges only
@@ -36,7 +36,7 @@ class GoalScene(NamedTuple):
     offsets: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _turned(ray: Axis, vertical: Axis, roll_rad: float) -> tuple[Axis, Axis, Axis]:
     """Derive a direction in camera axes by heading, tilt and roll: its product with each rotation's axis."""
     a, b, c = ray
@@ -49,7 +49,7 @@ def _turned(ray: Axis, vertical: Axis, roll_rad: float) -> tuple[Axis, Axis, Axi
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _edge_normal(scene: GoalScene, p: FloatArray, edge: int) -> tuple[Axis, Axis, Axis, Axis]:
     """Outward normal of the plane through the camera that touches one edge, and its derivatives by x, y and height.
 
@@ -85,7 +85,7 @@ def _edge_normal(scene: GoalScene, p: FloatArray, edge: int) -> tuple[Axis, Axis
     return normal, (-along * by_ahead, -across * by_ahead, 0.0), (-along * by_aside, -across * by_aside, 0.0), zero
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def predict_goal(scene: GoalScene, p: FloatArray, lines: FloatArray, feet: FloatArray) -> None:
     """Silhouette lines and feet of the goal at +x in the ideal image.
 
@@ -115,7 +115,7 @@ def predict_goal(scene: GoalScene, p: FloatArray, lines: FloatArray, feet: Float
             feet[post, k, 0], feet[post, k, 1] = _pixel(in_camera(axes, *point), view, scale)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _foot_point(scene: GoalScene, p: FloatArray, post: int, offset: float) -> tuple[Axis, Axis, Axis]:
     """Where the near half of a post meets the floor, from the camera, and its derivatives by the camera's x and y."""
     radius = scene.shape[3]
@@ -134,7 +134,7 @@ def _foot_point(scene: GoalScene, p: FloatArray, post: int, offset: float) -> tu
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _pixel(ray: Axis, view: FloatArray, scale: float) -> tuple[float, float]:
     """Pixel of a direction in camera axes; NaN behind the camera."""
     if not ray[0] > 1e-6:
@@ -142,14 +142,14 @@ def _pixel(ray: Axis, view: FloatArray, scale: float) -> tuple[float, float]:
     return ideal_pixel(view[0] * scale, view[1] * scale, view[2], view[3], ray[0], ray[1], ray[2])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _pixel_moves(ray: Axis, moved: Axis, view: FloatArray, scale: float) -> tuple[float, float]:
     """Derive the pixel of a direction that changes."""
     a, b = ray[1] / ray[0], ray[2] / ray[0]
     return -view[0] * scale * (moved[1] - a * moved[0]) / ray[0], -view[1] * scale * (moved[2] - b * moved[0]) / ray[0]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def goal_derivatives(scene: GoalScene, p: FloatArray, by_lines: FloatArray, by_feet: FloatArray) -> None:
     """Derive what `predict_goal` gives by the unknowns.
 
@@ -212,7 +212,7 @@ def goal_derivatives(scene: GoalScene, p: FloatArray, by_lines: FloatArray, by_f
                 by_feet[i, post, k, 0], by_feet[i, post, k, 1] = _pixel_moves(ray, moves[i], view, scale)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def floor_residuals(
     view: FloatArray, p: FloatArray, floor_m: FloatArray, uv: FloatArray, direction: FloatArray, residual: FloatArray
 ) -> None:
@@ -237,7 +237,7 @@ def floor_residuals(
         residual[n] = (uv[n, 0] - u) * direction[n, 0] + (uv[n, 1] - v) * direction[n, 1]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def floor_derivatives(
     view: FloatArray, p: FloatArray, floor_m: FloatArray, direction: FloatArray, jacobian: FloatArray
 ) -> None:

@@ -11,9 +11,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.compiling.loops import compiled, variable
 
 CHANNELS = 2
 MEMBERS = 3  # left post, right post, bar
@@ -102,7 +102,7 @@ class ProfileUnknowns(NamedTuple):
     own: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def normal_cdf(z: float) -> tuple[float, float]:
     """Cumulative normal distribution, to 1e-7 (Abramowitz and Stegun, 7.1.26), and its density."""
     if z > 5.0:
@@ -116,7 +116,7 @@ def normal_cdf(z: float) -> tuple[float, float]:
     return (1.0 - tail if z > 0.0 else tail), 0.3989422804014327 * e
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _mix_pixel(image: UInt8Array, row: int, column: int, mix: FloatArray, value: FloatArray) -> None:
     """Mix one pixel's channels (C,) into a value (2,)."""
     for c in range(CHANNELS):
@@ -125,7 +125,7 @@ def _mix_pixel(image: UInt8Array, row: int, column: int, mix: FloatArray, value:
             value[c] += mix[c, k] * image[row, column, k]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _gather_member(
     picture: ProfilePicture, due: DueGoal, spread: ProfileSpread, member: int, pixels: ProfilePixels, n: int
 ) -> int:
@@ -176,7 +176,7 @@ def _gather_member(
     return n
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _gather_foot(picture: ProfilePicture, due: DueGoal, pieces: int, post: int, pixels: ProfilePixels, n: int) -> int:
     """Add the pixels around one post's foot; returns how many pixels there are now."""
     image, shine, edges, arcs = picture.image, picture.shine, due.edges, due.arcs
@@ -211,7 +211,7 @@ def _gather_foot(picture: ProfilePicture, due: DueGoal, pieces: int, post: int, 
     return n
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def gather_profiles(picture: ProfilePicture, due: DueGoal, spread: ProfileSpread, pixels: ProfilePixels) -> int:
     """Pixels across every member in segments along it, and those around both feet.
 
@@ -228,7 +228,7 @@ def gather_profiles(picture: ProfilePicture, due: DueGoal, spread: ProfileSpread
         How many pixels there are.
     """
     pixels.middle[:] = np.nan
-    n = 0
+    n = variable(0)
     for member in range(MEMBERS):
         n = _gather_member(picture, due, spread, member, pixels, n)
     for post in range(2):
@@ -236,7 +236,7 @@ def gather_profiles(picture: ProfilePicture, due: DueGoal, spread: ProfileSpread
     return n
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def pixel_model(
     place: FloatArray,
     is_foot: bool,

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra import cholesky
+from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.goal.profile import (
     CHANNELS,
     LANES,
@@ -101,20 +102,20 @@ class _Sums(NamedTuple):
     own_at: Int64Array
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _member_of(segment: int, pieces: int) -> int:
     """Which member a segment lies on; a foot on its post."""
     feet_from = MEMBERS * pieces
     return segment - feet_from if segment >= feet_from else segment // pieces
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _shared_index(k: int, base: int) -> int:
     """Place of the k-th shared unknown that a segment depends on: the blurs, then its member's own."""
     return k if k < CHANNELS else base + k - CHANNELS
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _start_with_priors(priors: ProfilePriors, unknowns: ProfileUnknowns, system: _System, noise: _Noise) -> None:
     """Set the normal equations to the priors alone, and the sums of the noise to nothing."""
     system.shared[:, :] = 0.0
@@ -133,7 +134,7 @@ def _start_with_priors(priors: ProfilePriors, unknowns: ProfileUnknowns, system:
     noise.squares[:] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _sum_pixels(
     pixels: ProfilePixels,
     span: tuple[int, int],
@@ -168,7 +169,7 @@ def _sum_pixels(
                 products[i, j] += wi * slopes[j]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_sums(sums: _Sums, s: int, base: int, c: int, system: _System) -> None:
     """Add the sums of one segment and channel to the normal equations."""
     products, index, mine = sums.products, sums.shared_at, sums.own_at
@@ -187,7 +188,7 @@ def _add_sums(sums: _Sums, s: int, base: int, c: int, system: _System) -> None:
             system.shared[index[i], index[j]] += products[4 + j, 4 + i]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _update_noise(pixels: ProfilePixels, is_robust: bool, noise: _Noise) -> None:
     """Noise of single pixels, and the part common to those one behind the other, channel by channel."""
     lanes, residual = noise.lanes, noise.residual
@@ -206,7 +207,7 @@ def _update_noise(pixels: ProfilePixels, is_robust: bool, noise: _Noise) -> None
         noise.inflation[c] = max(1.0, above / below)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _eliminate(first: Int64Array, pieces: int, system: _System) -> bool:
     """Eliminate the segments' own unknowns, and solve for the shared ones; False where a block is not definite."""
     solved, right_shared = system.solved, system.right_shared
@@ -233,7 +234,7 @@ def _eliminate(first: Int64Array, pieces: int, system: _System) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _step(first: Int64Array, pieces: int, system: _System, unknowns: ProfileUnknowns) -> float:
     """Move all unknowns by the solution; returns the greatest move that an edge was due, pixels."""
     farthest = 0.0
@@ -258,7 +259,7 @@ def _step(first: Int64Array, pieces: int, system: _System, unknowns: ProfileUnkn
     return farthest
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _move_variances(first: Int64Array, pieces: int, system: _System, noise: _Noise, variance: FloatArray) -> None:
     """Set the variance of each segment's two moves, from the factors of the last step."""
     unit, back, alone = np.empty(SHARED), np.empty(SHARED), np.empty(OWN)
@@ -275,7 +276,7 @@ def _move_variances(first: Int64Array, pieces: int, system: _System, noise: _Noi
             for jj in range(_OF_MEMBER):
                 j = _shared_index(jj, base)
                 unit[j] = system.solved[s, j, i]
-            back[:] = unit
+            copy_vector(unit, back)
             cholesky.substitute(system.shared, SHARED, back)
             variance[s, i] = alone[i]
             for j in range(SHARED):
@@ -283,7 +284,7 @@ def _move_variances(first: Int64Array, pieces: int, system: _System, noise: _Noi
             variance[s, i] *= max(1.0, noise.excess[s, i] / noise.seen[s, i])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _segment_starts(owner: Int64Array, segments: int) -> Int64Array:
     """First pixel of each segment, and their number (segments + 1,)."""
     first = np.zeros(segments + 1, np.int64)
@@ -294,7 +295,7 @@ def _segment_starts(owner: Int64Array, segments: int) -> Int64Array:
     return first
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fit_profiles(
     pixels: ProfilePixels,
     pieces: int,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def link_runs(
     row: FloatArray, left: FloatArray, right: FloatArray, lean: float, max_gap: float, chain: Int64Array
 ) -> int:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.compiling.loops import compiled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fill_shine(mask: UInt8Array, image: UInt8Array, least: int, longest: int, upright: bool) -> bool:
     """Set pixels that are bright in all channels and lie between two of the mask, not too far apart.
 

@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.copies import copy_vector
+from robocup_vision.kernels.algebra.order import sorted_median
 
 _ACROSS = np.linspace(0.15, 0.85, 7)  # of a foot: where carpet is looked for between the edges
 BRIGHTEST = 20.0
@@ -33,7 +35,7 @@ class StripLimits(NamedTuple):
     min_width_px: float
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def straight_line(row: FloatArray, value: FloatArray, keep: npt.NDArray[np.bool_]) -> tuple[float, float]:
     """Slope, and value at row 0, of the least-squares line through the kept ones."""
     count, middle, mean = 0, 0.0, 0.0
@@ -53,7 +55,7 @@ def straight_line(row: FloatArray, value: FloatArray, keep: npt.NDArray[np.bool_
     return slope, mean - slope * middle
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def summarize_chains(
     row: FloatArray, left: FloatArray, right: FloatArray, order: Int64Array, bounds: Int64Array, summary: FloatArray
 ) -> None:
@@ -73,12 +75,12 @@ def summarize_chains(
         wide = right[members] - left[members]
         summary[k, 0] = 0.5 * (left[members] + right[members]).mean()
         summary[k, 1] = row[members].mean()
-        summary[k, 2] = np.median(wide)
         summary[k, 3], summary[k, 4] = row[members[0]], row[members[-1]]
         summary[k, 5] = wide[members.shape[0] // 2]
+        summary[k, 2] = sorted_median(wide)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def foot_row(line: FloatArray, bottom: float, carpet: UInt8Array) -> float:
     """First row at or below a strip's end from which carpet lies between its edges; NaN if none does.
 
@@ -123,7 +125,7 @@ def foot_row(line: FloatArray, bottom: float, carpet: UInt8Array) -> float:
     return first + split - 0.5
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fit_strip(runs: Runs, members: Int64Array, carpet: UInt8Array, limits: StripLimits, strip: FloatArray) -> bool:
     """Fit one strip.
 
@@ -148,9 +150,9 @@ def fit_strip(runs: Runs, members: Int64Array, carpet: UInt8Array, limits: Strip
     row, left, right, contrast = runs
     count = members.shape[0]
     rows = row[members]
-    if count < 4 or rows[-1] - rows[0] < limits.min_aspect * np.median(right[members] - left[members]):
+    if count < 4 or rows[-1] - rows[0] < limits.min_aspect * sorted_median(right[members] - left[members]):
         return False
-    keep, off = np.empty(count, np.bool_), np.empty(count)
+    keep, off, work = np.empty(count, np.bool_), np.empty(count), np.empty(count)
     for side in range(2):
         value = left[members] if side == 0 else right[members]
         keep[:] = True
@@ -159,7 +161,8 @@ def fit_strip(runs: Runs, members: Int64Array, carpet: UInt8Array, limits: Strip
             lean, at = straight_line(rows, value, keep)
             for n in range(count):
                 off[n] = abs(value[n] - at - lean * rows[n])
-            typical = np.median(off)
+            copy_vector(off, work)
+            typical = sorted_median(work)
             for n in range(count):
                 keep[n] = off[n] <= max(0.75, 2.5 * typical)
         if abs(lean) > limits.max_lean or typical > 1.0:
@@ -176,7 +179,7 @@ def fit_strip(runs: Runs, members: Int64Array, carpet: UInt8Array, limits: Strip
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def mean_along(paint: UInt8Array, start: FloatArray, end: FloatArray, mean: FloatArray) -> None:
     """Mean of `paint` (H, W) between the pixels `start` and `end` (N, 2); 0 where most of it is outside the image."""
     for n in range(start.shape[0]):

@@ -6,9 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, point_in_camera
 
 
@@ -47,7 +48,7 @@ class Linearised(NamedTuple):
     weight: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def linearise(
     view: PinholeView,
     pose: FloatArray,
@@ -116,7 +117,7 @@ def linearise(
     return True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def fit_pose(
     view: PinholeView,
     start: FloatArray,
@@ -150,7 +151,7 @@ def fit_pose(
     """
     out = Linearised(np.empty(2), np.empty((2, 3)), np.empty((2, 2)))
     jacobian, weight = out.jacobian, out.weight
-    pose[:] = start
+    copy_vector(start, pose)
     normal = np.zeros((3, 3))
     for step in range(len(widths) + 1):
         final = step == len(widths)
@@ -180,7 +181,7 @@ def fit_pose(
     return normal
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _whitened(
     view: PinholeView,
     pose: FloatArray,
@@ -211,7 +212,7 @@ def _whitened(
     return seen[:count]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def most_informative(
     view: PinholeView,
     pose: FloatArray,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, point_in_camera
 
 
@@ -44,7 +43,7 @@ class InView(NamedTuple):
     depth_m: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def views_in_frustum(
     view: PinholeView,
     size_px: tuple[int, int],

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 
 
 class Described(NamedTuple):
@@ -29,7 +29,7 @@ class Described(NamedTuple):
     size_px: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def best_two(
     landmarks: Described, features: Described, gate_px: tuple[float, float], size_ratio: float
 ) -> tuple[Int64Array, Float32Array, Float32Array]:

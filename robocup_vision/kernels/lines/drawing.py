@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 
 _STEP_PX = 0.8
 _REACH = 2
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def draw_lines(
     points: FloatArray,
     max_apart_m: float,

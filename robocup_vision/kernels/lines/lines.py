@@ -6,13 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array, UInt16Array
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.three import solve_3x3
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, tone: Float32Array) -> UInt8Array:
     """Mark the pixels that have the floor's tone. Returns (H, W) uint8 of 0 and 1.
 
@@ -39,7 +39,7 @@ def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, tone: Float32Array)
     return out
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _half_crossing(whiteness: UInt8Array, x: int, y: int, dx: int, dy: int, reach: int, level: float) -> float:
     """Count the steps from (x, y) along (dx, dy) until whiteness falls to the level; -1 if not within reach."""
     before = float(whiteness[y, x])
@@ -51,7 +51,7 @@ def _half_crossing(whiteness: UInt8Array, x: int, y: int, dx: int, dy: int, reac
     return -1.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def line_ridge_points(
     whiteness: UInt8Array, green: UInt8Array, floor: UInt8Array, width_units: UInt16Array, threshold: int, limit: int
 ) -> FloatArray:
@@ -83,7 +83,7 @@ def line_ridge_points(
             value = np.int64(whiteness[y, x])
             if value < threshold:
                 continue
-            best, best_axis, best_reach, best_two = 0.0, -1, 0, np.int64(0)
+            best, best_axis, best_reach, best_two = 0.0, -1, variable(0), np.int64(0)
             for k in range(4):
                 units = width_units[k, y, x]
                 if units == 0:
@@ -137,7 +137,7 @@ def line_ridge_points(
     return out[:count]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _nearest_line(x: float, y: float, lines: FloatArray, arcs: FloatArray) -> tuple[float, float, float, int]:
     """Nearest point of the field's lines and arcs: distance, unit normal (from the line towards the point), index."""
     best, foot_x, foot_y, index = 1e30, 0.0, 0.0, -1
@@ -181,7 +181,7 @@ def _nearest_line(x: float, y: float, lines: FloatArray, arcs: FloatArray) -> tu
     return distance, dx / length, dy / length, index
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def nearest_lines(points: FloatArray, lines: FloatArray, arcs: FloatArray) -> tuple[FloatArray, FloatArray, Int64Array]:
     """Nearest field line of each point (N, 2).
 
@@ -236,7 +236,7 @@ class PoseGrid(NamedTuple):
     size: tuple[int, int]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def score_pose_grid(points: FloatArray, distances: DistanceTable, grid: PoseGrid) -> Int32Array:
     """Sum the tabulated distances of points seen from every pose of a grid. Returns (K, count_y, count_x) int32.
 
@@ -265,7 +265,7 @@ def score_pose_grid(points: FloatArray, distances: DistanceTable, grid: PoseGrid
     return cost
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def refine_line_poses(
     poses: FloatArray,
     points: FloatArray,

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, solve_symmetric, substitute
 
 # rows of the present profile, (3, J): inverse range at bearing j * 2 pi / J (1/m, NaN where none), its variance, and
@@ -66,13 +66,13 @@ class Sums(NamedTuple):
     scatter: FloatArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _is_step(one: float, other: float, variance: float) -> bool:
     """Whether two neighbouring inverse ranges (1/m), NaN for none, lie on different things."""
     return not abs(one - other) < 3.0 * math.sqrt(2.0 * variance) + _STEP_RATIO * other
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def smooth(
     inverse: FloatArray, variance: FloatArray, reach: int, value: FloatArray, spread: FloatArray, slope: FloatArray
 ) -> None:
@@ -114,7 +114,7 @@ def smooth(
             spread[j] = variance[j] * ss / size
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
     """Give numbers to the things seen: neighbouring directions with no step in depth between them.
 
@@ -142,7 +142,7 @@ def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
     return things
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def widths(points: FloatArray, thing: Int64Array, width: FloatArray) -> None:
     """How wide each thing is: the diagonal of the box around its points (M, 2 or more); `width` (T,) is written, m."""
     low, high = np.full((len(width), 2), math.inf), np.full((len(width), 2), -math.inf)
@@ -155,7 +155,7 @@ def widths(points: FloatArray, thing: Int64Array, width: FloatArray) -> None:
         width[t] = math.hypot(high[t, 0] - low[t, 0], high[t, 1] - low[t, 1])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_block(
     own_normal: FloatArray,
     own_slope: FloatArray,
@@ -194,7 +194,7 @@ def _add_block(
     own_slope[:] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def compare(
     present: FloatArray,
     past: FloatArray,
@@ -277,7 +277,7 @@ def compare(
     return total, counted, comparable, blocks
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blocks: int) -> float:
     """Return how many times larger than stated the errors are, by the blocks' disagreement; at least 1.
 
@@ -303,7 +303,7 @@ def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blo
     return max(1.0, shown / max(claimed, 1e-12) * blocks / (blocks - 3.0))
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def difference(
     present: FloatArray,
     earlier: Earlier,
@@ -353,7 +353,7 @@ def difference(
     return total, used, agreeing / max(all_comparable, 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def refine(
     present: FloatArray,
     earlier: Earlier,
@@ -389,7 +389,7 @@ def refine(
     return used, ratio
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def search(present: FloatArray, points: FloatArray, poses: FloatArray, gate: float) -> int:
     """Which of the candidate poses (N, 3) lets most of the points (P, 4) agree; of equals, the first."""
     bearings = present.shape[1]

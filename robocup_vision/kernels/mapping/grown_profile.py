@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
 
 # Bins of the grown profile (0.45 to 0.9 degrees) and the groups of them over which trajectories take long steps.
 # Constants of the compiler, because a division by them is then a shift.
@@ -50,7 +50,7 @@ class Profile(NamedTuple):
     coarse: FloatArray
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def profile_bin(x: float, y: float) -> int:
     """Bin of the direction (x, y)."""
     # The diamond angle grows with the bearing as atan2 does, at the price of one division.
@@ -63,7 +63,7 @@ def profile_bin(x: float, y: float) -> int:
     return index if index < BINS else index - BINS
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def measure_sectors(bearing: FloatArray, sectors: Sectors) -> bool:
     """Give each bearing (J,), radians, its sector; False where the bearings do not ascend within one turn.
 
@@ -95,14 +95,14 @@ def measure_sectors(bearing: FloatArray, sectors: Sectors) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _widen(lows: FloatArray, count: int, out: FloatArray) -> None:
     """Smallest of each of the first `count` values and its two neighbours around the turn."""
     for k in range(count):
         out[k] = min(lows[k], min(lows[k - 1 if k > 0 else count - 1], lows[k + 1 if k + 1 < count else 0]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def grow_profile(range_m: FloatArray, sectors: Sectors, radius_m: float, profile: Profile) -> float:
     """Fill the grown profile: per bin the smallest centre range at which a disc touches a sector's arc or its shadow.
 

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import BoolArray, Float32Array, FloatArray, Int8Array, Int32Array
+from robocup_vision.compiling.loops import compiled
 
 # evidence of a cell: none; a hit (the paper's event O); crossed (not O)
 SILENT, HIT, CROSSED = 0, 1, 2
@@ -48,7 +48,7 @@ class ProfileArrays(NamedTuple):
     hit: BoolArray
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _span(dx: float, dy: float, half: float) -> tuple[float, float, float, float, float]:
     """Nearest and farthest range of a cell, direction of its middle, and its lowest and highest direction from that.
 
@@ -65,7 +65,7 @@ def _span(dx: float, dy: float, half: float) -> tuple[float, float, float, float
     return near, far, math.atan2(dy, dx), math.atan(low), math.atan(high)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _first_cone(direction: float, lower: FloatArray, upper: FloatArray) -> tuple[int, float]:
     """Cone that holds a direction, or, in a gap, the next one; and the angle from the direction to where it begins."""
     offset = (direction - lower[0]) % _TURN
@@ -82,7 +82,7 @@ def _first_cone(direction: float, lower: FloatArray, upper: FloatArray) -> tuple
     return after, (lower[after] - lower[0] - offset) % _TURN
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def gather_evidence(
     sensor: SensorInGrid, profile: ProfileArrays, nearest_m: float, reach_m: float, discs: FloatArray, out: Int8Array
 ) -> None:
@@ -156,7 +156,7 @@ def gather_evidence(
                 out[i, j] = CROSSED
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _chord(dx: float, dy: float, half: float, c: float, s: float) -> tuple[float, float]:
     """Where a ray from the origin along (c, s) enters and leaves the cell about (dx, dy); enter > leave: it misses."""
     enter, leave = 0.0, np.inf
@@ -173,7 +173,7 @@ def _chord(dx: float, dy: float, half: float, c: float, s: float) -> tuple[float
     return enter, leave
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _touches(x: float, y: float, half: float, discs: FloatArray) -> bool:
     """Whether the cell about (x, y) touches one of the discs."""
     for d in range(discs.shape[0]):
@@ -184,7 +184,7 @@ def _touches(x: float, y: float, half: float, discs: FloatArray) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def add_evidence(
     evidence: Int8Array,
     hit_step: float,
@@ -203,7 +203,7 @@ def add_evidence(
             observations[i, j] += 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def free_ranges(
     sensor: SensorInGrid, lower: FloatArray, upper: FloatArray, nearest_m: float, is_free: BoolArray, out: FloatArray
 ) -> None:

@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.model_edges.find import Bank, upright_mismatch
 
@@ -46,7 +46,7 @@ class Alignment(NamedTuple):
     gates_px: FloatArray
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _residual(
     bank: Bank, how: Alignment, pose: FloatArray, turned: FloatArray, n: int, row: FloatArray
 ) -> tuple[float, bool]:
@@ -89,14 +89,14 @@ def _residual(
     return away / one, True
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _turned(how: Alignment, pose: FloatArray, out: FloatArray) -> None:
     out[0], out[1] = math.cos(pose[2]), math.sin(pose[2])
     out[2], out[3] = math.cos(how.tilt_rad + pose[3]), math.sin(how.tilt_rad + pose[3])
     out[4], out[5] = math.cos(how.roll_rad + pose[4]), math.sin(how.roll_rad + pose[4])
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def align(bank: Bank, how: Alignment, start: FloatArray, pose: FloatArray) -> float:
     """Move one pose to the line points.
 
@@ -158,7 +158,7 @@ def align(bank: Bank, how: Alignment, start: FloatArray, pose: FloatArray) -> fl
     return float(cost)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def align_all(
     bank: Bank,
     how: Alignment,

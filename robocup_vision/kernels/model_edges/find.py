@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
+from robocup_vision.compiling.loops import compiled, variable
 
 BINS = 96  # of bearing across the picture
 FIRST_POINTS = 14
@@ -53,7 +53,7 @@ class Bank(NamedTuple):
     half_view_rad: float
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def upright_bins(
     image: UInt8Array, lens: FloatArray, horizon_row: float, paints: FloatArray, bank_half: float, seen: FloatArray
 ) -> None:
@@ -99,7 +99,7 @@ def upright_bins(
             seen[k, i + 1] = seen[k, i] + (1.0 if best >= 3 else 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def floor_places(
     points: FloatArray, count: int, lens: FloatArray, tilt: float, roll: float, height_m: float, most_m: float,
     out: FloatArray,
@@ -135,7 +135,7 @@ def floor_places(
     return kept
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: float, c: float, s: float) -> float:
     """Sum of squared distances from lines in tolerances, each at most 1."""
     total = 0.0
@@ -154,7 +154,7 @@ def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: flo
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _upright_spans(bank: Bank, x: float, y: float, low: FloatArray, high: FloatArray) -> None:
     """Bearings from a place, field frame, between which each upright stands."""
     for m in range(bank.items.shape[0]):
@@ -173,7 +173,7 @@ def _upright_spans(bank: Bank, x: float, y: float, low: FloatArray, high: FloatA
         low[m], high[m] = min(0.0, turn) - half + a, max(0.0, turn) + half + a
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _mismatch(bank: Bank, seen: FloatArray, total: float, low: FloatArray, high: FloatArray, theta: float) -> float:
     """Bins that show a paint where none is predicted, and of those predicted that do not a part: robots hide them."""
     per_bin = BINS / (2.0 * bank.half_view_rad)
@@ -192,7 +192,7 @@ def _mismatch(bank: Bank, seen: FloatArray, total: float, low: FloatArray, high:
     return float(max(total - matched, 0.0) + 0.4 * max(predicted - matched, 0.0))
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def upright_mismatch(bank: Bank, seen: FloatArray, x: float, y: float, theta: float) -> float:
     """Count the bearing bins that do not show what a pose predicts; see `score_bank` for the arguments."""
     low, high = np.empty(bank.items.shape[0]), np.empty(bank.items.shape[0])
@@ -203,7 +203,7 @@ def upright_mismatch(bank: Bank, seen: FloatArray, x: float, y: float, theta: fl
     return _mismatch(bank, seen, total, low, high, theta)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def score_bank(
     bank: Bank, rows: FloatArray, number: int, seen: FloatArray, upright_weight: float, scores: FloatArray
 ) -> None:
@@ -235,16 +235,55 @@ def score_bank(
         for j in range(headings):
             theta = bank.headings[j]
             c, s = math.cos(theta), math.sin(theta)
-            cost = _misfit(bank, rows, 0, first, x, y, c, s)
+            cost = _misfit(bank, rows, variable(0), first, x, y, c, s)
             wrong = _mismatch(bank, seen, total, low, high, theta)
             scores[i, j] = cost * (number / max(first, 1)) + upright_weight * wrong
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
+def _score_by_all(bank: Bank, rows: FloatArray, number: int, scores: FloatArray, order: Int64Array) -> FloatArray:
+    """Return scores by all points of the poses at some places of `scores`, an array of places x headings, flat."""
+    headings = bank.headings.shape[0]
+    full = np.empty(order.shape[0])
+    first = min(number, FIRST_POINTS)
+    for n in range(order.shape[0]):
+        i, j = order[n] // headings, order[n] % headings
+        c, s = math.cos(bank.headings[j]), math.sin(bank.headings[j])
+        x, y = bank.places[i, 0], bank.places[i, 1]
+        few = _misfit(bank, rows, variable(0), first, x, y, c, s)
+        rest = _misfit(bank, rows, first, number, x, y, c, s)
+        full[n] = scores[order[n]] - few * (number / max(first, 1)) + few + rest
+    return full
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _first_apart(bank: Bank, order: Int64Array, full: FloatArray, apart: FloatArray, out: FloatArray) -> int:
+    """Take poses in the order given that are apart from those taken before; returns how many."""
+    headings = bank.headings.shape[0]
+    count = 0
+    for n in range(order.shape[0]):
+        i, j = order[n] // headings, order[n] % headings
+        x, y, theta = bank.places[i, 0], bank.places[i, 1], bank.headings[j]
+        near = False
+        for k in range(count):
+            turn = abs(theta - out[k, 2])
+            turn = min(turn, math.tau - turn)
+            if math.sqrt((x - out[k, 0]) ** 2 + (y - out[k, 1]) ** 2) < apart[0] and turn < apart[1]:
+                near = True
+        if not near:
+            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, theta, full[n]
+            count += 1
+            if count == out.shape[0]:
+                break
+    return count
+
+
 def best_poses(
     bank: Bank, rows: FloatArray, number: int, scores: FloatArray, kept: int, apart: FloatArray, out: FloatArray
 ) -> int:
     """Score the best `kept` poses by all points and give those that are apart, the best first.
+
+    NumPy sorts: compiling a sort for this one use takes seconds.
 
     Parameters
     ----------
@@ -262,33 +301,9 @@ def best_poses(
     int
         How many.
     """
-    headings = bank.headings.shape[0]
     flat = scores.reshape(-1)
-    kept = min(kept, flat.shape[0])
+    kept = min(kept, len(flat))
     order = np.flatnonzero(flat <= np.partition(flat, kept - 1)[kept - 1])
-    full = np.empty(order.shape[0])
-    first = min(number, FIRST_POINTS)
-    for n in range(order.shape[0]):
-        i, j = order[n] // headings, order[n] % headings
-        c, s = math.cos(bank.headings[j]), math.sin(bank.headings[j])
-        x, y = bank.places[i, 0], bank.places[i, 1]
-        few = _misfit(bank, rows, 0, first, x, y, c, s)
-        rest = _misfit(bank, rows, first, number, x, y, c, s)
-        full[n] = flat[order[n]] - few * (number / max(first, 1)) + few + rest
-    again = np.argsort(full)
-    count = 0
-    for n in again:
-        i, j = order[n] // headings, order[n] % headings
-        x, y, theta = bank.places[i, 0], bank.places[i, 1], bank.headings[j]
-        near = False
-        for k in range(count):
-            turn = abs(theta - out[k, 2])
-            turn = min(turn, math.tau - turn)
-            if math.sqrt((x - out[k, 0]) ** 2 + (y - out[k, 1]) ** 2) < apart[0] and turn < apart[1]:
-                near = True
-        if not near:
-            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, theta, full[n]
-            count += 1
-            if count == out.shape[0]:
-                break
-    return count
+    full = _score_by_all(bank, rows, number, flat, order)
+    again = np.argsort(full, kind="stable")
+    return _first_apart(bank, order[again], full[again], apart, out)

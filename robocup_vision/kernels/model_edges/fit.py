@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Room
 
@@ -31,7 +31,7 @@ class Noise(NamedTuple):
     shared_px: float
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _nearest(found: Findings, n: int, expected: float) -> float:
     """Residual of the candidate of sample n that lies nearest to where a hypothesis puts it; 1e9 without any."""
     best, least = 1e9, 1e9
@@ -42,7 +42,7 @@ def _nearest(found: Findings, n: int, expected: float) -> float:
     return best
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def msac(rows: FloatArray, count: int, found: Findings, z: FloatArray, gate_px: float, prior_ratio: float) -> float:
     """Cost a hypothesis: squared residuals in gates, at most 1 a sample, and the distance from the prior."""
     cost = 0.0
@@ -60,7 +60,7 @@ def msac(rows: FloatArray, count: int, found: Findings, z: FloatArray, gate_px: 
     return cost + prior_ratio * far
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSettings, modes: FloatArray) -> int:
     """Choose among hypotheses, each of three candidates and the prior.
 
@@ -151,7 +151,7 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
     return kept
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _median_size(residual: FloatArray, weight: FloatArray, gate_px: float) -> float:
     """Median of the absolute residuals of inliers, pixels, to a fraction of a histogram's bin."""
     bins = np.zeros(BINS, np.int64)
@@ -167,7 +167,7 @@ def _median_size(residual: FloatArray, weight: FloatArray, gate_px: float) -> fl
     return float((k + (0.5 * total - below) / max(bins[k], 1)) * gate_px / BINS)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, noise: Noise) -> None:
     """Sum up information (7, 7) and gradient (7,) of the weighted residuals.
 
@@ -212,7 +212,7 @@ def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, no
             information[j, i] = information[i, j]
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def robust_fit(
     room: Room, count: int, settings: FollowSettings, gates: Gates, z0: FloatArray, z: FloatArray
 ) -> tuple[int, float, bool]:

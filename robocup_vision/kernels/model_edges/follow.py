@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
@@ -88,13 +88,13 @@ class Fit(NamedTuple):
     figures: FloatArray
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def brightness(carpet: FloatArray) -> float:
     """Light of a picture, relative to that which channels are given for, by its carpet."""
     return float(min(max((carpet[0] + carpet[1] + carpet[2]) / CARPET_LIGHT, 0.15), 1.6))
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
     """Unknowns of standard normal ones about the prior's mean."""
     for i in range(UNKNOWNS):
@@ -103,7 +103,7 @@ def _moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
             p[i] += prior.root[i, j] * z[j]
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _refine(
     image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, z: FloatArray
 ) -> tuple[int, int, float, bool]:
@@ -142,7 +142,7 @@ def _refine(
     return count, inliers, rms, True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def prepare(
     pose: FloatArray,
     covariance: FloatArray,
@@ -192,7 +192,7 @@ def prepare(
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def follow(
     image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, rooms: Rooms, fit: Fit, most_modes: int
 ) -> bool:
@@ -254,7 +254,7 @@ def follow(
     return _conclude(prior.root, z, room.information, room.gradient, fit)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _assess(
     image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, z: FloatArray
 ) -> tuple[bool, float]:
@@ -301,7 +301,7 @@ def _assess(
     return clear, worth
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _edges_found(room: Room, count: int) -> int:
     """Count the edges of the field of which samples were found."""
     last = 0
@@ -314,7 +314,7 @@ def _edges_found(room: Room, count: int) -> int:
     return int(is_found.sum())
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _conclude(root: FloatArray, z: FloatArray, information: FloatArray, gradient: FloatArray, fit: Fit) -> bool:
     """Return the covariance with the prior, and information and gradient without it, in the unknowns' own units."""
     size = UNKNOWNS
@@ -385,7 +385,7 @@ def _conclude(root: FloatArray, z: FloatArray, information: FloatArray, gradient
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _position_std(information: FloatArray) -> float:
     """Return the greatest standard deviation of x and y, heading open, by an information matrix (3, 3); at most 9."""
     turn = max(information[2, 2], 1e-9)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.pinhole import camera_axes
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
@@ -28,7 +28,7 @@ THIN_PX = 4.0
 MIN_RADIUS_PX = 12.0  # of a curve: three times what is read on both sides of a thin line
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def pose_frame(p: FloatArray, lens: FloatArray, frame: FloatArray) -> None:
     """Prepare projection: frame (16,) takes rotation by rows, viewpoint, focal lengths, heading's sine, cosine."""
     rows = camera_axes(p[2], p[3], p[4])
@@ -41,7 +41,7 @@ def pose_frame(p: FloatArray, lens: FloatArray, frame: FloatArray) -> None:
     frame[14], frame[15] = math.sin(p[2]), math.cos(p[2])
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def distorted(lens: FloatArray, a: float, b: float) -> tuple[float, float, float, float, float, float]:
     """Distort slopes; also the derivative, row by row. Not for slopes beyond the lens' fold."""
     if lens[6] == 0.0:
@@ -60,7 +60,7 @@ def distorted(lens: FloatArray, a: float, b: float) -> tuple[float, float, float
     return x, y, xa, xb, xb, yb
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _emit(
     frame: FloatArray,
     lens: FloatArray,
@@ -167,7 +167,7 @@ def _emit(
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _clip(frame: FloatArray, lens: FloatArray, ends: FloatArray, part: FloatArray) -> float:
     """Clip a segment (6,) to what the camera sees; part takes the ends' fractions, depths; returns the length in px."""
     c = np.empty((2, 3))
@@ -204,7 +204,7 @@ def _clip(frame: FloatArray, lens: FloatArray, ends: FloatArray, part: FloatArra
     return math.sqrt((frame[12] * du) ** 2 + (frame[13] * dv) ** 2)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _segment(
     frame: FloatArray,
     lens: FloatArray,
@@ -233,7 +233,7 @@ def _segment(
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray) -> int:
     """Edges that cylinders and bars show a viewpoint, as rows (K, 14) like `FieldEdges.segments`; returns how many."""
     count = 0
@@ -275,7 +275,7 @@ def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _projected(frame: FloatArray, point: FloatArray) -> tuple[float, float, float]:
     """Project a point on the floor without distortion: pixels from the centre, the other way round, and its depth."""
     dx, dy, dz = point[0] - frame[9], point[1] - frame[10], -frame[11]
@@ -286,7 +286,7 @@ def _projected(frame: FloatArray, point: FloatArray) -> tuple[float, float, floa
     return u, v, depth
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _is_sharp(u0: float, v0: float, u1: float, v1: float, after: tuple[float, float, float]) -> bool:
     """Whether a curve bends too sharply at its middle point of three for a search along the normal.
 
@@ -300,7 +300,7 @@ def _is_sharp(u0: float, v0: float, u1: float, v1: float, after: tuple[float, fl
     return 0.5 * (math.sqrt(au * au + av * av) + math.sqrt(bu * bu + bv * bv)) < MIN_RADIUS_PX * turn
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _curves(
     field: FieldEdges,
     lens: FloatArray,
@@ -350,7 +350,7 @@ def _curves(
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def predict(field: FieldEdges, lens: FloatArray, p: FloatArray, spacing_px: float, out: Samples) -> int:
     """Sample all edges of the field that the camera sees from a pose.
 
@@ -377,7 +377,7 @@ def predict(field: FieldEdges, lens: FloatArray, p: FloatArray, spacing_px: floa
     pose_frame(p, lens, frame)
     seen = np.empty((2 * (field.cylinders.shape[0] + field.bars.shape[0]) + 1, 14))
     upright = _silhouettes(field, frame, seen)
-    count = 0
+    count = variable(0)
     for n in range(field.segments.shape[0] + upright):
         standing = n >= field.segments.shape[0]
         row = seen[n - field.segments.shape[0]] if standing else field.segments[n]

@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
     ON_FLOOR,
@@ -33,7 +33,7 @@ MIN_PAINT, MIN_HUE_COS, MIN_WHITENESS = 0.3, 0.7, 0.5
 ONE, TWO = np.uintp(1), np.uintp(2)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None:
     """Estimate the carpet's colour and the picture's noise from a grid of pixels below the horizon.
 
@@ -101,7 +101,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
     carpet[4] = number / max(total, 1)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def is_carpet(b: float, g: float, r: float, carpet: FloatArray) -> bool:
     """Return whether a colour is the carpet's, somewhat brighter or darker."""
     light, known = b + g + r, carpet[0] + carpet[1] + carpet[2]
@@ -111,7 +111,7 @@ def is_carpet(b: float, g: float, r: float, carpet: FloatArray) -> bool:
     return bool(abs(b / light - carpet[0] / known) < slack and abs(r / light - carpet[2] / known) < slack)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _mean_of_three(flat: UInt8Array, at: int, beside: int) -> tuple[float, float, float]:
     """Blue, green and red of three neighbouring pixels of a flattened picture."""
     first, middle, last = np.uintp(at - beside), np.uintp(at), np.uintp(at + beside)
@@ -121,7 +121,7 @@ def _mean_of_three(flat: UInt8Array, at: int, beside: int) -> tuple[float, float
     return blue / 3.0, green / 3.0, red / 3.0
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def is_paint(b: float, g: float, r: float, channel: FloatArray, brightness: float) -> bool:
     """Whether a colour may be a channel's paint: of its hue, or white; any colour may be a grey or black paint."""
     mean = (b + g + r) / 3.0
@@ -148,7 +148,7 @@ class Profile(NamedTuple):
     gap: int
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _borders_rightly(
     flat: UInt8Array,
     profile: Profile,
@@ -180,7 +180,7 @@ def _borders_rightly(
     return bool(is_carpet(after[0], after[1], after[2], carpet))
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _add_up(flat: UInt8Array, profile: Profile, channel: FloatArray, sums: FloatArray) -> None:
     """Sum up a channel along a profile, the means of three neighbours; sums (L + 1,) begin with 0."""
     # three neighbours are added up
@@ -196,7 +196,7 @@ def _add_up(flat: UInt8Array, profile: Profile, channel: FloatArray, sums: Float
         at += profile.advance
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _respond(sums: FloatArray, profile: Profile, flank: int, length: int, response: FloatArray) -> tuple[int, int]:
     """Compare the pixels inside, from each place on, with those before; of a ridge, that has flanks, on both sides.
 
@@ -216,7 +216,7 @@ def _respond(sums: FloatArray, profile: Profile, flank: int, length: int, respon
     return begin, end
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _keep_strongest(found: Findings, n: int, kept: int, strength: float, offset_px: float) -> int:
     """Put a candidate of a sample in its place among those kept; returns how many are kept now."""
     place = kept
@@ -233,7 +233,7 @@ def _keep_strongest(found: Findings, n: int, kept: int, strength: float, offset_
     return kept
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def search(
     image: UInt8Array,
     channels: FloatArray,
@@ -337,7 +337,7 @@ def search(
         is_ridge = samples.kind[n] == RIDGE
         begin, end = _respond(sums, profile, flank if is_ridge else 0, length, response)
         middle_of = 0.5 * (inner - 1) if is_ridge else -0.5
-        kept = 0
+        kept = variable(0)
         for i in range(begin + 1, end):
             here = response[i]
             if here < least or here <= response[i - 1] or here < response[i + 1]:
@@ -354,7 +354,7 @@ def search(
         found.candidates[n] = kept
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def whiten(samples: Samples, count: int, root: FloatArray, rows: FloatArray) -> None:
     """Take derivatives (M, 7) by the prior's standard normal unknowns: rows of the Jacobian times the root (7, 7)."""
     for n in range(count):
@@ -365,7 +365,7 @@ def whiten(samples: Samples, count: int, root: FloatArray, rows: FloatArray) -> 
             rows[n, j] = value
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def reaches(rows: FloatArray, count: int, settings: FollowSettings, reach_px: FloatArray) -> None:
     """Return how far from its prediction each sample may lie, by the prior."""
     for n in range(count):

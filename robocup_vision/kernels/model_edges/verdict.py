@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.model_edges.search import is_carpet
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
@@ -36,7 +36,7 @@ class LineLook(NamedTuple):
     stride: int
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _patch(image: UInt8Array, u: float, v: float, carpet: FloatArray) -> bool:
     """Return whether plain carpet lies at a pixel: the mean of three by three pixels is the carpet's colour."""
     x, y = int(round(u)), int(round(v))
@@ -51,7 +51,7 @@ def _patch(image: UInt8Array, u: float, v: float, carpet: FloatArray) -> bool:
     return is_carpet(b / 9.0, g / 9.0, r / 9.0, carpet)
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def judge(
     image: UInt8Array, carpet: FloatArray, settings: FollowSettings, room: Room, count: int, z: FloatArray
 ) -> tuple[int, int, int, int]:
@@ -104,7 +104,7 @@ def judge(
     return seen, missing, upright, hidden
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def line_points(
     image: UInt8Array, lens: FloatArray, p: FloatArray, carpet: FloatArray, look: LineLook, points: FloatArray
 ) -> int:
@@ -133,7 +133,7 @@ def line_points(
     height, width = image.shape[0], image.shape[1]
     least, stride, line_width_m = look.min_step, look.stride, look.width_m
     fu, fv = lens[0] * math.exp(p[6]), lens[1] * math.exp(p[6])
-    count = 0
+    count = variable(0)
     sums = np.empty(max(height, width) + 1)
     inner_of_row = np.empty(height, np.int64)
     tan_tilt, tan_roll = math.tan(p[3]), math.tan(p[4])
@@ -165,7 +165,7 @@ def line_points(
                 else:
                     light = int(image[i, at, 0]) + int(image[i, at, 2])
                 sums[i + 1] = sums[i] + light
-            peak, place, half = 0.0, -1, 1
+            peak, place, half = 0.0, variable(-1), variable(1)
             for i in range(begin + 6, length - 6):
                 rise, gap = 0.0, half
                 if sums[i + 1] - sums[i] > bright:
@@ -188,7 +188,7 @@ def line_points(
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _keep(
     image: UInt8Array, at: int, place: int, half: int, by_row: bool, carpet: FloatArray, points: FloatArray, count: int
 ) -> int:
@@ -212,7 +212,7 @@ def _keep(
     return count + 1
 
 
-@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def explained(room: Room, number: int, count: int, z: FloatArray, settings: FollowSettings) -> int:
     """Count the line points that lie on predicted lines."""
     points, samples, rows = room.points, room.samples, room.rows

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 
 # actions at a node, besides the viewpoints' numbers
 DETOUR = -1
@@ -41,7 +41,7 @@ class GateProblem(NamedTuple):
     confirmed: float
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def stop_cost(wide: float, narrow: float, passing: float, failing: float, detour: float, confirmed: float) -> float:
     """Least cost, weighted by mass, without a further look: the detour, or the gap if it is confirmed."""
     cost = (wide + narrow) * detour
@@ -50,7 +50,7 @@ def stop_cost(wide: float, narrow: float, passing: float, failing: float, detour
     return cost
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def search(
     belief: FloatArray,
     depth: int,

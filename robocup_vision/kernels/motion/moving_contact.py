@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.motion.trajectories import predict_position, predict_velocity
 
 Pair = tuple[float, float]
@@ -16,14 +16,14 @@ Pair = tuple[float, float]
 COLUMNS = 8
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _keep_off_m(moving: FloatArray, k: int, t: float) -> float:
     """Distance, metres, that the robot's centre keeps from the middle of disc k, t seconds from now."""
     spread = math.sqrt(moving[k, 5] * moving[k, 5] + moving[k, 6] * moving[k, 6] * t * t)
     return float(moving[k, 4] + min(spread, moving[k, 7]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def moving_contact_time(
     start: Pair,
     velocity: Pair,
@@ -81,7 +81,7 @@ def moving_contact_time(
     return first
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def moving_contact_then_stop(
     start: Pair,
     velocity: Pair,

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.motion.trajectories import predict_position, predict_velocity
 
 Pair = tuple[float, float]
@@ -47,7 +47,7 @@ class Following(NamedTuple):
     odometry: Pair
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def nearest_on_path(path: FloatArray, place: Pair) -> tuple[float, float, float]:
     """Return (arc length, distance, length of the whole path), metres, of the path's point nearest to `place`.
 
@@ -67,7 +67,7 @@ def nearest_on_path(path: FloatArray, place: Pair) -> tuple[float, float, float]
     return arc, nearest, length
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def point_on_path(path: FloatArray, arc: float) -> Pair:
     """Return the path's point at this arc length; beyond its ends, the end."""
     left = max(arc, 0.0)
@@ -80,7 +80,7 @@ def point_on_path(path: FloatArray, arc: float) -> Pair:
     return path[-1, 0], path[-1, 1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def follow(path: FloatArray, place: Pair, speed: float, ahead_m: float, acceleration: float) -> Pair:
     """Return the velocity to command, m/s: towards the path's point `ahead_m` further on, to rest at its end.
 
@@ -98,7 +98,7 @@ def follow(path: FloatArray, place: Pair, speed: float, ahead_m: float, accelera
     return allowed * dx / away, allowed * dy / away
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def drive(
     place: Pair, velocity: Pair, pending: Pair, target: Pair, acceleration: float, dead_time: float, period: float
 ) -> tuple[Pair, Pair]:
@@ -110,7 +110,7 @@ def drive(
     return place, predict_velocity(velocity, target, acceleration, period - late)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def spread(covariance: FloatArray, odometry: Pair, moved: Pair) -> tuple[float, float, float]:
     """Return the covariance (xx, xy, yy), square metres, of the place after a move by odometry.
 
@@ -126,7 +126,7 @@ def spread(covariance: FloatArray, odometry: Pair, moved: Pair) -> tuple[float, 
     return xx, xy, yy
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _toward(disc: FloatArray, place: Pair, spread_m2: tuple[float, float, float]) -> tuple[float, float]:
     """Return (distance, m, variance along it, m2) to a disc, from a place of this covariance (xx, xy, yy)."""
     dx, dy = disc[0] - place[0], disc[1] - place[1]
@@ -136,13 +136,13 @@ def _toward(disc: FloatArray, place: Pair, spread_m2: tuple[float, float, float]
     return away, variance + 2.0 * ux * uy * (spread_m2[1] + disc[4])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _turned(vector: Pair, angle: float) -> Pair:
     cosine, sine = math.cos(angle), math.sin(angle)
     return cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _allowances(discs: FloatArray, start: Start, sigmas: float) -> FloatArray:
     """(M,) metres: who is nearer than allowed already may go on if it gets no nearer: what is missing now is given."""
     given = np.empty(discs.shape[0])
@@ -153,7 +153,7 @@ def _allowances(discs: FloatArray, start: Start, sigmas: float) -> FloatArray:
     return given
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _clearance_until_look(
     path: FloatArray, start: Start, way: Following, discs: FloatArray, given: FloatArray, sigmas: float
 ) -> tuple[float, int, Pair, Pair, Pair]:
@@ -181,7 +181,7 @@ def _clearance_until_look(
     return least, which, viewpoint, there, commanded
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _clearance_of_return(
     path: FloatArray,
     worst: tuple[Pair, Pair, Pair],
@@ -218,7 +218,7 @@ def _clearance_of_return(
     return least, which
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def min_clearance(
     path: FloatArray, start: Start, way: Following, discs: FloatArray, sigmas: float
 ) -> tuple[float, int]:

@@ -6,9 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.mapping.grown_profile import Profile, Sectors, grow_profile, measure_sectors, profile_bin
 from robocup_vision.kernels.motion.moving_contact import moving_contact_then_stop, moving_contact_time
 from robocup_vision.kernels.motion.trajectories import contact_time, predict_position, predict_velocity
@@ -114,14 +115,14 @@ class Start(NamedTuple):
     coasted: float
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def unwind(detour: float, way_m: float, radius_m: float) -> float:
     """Return what is left of a detour (radians, signed) after a way driven: it turns back in an arc of this radius."""
     left = max(abs(detour) - way_m / radius_m, 0.0)
     return math.copysign(left, detour)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, moving: FloatArray) -> Start:
     """Predict the dead time: what happens before the new command is obeyed, no choice can change.
 
@@ -136,7 +137,7 @@ def _coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, movi
     return Start(position, predict_velocity(velocity, pending, acceleration, dead_time), coasted)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _try_command(
     start: Start, target: Pair, speed: float, rules: Rules, profile: Profile, smallest: float, moving: FloatArray
 ) -> tuple[float, float, float]:
@@ -172,7 +173,7 @@ def _try_command(
     return t, needed, meets
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _passes_target(start: Start, target: Pair, speed: float, t: float, distance: float, rules: Rules) -> bool:
     """Whether a contact at t, on the way straight to a target at a distance, lies beyond it and the stop after it."""
     if not (distance < np.inf and t >= rules.dead_time):
@@ -185,7 +186,7 @@ def _passes_target(start: Start, target: Pair, speed: float, t: float, distance:
     return math.hypot(x, y) >= distance + 0.5 * speed * speed / rules.acceleration
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _latest_contact(
     motion: Motion,
     start: Start,
@@ -218,7 +219,7 @@ def _latest_contact(
     return (1, -1, 0.0, 0.0) if chosen < 0 else (2, chosen, speed, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def choose_direction(
     motion: Motion,
     wanted: Target,
@@ -301,7 +302,7 @@ def choose_direction(
     return _latest_contact(motion, start, speed, rules, directions, profile, smallest, moving)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def steer(
     motion: Motion,
     target: Target,
@@ -325,7 +326,7 @@ def steer(
         scan.known_bearing[:] = np.nan
         if not measure_sectors(scan.bearing, scan.sectors):
             return -1, -1, 0.0, detour
-        scan.known_bearing[:] = scan.bearing
+        copy_vector(scan.bearing, scan.known_bearing)
     smallest = grow_profile(scan.range_m, scan.sectors, radius_m, profile)
     resolution = math.pi / directions.angles.shape[0] * 1.001
     pace = math.hypot(motion.velocity[0], motion.velocity[1])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.mapping.grown_profile import BINS, COARSE, FINE, Profile, profile_bin
 
 Pair = tuple[float, float]
@@ -16,7 +16,7 @@ _FINE_SIN, _FINE_TAN = math.sin(4.0 / FINE), math.tan(4.0 / FINE)
 _COARSE_SIN, _COARSE_TAN = math.sin(4.0 / COARSE), math.tan(4.0 / COARSE)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def predict_position(start: Pair, velocity: Pair, target: Pair, acceleration: float, t: float) -> Pair:
     """Return (x, y), metres, t seconds after the robot begins to obey: eq. 12 with its second branch corrected.
 
@@ -32,7 +32,7 @@ def predict_position(start: Pair, velocity: Pair, target: Pair, acceleration: fl
     return start[0] + target[0] * t - lost * dv_x, start[1] + target[1] * t - lost * dv_y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def predict_velocity(velocity: Pair, target: Pair, acceleration: float, t: float) -> Pair:
     """Return the velocity, m/s, t seconds after the robot begins to obey (eq. 10)."""
     dv_x, dv_y = target[0] - velocity[0], target[1] - velocity[1]
@@ -43,7 +43,7 @@ def predict_velocity(velocity: Pair, target: Pair, acceleration: float, t: float
     return velocity[0] + gained / size * dv_x, velocity[1] + gained / size * dv_y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _sure_time(
     r: float, clear: float, out: float, inward: float, sideward: float, sine: float, tangent: float
 ) -> float:
@@ -57,7 +57,7 @@ def _sure_time(
     return r * r * tangent / over_wedge
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def contact_time(
     start: Pair,
     velocity: Pair,

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array
+from robocup_vision.compiling.loops import compiled
 
 UNSEEN, FREE, BLOCKED = 0, 1, 2
 
@@ -58,7 +58,7 @@ class PriceRules(NamedTuple):
     remembered: float
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def mark_view(
     state: UInt8Array,
     seen_from: Float32Array,
@@ -122,7 +122,7 @@ def mark_view(
                 seen_from[row, column] = r
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def split_blocked(
     state: UInt8Array, seen_from: Float32Array, sure: float, open_any: UInt8Array, open_sure: UInt8Array
 ) -> None:
@@ -135,7 +135,7 @@ def split_blocked(
             open_sure[row, column] = 0 if blocked and seen_from[row, column] < sure else 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def price_cells(
     away_any: Float32Array,
     away_sure: Float32Array,
@@ -180,7 +180,7 @@ def price_cells(
             tried[row, column] *= rules.remembered
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def note_try(tried: Float32Array, price: Float32Array, x: float, y: float, radius: float) -> None:
     """Count one more try in each cell of a disc, cells, that is not open floor (price 1): open floor is passed."""
     size = tried.shape[0]
@@ -190,7 +190,7 @@ def note_try(tried: Float32Array, price: Float32Array, x: float, y: float, radiu
                 tried[row, column] += 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _push(keys: FloatArray, cells: Int32Array, count: int, key: float, cell: int) -> int:
     place = count
     while place > 0:
@@ -203,7 +203,7 @@ def _push(keys: FloatArray, cells: Int32Array, count: int, key: float, cell: int
     return count + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _drop_least(keys: FloatArray, cells: Int32Array, count: int) -> int:
     count -= 1
     key, cell = keys[count], cells[count]
@@ -222,7 +222,7 @@ def _drop_least(keys: FloatArray, cells: Int32Array, count: int) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def find_way(price: Float32Array, start: int, target: int, come_from: Int32Array, cost: Float32Array) -> None:
     """Find the cheapest way between two cells by A*; from the target, `come_from` leads back along it.
 
@@ -272,7 +272,7 @@ def find_way(price: Float32Array, start: int, target: int, come_from: Int32Array
                     count = _push(keys, cells, count, paid + left, other)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def dearest_between(price: Float32Array, x0: float, y0: float, x1: float, y1: float) -> float:
     """Return the highest price on the straight line between two points, cells."""
     size = price.shape[0]
@@ -286,7 +286,7 @@ def dearest_between(price: Float32Array, x0: float, y0: float, x1: float, y1: fl
     return highest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def straight_part(
     price: Float32Array, come_from: Int32Array, start: int, target: int, robot_x: float, robot_y: float, beyond: int
 ) -> tuple[int, int]:

@@ -296,7 +296,7 @@ class GoalSearch:
 
     def _under_bars(self, color: str, mask: UInt8Array, carpet: UInt8Array, hue: UInt8Array, factor: int) -> Proposal:
         """Propose posts where a bar ends, whether they are to be seen or not."""
-        upside, nowhere = np.ascontiguousarray(hue.T), np.zeros_like(carpet.T)
+        upside, nowhere = np.ascontiguousarray(hue.T), np.zeros(carpet.T.shape, np.uint8)
         lying = [
             *self._mask_strips(np.ascontiguousarray(mask.T), nowhere),
             *_weakened(self._bright_strips(upside, nowhere)),

@@ -115,6 +115,10 @@ class BallSearch(ABC):
         # in the order of memory
         return np.ascontiguousarray(np.unique(pixels[:, ::-1], axis=0))
 
+    @cached_property
+    def _picked(self) -> npt.NDArray[np.int32]:
+        return np.empty_like(self._seeds)
+
     def find(self, frame: UInt8Array, table: ColorTable, near_floor_nats: float) -> tuple[Ball, ...]:
         """Find the balls in a frame, the likeliest first.
 
@@ -172,9 +176,11 @@ class BallSearch(ABC):
         before : list of (float, float, float)
             Where and how large balls were in the last frame.
         """
-        count = 0
+        count, seeds = 0, self._seeds
+        if len(colors) > 1:
+            seeds = self._picked[: kernel.pick_seeds(frame, seeds, colors[0], self._picked)]
         for color in colors:
-            count += self._weigh(frame, color, count)
+            count += self._weigh(frame, seeds, color, count)
         places: list[tuple[float, float, float]] = []
         if not count:
             return (), places
@@ -199,14 +205,14 @@ class BallSearch(ABC):
                 found.append(self._ball_at(self._blobs[n, :2], ratios[n]))
         return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio)), places
 
-    def _weigh(self, frame: UInt8Array, color: kernel.BallColor, first: int) -> int:
+    def _weigh(self, frame: UInt8Array, seeds: npt.NDArray[np.int32], color: kernel.BallColor, first: int) -> int:
         """Find and weigh the blobs of a colour, into the rows from `first` on, and return their number."""
         if self._stamp > kernel.NEVER // 2:
             self._scratch.stamps[self._scratch.stamps != kernel.NEVER] = 0
             self._stamp = 0
         count, self._stamp = find_and_weigh(
             frame,
-            self._seeds,
+            seeds,
             self._scratch,
             self._stamp + 1,
             color,

@@ -89,6 +89,7 @@ def compiled_by(program: str, workload: str, environment: dict[str, str]) -> str
         "work.pinhole('edges', seed=77)",
         "work.pinhole('floor', seed=77)",
         "work.steering(77)",
+        "work.patterned_balls()",
         "work.memory(77)",
     ],
 )

@@ -148,6 +148,19 @@ def found_blobs(frame, hidden, rows=64):
     return out[:count]
 
 
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_the_seeds_picked_are_those_on_the_balls_side_of_the_floor_and_the_burnt_out(seed):
+    rng = np.random.default_rng(seed)
+    frame = scene(seed)
+    seeds = np.stack([rng.integers(0, HEIGHT, 200), rng.integers(0, WIDTH, 200)], axis=1).astype(np.int32)
+    colors = frame[seeds[:, 0], seeds[:, 1]].astype(np.float64)
+    expected = seeds[(colors @ COLOR.from_floor > 0) | (colors.max(axis=1) >= kernel.CLIPPED)]
+    picked = np.zeros_like(seeds)
+    count = kernel.pick_seeds(frame, seeds, COLOR, picked)
+    np.testing.assert_array_equal(picked[:count], expected)
+
+
 @settings(deadline=None, max_examples=80)
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_the_blobs_are_those_that_a_plain_search_finds(seed, masked):

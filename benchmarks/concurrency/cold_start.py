@@ -1,0 +1,92 @@
+"""Time that a fresh installation takes to make its first objects, with everything to compile and a second core to help.
+
+Each object is made in a process of its own by an empty cache of compiled loops: a mirror camera's `Vision` and a
+forward camera's, `Steering`, `Memory`, and all loops at once by ``robocup-vision warm-up`` (--quick: `Memory` alone).
+"warm" is the same with the cache that the first left. Seconds are those of the making, without the imports before it;
+"processor" counts both processes; where it is not nearly twice "cold s", other programs had the second core. One making
+each (--full: medians of 3).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from typing import NamedTuple
+
+from benchmarks.harness import Table, finish, parse_arguments
+
+# made by a program of its own, which prints the seconds on the wall and those of all its processes
+MAKE = """
+import json, os, time
+from field_models import load_field
+from robocup_vision import Memory, MotionLimits, Steering, Vision, cli
+from sim2d.rendering.cameras import sekimori_camera
+from benchmarks.worlds.walks import FL
+
+begin, before = time.perf_counter(), os.times()
+{making}
+after = os.times()
+print(json.dumps([time.perf_counter() - begin, sum(after[:4]) - sum(before[:4])]))
+"""
+
+
+class Making(NamedTuple):
+    """What is made, by which statement, and within how many seconds it is to be made; None: no aim."""
+
+    name: str
+    statement: str
+    aim_s: float | None
+
+
+MIRROR = Making("mirror camera's Vision", "Vision(load_field('ssl_2001'), sekimori_camera())", 8.0)
+FORWARD = Making("forward camera's Vision", "Vision(load_field(FL.field_name), FL.camera)", 12.0)
+STEERING = Making("Steering", "Steering(0.09, MotionLimits(0.4, 0.3, dead_time_s=0.03))", None)
+MEMORY = Making("Memory", "Memory(load_field('ssl_2001'))", None)
+ALL = Making("everything, by warm-up", "cli.main(['warm-up'])", 60.0)
+
+
+def made_s(statement: str, cache: str) -> tuple[float, float]:
+    """Seconds on the wall and of the processor for one making, by a cache folder."""
+    done = subprocess.run(
+        [sys.executable, "-c", MAKE.replace("{making}", statement)],
+        env={**os.environ, "NUMBA_CACHE_DIR": cache},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        check=True,
+    )
+    wall_s, cpu_s = json.loads(done.stdout.splitlines()[-1])
+    return wall_s, cpu_s
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    rounds = 3 if arguments.full else 1
+    columns = ("made                    ", "cold s", "processor s", "aim s", "cold/processor", "warm s")
+    table = Table(columns, "The first making in a fresh installation", name="cold start")
+    for making in (MEMORY,) if arguments.quick else (MIRROR, FORWARD, STEERING, MEMORY, ALL):
+        cold: list[tuple[float, float]] = []
+        warm: list[float] = []
+        for _ in range(rounds):
+            with tempfile.TemporaryDirectory() as cache:
+                cold.append(made_s(making.statement, cache))
+                warm.append(made_s(making.statement, cache)[0])
+        wall_s, cpu_s = (statistics.median(column) for column in zip(*cold, strict=True))
+        table.row(
+            making.name,
+            f"{wall_s:.1f}",
+            f"{cpu_s:.1f}",
+            None if making.aim_s is None else f"{making.aim_s:.0f}",
+            f"{wall_s / cpu_s:.2f}",
+            f"{statistics.median(warm):.2f}",
+        )
+    finish(arguments.check, all_ok=True)
+
+
+if __name__ == "__main__":
+    main()
