@@ -167,29 +167,37 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
 
     Only what tiles need that are not surely all floor; other columns are NaN.
     """
-    rotation, place = eye.rotation, (eye.x_m, eye.y_m, eye.height_m)
+    rotation, turn, place = eye.rotation, eye.turn_rad, (eye.x_m, eye.y_m, eye.height_m)
+    is_turning = turn[0] != 0 or turn[1] != 0 or turn[2] != 0
     tall, wide, _ = lens.corner_slopes.shape
-    at_corners = np.empty((tall, wide, 2))
+    at_corners, rays = np.empty((tall, wide, 2)), np.empty((tall, wide, 3))
+    on_floor = np.empty((tall, wide), dtype=np.bool_)
     surely_m = 0.9 * (wall.radius_m - math.sqrt(eye.x_m * eye.x_m + eye.y_m * eye.y_m))
     reach2 = (eye.height_m / max(surely_m, 1e-9)) ** 2
-    on_floor = np.empty((tall, wide), dtype=np.bool_)
-    for again in range(2):
-        for row in range(tall):
-            part = (row * tile_px - 0.5) / max(tall_px - 1, 1) - 0.5
-            for column in range(wide):
-                right, down = lens.corner_slopes[row, column]
-                right, down = _turned(right, down, part, eye.turn_rad[0], eye.turn_rad[1], eye.turn_rad[2])
-                dz = rotation[2, 0] - rotation[2, 1] * right - rotation[2, 2] * down
-                if again == 0:
-                    on_floor[row, column] = dz < 0 and dz * dz > reach2 * (1 + right * right + down * down)
-                    continue
-                around = on_floor[max(row - 1, 0) : row + 2, max(column - 2, 0) : column + 3]
-                if around.all():
-                    at_corners[row, column, 0], at_corners[row, column, 1] = math.nan, -math.inf
-                    continue
-                dx = rotation[0, 0] - rotation[0, 1] * right - rotation[0, 2] * down
-                dy = rotation[1, 0] - rotation[1, 1] * right - rotation[1, 2] * down
-                at_corners[row, column, 0], at_corners[row, column, 1] = wall_point((dx, dy, dz), place, wall)
+    for row in range(tall):
+        part = (row * tile_px - 0.5) / max(tall_px - 1, 1) - 0.5
+        for column in range(wide):
+            right, down = lens.corner_slopes[row, column, 0], lens.corner_slopes[row, column, 1]
+            if is_turning:
+                right, down = _turned(right, down, part, turn[0], turn[1], turn[2])
+            dz = rotation[2, 0] - rotation[2, 1] * right - rotation[2, 2] * down
+            rays[row, column, 0] = rotation[0, 0] - rotation[0, 1] * right - rotation[0, 2] * down
+            rays[row, column, 1] = rotation[1, 0] - rotation[1, 1] * right - rotation[1, 2] * down
+            rays[row, column, 2] = dz
+            on_floor[row, column] = dz < 0 and dz * dz > reach2 * (1 + right * right + down * down)
+            at_corners[row, column, 0], at_corners[row, column, 1] = math.nan, -math.inf
+    for row in range(tall - 1):
+        for tile in range(wide // 2):
+            left = 2 * tile
+            is_floor = on_floor[row, left] and on_floor[row, left + 1] and on_floor[row, left + 2]
+            below = row + 1
+            if is_floor and on_floor[below, left] and on_floor[below, left + 1] and on_floor[below, left + 2]:
+                continue
+            for corner in range(6):
+                v, u = row + corner // 3, left + corner % 3
+                if math.isnan(at_corners[v, u, 0]):
+                    direction = (rays[v, u, 0], rays[v, u, 1], rays[v, u, 2])
+                    at_corners[v, u, 0], at_corners[v, u, 1] = wall_point(direction, place, wall)
     return at_corners
 
 

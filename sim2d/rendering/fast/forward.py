@@ -184,17 +184,20 @@ class ForwardFrames:
             self._outlines = _room_for_outlines(floor + count + 1)
         rows = self._all_rows[:count]
         moving: list[Bgr] = []
+        moving_rows: list[tuple[float, ...]] = []
         for k, robot in enumerate(robots):
             first = number + 2 * k
             place = robot.x_m, robot.y_m, 0.0, 0.0
-            rows[fixed + k] = CYLINDER, *place, robot.radius_m, robot.height_m, first, 1.0, first + 1
+            moving_rows.append((CYLINDER, *place, robot.radius_m, robot.height_m, first, 1.0, first + 1))
             moving += [robot.color_bgr, robot.marker_bgr]
         reach_m = 0.0
         if ball is not None:
             place = ball.x_m, ball.y_m, 0.0, 0.0
-            rows[-1] = BALL, *place, ball.radius_m, 2 * ball.radius_m, number + len(moving), 1.0, -1.0
+            moving_rows.append((BALL, *place, ball.radius_m, 2 * ball.radius_m, number + len(moving), 1.0, -1.0))
             moving.append(ball.color_bgr)
             reach_m = SHADE_REACH * ball.radius_m
+        if moving_rows:
+            rows[fixed:] = moving_rows
         things = UprightThings(rows, self._paints(tuple(moving)))
         rotation = np.ascontiguousarray(camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad), dtype=np.float64)
         at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation, np.array(eye.turn_rad))
