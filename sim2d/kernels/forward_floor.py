@@ -52,6 +52,7 @@ def fill_floor(rays: Float32Array, eye: Float32Array, light: Float32Array, out: 
 def cover_line(
     line: FloatArray,
     half_m: float,
+    part: tuple[int, int],
     rays: Float32Array,
     steps: FloatArray,
     eye: Float32Array,
@@ -65,6 +66,8 @@ def cover_line(
         Row of `FloorPaint.lines`.
     half_m : float
         Half its width.
+    part : (int, int)
+        First pixel that it may meet, and the one after the last.
     rays, eye
         As in `fill_floor`.
     steps : (2, 3) float64
@@ -81,17 +84,18 @@ def cover_line(
     along_u = height * (np.float32(steps[0, 0]) * tx + np.float32(steps[0, 1]) * ty)
     along_v = height * (np.float32(steps[1, 0]) * tx + np.float32(steps[1, 1]) * ty)
     down_u, down_v = np.float32(steps[0, 2]), np.float32(steps[1, 2])
-    dx, dy, dz = rays[0], rays[1], rays[2]
-    for i in range(rays.shape[1]):
+    start, stop = part
+    dx, dy, dz, some = rays[0, start:stop], rays[1, start:stop], rays[2, start:stop], covered[start:stop]
+    for i in range(len(some)):
         drop = max(-dz[i], _LEAST_DROP)
         per_drop = _ONE / drop
         across = height * per_drop * (dx[i] * ty - dy[i] * tx)
         along = height * per_drop * (dx[i] * tx + dy[i] * ty)
         size_across = per_drop * (abs(across_u + across * down_u) + abs(across_v + across * down_v))
         size_along = per_drop * (abs(along_u + along * down_u) + abs(along_v + along * down_v))
-        part = _overlap(across - off_across, half, size_across)
-        part *= _overlap(along - off_along - long, long + half, size_along)
-        covered[i] = max(covered[i], part if dz[i] < -_LEAST_DROP else _ZERO)
+        ratio = _overlap(across - off_across, half, size_across)
+        ratio *= _overlap(along - off_along - long, long + half, size_along)
+        some[i] = max(some[i], ratio if dz[i] < -_LEAST_DROP else _ZERO)
 
 
 @compiled(error_model="numpy")

@@ -32,7 +32,7 @@ _MOST, _FAR = np.float32(255.0), np.float32(1e29)
 _SAMPLES_U = (-0.375, -0.125, 0.125, 0.375)
 _SAMPLES_V = (-0.125, 0.375, -0.375, 0.125)
 _ON_FLOOR, _IN_ROOM, _BOTH = range(3)
-_THING_ROWS = THING + 1  # the outlines' rows of the things that a tile may show
+_THING_ROWS, _LINE_ROWS = THING + 1, THING + 2  # the outlines' rows of the things and lines that a tile may show
 
 
 @compiled(error_model="numpy")
@@ -88,8 +88,8 @@ def draw_forward(
     tone, covered = np.empty(pixels, dtype=np.float32), np.empty(pixels, dtype=np.float32)
     fine = np.zeros(pixels, dtype=np.uint8)
     cells, mixed = np.empty((4, pixels), dtype=np.int32), np.empty(pixels, dtype=np.uint64)
-    seen = np.empty((_THING_ROWS + 1, len(outlines.owners)), dtype=np.int32)
-    seen_count = np.empty(_THING_ROWS + 1, dtype=np.int64)
+    seen = np.empty((_LINE_ROWS + 1, len(outlines.owners)), dtype=np.int32)
+    seen_count = np.empty(_LINE_ROWS + 1, dtype=np.int64)
     corner_rays = np.empty((3, (tile[0] + 1) * (tile[1] + 1)), dtype=np.float32)
     ids, depth = np.empty(corner_rays.shape[1], dtype=np.int32), np.empty(corner_rays.shape[1], dtype=np.float32)
     steps, corners = np.empty((2, 3)), np.empty((2, 3, 2))
@@ -121,7 +121,24 @@ def draw_forward(
                     _turn_slopes(slopes, per_pixel, lens.places[1], row * tile[0], shutter)
                 _cast(slopes, per_pixel, eye.rotation, rays, steps)
             if kind != _IN_ROOM:
-                _draw_floor(paint, near_rows, shade_m, rays, steps, here, lit, seen, seen_count, tone, covered, colors)
+                _draw_floor(
+                    paint,
+                    near_rows,
+                    shade_m,
+                    outlines,
+                    slopes,
+                    per_pixel,
+                    tile,
+                    rays,
+                    steps,
+                    here,
+                    lit,
+                    seen,
+                    seen_count,
+                    tone,
+                    covered,
+                    colors,
+                )
             if kind != _ON_FLOOR:
                 draw_wall(corners, tile, wall, cells, mixed, colors)
             if seen_count[THING]:
@@ -292,6 +309,8 @@ def _find_owners(
                 seen_count[kind] = at + 1
             if kind == THING:
                 seen[_THING_ROWS, at] = n
+            elif kind == LINE:
+                seen[_LINE_ROWS, at] = n
 
 
 @compiled(error_model="numpy")
@@ -373,6 +392,10 @@ def _draw_floor(
     paint: FloorPaint,
     near_rows: Float32Array,
     shade_m: float,
+    outlines: Outlines,
+    slopes: Float32Array,
+    per_pixel: Float32Array,
+    tile: tuple[int, int],
     rays: Float32Array,
     steps: FloatArray,
     here: Float32Array,
@@ -394,7 +417,12 @@ def _draw_floor(
     if seen_count[LINE] or seen_count[ARC]:
         covered[:pixels] = _ZERO
         for n in range(seen_count[LINE]):
-            cover_line(paint.lines[seen[LINE, n]], paint.half_m, rays, steps, here, covered)
+            outline = outlines.bounds[seen[_LINE_ROWS, n]]
+            v0, v1, _, _ = _pixels_of(outline, slopes, per_pixel, tile)
+            if v1 < v0:
+                continue
+            part = v0 * tile[1], (v1 + 1) * tile[1]
+            cover_line(paint.lines[seen[LINE, n]], paint.half_m, part, rays, steps, here, covered)
         for n in range(seen_count[ARC]):
             cover_arc(paint.arcs[seen[ARC, n]], paint.half_m, rays, steps, here, covered)
         for channel in range(3):

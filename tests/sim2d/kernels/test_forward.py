@@ -63,7 +63,7 @@ def test_paint_of_lines_and_arcs_is_what_rays_meet():
     middle = floor_points(1)[len(U) // 2, 0]
     covered = np.zeros(RAYS.shape[1], dtype=np.float32)
     line = np.array([middle[0] - 0.5, middle[1], 1.0, 0.0, 0.5])
-    cover_line(line, 0.02, RAYS, STEPS, EYE, covered)
+    cover_line(line, 0.02, (0, RAYS.shape[1]), RAYS, STEPS, EYE, covered)
     points = floor_points()
     on_line = np.abs(points[..., 1] - middle[1]) <= 0.02
     on_line &= (points[..., 0] <= middle[0] + 0.02) & (points[..., 0] >= middle[0] - 0.52)
