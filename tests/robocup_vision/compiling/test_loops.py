@@ -1,0 +1,47 @@
+"""All loops are compiled by one decorator; a literal does not make a second version of a loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robocup_vision.compiling.loops import compiled, variable
+
+ROOT = Path(__file__).parents[3]
+KERNELS = sorted(path for package in ("robocup_vision", "sim2d") for path in (ROOT / package / "kernels").rglob("*.py"))
+
+
+def test_no_loop_is_compiled_in_another_way() -> None:
+    assert len(KERNELS) > 50
+    assert [path.name for path in KERNELS if "njit" in path.read_text(encoding="utf-8")] == []
+
+
+def test_a_literal_makes_no_second_version() -> None:
+    @compiled
+    def inner(count: int) -> int:
+        return count + 1
+
+    @compiled
+    def outer(end: int) -> int:
+        count = variable(0)
+        while count < end:
+            count = inner(count)
+        return count
+
+    assert outer(3) == 3
+    assert len(inner.overloads) == 1  # type: ignore[attr-defined]
+
+
+def test_division_by_zero_is_as_asked_for() -> None:
+    @compiled
+    def strict(x: float) -> float:
+        return 1.0 / x
+
+    @compiled(error_model="numpy")
+    def loose(x: float) -> float:
+        return 1.0 / x
+
+    assert loose(0.0) == float("inf")
+    with pytest.raises(ZeroDivisionError):
+        strict(0.0)
