@@ -11,8 +11,7 @@ nothing else runs on it; wall-clock seconds stand beside. The first second of pl
 learnt and compiled code is loaded in it.
 
 With the film: `run_match`, which writes film and report, 30 simulated seconds (--quick: 6, --full: 120), on the wall
-clock: half of the players act in a process of their own, and a thread of its own draws and encodes, so the target needs
-two cores that nothing else uses. The same play
+clock, since a thread of its own draws and encodes: the target needs two cores that nothing else uses. The same play
 without any files is run before and after it; their mean says what the machine gave meanwhile. Both times are on the
 clock and of the processor, and the film's size is that of a minute.
 """
@@ -171,9 +170,8 @@ def measure_film(simulated_s: float, seed: int) -> bool:
         run_match(replace(plan, seconds=0.5), Path(out) / "warm")
         before = play()
         wall, processor = perf_counter(), process_time()
-        children = _children_s()
         summary = run_match(plan, Path(out) / "match")
-        with_film = perf_counter() - wall, process_time() - processor + _children_s() - children
+        with_film = perf_counter() - wall, process_time() - processor
         after = play()
         megabytes = 0.0 if summary.video is None else summary.video.stat().st_size / 1e6
     alone = [sum(both) / 2 for both in zip(before, after, strict=True)]
@@ -195,12 +193,6 @@ def measure_film(simulated_s: float, seed: int) -> bool:
         verdict(ok),
     )
     return ok
-
-
-def _children_s() -> float:
-    """Processor's seconds of this process' children that have ended."""
-    times = os.times()
-    return times.children_user + times.children_system
 
 
 def main() -> None:

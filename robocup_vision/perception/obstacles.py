@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,20 +58,31 @@ def find_obstacles(
     count, columns = floor_m.shape[:2]
     seen = (blocked_column < columns) & ~is_wall
     places = floor_m[np.arange(count), np.minimum(blocked_column, columns - 1)]
-    seen &= np.isfinite(places).all(axis=1)
-    spacing = np.linalg.norm(places, axis=1) * (math.tau / count if step_rad is None else step_rad)
-    step = np.linalg.norm(places - np.roll(places, 1, axis=0), axis=1)
-    joined = seen & np.roll(seen, 1) & (step < gap_m + spacing)
-    starts = np.flatnonzero(seen & ~joined)
-    if not len(starts):
-        starts = np.array([0]) if seen.all() else starts
+    x, y = places[:, 0], places[:, 1]
+    seen &= np.isfinite(x) & np.isfinite(y)
+    spacing = np.sqrt(x * x + y * y) * (math.tau / count if step_rad is None else step_rad)
+    # slices instead of np.roll: views of a few hundred bearings cost less than its bookkeeping
+    dx, dy = x - np.concatenate((x[-1:], x[:-1])), y - np.concatenate((y[-1:], y[:-1]))
+    joined = seen & np.concatenate((seen[-1:], seen[:-1])) & (np.sqrt(dx * dx + dy * dy) < gap_m + spacing)
+    starts = np.flatnonzero(seen & ~joined).tolist()
+    if not starts and seen.all():
+        starts = [0]
+    # where a stretch of joined bearings ends: before the next bearing that is not joined to the one before it
+    breaks = np.flatnonzero(~joined).tolist()
     found = []
     for start in starts:
-        stretch = [int(start)]
-        while len(stretch) < count and joined[(stretch[-1] + 1) % count]:
-            stretch.append((stretch[-1] + 1) % count)
-        ends = places[[stretch[0], stretch[-1]]]
-        x, y = (float(v) for v in places[stretch].mean(axis=0))
-        width = float(np.hypot(*(ends[1] - ends[0]))) + float(spacing[stretch].mean())
-        found.append(Obstacle(x, y, width, math.atan2(y, x), math.hypot(x, y)))
+        after = bisect_right(breaks, start)
+        end = count + start if not breaks else breaks[after] if after < len(breaks) else count + breaks[0]
+        end = min(end, start + count)
+        if end <= count:
+            stretch, spaces = places[start:end], spacing[start:end]
+        else:
+            stretch = np.concatenate((places[start:], places[: end - count]))
+            spaces = np.concatenate((spacing[start:], spacing[: end - count]))
+        middle_x, middle_y = stretch.mean(axis=0).tolist()
+        (x0, y0), (x1, y1) = stretch[0].tolist(), stretch[-1].tolist()
+        width = float(np.hypot(x1 - x0, y1 - y0)) + float(spaces.mean())
+        found.append(
+            Obstacle(middle_x, middle_y, width, math.atan2(middle_y, middle_x), math.hypot(middle_x, middle_y))
+        )
     return tuple(found)

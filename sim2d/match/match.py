@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 
 from field_models.field import Field
-from robocup_vision.camera import OmniCamera
 from sim2d.match.arena import Arena, Camera
 from sim2d.match.disturbances import Disturbances
 from sim2d.match.seat import Seat
-from sim2d.match.seat_process import SeatProcess, can_fork
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.rendering.sensor import Sensor
 from sim2d.report.match_figures import MatchFigures, MatchLog
@@ -80,42 +77,17 @@ class Match:
             disturbances=disturbances,
         )
         self.seed = seed
-        self._elsewhere: SeatProcess | None = None
         self._keeps_figures = keeps_figures
         self._log = MatchLog(self.arena.state, self.arena.limits, field.ball_radius_m, faults)
         self._seats = [
             Seat(ours if robot.side > 0 else theirs, self.arena.setup(robot.index)) for robot in self.arena.state.robots
         ]
 
-    @contextmanager
-    def on_two_cores(self) -> Iterator[None]:
-        """Let half of the players act in another process within the block, to the same result; no robot changes seat.
-
-        Only built-in players with mirror cameras do, where the system can fork and a second core is free to use.
-        Elsewhere, and where another thread runs, all act in this process.
-        """
-        here = len(self._seats) // 2
-        movable = isinstance(self.arena.camera, OmniCamera) and all(seat.is_built_in for seat in self._seats)
-        if self._elsewhere is not None or not here or not movable or not can_fork():
-            yield
-            return
-        with SeatProcess(self._seats[here:]) as self._elsewhere:
-            try:
-                yield
-            finally:
-                self._elsewhere = None
-
     def step(self) -> Moment:
         """Play one control period."""
         sensed = self.arena.senses()
         state = self.arena.state
-        if self._elsewhere is None:
-            robots = tuple(seat.act(senses) for seat, senses in zip(self._seats, sensed, strict=True))
-        else:
-            here = len(self._seats) // 2
-            self._elsewhere.begin(sensed[here:])
-            robots = tuple(seat.act(senses) for seat, senses in zip(self._seats[:here], sensed, strict=False))
-            robots += self._elsewhere.end()
+        robots = tuple(seat.act(senses) for seat, senses in zip(self._seats, sensed, strict=True))
         moment = Moment(state, robots)
         after = self.arena.step({index: robot.command for index, robot in enumerate(robots)})
         if self._keeps_figures:

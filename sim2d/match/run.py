@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -141,12 +140,6 @@ def run_match(
 
 
 def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: bool) -> MatchSummary:
-    # recordings hold what a player was asked and answered, in its own process
-    with nullcontext() if record else match.on_two_cores():
-        return _play_and_write(plan, match, out, realtime=realtime, record=record)
-
-
-def _play_and_write(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: bool) -> MatchSummary:
     arena = match.arena
     robots = arena.state.robots
     video = MatchVideo(out / "match.webm", arena.field, arena.camera, len(robots), arena.limits.radius_m)

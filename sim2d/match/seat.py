@@ -6,7 +6,6 @@ import math
 
 from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated
-from sim2d.players.built_in import BuiltInPlayer
 from sim2d.report.moment import RobotMoment
 from sim2d.robot_link import Command, Player, PlayerFactory, PlayerSetup, PlayerStatus, Senses
 from sim2d.world.robot_body import check_command
@@ -24,11 +23,6 @@ class Seat:
             self._player = make(setup)
         except (Exception, SystemExit) as error:
             self._stop(error)
-
-    @property
-    def is_built_in(self) -> bool:
-        """Whether a built-in player sits here, of which all is known: it may move to another process."""
-        return type(self._player) is BuiltInPlayer
 
     def act(self, senses: Senses) -> RobotMoment:
         """Let the player act; once it has failed, its robot stands still."""
