@@ -16,7 +16,7 @@ def kernels() -> list[tuple[str, str]]:
         for path in sorted((ROOT / room).rglob("*.py")):
             for node in ast.parse(path.read_text(encoding="utf-8")).body:
                 is_compiled = isinstance(node, ast.FunctionDef) and any(
-                    "njit" in ast.unparse(decorator) for decorator in node.decorator_list
+                    ast.unparse(decorator).startswith("compiled") for decorator in node.decorator_list
                 )
                 if is_compiled and not node.name.startswith("_"):
                     found.append((str(path.relative_to(ROOT).with_suffix("")), node.name))
