@@ -40,7 +40,9 @@ for _ in range(6):
     for _ in range(20):  # until the head is there
         arena.step({0: Command(pan_rad=fixation.pan_rad)})
     senses = arena.senses()[0]
-    assert senses.frame is not None
+    while senses.frame is None:  # frames come late, and now and then not at all
+        arena.step({0: Command(pan_rad=fixation.pan_rad)})
+        senses = arena.senses()[0]
     assert senses.frame_pan_rad is not None
     pan_rad = senses.frame_pan_rad
     goal = identified_goal(field, estimator.locate(senses.frame))

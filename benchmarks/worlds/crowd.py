@@ -228,7 +228,7 @@ def film(
     sensor = Sensor(field, others, limits.radius_m, every * CONTROL_PERIOD_S, rng)
     detector = ReturnDetector(KnownFreeSpace.of_field(field), limits.radius_m, longest_m=LONGEST_M)
     taken = []
-    for period, world in enumerate(_moves(field, limits, others, frames * every, rng)):
+    for period, world in enumerate(moves(field, limits, others, frames * every, rng)):
         if period % every == 0:
             truth, places = _truth(world)
             range_m, in_view = sensor.ranges(truth, places)
@@ -250,7 +250,7 @@ def camera_film(field: Field, seed: Sequence[int], others: int = 4, frames: int 
         KnownFreeSpace.of_field(field), limits.radius_m, range_std=CAMERA_STD, longest_m=CAMERA_LONGEST_M
     )
     taken = []
-    for period, world in enumerate(_moves(field, limits, others, frames * every, rng)):
+    for period, world in enumerate(moves(field, limits, others, frames * every, rng)):
         belief.predict(world.odometry(0), world.t_s)
         if period % every == 0:
             truth, places = _truth(world)
@@ -264,7 +264,7 @@ def camera_film(field: Field, seed: Sequence[int], others: int = 4, frames: int 
     return taken
 
 
-def _moves(field: Field, limits: RobotLimits, others: int, periods: int, rng: np.random.Generator) -> Iterator[World]:
+def moves(field: Field, limits: RobotLimits, others: int, periods: int, rng: np.random.Generator) -> Iterator[World]:
     """Go through a world in which a robot and others wander, before every step of it."""
     starts: list[Pose2] = []
     half = np.array([field.length_m / 2, field.width_m / 2]) - 0.12

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,6 +87,12 @@ class Branches:
             self.coasted_s[chosen],
             self.missed[chosen],
             self.history[chosen],
+        )
+
+    def without(self, trees: Set[int]) -> Branches:
+        """Those of all other trees."""
+        return self.select(
+            np.array([n for n, tree in enumerate(self.tree.tolist()) if tree not in trees], dtype=np.int64)
         )
 
     def concatenate(self, other: Branches) -> Branches:

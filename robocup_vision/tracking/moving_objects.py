@@ -96,25 +96,30 @@ class MovingObjects:
         now = branches.select(chosen)
         lost = self._keep_score(now)
         branches = branches.pruned(chosen, settings)
-        branches = branches.select(np.flatnonzero(~np.isin(branches.tree, list(lost))))
-        now = now.select(np.flatnonzero(~np.isin(now.tree, list(lost))))
-        for number in lost:
-            del self._trees[number]
+        if lost:
+            branches, now = branches.without(lost), now.without(lost)
+            for number in lost:
+                del self._trees[number]
         fresh = self._unexplained(now, places, numbers)
-        trees = self._next + np.arange(len(fresh))
-        self._next += len(fresh)
-        for number in trees.tolist():
-            self._trees[number] = _Tree()
-        initiated = Branches.initiated(trees, places[fresh], spreads[fresh], numbers[fresh], settings)
-        self._branches = branches.concatenate(initiated)
+        if len(fresh):
+            trees = self._next + np.arange(len(fresh))
+            self._next += len(fresh)
+            for number in trees.tolist():
+                self._trees[number] = _Tree()
+            initiated = Branches.initiated(trees, places[fresh], spreads[fresh], numbers[fresh], settings)
+            branches = branches.concatenate(initiated)
+        self._branches = branches
         return tuple(self._tracks(now))
 
     def _unexplained(self, now: Branches, places_m: FloatArray, numbers: Int64Array) -> Int64Array:
         """Return detections that no tree has and no reported object covers: one object may be detected in pieces."""
-        confirmed = np.array([self._trees[number].confirmed for number in now.tree.tolist()], dtype=bool)
-        away = np.linalg.norm(places_m[:, None] - now.mean[confirmed, :2], axis=-1)
-        apart = (away > self.settings.width_m).all(axis=1)
-        return np.flatnonzero(~np.isin(numbers, now.history[:, 0]) & apart)
+        taken = set(now.history[:, 0].tolist())
+        free = [index for index, number in enumerate(numbers.tolist()) if number not in taken]
+        confirmed = [index for index, number in enumerate(now.tree.tolist()) if self._trees[number].confirmed]
+        covered = now.mean[confirmed, :2].tolist()
+        width_m, places = self.settings.width_m, places_m.tolist()
+        fresh = [n for n in free if all(math.dist(places[n], place) > width_m for place in covered)]
+        return np.array(fresh, dtype=np.int64)
 
     def _keep_score(self, now: Branches) -> set[int]:
         """Update the trees by their branches of this frame; return the numbers of those that are lost."""

@@ -55,8 +55,9 @@ def _span(dx: float, dy: float, half: float) -> tuple[float, float, float, float
     For a middle (dx, dy) at least a whole cell away: nearer, the cell has no span.
     """
     ax, ay = abs(dx), abs(dy)
-    near = math.hypot(max(ax - half, 0.0), max(ay - half, 0.0))
-    far = math.hypot(ax + half, ay + half)
+    short_x, short_y = max(ax - half, 0.0), max(ay - half, 0.0)
+    near = math.sqrt(short_x * short_x + short_y * short_y)
+    far = math.sqrt((ax + half) * (ax + half) + (ay + half) * (ay + half))
     low, high = 0.0, 0.0
     for sx in (-half, half):
         for sy in (-half, half):
@@ -109,6 +110,12 @@ def gather_evidence(
     count, size = bearing.shape[0], out.shape[0]
     half = 0.5 * cell_m
     out[:] = SILENT
+    # beyond the end of the longest ray nothing is hit or crossed
+    longest = 0.0
+    for k in range(count):
+        if range_m[k] > 0.0:
+            longest = max(longest, range_m[k] + (depth_m[k] if hit[k] else 0.0))
+    reach_m = min(reach_m, longest + 2.0 * cell_m)
     first_i = max(int(math.floor((x_m - reach_m - corner_x) / cell_m)), 0)
     last_i = min(int(math.ceil((x_m + reach_m - corner_x) / cell_m)), size)
     first_j = max(int(math.floor((y_m - reach_m - corner_y) / cell_m)), 0)
@@ -117,7 +124,7 @@ def gather_evidence(
         dx = corner_x + (i + 0.5) * cell_m - x_m
         for j in range(first_j, last_j):
             dy = corner_y + (j + 0.5) * cell_m - y_m
-            away = math.hypot(dx, dy)
+            away = math.sqrt(dx * dx + dy * dy)
             if away < cell_m or away > reach_m + cell_m:
                 continue
             near, far, middle, low, high = _span(dx, dy, half)
