@@ -13,13 +13,12 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from robocup_vision.compiling.listed_loop import prepare_kernel
 from robocup_vision.compiling.second_process import Entry, second_process
 
-KERNELS = "robocup_vision.kernels"
 SIGNATURES = Path(__file__).parents[1] / "kernels" / "signatures.json"
 
 
@@ -94,57 +93,3 @@ def prepare_module(module: str) -> None:
 def _listed() -> dict[str, list[tuple[str, list[Any]]]]:
     listed = json.loads(SIGNATURES.read_text(encoding="utf-8"))
     return {group: [(kernel, arguments) for kernel, arguments in entries] for group, entries in listed.items()}
-
-
-def prepare_kernel(kernel: str, arguments: list[Any]) -> bool:
-    """Compile or load one loop, as `groups` lists it; return whether it had to be compiled."""
-    return _prepared(kernel, json.dumps(arguments))
-
-
-@cache
-def _prepared(kernel: str, arguments: str) -> bool:
-    module, _, name = kernel.rpartition(".")
-    dispatcher = getattr(import_module(f"{KERNELS}.{module}"), name)
-    missed = sum(dispatcher.stats.cache_misses.values())
-    dispatcher.compile(tuple(_type_of(argument) for argument in json.loads(arguments)))
-    return bool(sum(dispatcher.stats.cache_misses.values()) > missed)
-
-
-def _type_of(spelled: Any) -> Any:
-    types: Any = import_module("numba.types")
-    if isinstance(spelled, str):
-        return getattr(types, spelled)
-    kind, *rest = spelled
-    if kind == "array":
-        dtype, dimensions, layout, is_mutable = rest
-        return types.Array(_type_of(dtype), dimensions, layout, readonly=not is_mutable)
-    if kind == "omitted":
-        return types.Omitted(rest[0])
-    if kind == "tuple":
-        return types.BaseTuple.from_types(tuple(_type_of(field) for field in rest[0]))
-    module, _, name = kind.partition(":")
-    return types.BaseTuple.from_types(tuple(_type_of(field) for field in rest[0]), getattr(import_module(module), name))
-
-
-def spelled_type(numba_type: Any) -> Any:
-    """Spell a type of numba as JSON values.
-
-    Raises
-    ------
-    TypeError
-        If it is none of those that our loops take.
-    """
-    types: Any = import_module("numba.types")
-    if isinstance(numba_type, types.Array) and numba_type.aligned:
-        return ["array", spelled_type(numba_type.dtype), numba_type.ndim, numba_type.layout, numba_type.mutable]
-    if isinstance(numba_type, types.Omitted):
-        return ["omitted", numba_type.value]
-    if isinstance(numba_type, types.BaseNamedTuple):
-        of = numba_type.instance_class
-        return [f"{of.__module__}:{of.__qualname__}", [spelled_type(field) for field in numba_type]]
-    if isinstance(numba_type, types.BaseTuple):
-        return ["tuple", [spelled_type(field) for field in numba_type]]
-    name = {"bool": "boolean"}.get(str(numba_type), str(numba_type))
-    if getattr(types, name, None) == numba_type:
-        return name
-    raise TypeError(f"a loop takes an argument of a type that cannot be listed: {numba_type!r}")

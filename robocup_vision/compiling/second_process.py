@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from threading import Thread
 from typing import IO, Any
 
+from robocup_vision.compiling.listed_loop import prepare_kernel
+
 Entry = tuple[str, list[Any]]
 
 
@@ -67,8 +69,6 @@ def _cores() -> int:
 
 
 def _main() -> None:
-    from robocup_vision.compiling.prepared_kernels import prepare_kernel
-
     print("ready", flush=True)
     for line in sys.stdin:
         prepare_kernel(*json.loads(line))

@@ -14,7 +14,7 @@ from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.forward_values import FloorPaint
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_LEAST_DROP = np.float32(1e-6)  # of a ray that still meets the floor
+_MIN_DROP = np.float32(1e-6)  # of a ray that still meets the floor
 
 
 @compiled(inline="always")
@@ -44,7 +44,7 @@ def fill_floor(rays: Float32Array, eye: Float32Array, light: Float32Array, out: 
     along_x, along_y, least, height = light[1], light[2], light[3], eye[2]
     dx, dy, dz = rays[0], rays[1], rays[2]
     for i in range(rays.shape[1]):
-        scale = height / max(-dz[i], _LEAST_DROP)
+        scale = height / max(-dz[i], _MIN_DROP)
         out[i] = max(here + scale * (along_x * dx[i] + along_y * dy[i]), least)
 
 
@@ -87,7 +87,7 @@ def cover_line(
     start, stop = part
     dx, dy, dz, some = rays[0, start:stop], rays[1, start:stop], rays[2, start:stop], covered[start:stop]
     for i in range(len(some)):
-        drop = max(-dz[i], _LEAST_DROP)
+        drop = max(-dz[i], _MIN_DROP)
         per_drop = _ONE / drop
         across = height * per_drop * (dx[i] * ty - dy[i] * tx)
         along = height * per_drop * (dx[i] * tx + dy[i] * ty)
@@ -95,7 +95,7 @@ def cover_line(
         size_along = per_drop * (abs(along_u + along * down_u) + abs(along_v + along * down_v))
         ratio = _overlap(across - off_across, half, size_across)
         ratio *= _overlap(along - off_along - long, long + half, size_along)
-        some[i] = max(some[i], ratio if dz[i] < -_LEAST_DROP else _ZERO)
+        some[i] = max(some[i], ratio if dz[i] < -_MIN_DROP else _ZERO)
 
 
 @compiled(error_model="numpy")
@@ -119,7 +119,7 @@ def cover_arc(
     vx, vy, vz = np.float32(steps[1, 0]), np.float32(steps[1, 1]), np.float32(steps[1, 2])
     dx, dy, dz = rays[0], rays[1], rays[2]
     for i in range(rays.shape[1]):
-        scale = height / max(-dz[i], _LEAST_DROP)
+        scale = height / max(-dz[i], _MIN_DROP)
         floor_x, floor_y = scale * dx[i], scale * dy[i]
         off_x, off_y = floor_x - x, floor_y - y
         away = max(np.float32(math.sqrt(off_x * off_x + off_y * off_y)), np.float32(1e-6))
@@ -129,7 +129,7 @@ def cover_arc(
         size = abs(scale * (nx * ux + ny * uy) + toward * per_drop * uz)
         size += abs(scale * (nx * vx + ny * vy) + toward * per_drop * vz)
         part = _overlap(away - radius, half, size)
-        is_on = dz[i] < -_LEAST_DROP and off_x * aim_x + off_y * aim_y >= away * sweep
+        is_on = dz[i] < -_MIN_DROP and off_x * aim_x + off_y * aim_y >= away * sweep
         covered[i] = max(covered[i], part if is_on else _ZERO)
 
 
@@ -139,7 +139,7 @@ def shade_floor(ball: Float32Array, reach_m: float, rays: Float32Array, height: 
     x, y, per_radius2 = ball[0], ball[1], np.float32(1) / (ball[2] * ball[2])
     reach2 = np.float32(reach_m * reach_m)
     for i in range(rays.shape[1]):
-        if rays[2, i] >= -_LEAST_DROP:
+        if rays[2, i] >= -_MIN_DROP:
             continue
         scale = -height / rays[2, i]
         off_x, off_y = scale * rays[0, i] - x, scale * rays[1, i] - y
@@ -189,7 +189,7 @@ def end_carpet(
         return
     dx, dy, dz = rays[0], rays[1], rays[2]
     for i in range(len(carpet)):
-        carpet[i] = _ONE if dz[i] < -_LEAST_DROP else _ZERO
+        carpet[i] = _ONE if dz[i] < -_MIN_DROP else _ZERO
     height = eye[2]
     for e in range(near_count):
         edge = paint.edges[near[e]]
@@ -201,7 +201,7 @@ def end_carpet(
         by_v = height * (np.float32(steps[1, 1]) * t_x - np.float32(steps[1, 0]) * t_y)
         down_u, down_v = np.float32(steps[0, 2]), np.float32(steps[1, 2])
         for i in range(len(carpet)):
-            per_drop = _ONE / max(-dz[i], _LEAST_DROP)
+            per_drop = _ONE / max(-dz[i], _MIN_DROP)
             # the carpet lies to the left of its edges
             left = height * per_drop * (dy[i] * t_x - dx[i] * t_y)
             size = per_drop * (abs(by_u + left * down_u) + abs(by_v + left * down_v))
@@ -223,7 +223,7 @@ def _end_any_carpet(
     edges = paint.edges
     for i in range(len(carpet)):
         drop = -rays[2, i]
-        if drop <= _LEAST_DROP:
+        if drop <= _MIN_DROP:
             carpet[i] = _ZERO
             continue
         x, y = eye[2] * rays[0, i] / drop, eye[2] * rays[1, i] / drop

@@ -23,7 +23,7 @@ KIND, X0, Y0, X1, Y1, RADIUS, HEIGHT, COLOR, BANDS, OTHER = range(10)
 COLUMNS = 10
 MARKER_RATIO = np.float32(0.3)  # radius of a robot's marker, of its own
 _NOTHING = np.float32(1e30)
-_ZERO, _ONE, _LEAST_DROP = np.float32(0.0), np.float32(1.0), np.float32(1e-6)
+_ZERO, _ONE, _MIN_DROP = np.float32(0.0), np.float32(1.0), np.float32(1e-6)
 
 
 @compiled(error_model="numpy", inline="always")
@@ -42,10 +42,10 @@ def _meet_cylinder(
     on_side = (root2 >= _ZERO) & (t > _ZERO) & (up >= _ZERO) & (up <= top)
     band = np.int32(min(max(up, _ZERO) * bands / top, bands - _ONE))
     facing = ((t * dx - x) * lamp[0] + (t * dy - y) * lamp[1]) / radius
-    t_top = (top - height) / min(dz, -_LEAST_DROP)
+    t_top = (top - height) / min(dz, -_MIN_DROP)
     from_x, from_y = t_top * dx - x, t_top * dy - y
     from2 = from_x * from_x + from_y * from_y
-    on_top = (top < height) & (dz < -_LEAST_DROP) & (from2 <= radius2)
+    on_top = (top < height) & (dz < -_MIN_DROP) & (from2 <= radius2)
     marked = (row[OTHER] >= _ZERO) & (from2 <= radius2 * MARKER_RATIO * MARKER_RATIO)
     top_color = np.int32(row[OTHER]) if marked else np.int32(row[COLOR] + bands - _ONE)
     color = np.int32(row[COLOR]) + band if on_side else top_color

@@ -132,7 +132,7 @@ class PatternedBallFinder:
         mask: UInt8Array | None = None,
         settings: PatternedBallSettings = PatternedBallSettings(),
     ) -> None:
-        self.camera, self.settings = camera, settings
+        self.settings = settings
         self._radius_m = field.ball_radius_m
         self._mask = mask
         width, height = camera.size_px

@@ -24,11 +24,11 @@ from sim2d.kernels.forward_things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, 
 from sim2d.kernels.forward_tiles import draw_forward
 from sim2d.kernels.forward_values import FloorPaint, ForwardEye, Outlines, UprightThings, WallPicture
 from sim2d.rendering.backdrop import Backdrop
-from sim2d.rendering.fast.frames import SHADE_REACH, even_light, refuse_uneven
+from sim2d.rendering.fast.frames import SHADE_REACH, EvenlyLit, even_light, refuse_uneven
 from sim2d.rendering.fast.lens_table import TILE_PX, lens_table
 from sim2d.rendering.fast.line_rows import arc_rows, line_rows
 from sim2d.rendering.room import ROWS_PER_M, room_panorama
-from sim2d.rendering.scene import Ball, Bgr, Box, Light, Post, Robot, Scene
+from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene
 from sim2d.rendering.sensor import Sensor, vignette_gain
 from sim2d.rendering.surfaces import face_light
 
@@ -55,7 +55,7 @@ class EyeInField(NamedTuple):
     turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class ForwardFrames:
+class ForwardFrames(EvenlyLit):
     """Draws one field and all fixed objects around it for one type of camera.
 
     Parameters
@@ -146,17 +146,6 @@ class ForwardFrames:
     def _paints(self, moving: tuple[Bgr, ...]) -> Float32Array:
         colors = np.array([*self._colors, *moving], dtype=np.float64).reshape(-1, 3)
         return np.asarray(colors * self._cast, dtype=np.float32)
-
-    def set_light(self, light: Light) -> None:
-        """Light the field so from now on; the room behind it keeps its light.
-
-        Raises
-        ------
-        ArgumentError
-            If it has texture, shadow or highlights.
-        """
-        refuse_uneven(light)
-        self._light = even_light(self.scene, light)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, eye: EyeInField) -> UInt8Array:
         """Draw a frame.

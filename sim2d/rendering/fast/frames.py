@@ -62,7 +62,25 @@ def even_light(scene: Scene, lamp: Light) -> Lighting:
     return Lighting(float(lamp.level), *along, 0.05 * lamp.level, LAMP_DIRECTION_RAD)
 
 
-class FastFrames:
+class EvenlyLit:
+    """Draws frames in light that may change from one to the next."""
+
+    scene: Scene
+    _light: Lighting
+
+    def set_light(self, light: Light) -> None:
+        """Light the field so from now on; the room behind it keeps its light.
+
+        Raises
+        ------
+        ArgumentError
+            If it has texture, shadow or highlights.
+        """
+        refuse_uneven(light)
+        self._light = even_light(self.scene, light)
+
+
+class FastFrames(EvenlyLit):
     """Draws one field and all fixed objects on it for one type of camera.
 
     Parameters
@@ -161,17 +179,6 @@ class FastFrames:
             rows.append([height, 1, len(colors), len(colors), len(colors) + 1, gap, 0.0])
             colors += [color, marker]
         return Things(np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast)
-
-    def set_light(self, light: Light) -> None:
-        """Light the field so from now on; the room behind it keeps its light.
-
-        Raises
-        ------
-        ArgumentError
-            If it has texture, shadow or highlights.
-        """
-        refuse_uneven(light)
-        self._light = even_light(self.scene, light)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2) -> UInt8Array:
         """Draw a frame.

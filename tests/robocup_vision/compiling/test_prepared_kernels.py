@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from robocup_vision import cli
-from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module, spelled_type
+from robocup_vision.compiling.listed_loop import spelled_type
+from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module
 from robocup_vision.kernels.floor.colors import tabulate
 
 TESTS = Path(__file__).parents[2]
@@ -58,14 +59,6 @@ def test_a_listed_loop_is_ready() -> None:
     ready = [[spelled_type(one) for one in types] for types in tabulate.overloads]
     assert all(arguments in ready for arguments in listed)
     prepare("no such object has loops")
-
-
-def test_a_type_that_is_not_known_is_told() -> None:
-    from numba import types
-
-    with pytest.raises(TypeError, match="cannot be listed"):
-        spelled_type(types.ListType(types.int64))
-    assert spelled_type(types.Array(types.uint8, 2, "A", readonly=True)) == ["array", "uint8", 2, "A", False]
 
 
 def compiled_by(program: str, workload: str, environment: dict[str, str]) -> str:
