@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+import os
+import sys
 from dataclasses import dataclass
+from typing import cast
 
 from field_models.errors import ArgumentError
 from sim2d.players.built_in import BuiltInPlayer
@@ -50,16 +54,38 @@ PLAYERS: dict[str, PlayerFactory] = {
 
 
 def player_factory(name: str) -> PlayerFactory:
-    """Return what makes the players of a name.
+    """Return what makes the players of a name, or of an import path as ``package.module:Name``.
+
+    Modules in the current folder are found, too.
 
     Raises
     ------
     ArgumentError
-        If there is no such player.
+        If there is no such player, or what the path names cannot be imported or makes no players.
     """
+    if ":" in name:
+        return _imported(name)
     if name not in PLAYERS:
-        raise ArgumentError(f"there is no player '{name}', only {', '.join(PLAYERS)}")
+        raise ArgumentError(f"there is no player '{name}', only {', '.join(PLAYERS)}, or one's own as MODULE:NAME")
     return PLAYERS[name]
+
+
+def _imported(path: str) -> PlayerFactory:
+    module_name, _, name = path.partition(":")
+    # an installed command does not look there; other processes of this machine are given this list
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())
+    try:
+        module = importlib.import_module(module_name)
+    except (Exception, SystemExit) as error:
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ArgumentError(f"the player '{path}' cannot be imported: {text}") from None
+    factory = getattr(module, name, None)
+    if factory is None:
+        raise ArgumentError(f"the module '{module_name}' has no player '{name}'")
+    if not callable(factory):
+        raise ArgumentError(f"'{path}' makes no players: it cannot be called")
+    return cast(PlayerFactory, factory)
 
 
 def player_name(factory: PlayerFactory) -> str:

@@ -22,7 +22,9 @@ from robocup_vision.mapping import sensor_model
 from robocup_vision.perception import color_table
 from robocup_vision.planning.gaze import goal_evidence
 from sim2d.match.run import MatchPlan
+from sim2d.match.table.round_robin import RoundRobin
 from sim2d.match.tournament import tournament_json
+from sim2d.players.built_in import BuiltInPlayer
 from sim2d.report.match_figures import MatchFigures
 from sim2d.report.match_file import match_json
 from sim2d.report.robot_figures import FaultFigures, RobotFigures
@@ -43,6 +45,8 @@ def names_of(value):
 
 MATCH = match_json("ssl_2001", 2, 1, MatchFigures(60.0, (1, 0), ((3.0, 1),), (0.5, 0.5), (), ()))
 ROBOT = {field.name: 0.0 for field in dataclasses.fields(RobotFigures)}
+PAIR = RoundRobin(MatchPlan(), (("one", BuiltInPlayer), ("two", BuiltInPlayer)), 2)
+TABLE = PAIR.table_json([{**MATCH, "robots": []}] * 2)
 EXPECTED = {
     "dataset.toml": keys_of(dataset._DatasetFile),
     "truth.csv": {"image", "x_m", "y_m", "theta_rad"},
@@ -68,6 +72,7 @@ EXPECTED = {
     "match.json robots": names_of(RobotFigures),
     "match.json faults": names_of(FaultFigures),
     "tournament.json totals": set(tournament_json(MatchPlan(), [{**MATCH, "robots": [ROBOT]}])["totals"]),
+    "table.json table": set(TABLE["table"][0]),
     "run.toml": keys_of(run_files._RunFile),
     "sensors.toml": keys_of(sensor_model._SensorFile),
     "sensors.toml sensor": keys_of(sensor_model._Sensor),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import pickle
+import sys
 
 import pytest
 from sim2d_players import Reckoner, Sleeper
@@ -17,7 +18,7 @@ from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import PLAYERS, BuiltInTeam, player_factory, player_name
 from sim2d.players.settings import PlayerSettings
 
-KNOWN = "plain, memory, planning, asking, looking"
+KNOWN = "plain, memory, planning, asking, looking, or one's own as MODULE:NAME"
 LONE = PlayerSettings(lost_rps=2.0)
 OPTIONS = {"remembers": False, "plans": False, "asks": False, "looks_again": False, "settings": PlayerSettings()}
 
@@ -69,3 +70,30 @@ def test_the_command_takes_names(tmp_path, capsys):
     assert capsys.readouterr().err == f"robocup-vision match: there is no player 'nobody', only {KNOWN}\n"
     assert cli.main(["tournament", "--theirs", "nobody", "--out", str(tmp_path)]) == 2
     assert "there is no player 'nobody'" in capsys.readouterr().err
+
+
+def test_players_of_ones_own_are_found_by_their_import_path(tmp_path, monkeypatch):
+    assert player_factory("sim2d_players:Reckoner") is Reckoner
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "my_own_team.py").write_text("def make(setup):\n    return setup\n")
+    assert player_factory("my_own_team:make")("setup") == "setup"
+
+
+@pytest.mark.parametrize(
+    ("path", "problem"),
+    [
+        (
+            "nowhere_at_all:Player",
+            "the player 'nowhere_at_all:Player' cannot be imported: ModuleNotFoundError",
+        ),
+        ("sim2d_players:Nobody", "the module 'sim2d_players' has no player 'Nobody'"),
+        ("sim2d_players:", "the module 'sim2d_players' has no player ''"),
+        (":Nobody", "the player ':Nobody' cannot be imported: ValueError"),
+        ("math:pi", "'math:pi' makes no players: it cannot be called"),
+    ],
+)
+def test_an_import_path_without_a_player_is_refused(path, problem):
+    with pytest.raises(ArgumentError) as caught:
+        player_factory(path)
+    assert str(caught.value).startswith(problem)

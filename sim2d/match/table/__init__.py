@@ -1,0 +1,1 @@
+"""The table of a tournament in which all players meet each other."""
