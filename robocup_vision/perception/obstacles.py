@@ -69,19 +69,16 @@ def find_obstacles(
         starts = [0]
     # where a stretch of joined bearings ends: before the next bearing that is not joined to the one before it
     breaks = np.flatnonzero(~joined).tolist()
+    # lists instead of arrays: a stretch has a few dozen bearings
+    xs, ys, spaces = x.tolist(), y.tolist(), spacing.tolist()
     found = []
     for start in starts:
         after = bisect_right(breaks, start)
         end = count + start if not breaks else breaks[after] if after < len(breaks) else count + breaks[0]
-        end = min(end, start + count)
-        if end <= count:
-            stretch, spaces = places[start:end], spacing[start:end]
-        else:
-            stretch = np.concatenate((places[start:], places[: end - count]))
-            spaces = np.concatenate((spacing[start:], spacing[: end - count]))
-        middle_x, middle_y = stretch.mean(axis=0).tolist()
-        (x0, y0), (x1, y1) = stretch[0].tolist(), stretch[-1].tolist()
-        width = float(np.hypot(x1 - x0, y1 - y0)) + float(spaces.mean())
+        stretch = [index % count for index in range(start, min(end, start + count))]
+        first, last, bearings = stretch[0], stretch[-1], len(stretch)
+        middle_x, middle_y = sum(xs[i] for i in stretch) / bearings, sum(ys[i] for i in stretch) / bearings
+        width = math.dist((xs[first], ys[first]), (xs[last], ys[last])) + sum(spaces[i] for i in stretch) / bearings
         found.append(
             Obstacle(middle_x, middle_y, width, math.atan2(middle_y, middle_x), math.hypot(middle_x, middle_y))
         )

@@ -1,4 +1,4 @@
-"""The branches of all track trees as arrays: predicted, split over the detections, and pruned."""
+"""The branches of all track trees as arrays: predicted and split over the detections, chosen together, and pruned."""
 
 from __future__ import annotations
 
@@ -9,14 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.kernels.tracking import branches as kernel
+from robocup_vision.kernels.tracking.branches import MISS
+from robocup_vision.kernels.tracking.choice import choose_together, keep_near
 from robocup_vision.tracking.settings import MovingObjectsSettings
-from robocup_vision.tracking.shadows import Shadows
-
-MISS = -1
-# points of a normal distribution and their weights: Gauss-Hermite, three on each axis
-_AXIS, _AXIS_WEIGHTS = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
-_POINTS = np.stack(np.meshgrid(_AXIS, _AXIS, indexing="ij"), axis=-1).reshape(-1, 2)
-_WEIGHTS = np.outer(_AXIS_WEIGHTS, _AXIS_WEIGHTS).ravel()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,114 +104,65 @@ class Branches:
             np.concatenate([self.history, other.history]),
         )
 
-    def predicted(self, seconds: float, settings: MovingObjectsSettings) -> Branches:
-        """Return all of them `seconds` after the last frame."""
-        steady_s = settings.steady_s
-        kept = math.exp(-seconds / steady_s)
-        move = np.eye(4)
-        move[0, 2] = move[1, 3] = steady_s * (1 - kept)
-        move[2, 2] = move[3, 3] = kept
-        push = np.array([[seconds**2 / 2, 0.0], [0.0, seconds**2 / 2], [seconds, 0.0], [0.0, seconds]])
-        noise = push @ push.T * settings.acceleration_mps2**2
-        survival = math.exp(-seconds / settings.lifetime_s)
-        return Branches(
-            self.tree,
-            self.mean @ move.T,
-            move @ self.covariance @ move.T + noise,
-            self.evidence,
-            # log(p s / (1 - p s)) of the probability p with which it was there, s that it stays
-            -np.log(np.exp(-self.odds) / survival + (1 / survival - 1)),
-            self.coasted_s + seconds,
-            self.missed,
-            self.history,
-        )
-
     def split(
         self,
+        seconds: float,
         places_m: FloatArray,
         spreads: FloatArray,
         numbers: Int64Array,
-        view: Shadows,
+        eye_m: FloatArray,
         settings: MovingObjectsSettings,
     ) -> Branches:
-        """Return one branch for each detection within the gate of each of these, and one for each that is missed.
+        """Return one branch without a detection for each of these, and one for each detection within its gate.
 
         Parameters
         ----------
+        seconds : float
+            Since the frame of these.
         places_m, spreads : (M, 2) and (M, 2, 2) float64
             Detections in the field frame and their covariances.
         numbers : (M,) int64
             Their running numbers.
-        view : Shadows
-            What hides what in this frame.
+        eye_m : (2,) float64
+            The robot in the field frame: an object without a detection is rather where detections hide it.
         settings : MovingObjectsSettings
-            With the gate, the probability of detection and the clutter.
+            How objects move and are detected.
         """
-        missed = self._missed(view, settings)
-        away = places_m[None, :, :] - self.mean[:, None, :2]
-        spread = self.covariance[:, None, :2, :2] + spreads[None]
-        a, b, d = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
-        determinant = a * d - b * b
-        distance = (d * away[..., 0] ** 2 - 2 * b * away[..., 0] * away[..., 1] + a * away[..., 1] ** 2) / determinant
-        branch, detection = np.nonzero(distance < settings.gate)
-        if not len(branch):
-            return missed
-        a, b, d, area = (v[branch, detection] for v in (a, b, d, determinant))
-        inverse = np.stack([np.stack([d, -b], -1), np.stack([-b, a], -1)], -2) / area[:, None, None]
-        covariance = self.covariance[branch]
-        gain = covariance[:, :, :2] @ inverse
-        likelihood = -0.5 * distance[branch, detection] - 0.5 * np.log(area) - math.log(math.tau)
-        gained = likelihood + math.log(settings.detection_probability / settings.clutter_per_m2)
-        history = missed.history[branch]
-        history[:, 0] = numbers[detection]
-        hit = Branches(
-            self.tree[branch],
-            self.mean[branch] + np.einsum("nij,nj->ni", gain, away[branch, detection]),
-            covariance - gain @ covariance[:, :2, :],
-            self.evidence[branch] + gained,
-            self.odds[branch] + gained,
-            np.zeros(len(branch)),
-            np.zeros(len(branch), dtype=np.int64),
-            history,
+        kept = math.exp(-seconds / settings.steady_s)
+        noise = settings.acceleration_mps2**2
+        motion = kernel.MotionModel(
+            seconds,
+            settings.steady_s * (1 - kept),
+            kept,
+            0.25 * seconds**4 * noise,
+            0.5 * seconds**3 * noise,
+            seconds**2 * noise,
+            math.exp(-seconds / settings.lifetime_s),
         )
-        both = missed.concatenate(hit)
-        return both.select(np.argsort(both.tree, kind="stable"))
-
-    def _missed(self, view: Shadows, settings: MovingObjectsSettings) -> Branches:
-        """Return each of these without a detection: the object is rather where it would not be detected.
-
-        The place's density is weighted at points around its mean and made normal again; velocities follow by their
-        covariance with it.
-        """
-        count = len(self)
-        place = self.covariance[:, :2, :2]
-        root = np.zeros_like(place)
-        root[:, 0, 0] = np.sqrt(place[:, 0, 0])
-        root[:, 1, 0] = place[:, 1, 0] / root[:, 0, 0]
-        root[:, 1, 1] = np.sqrt(np.maximum(place[:, 1, 1] - root[:, 1, 0] ** 2, 1e-12))
-        offsets = np.einsum("lij,pj->lpi", root, _POINTS)
-        missing = 1 - settings.detection_probability * view.visible_ratio(self.mean[:, None, :2] + offsets)
-        weights = _WEIGHTS * missing
-        likelihood = weights.sum(axis=1)
-        weights /= likelihood[:, None]
-        shift = np.einsum("lp,lpi->li", weights, offsets)
-        centred = offsets - shift[:, None]
-        spread = np.einsum("lp,lpi,lpj->lij", weights, centred, centred)
-        # nine points show no smaller spread
-        spread += settings.unknown_ratio * place
-        a, b, d = place[:, 0, 0], place[:, 0, 1], place[:, 1, 1]
-        inverse = np.stack([np.stack([d, -b], -1), np.stack([-b, a], -1)], -2) / (a * d - b * b)[:, None, None]
-        gain = self.covariance[:, :, :2] @ inverse
+        model = kernel.DetectionModel(
+            settings.detection_probability, settings.clutter_per_m2, settings.gate, settings.unknown_ratio
+        )
         return Branches(
-            self.tree,
-            self.mean + np.einsum("lij,lj->li", gain, shift),
-            self.covariance + gain @ (spread - place) @ gain.transpose(0, 2, 1),
-            self.evidence + np.log(likelihood),
-            self.odds + np.log(likelihood),
-            self.coasted_s,
-            self.missed + 1,
-            np.concatenate([np.full((count, 1), MISS, dtype=np.int64), self.history[:, :-1]], axis=1),
+            *kernel.predict_and_split(
+                self._arrays(),
+                motion,
+                kernel.Detected(places_m, spreads, numbers),
+                kernel.Eye(float(eye_m[0]), float(eye_m[1]), 0.5 * settings.width_m),
+                model,
+            )
         )
+
+    def choose_together(self, max_steps: int) -> Int64Array:
+        """Return the indices (B,) of the most likely branches, at most one of each tree, none with another's detection.
+
+        A tree has none if more likely ones take all its detections.
+
+        Parameters
+        ----------
+        max_steps : int
+            Steps of the search, after which the best choice so far is taken.
+        """
+        return np.flatnonzero(choose_together(self.tree, self.evidence, self.history, max_steps))
 
     def pruned(self, chosen: Int64Array, settings: MovingObjectsSettings) -> Branches:
         """Keep the best branches of the chosen ones' trees.
@@ -223,24 +170,19 @@ class Branches:
         A branch is kept if it is likely, agrees with the chosen one on the oldest detection, and is not equal to one
         that is kept already, up to `max_branches` of each tree.
         """
-        root = {int(self.tree[i]): int(self.history[i, -1]) for i in chosen}
-        best = {int(self.tree[i]): float(self.evidence[i]) for i in chosen}
-        order = np.lexsort((-self.evidence, self.tree)).tolist()
-        picked = set(chosen.tolist())
-        kept: list[int] = []
-        count: dict[int, int] = {}
-        seen: set[tuple[int, bytes]] = {(int(self.tree[i]), self.history[i].tobytes()) for i in chosen}
-        for index in order:
-            tree = int(self.tree[index])
-            if tree not in root:
-                continue
-            if index not in picked:
-                recent = (tree, self.history[index].tobytes())
-                unlikely = self.evidence[index] < best[tree] - settings.max_log_ratio
-                is_full = count.get(tree, 1) >= settings.max_branches
-                if unlikely or recent in seen or self.history[index, -1] != root[tree] or is_full:
-                    continue
-                seen.add(recent)
-                count[tree] = count.get(tree, 1) + 1
-            kept.append(index)
-        return self.select(np.array(kept, dtype=np.int64))
+        is_chosen = np.zeros(len(self), dtype=np.bool_)
+        is_chosen[chosen] = True
+        bounds = settings.max_log_ratio, settings.max_branches
+        return self.select(keep_near(self.tree, self.evidence, self.history, is_chosen, *bounds))
+
+    def _arrays(self) -> kernel.BranchArrays:
+        return kernel.BranchArrays(
+            self.tree,
+            self.mean,
+            self.covariance,
+            self.evidence,
+            self.odds,
+            self.coasted_s,
+            self.missed,
+            self.history,
+        )

@@ -20,9 +20,7 @@ from robocup_vision.belief import Track
 from robocup_vision.geometry import Pose2
 from robocup_vision.tracking.branches import Branches
 from robocup_vision.tracking.detections import Detection, in_field
-from robocup_vision.tracking.joint_choice import choose_together
 from robocup_vision.tracking.settings import MovingObjectsSettings
-from robocup_vision.tracking.shadows import Shadows
 
 
 @dataclass(slots=True)
@@ -89,10 +87,8 @@ class MovingObjects:
         numbers = self._detections + np.arange(len(places))
         self._detections += len(places)
         settings = self.settings
-        branches = self._branches.predicted(seconds, settings)
-        view = Shadows(robot.array[:2], places, 0.5 * settings.width_m)
-        branches = branches.split(places, spreads, numbers, view, settings)
-        chosen = choose_together(branches, settings.max_steps)
+        branches = self._branches.split(seconds, places, spreads, numbers, robot.array[:2], settings)
+        chosen = branches.choose_together(settings.max_steps)
         now = branches.select(chosen)
         lost = self._keep_score(now)
         branches = branches.pruned(chosen, settings)

@@ -14,7 +14,6 @@ from robocup_vision.belief import Track
 from robocup_vision.geometry import Pose2
 from robocup_vision.tracking import Detection, MovingObjects, MovingObjectsSettings
 from robocup_vision.tracking.branches import Branches
-from robocup_vision.tracking.shadows import Shadows
 
 HOME = Pose2(0.0, 0.0, 0.0)
 PERIOD_S = 1 / 15
@@ -172,8 +171,7 @@ def test_a_detection_updates_a_branch_as_a_kalman_filter(seed):
     covariance = root @ root.T + 1e-3 * np.eye(4)
     spread = np.diag(rng.uniform(0.001, 0.01, 2))
     place = np.array([1.0, 0.0]) + rng.normal(0, 0.03, 2)
-    view = Shadows(np.zeros(2), place[None], 0.09)
-    both = one_branch(covariance).split(place[None], spread[None], np.array([7]), view, SETTINGS)
+    both = one_branch(covariance).split(0.0, place[None], spread[None], np.array([7]), np.zeros(2), SETTINGS)
     assert len(both) == 2
     seen_one = int(np.flatnonzero(both.missed == 0)[0])
     h = np.eye(2, 4)
@@ -191,28 +189,17 @@ def test_a_miss_in_the_open_leaves_the_position_and_beside_a_shadow_moves_it_the
     covariance = np.diag([0.01, 0.01, 0.1, 0.1])
     covariance[1, 3] = covariance[3, 1] = 0.02
     nothing = np.empty((0, 2))
-    opened = one_branch(covariance).split(
-        nothing, np.empty((0, 2, 2)), np.empty(0, dtype=np.int64), Shadows(np.zeros(2), nothing, 0.09), SETTINGS
-    )
+    unseen = np.empty((0, 2, 2)), np.empty(0, dtype=np.int64)
+    opened = one_branch(covariance).split(0.0, nothing, *unseen, np.zeros(2), SETTINGS)
     assert opened.evidence[0] == pytest.approx(math.log(0.2))
     np.testing.assert_allclose(opened.mean[0], [1, 0, 0, 0], atol=1e-12)
     far = np.array([[0.4, 0.1]])  # hides what is to the left
-    hidden = one_branch(covariance).split(
-        far, 1e-4 * np.eye(2)[None], np.array([3]), Shadows(np.zeros(2), far, 0.09), SETTINGS
-    )
+    hidden = one_branch(covariance).split(0.0, far, 1e-4 * np.eye(2)[None], np.array([3]), np.zeros(2), SETTINGS)
     assert len(hidden) == 1
     assert hidden.mean[0, 1] > 0.02
     assert hidden.mean[0, 3] > 0.02
     assert math.log(0.2) < hidden.evidence[0] < 0.0
     assert np.linalg.eigvalsh(hidden.covariance[0]).min() > 0
-
-
-def test_visible_ratio_runs_from_hidden_to_open():
-    view = Shadows(np.zeros(2), np.array([[0.5, 0.0]]), 0.09)
-    ratio = view.visible_ratio(np.array([[1.0, 0.0], [1.0, 0.18], [1.0, 0.27], [1.0, 0.5], [0.3, 0.0]]))
-    assert ratio[0] == 0.0
-    assert 0.0 < ratio[1] < ratio[2] <= 1.0
-    np.testing.assert_array_equal(ratio[3:], 1.0)
 
 
 def test_a_track_becomes_an_obstacle_of_the_robot_frame():

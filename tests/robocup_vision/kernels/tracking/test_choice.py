@@ -1,4 +1,4 @@
-"""The joint choice of branches against all choices there are, and what each tree keeps."""
+"""The compiled choice of branches against all choices there are, and what each tree keeps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocup_vision.tracking.branches import MISS, Branches
-from robocup_vision.tracking.joint_choice import choose_together
 from robocup_vision.tracking.settings import MovingObjectsSettings
 
 MAX_STEPS = MovingObjectsSettings().max_steps
@@ -44,22 +43,30 @@ def test_no_choice_is_better(seed):
     rng = np.random.default_rng(seed)
     trees = np.sort(rng.integers(0, 4, 9))
     those = branches(trees, rng.normal(2, 3, 9), rng.integers(-1, 4, 9))
-    chosen = choose_together(those, MAX_STEPS)
-    seen = those.history[chosen, 0]
+    those.history[:, 1] = np.where(rng.random(9) < 0.5, MISS, rng.integers(4, 9, 9))
+    chosen = those.choose_together(MAX_STEPS)
+    seen = those.history[chosen]
     seen = seen[seen != MISS].tolist()
     assert len(seen) == len(set(seen))
     assert len(set(those.tree[chosen])) == len(chosen)
     assert abs(those.evidence[chosen].sum() - plain_best(those)) < 1e-9
 
 
+def test_too_few_steps_leave_the_greedy_choice():
+    # the second tree's better branch is taken from it by the first tree's; with more steps the first one gives way
+    those = branches([0, 0, 1], [3.0, 2.9, 2.0], [1, 2, 1])
+    assert those.choose_together(1).tolist() == [0]
+    assert those.choose_together(MAX_STEPS).tolist() == [1, 2]
+
+
 def test_of_nothing_nothing_is_chosen():
-    assert choose_together(branches([], [], []), MAX_STEPS).tolist() == []
+    assert branches([], [], []).choose_together(MAX_STEPS).tolist() == []
 
 
 def test_trees_apart_do_not_multiply():
     # thirty trees of two branches each would be 3^30 choices
     trees = np.repeat(np.arange(30), 2)
-    chosen = choose_together(branches(trees, np.tile([1.0, 2.0], 30), np.arange(60)), MAX_STEPS)
+    chosen = branches(trees, np.tile([1.0, 2.0], 30), np.arange(60)).choose_together(MAX_STEPS)
     assert chosen.tolist() == list(range(1, 60, 2))
 
 
