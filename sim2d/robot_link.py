@@ -91,6 +91,8 @@ class PlayerSetup:
         Per side.
     seed : int
         For the player's own random numbers.
+    camera_is_rough : bool
+        The robot's true camera may differ from `camera`, and may be knocked: a player should calibrate while it plays.
     """
 
     field: Field
@@ -100,6 +102,7 @@ class PlayerSetup:
     number: int
     players: int
     seed: int
+    camera_is_rough: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
 
 
@@ -140,6 +141,23 @@ class Table:
     def implied_height_m(self) -> float | None:
         """None: a table does not fix the viewpoint."""
         return None
+
+
+def magnified(curve: FloorRange, factor: float) -> FloorRange:
+    """Return a curve whose image radii are so many times larger, of the same family.
+
+    Raises
+    ------
+    ArgumentError
+        If the curve is of none of the three families.
+    """
+    if isinstance(curve, Hyperboloid):
+        return Hyperboloid(curve.A_px_per_m * factor, curve.B_per_m, curve.C_px2 * factor**2)
+    if isinstance(curve, Tangent):
+        return Tangent(curve.a_m, curve.b_per_px / factor)
+    if isinstance(curve, Table):
+        return Table(curve.table_radius_px * factor, curve.table_range_m)
+    raise ArgumentError(f"a {type(curve).__name__} cannot be magnified: only Hyperboloid, Tangent and Table can")
 
 
 def _interpolate(x: FloatArray, known_x: FloatArray, known_y: FloatArray) -> FloatArray:

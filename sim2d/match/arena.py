@@ -145,9 +145,16 @@ class Arena:
 
     def setup(self, index: int) -> PlayerSetup:
         """Return a robot's setup: its player's data before the match."""
-        robot = self.world.state.robots[index]
+        robot, on = self.world.state.robots[index], self.disturbances
         return PlayerSetup(
-            self.field, self.camera, self.limits, robot.side, robot.number, self.players, self._player_seeds[index]
+            self.field,
+            self.camera,
+            self.limits,
+            robot.side,
+            robot.number,
+            self.players,
+            self._player_seeds[index],
+            camera_is_rough=on.camera is not None or on.knock is not None,
         )
 
     def senses(self) -> tuple[Senses, ...]:

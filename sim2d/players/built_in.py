@@ -13,7 +13,8 @@ import numpy as np
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.belief import Track
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.calibration.online import OnlineCalibration
+from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -80,7 +81,10 @@ class BuiltInPlayer:
             if everything
             else Memory(setup.field, settings=settings.memory)
         )
-        self._vision = Vision(setup.field, camera, memory=self._memory)
+        online = None
+        if setup.camera_is_rough and isinstance(camera, OmniCamera):
+            online = OnlineCalibration(field, camera)
+        self._vision = Vision(setup.field, camera, memory=self._memory, online=online)
         self._filter = self._memory.poses
         # the rules fix where it begins; a frame may contradict
         self._filter.expect(

@@ -270,7 +270,7 @@ class JointFit:
         by_pose[:, 2, 0], by_pose[:, 2, 1] = covector[:, 1], -covector[:, 0]
         return covector, by_pose, known
 
-    def _linearise(
+    def linearise(
         self, model: CameraModel, vector: FloatArray, poses: FloatArray, free: npt.NDArray[np.bool_]
     ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
         """Residuals (N,), their derivatives by the vector (N, G) and the own pose (N, 3), and which are known (N,)."""
@@ -305,7 +305,7 @@ class JointFit:
         free: npt.NDArray[np.bool_],
     ) -> float:
         """Do one Gauss-Newton step in place; return its length, relative to the bounds of a step, for a stop test."""
-        residual, by_vector, by_own, known = self._linearise(model, vector, poses, free)
+        residual, by_vector, by_own, known = self.linearise(model, vector, poses, free)
         weight = np.where(known, self.points.weight / (1 + (residual / scale) ** 2) ** 2, 0.0)
         settings = self.settings
         weight /= settings.points_per_measurement * max(scale / 2, settings.min_noise_px) ** 2
@@ -352,7 +352,7 @@ class JointFit:
         Points of one frame and one sector of the image are one group (a cluster-robust "sandwich"). Every number
         counts as unknown, even if it was fixed in the fit.
         """
-        residual, by_vector, by_own, known = self._linearise(
+        residual, by_vector, by_own, known = self.linearise(
             fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool)
         )
         spread = spread_px(residual[known], self.settings)

@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.settings import CameraModelSettings
-from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
+from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent, magnified
 from robocup_vision.camera.omni import OmniCamera
 
 Curve = Literal["hyperboloid", "tangent", "table"]
 CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
-# the curve of the camera at hand, whatever it is: only centre and tilt move
-Family = Literal[Curve, "kept"]
+# the curve of the camera at hand, whatever it is: centre and tilt move, and its image radii are magnified
+Family = Literal[Curve, "magnified"]
 
 CENTER, TILT, SCALE, HORIZON, SHAPE = slice(0, 2), slice(2, 4), 4, 5, slice(6, None)
 
@@ -102,13 +102,13 @@ class CameraModel:
     """A family of cameras: what stays as it is, and how a vector becomes one of them.
 
     The vector: centre u, v (px); tilt about x, y (rad); log K, log H; a hyperboloid's and a table's log of sqrt(C)/H; a
-    table's stretches. Of the family "kept" only the first four.
+    table's stretches. Of the family "magnified" the first four, and the logarithm of the curve's magnification.
 
     Parameters
     ----------
     frame : OmniCamera
         Gives everything that is not in the vector: size, usable radii, heading, offset, whether it is mirrored.
-    curve : {"hyperboloid", "tangent", "table", "kept"}
+    curve : {"hyperboloid", "tangent", "table", "magnified"}
         The family.
     settings : CameraModelSettings, optional
         Prior and bounds of the vector.
@@ -121,11 +121,13 @@ class CameraModel:
     @property
     def size(self) -> int:
         """Length of the vector."""
-        return {"hyperboloid": 7, "tangent": 6, "table": 7 + self.settings.bends, "kept": 4}[self.curve]
+        return {"hyperboloid": 7, "tangent": 6, "table": 7 + self.settings.bends, "magnified": 5}[self.curve]
 
     @property
     def names(self) -> tuple[str, ...]:
         """What each number of the vector is called."""
+        if self.curve == "magnified":
+            return ("center u", "center v", "tilt x", "tilt y", "magnification")
         bends = (f"bend at {radius:.0f} px" for radius in self._nodes_px)
         return ("center u", "center v", "tilt x", "tilt y", "scale", "horizon", "shape", *bends)[: self.size]
 
@@ -135,8 +137,8 @@ class CameraModel:
 
     def vector(self, camera: OmniCamera) -> FloatArray:
         """Vector (G,) of the member of this family that is most like a camera."""
-        if self.curve == "kept":
-            return np.array([*camera.center_px, *camera.tilt_rad])
+        if self.curve == "magnified":
+            return np.array([*camera.center_px, *camera.tilt_rad, 0.0])
         scale, horizon = scale_and_horizon(camera.floor_range, self.frame.usable_radius_px)
         head = [*camera.center_px, *camera.tilt_rad, math.log(scale), math.log(horizon)]
         root = 4.0
@@ -152,13 +154,15 @@ class CameraModel:
         """Return the camera of a vector; a table's still as the bent curve it is fitted as (see `written`)."""
         height = None
         curve = self.frame.floor_range
-        if self.curve == "kept":
+        if self.curve == "magnified":
             scale, horizon = scale_and_horizon(curve, self.frame.usable_radius_px)
+            curve, scale = magnified(curve, math.exp(vector[SCALE])), scale * math.exp(vector[SCALE])
+            horizon *= math.exp(vector[SCALE])
         else:
             scale, horizon = math.exp(vector[SCALE]), math.exp(vector[HORIZON])
         if self.curve == "tangent":
             curve = tangent_of(scale, horizon)
-        elif self.curve != "kept":
+        elif self.curve != "magnified":
             base = hyperboloid_of(scale, horizon, horizon * math.exp(vector[6]))
             curve = base if self.curve == "hyperboloid" else BentCurve(base, self._nodes_px, vector[7:])
         if self.curve != "hyperboloid":

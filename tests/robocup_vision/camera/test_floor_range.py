@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import PAPER_HORIZON_PX, PAPER_MIRROR, curves, numbers
 
+from field_models.errors import ArgumentError
 from robocup_vision.camera import FloorRange, Hyperboloid, Table, Tangent
+from robocup_vision.camera.floor_range import magnified
 
 RADII = np.linspace(26.0, 112.0, 87)
 
@@ -107,3 +109,19 @@ def test_table_copies_its_arrays_and_nobody_can_write_to_them():
     assert table.table_radius_px[0] == 30.0
     with pytest.raises(ValueError, match="read-only"):
         table.table_range_m[0] = 1.0
+
+
+@given(curves(), numbers(0.8, 1.25))
+def test_a_magnified_curve_shows_the_same_floor_farther_out(curve: FloorRange, factor: float):
+    larger = magnified(curve, factor)
+    assert type(larger) is type(curve)
+    np.testing.assert_allclose(
+        larger.inverse_range_per_m(factor * RADII), curve.inverse_range_per_m(RADII), rtol=1e-9, atol=1e-12
+    )
+    if curve.implied_height_m is not None:
+        assert larger.implied_height_m == pytest.approx(curve.implied_height_m)
+
+
+def test_a_curve_of_no_known_family_cannot_be_magnified():
+    with pytest.raises(ArgumentError, match="a str cannot be magnified"):
+        magnified("curve", 1.1)  # type: ignore[arg-type]

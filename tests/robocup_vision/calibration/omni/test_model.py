@@ -83,14 +83,16 @@ def test_vector_and_camera_go_there_and_back(curve):
     )
 
 
-def test_a_kept_curve_stays_as_it_is():
+def test_a_magnified_curve_is_of_its_family():
     table = Table(np.array([20.0, 60.0, 110.0]), np.array([0.1, 0.4, 3.0]))
     frame = OmniCamera((256, 220), (127.5, 109.5), (26.0, 105.0), table)
-    model = CameraModel(frame, "kept")
-    np.testing.assert_array_equal(model.vector(frame), [127.5, 109.5, 0.0, 0.0])
-    assert model.names == ("center u", "center v", "tilt x", "tilt y")
-    camera = model.camera(np.array([128.0, 110.0, 0.01, 0.0]))
-    assert camera.floor_range is table
+    model = CameraModel(frame, "magnified")
+    np.testing.assert_array_equal(model.vector(frame), [127.5, 109.5, 0.0, 0.0, 0.0])
+    assert model.names == ("center u", "center v", "tilt x", "tilt y", "magnification")
+    camera = model.camera(np.array([128.0, 110.0, 0.01, 0.0, math.log(1.02)]))
+    assert isinstance(camera.floor_range, Table)
+    np.testing.assert_allclose(camera.floor_range.table_radius_px, 1.02 * table.table_radius_px)
+    np.testing.assert_array_equal(camera.floor_range.table_range_m, table.table_range_m)
     assert camera.center_px == (128.0, 110.0)
     assert camera.tilt_rad == (0.01, 0.0)
     assert camera.height_m is not None

@@ -1,0 +1,200 @@
+"""Estimates what a camera file has wrong while a robot plays: a knock, a warm mount, a rough calibration.
+
+Every few frames the edges in view are fitted anew with the camera's parameters free within what is believed of them;
+the robot's pose is marginalised out. An information filter joins the frames, forgets slowly, and notices a knock.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.calibration.online.evidence import Evidence
+from robocup_vision.calibration.online.mirror import MirrorEvidence
+from robocup_vision.calibration.online.parameter_filter import ParameterFilter
+from robocup_vision.calibration.online.settings import OnlineSettings
+from robocup_vision.camera.files import save_camera
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.view import View
+
+# between frames without times
+_USUAL_STEP_S = 1 / 30
+
+
+@dataclass(frozen=True, slots=True)
+class OnlineState:
+    """State of an online calibration.
+
+    Parameters
+    ----------
+    center_px, tilt_rad : (float, float)
+        Now in use.
+    center_std_px, tilt_std_rad : (float, float)
+        Their standard deviations.
+    scale, scale_std : float
+        Factor of the image about its centre, against the camera file's; its standard deviation.
+    moved_px : float
+        Distance of the centre from the camera file's.
+    tilted_rad : float
+        Difference of the tilt from the camera file's.
+    at_bound : bool
+        Whether the estimate lies at the bound: then calibrate again, or look for a loose mount.
+    steps : int
+        Number of changes of the camera so far.
+    knocks : int
+        Number of knocks noticed so far.
+    """
+
+    center_px: tuple[float, float]
+    tilt_rad: tuple[float, float]
+    center_std_px: tuple[float, float]
+    tilt_std_rad: tuple[float, float]
+    scale: float
+    scale_std: float
+    moved_px: float
+    tilted_rad: float
+    at_bound: bool
+    steps: int
+    knocks: int
+
+    def __str__(self) -> str:
+        moved = f"centre moved by {self.moved_px:.2f} px, tilt by {math.degrees(self.tilted_rad):.2f} deg"
+        return moved + (", at the bound: calibrate again" if self.at_bound else "")
+
+
+class OnlineCalibration:
+    """Refines a camera by the frames of a `Vision`; pass it to that `Vision` as `online`.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera
+        As in its file: start, and centre of the bounds.
+    mask : (H, W) uint8, optional
+        As for the `Vision`.
+    settings : OnlineSettings
+        Bounds, and how often the camera is changed.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        mask: UInt8Array | None = None,
+        settings: OnlineSettings = OnlineSettings(),
+    ) -> None:
+        self.camera = camera
+        self.settings = settings
+        self._frames = MirrorEvidence(field, camera, mask, settings)
+        frames = self._frames
+        self._filter = ParameterFilter(frames.start, frames.std, frames.knock_std, settings.filter)
+        self._now = frames.start.copy()
+        self._places: list[Pose2] = []
+        self._t_s = self._used_s = self._stepped_s = -math.inf
+        self._located_s: float | None = None
+        self._is_trying, self._tried = False, 0
+        self._steps = 0
+
+    @property
+    def state(self) -> OnlineState:
+        """Current state: the camera in use, and how sure that is."""
+        start, std = self._frames.start, self._filter.std
+        center, tilt, scale = self._frames.slices
+        moved = np.abs(self._now - start)
+        low, high = start - self._frames.reach, start + self._frames.reach
+        (u, v), (first, second) = self._now[center].tolist(), self._now[tilt].tolist()
+        (u_std, v_std), (first_std, second_std) = std[center].tolist(), std[tilt].tolist()
+        return OnlineState(
+            (u, v),
+            (first, second),
+            (u_std, v_std),
+            (first_std, second_std),
+            math.exp(float(self._now[scale] - start[scale])),
+            float(std[scale]),
+            float(np.hypot(*moved[center])),
+            float(np.hypot(*moved[tilt])),
+            bool(np.minimum(self._now - low, high - self._now).min() < 1e-9),
+            self._steps,
+            self._filter.knocks,
+        )
+
+    def follow(self, frame: UInt8Array, view: View) -> OmniCamera | None:
+        """Take in a frame (H, W, 3) uint8 and its view; return a better camera, or None."""
+        self._t_s = view.t_s if view.t_s is not None else max(self._t_s, 0.0) + _USUAL_STEP_S
+        if view.pose or self._located_s is None:
+            self._located_s = self._t_s
+        elif self._t_s - self._located_s > self.settings.lost_s:
+            return self._try()
+        since_s = self._t_s - self._used_s
+        if not view.pose or 0.0 <= since_s < self.settings.every_s - 1e-9:
+            return None
+        if view.pose.inlier_ratio < self.settings.min_inlier_ratio:
+            return None
+        start = self._now if self._is_trying else self._filter.mean
+        evidence = self._frames.of(frame, view, self._filter.mean, self._filter.widened, start)
+        if evidence is None:
+            return None
+        dt_s = since_s if 0.0 < since_s < math.inf else self.settings.every_s
+        self._used_s, self._is_trying = self._t_s, False
+        self._filter.pass_time(dt_s)
+        self._take(evidence, view.pose.pose, dt_s)
+        return self._step()
+
+    def _try(self) -> OmniCamera | None:
+        """Return another camera that may be the true one, for a robot that is not located."""
+        settings, frames, belief = self.settings, self._frames, self._filter
+        if 0.0 <= self._t_s - self._stepped_s < settings.min_step_s:
+            return None
+        size = len(belief.mean)
+        tries = [
+            belief.mean + sigmas * belief.std[k] * np.eye(size)[k] for sigmas in settings.tries for k in range(size)
+        ]
+        now = frames.camera(belief.mean)
+        tries = [belief.mean] + [one for one in tries if frames.shift_px(now, frames.camera(one)) > settings.min_try_px]
+        if len(tries) == 1:
+            return None
+        self._tried = (self._tried + 1) % len(tries)
+        self._is_trying = True
+        return self._use(tries[self._tried])
+
+    def _take(self, evidence: Evidence, pose: Pose2, dt_s: float) -> None:
+        if self._filter.is_knocked(evidence, dt_s):
+            self._places.clear()
+        elif self._filter.is_in_doubt or any(self._is_same_place(other, pose) for other in self._places):
+            return
+        self._places = [*self._places[1 - self.settings.places :], pose]
+        self._filter.update(evidence)
+
+    def _is_same_place(self, pose: Pose2, other: Pose2) -> bool:
+        distance_m, angle_rad = pose.error_to(other)
+        return distance_m < self.settings.same_place_m and angle_rad < self.settings.same_heading_rad
+
+    def _step(self) -> OmniCamera | None:
+        """Return the camera now believed in, if it differs by enough from that in use."""
+        if 0.0 <= self._t_s - self._stepped_s < self.settings.min_step_s:
+            return None
+        vector = self._bounded(self._filter.mean)
+        if self._frames.shift_px(self.camera, self._frames.camera(vector)) < self.settings.min_step_px:
+            return None
+        return self._use(vector)
+
+    def _bounded(self, vector: FloatArray) -> FloatArray:
+        frames = self._frames
+        return np.clip(vector, frames.start - frames.reach, frames.start + frames.reach)
+
+    def _use(self, vector: FloatArray) -> OmniCamera:
+        self._now, self._stepped_s = vector, self._t_s
+        self._steps += 1
+        self.camera = self._frames.camera(vector)
+        return self.camera
+
+    def save(self, path: str | Path) -> None:
+        """Write the camera now in use as a camera file."""
+        save_camera(self.camera, path)

@@ -1,0 +1,137 @@
+"""What one frame tells of a camera: residuals in pixels, and their information once the frame's own unknowns are out.
+
+The robot's pose, and what a body does with its camera for a moment, are unknown in every frame anew. They are
+marginalised (Schur complement), so that what they could explain as well says nothing of the camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.arrays import FloatArray, Int64Array
+
+# half of the residuals of a normal distribution lie within 0.674 standard deviations
+_MEDIAN_TO_STD = 1.483
+
+
+class NoiseSettings(NamedTuple):
+    """Noise of measured points.
+
+    Parameters
+    ----------
+    alone_px : float
+        Standard deviation of a point alone, at least.
+    shared_px : float
+        That of the offset which all points of a group share: an edge's paint and tape, a sector's lens or mirror.
+    """
+
+    alone_px: float
+    shared_px: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Residuals:
+    """Points of one frame against what a camera and the frame's own unknowns let expect.
+
+    Parameters
+    ----------
+    residual_px : (N,) float64
+        Expected less measured, along the normal of the edge.
+    by_camera : (N, G) float64
+        Derivatives by the camera's parameters.
+    by_frame : (N, F) float64
+        Derivatives by the frame's own unknowns.
+    group : (N,) int64
+        Points of one number err together.
+    """
+
+    residual_px: FloatArray
+    by_camera: FloatArray
+    by_frame: FloatArray
+    group: Int64Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Log-likelihood of the camera's parameters, as a Gaussian in information form, by one frame.
+
+    Parameters
+    ----------
+    about : (G,) float64
+        Where it was worked out.
+    information : (G, G) float64
+        May be singular.
+    gradient : (G,) float64
+        Of the log-likelihood there.
+    """
+
+    about: FloatArray
+    information: FloatArray
+    gradient: FloatArray
+
+
+def spread_px(residual_px: FloatArray, least_px: float) -> float:
+    """Robust standard deviation of residuals, at least so much."""
+    if not len(residual_px):
+        return least_px
+    return max(least_px, _MEDIAN_TO_STD * float(np.median(np.abs(residual_px))))
+
+
+def tukey_weights(residual_px: FloatArray, gate_px: float) -> FloatArray:
+    """Weights (N,) in [0, 1] of residuals: 0 beyond the gate."""
+    inside = 1.0 - np.minimum(np.abs(residual_px) / gate_px, 1.0) ** 2
+    return np.asarray(inside * inside)
+
+
+def normal_equations(points: Residuals, weight: FloatArray, noise: NoiseSettings) -> tuple[FloatArray, FloatArray]:
+    """Information (G + F, G + F) and gradient (G + F,) of weighted residuals, the camera's parameters first.
+
+    The covariance of a group is that of its points alone and of an offset common to them; its inverse is the former's
+    less a matrix of rank one (Sherman and Morrison).
+    """
+    rows = np.hstack([points.by_camera, points.by_frame, points.residual_px[:, None]])
+    precision = weight / noise.alone_px**2
+    weighted = rows * precision[:, None]
+    total = rows.T @ weighted
+    if noise.shared_px > 0 and len(rows):
+        _, member = np.unique(points.group, return_inverse=True)
+        common = np.zeros((int(member.max()) + 1, rows.shape[1]))
+        np.add.at(common, member, weighted)
+        amount = np.bincount(member, weights=precision)
+        total -= common.T @ (common / (noise.shared_px**-2 + amount)[:, None])
+    return total[:-1, :-1], -total[:-1, -1]
+
+
+def marginal(
+    information: FloatArray, gradient: FloatArray, size: int, own: FloatArray, own_gradient: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Leave out a frame's own unknowns.
+
+    Parameters
+    ----------
+    information, gradient
+        Of `normal_equations`.
+    size : int
+        Number G of the camera's parameters.
+    own, own_gradient : (F,) float64
+        Precision of the frame's own unknowns under their prior, and its gradient where the points were worked out.
+
+    Returns
+    -------
+    (G, G), (G,) float64
+        Information on the camera's parameters, and gradient.
+    """
+    inner = information[size:, size:] + np.diag(own)
+    cross = information[:size, size:]
+    solved = np.linalg.solve(inner, np.column_stack([cross.T, gradient[size:] + own_gradient]))
+    reduced = information[:size, :size] - cross @ solved[:, :-1]
+    return (reduced + reduced.T) / 2, gradient[:size] - cross @ solved[:, -1]
+
+
+def known(mask: npt.NDArray[np.bool_], points: Residuals) -> Residuals:
+    """Return the points where a mask is true."""
+    return Residuals(points.residual_px[mask], points.by_camera[mask], points.by_frame[mask], points.group[mask])

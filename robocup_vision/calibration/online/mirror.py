@@ -1,0 +1,159 @@
+"""What a frame of a mirror camera tells of its centre, tilt and curve: floor's outline and lines against the field."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points
+from robocup_vision.calibration.omni.model import CENTER, SCALE, TILT, CameraModel
+from robocup_vision.calibration.online.evidence import (
+    Evidence,
+    NoiseSettings,
+    Residuals,
+    known,
+    marginal,
+    normal_equations,
+    spread_px,
+    tukey_weights,
+)
+from robocup_vision.calibration.online.settings import OnlineSettings
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.perception.line_points import LineFinder
+from robocup_vision.view import View
+
+DESIGN_HEIGHT_PX = 220.0
+# of a frame's pose before the frame: a metre and a radian, next to nothing
+_POSE_PRECISION = 1.0
+
+
+class MirrorEvidence:
+    """Makes evidence of frames of one mirror camera.
+
+    The parameters: centre u, v (px), tilt about x, y (rad), and the logarithm of the curve's magnification.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera
+        As in its file.
+    mask : (H, W) uint8, optional
+        As for a `Vision`.
+    settings : OnlineSettings
+        See there.
+    """
+
+    def __init__(self, field: Field, camera: OmniCamera, mask: UInt8Array | None, settings: OnlineSettings) -> None:
+        mirror = settings.mirror
+        self._field, self._settings = field, mirror
+        self._shape = FieldShape(field)
+        self._finder = LineFinder(camera, field.line_width_m, mask)
+        self._model = CameraModel(camera, "magnified")
+        self._px = min(camera.size_px) / DESIGN_HEIGHT_PX
+        self.start = self._model.vector(camera)
+        self.std = np.empty(self._model.size)
+        self.std[CENTER], self.std[TILT] = mirror.center_std_px * self._px, mirror.tilt_std_rad
+        self.std[SCALE] = mirror.curve_std
+        self.knock_std = self.std.copy()
+        # a knock bends no mirror
+        self.knock_std[SCALE] = 0.0
+        self.reach = np.full(self._model.size, 6.0 * mirror.curve_std)
+        self.reach[CENTER], self.reach[TILT] = settings.max_center_px, settings.max_tilt_rad
+        self._warm_up(camera)
+
+    slices = (CENTER, TILT, SCALE)
+
+    def camera(self, vector: FloatArray) -> OmniCamera:
+        """Return the camera of parameters (5,)."""
+        return self._model.camera(vector)
+
+    def shift_px(self, camera: OmniCamera, other: OmniCamera) -> float:
+        """Greatest distance between the images of the same floor through two cameras."""
+        inner, outer = camera.usable_radius_px
+        pixels = camera.polar_to_pixel(np.arange(0.0, math.tau, 0.5)[:, None], np.linspace(inner, 0.8 * outer, 4))
+        moved = other.floor_to_pixel(camera.pixel_to_floor(pixels.reshape(-1, 2))) - pixels.reshape(-1, 2)
+        return float(np.nanmax(np.hypot(moved[:, 0], moved[:, 1])))
+
+    def of(
+        self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
+    ) -> Evidence | None:
+        """Return what a frame tells, None where it shows too little, or most of it contradicts the field.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        view : View
+            What a `Vision` saw in it.
+        mean, covariance : (5,), (5, 5) float64
+            What is believed of the parameters.
+        start : (5,) float64
+            Those by which the frame was located: where the fit begins.
+        """
+        points = self._points(frame, view)
+        if points is None:
+            return None
+        assert isinstance(view.pose, PoseEstimate)
+        settings, size = self._settings, self._model.size
+        joint = JointFit(self._shape, points)
+        group = self._groups(points, mean)
+        vector, pose = start.copy(), view.pose.pose.array.copy()
+        before = np.linalg.inv(covariance)
+        free = np.ones(size, dtype=bool)
+        own = np.full(3, _POSE_PRECISION)
+        for gate in (*settings.gates_px, 0.0):
+            residual, by_camera, by_pose, is_known = joint.linearise(self._model, vector, pose[None], free)
+            rows = known(is_known, Residuals(residual, by_camera, by_pose, group))
+            spread = spread_px(rows.residual_px[np.abs(rows.residual_px) < settings.gates_px[-1] * self._px], 0.0)
+            alone_px = max(spread, settings.alone_px * self._px)
+            weight = tukey_weights(rows.residual_px, gate * self._px or 4.0 * alone_px)
+            noise = NoiseSettings(alone_px, settings.shared_px * self._px)
+            information, gradient = normal_equations(rows, weight, noise)
+            if gate == 0.0:
+                break
+            system = information.copy()
+            system[:size, :size] += before
+            system[size:, size:] += np.diag(own)
+            right = gradient.copy()
+            right[:size] += before @ (mean - vector)
+            step = np.linalg.solve(system, right)
+            vector += step[:size]
+            pose += step[size:]
+        agreeing = np.count_nonzero(weight)
+        if agreeing < max(settings.min_points, settings.min_agreeing_ratio * len(points.pixels)):
+            return None
+        return Evidence(vector, *marginal(information, gradient, size, own, np.zeros(3)))
+
+    def _points(self, frame: UInt8Array, view: View) -> Points | None:
+        most = self._settings.max_points
+        boundary = view.boundary_px if self._field.is_bounded else np.empty((0, 2))
+        boundary = _thinned(boundary[np.isfinite(boundary).all(axis=1)], most)
+        lines = _thinned(self._finder.find(frame).pixels, most)
+        count = len(boundary) + len(lines)
+        if count < self._settings.min_points:
+            return None
+        pixels = np.vstack([boundary, lines])
+        return Points(pixels, np.zeros(count, dtype=np.int64), np.arange(count) >= len(boundary), np.ones(count))
+
+    def _groups(self, points: Points, vector: FloatArray) -> Int64Array:
+        sectors = self._settings.sectors
+        offset = points.pixels - vector[CENTER]
+        turn = np.arctan2(offset[:, 1], offset[:, 0]) / math.tau + 0.5
+        return np.floor(turn * sectors).astype(np.int64) + (sectors + 1) * points.is_line
+
+    def _warm_up(self, camera: OmniCamera) -> None:
+        """Compile, or load from the disk's cache, what a frame needs, so that no frame pays for it."""
+        width, height = camera.size_px
+        self._finder.find(np.zeros((height, width, 3), dtype=np.uint8))
+        pixels = camera.polar_to_pixel([0.0, 1.0], camera.usable_radius_px[0])
+        points = Points(pixels, np.zeros(2, dtype=np.int64), np.ones(2, dtype=bool), np.ones(2))
+        JointFit(self._shape, points).residuals(camera, np.zeros((1, 3)))
+
+
+def _thinned(pixels: FloatArray, max_points: int) -> FloatArray:
+    return pixels[:: max(1, -(-len(pixels) // max_points))]

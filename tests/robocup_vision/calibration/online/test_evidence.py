@@ -1,0 +1,67 @@
+"""What one frame tells of a camera: the same as least squares with dense covariances."""
+
+import numpy as np
+import pytest
+
+from robocup_vision.calibration.online.evidence import (
+    NoiseSettings,
+    Residuals,
+    known,
+    marginal,
+    normal_equations,
+    spread_px,
+    tukey_weights,
+)
+
+NOISE = NoiseSettings(0.3, 0.2)
+
+
+@pytest.fixture
+def points():
+    rng = np.random.default_rng(5)
+    return Residuals(
+        rng.standard_normal(30), rng.standard_normal((30, 2)), rng.standard_normal((30, 3)), rng.integers(0, 6, 30)
+    )
+
+
+def test_groups_share_an_offset(points):
+    weight = np.linspace(0.2, 1.0, 30)
+    information, gradient = normal_equations(points, weight, NOISE)
+    same = points.group[:, None] == points.group
+    dense = np.linalg.inv(np.diag(NOISE.alone_px**2 / weight) + NOISE.shared_px**2 * same)
+    rows = np.hstack([points.by_camera, points.by_frame])
+    np.testing.assert_allclose(information, rows.T @ dense @ rows, rtol=1e-9)
+    np.testing.assert_allclose(gradient, -rows.T @ dense @ points.residual_px, rtol=1e-9)
+
+
+def test_a_frame_s_own_unknowns_are_left_out(points):
+    information, gradient = normal_equations(points, np.ones(30), NOISE)
+    own, slope = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3])
+    reduced, reduced_gradient = marginal(information, gradient, 2, own, slope)
+    whole = information.copy()
+    whole[2:, 2:] += np.diag(own)
+    np.testing.assert_allclose(np.linalg.inv(reduced), np.linalg.inv(whole)[:2, :2], rtol=1e-9)
+    right = gradient.copy()
+    right[2:] += slope
+    np.testing.assert_allclose(np.linalg.solve(reduced, reduced_gradient), np.linalg.solve(whole, right)[:2], rtol=1e-9)
+
+
+def test_what_a_frame_s_own_unknowns_explain_tells_nothing(points):
+    alike = Residuals(points.residual_px, points.by_frame[:, :1], points.by_frame, points.group)
+    information, gradient = normal_equations(alike, np.ones(30), NOISE)
+    reduced, _ = marginal(information, gradient, 1, np.full(3, 1e-9), np.zeros(3))
+    assert abs(reduced[0, 0]) < 1e-6 * information[0, 0]
+
+
+def test_weights_and_spread():
+    np.testing.assert_allclose(tukey_weights(np.array([0.0, 1.0, -2.0, 3.0]), 2.0), [1.0, 0.5625, 0.0, 0.0])
+    drawn = np.random.default_rng(6).normal(0.0, 0.5, 4000)
+    assert spread_px(drawn, 0.1) == pytest.approx(0.5, rel=0.05)
+    assert spread_px(drawn, 0.9) == 0.9
+    assert spread_px(np.empty(0), 0.2) == 0.2
+
+
+def test_points_are_chosen_together(points):
+    some = known(points.group == 3, points)
+    assert len(some.residual_px) == len(some.by_camera) == len(some.by_frame) == (points.group == 3).sum()
+    assert (some.group == 3).all()
