@@ -36,8 +36,9 @@ from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: 
 from benchmarks.harness import columns as col  # noqa: E402
 from field_models import load_field  # noqa: E402
 from robocup_vision.geometry import Pose2  # noqa: E402
-from sim2d.match.arena import Arena, camera_for  # noqa: E402
+from sim2d.match.arena import Arena  # noqa: E402
 from sim2d.match.run import MatchPlan, run_match  # noqa: E402
+from sim2d.match.setups import camera_for  # noqa: E402
 from sim2d.players.built_in import BuiltInPlayer  # noqa: E402
 from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
 from sim2d.rendering.goal.scenes import nao_camera  # noqa: E402

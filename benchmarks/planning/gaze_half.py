@@ -26,7 +26,7 @@ from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.planning.gaze.goal_question import GoalQuestion, GoalQuestionSettings, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
-from sim2d.match.arena import camera_for
+from sim2d.match.setups import camera_for
 from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.sensors.goal_evidence import draw_scene
 from sim2d.sensors.match_camera import MATCH_SENSOR

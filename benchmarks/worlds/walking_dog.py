@@ -19,7 +19,7 @@ from robocup_vision.localization.filter.pose_filter import OdometryNoise
 from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze.pose_gaze import DETECTORS, Neck
 from robocup_vision.planning.gaze.sight_lines import clear_probability
-from sim2d.match.arena import camera_for
+from sim2d.match.setups import camera_for
 
 FIELD = load_field("four_legged_2007")
 HEAD_CAMERA = camera_for(FIELD)

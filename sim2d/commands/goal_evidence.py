@@ -40,7 +40,7 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
     from robocup_vision.commands.options import require_count, require_seed
     from robocup_vision.files.out_file import require_folder, telling_write_errors
     from robocup_vision.progress import progress
-    from sim2d.match.arena import camera_for
+    from sim2d.match.setups import camera_for
     from sim2d.sensors.goal_evidence import WIDTHS_PX, count_evidence
 
     require_count("--count", args.count)

@@ -70,7 +70,7 @@ def run_match_command(args: argparse.Namespace) -> int:
         realtime = args.realtime or args.referee == "network"
         summary = run_match(plan, args.out, realtime=realtime, record=args.record, force=args.force)
     figures = summary.figures
-    print(f"{args.field}, {args.players} against {args.players}, {figures.seconds:g} s, seed {args.seed}")
+    print(f"{args.field}, {plan.players} against {plan.players}, {figures.seconds:g} s, seed {args.seed}")
     print(f"score {figures.score[0]} : {figures.score[1]}")
     columns = ("robot", "side", "5cm/3deg", "median", "p95", "lost", "collisions", "way", "has ball")
     print("  ".join(f"{name:>10}" for name in columns))

@@ -9,13 +9,21 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sim2d.match.disturbances import Disturbances
     from sim2d.match.run import MatchPlan
+    from sim2d.match.setups import MatchSetup
+
+
+# names only: reading the options must load no simulator, so that --help answers at once
+CAMERA_NAMES = ("sekimori", "ers7", "nao", "ssl_forward", "msl_mirror")
+ROBOT_NAMES = ("small", "small_size", "four_legged", "humanoid", "middle_size")
 
 
 def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
     """Add field, players, length, seed and folder to a command's parser."""
     add = parser.add_argument
     add("--field", default="ssl_2001", metavar="F", help="built-in field's name, or a field file (default: ssl_2001)")
-    add("--players", type=int, default=2, metavar="N", help="players per side (default: 2)")
+    add("--players", type=int, metavar="N", help="players per side (default: as the field's league)")
+    add("--camera", metavar="C", help="camera of every robot: a camera.toml, or " + ", ".join(CAMERA_NAMES))
+    add("--robot", metavar="R", help="every robot: " + ", ".join(ROBOT_NAMES))
     add("--seconds", type=float, default=60.0, metavar="T", help="length of a match (default: 60)")
     add("--seed", type=int, default=0, metavar="S", help="the same seed plays the same match (default: 0)")
     names = "plain, memory, planning, asking, looking, or one's own as MODULE:NAME (default: plain)"
@@ -37,20 +45,19 @@ def match_plan(args: argparse.Namespace) -> MatchPlan:
     from sim2d.players.catalog import player_factory
 
     ours, theirs = player_factory(args.ours), player_factory(args.theirs)
-    plan = MatchPlan(args.field, args.players, args.seconds, args.seed, ours, theirs)
-    return replace(plan, disturbances=_disturbances(args.field, args.disturb))
+    plan = MatchPlan(
+        args.field, args.players, args.seconds, args.seed, ours, theirs, camera=args.camera, robot=args.robot
+    )
+    return replace(plan, players=plan.setup.players, disturbances=_disturbances(plan.setup, args.disturb))
 
 
-def _disturbances(field: str, names: str) -> Disturbances | None:
+def _disturbances(setup: MatchSetup, names: str) -> Disturbances | None:
     """Return what `--disturb` names; None: the default."""
-    from field_models import load_field
-    from sim2d.match.arena import camera_for
     from sim2d.match.disturbances import NAMES, NONE, disturbances_for
 
     if names == "default":
         return None
     if names == "none":
         return NONE
-    pitch = load_field(field)
-    usual = disturbances_for(pitch, camera_for(pitch))
+    usual = disturbances_for(setup.robot, setup.camera)
     return usual.only(NAMES if names == "all" else names.split(","))

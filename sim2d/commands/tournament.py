@@ -70,7 +70,7 @@ def run_tournament(args: argparse.Namespace) -> int:
     plans = plan_matches(plan, args.matches)
     path = Path(args.out) / "tournament.json"
     totals = _play(args, plans, plan_json(plan), path, partial(tournament_json, plan))["totals"]
-    print(f"{args.field}, {args.players} against {args.players}, {totals['matches']} matches of {args.seconds:g} s")
+    print(f"{args.field}, {plan.players} against {plan.players}, {totals['matches']} matches of {args.seconds:g} s")
     print(f"goals {totals['goals'][0]} : {totals['goals'][1]}")
     print(f"won, drawn, lost by the side that attacks +x: {totals['won']}, {totals['drawn']}, {totals['lost']}")
     print(f"frames within 5 cm / 3 deg: {100 * totals['within_5cm_3deg']:.1f} %")
@@ -90,8 +90,9 @@ def _run_table(args: argparse.Namespace) -> int:
     names = [name.strip() for name in args.table.split(",")]
     tournament = RoundRobin(match_plan(args), tuple((name, player_factory(name)) for name in names), args.matches)
     path = Path(args.out) / "table.json"
+    players = tournament.plan.players
     values = _play(args, tournament.plans, tournament.run_json(), path, tournament.table_json)
-    print(f"{args.field}, {args.players} against {args.players}, {args.matches} matches of {args.seconds:g} s a pair")
+    print(f"{args.field}, {players} against {players}, {args.matches} matches of {args.seconds:g} s a pair")
     rows = [("player", "Elo", "SE", "ahead of next", "SE", "won", "drawn", "lost", "goals", "stopped")]
     for row in values["table"]:
         ahead = ("-", "-")

@@ -6,17 +6,15 @@ A player gets `Senses` and nothing else.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera import PinholeCamera
 from sim2d.match.disturbances import Disturbances, disturbances_for
-from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.goal.scenes import ers7_camera
+from sim2d.match.setups import Camera, RobotKind, setup_for
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, RobotLimits, Senses
 from sim2d.sensors.body_sway import UPRIGHT, BodySway
@@ -29,20 +27,8 @@ from sim2d.world.referee import RefereeFactory
 from sim2d.world.state import WorldState
 from sim2d.world.world import World, WorldSettings
 
-Camera = OmniCamera | PinholeCamera
-
-# the head of a four-legged robot in play: at a known angle, with pictures small enough to process in time
-_HEAD_SIZE_PX, _HEAD_TILT_RAD = (208, 160), math.radians(-12.0)
-
 # one stream of random numbers for each source of chance
 _WORLD, _SENSOR, _FAULTS, _PLAYERS, _SWAY, _LATENCY, _LIGHT, _CAMERA = range(8)
-
-
-def camera_for(field: Field) -> Camera:
-    """Return the camera that robots of a field's league carry: a head camera where goals have posts, else a mirror."""
-    if any(goal.kind == "posts" for goal in field.goals):
-        return dataclasses.replace(ers7_camera(*_HEAD_SIZE_PX), pan_rad=0.0, tilt_rad=_HEAD_TILT_RAD, roll_rad=0.0)
-    return sekimori_camera()
 
 
 class Arena:
@@ -52,53 +38,58 @@ class Arena:
     ----------
     field : Field
         The pitch.
-    players : int
-        Robots per side.
+    players : int or None
+        Robots per side; None: as the field's league (`sim2d.match.setups`).
     seed : int
         The same seed gives the same senses for the same commands, bit for bit.
     camera : OmniCamera or PinholeCamera, optional
-        On every robot; default: that of the field's league (`camera_for`).
-    limits : RobotLimits
-        What every robot can do.
+        On every robot; default: that of the field's league.
+    robot : RobotKind, optional
+        Every robot; default: those of the field's league.
+    limits : RobotLimits, optional
+        What every robot can do, in place of the kind's.
     faults : sequence of Fault
         Faults of senses and bodies.
-    physics : WorldSettings
-        Of bodies, ball and rules.
+    physics : WorldSettings, optional
+        Of bodies, ball and rules; default: the robots'.
     sensor : Sensor
         Lens and sensor of every camera.
     referee : RefereeFactory, optional
         Makes who judges; default: the simple rules of `sim2d.world.referee`.
     disturbances : Disturbances, optional
-        Of bodies, frames, odometry and light; default: those of the field's league and camera (`disturbances_for`).
+        Of bodies, frames, odometry and light; default: those of robots and camera (`disturbances_for`).
 
     Raises
     ------
     ArgumentError
-        If there are no players, the seed is negative, or a fault names a robot that is not there.
+        If robots, camera and field cannot play (`check_setup`), the seed is negative, or a fault names a robot that is
+        not there.
     """
 
     def __init__(
         self,
         field: Field,
-        players: int,
+        players: int | None,
         seed: int,
         *,
         camera: Camera | None = None,
+        robot: RobotKind | None = None,
         limits: RobotLimits | None = None,
         faults: Sequence[Fault] = (),
-        physics: WorldSettings = WorldSettings(),
+        physics: WorldSettings | None = None,
         sensor: Sensor = MATCH_SENSOR,
         referee: RefereeFactory | None = None,
         disturbances: Disturbances | None = None,
     ) -> None:
         if seed < 0:
             raise ArgumentError(f"seed must not be negative, got {seed}")
+        setup = setup_for(field, players=players, camera=camera, robot=robot, limits=limits)
         self.field = field
-        self.players = players
-        self.camera = camera_for(field) if camera is None else camera
-        self.limits = RobotLimits() if limits is None else limits
+        self.players = players = setup.players
+        self.camera, self.limits = setup.camera, setup.robot.limits
         self.faults = tuple(faults)
-        self.disturbances = disturbances_for(field, self.camera) if disturbances is None else disturbances
+        self.disturbances = disturbances_for(setup.robot, self.camera) if disturbances is None else disturbances
+        physics = setup.robot.physics if physics is None else physics
         if self.disturbances.slip is not None:
             physics = dataclasses.replace(physics, body=self.disturbances.slip.of(physics.body))
         judge = None if referee is None else referee(field, self.limits)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from field_models import Field
 from field_models.errors import ArgumentError
-from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera import OmniCamera
+from sim2d.match.setups import Camera, RobotKind
 from sim2d.sensors.body_sway import LEGS_SWAY, WHEELS_SWAY, SwaySettings
 from sim2d.sensors.late_frames import LatencySettings
 from sim2d.sensors.light_drift import LightDriftSettings
@@ -103,8 +103,8 @@ LEGS = Disturbances(LEGS_SWAY, LatencySettings(), Slip(), LightDriftSettings(), 
 WHEELS = Disturbances(WHEELS_SWAY, LatencySettings(), None, LightDriftSettings(), ShutterSettings())
 
 
-def disturbances_for(field: Field, camera: OmniCamera | PinholeCamera) -> Disturbances:
-    """Return those of a field's league: legs where goals have posts, else wheels; none with a mirror camera."""
+def disturbances_for(robot: RobotKind, camera: Camera) -> Disturbances:
+    """Return those of a kind of robot, legs or wheels; none with a mirror camera."""
     if isinstance(camera, OmniCamera):
         return NONE
-    return LEGS if any(goal.kind == "posts" for goal in field.goals) else WHEELS
+    return LEGS if robot.has_legs else WHEELS

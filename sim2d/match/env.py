@@ -16,9 +16,10 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
-from sim2d.match.arena import Arena, Camera, camera_for
+from sim2d.match.arena import Arena
 from sim2d.match.disturbances import NONE
 from sim2d.match.match import periods
+from sim2d.match.setups import Camera, RobotKind, setup_for
 from sim2d.report.top_view import TopView
 from sim2d.robot_link import Command, RobotLimits, Senses
 from sim2d.sensors.faults import Fault
@@ -78,16 +79,18 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
     ----------
     field : Field or str
         The pitch, or its name or file.
-    players : int
-        Per side.
+    players : int, optional
+        Per side; default: as the field's league (`sim2d.match.setups`).
     seconds : float
         Length of a match.
     observation : {"image", "percepts"}
         See above.
     camera : OmniCamera or PinholeCamera, optional
         On every robot; default: that of the field's league.
+    robot : RobotKind, optional
+        Every robot; default: those of the field's league.
     limits : RobotLimits, optional
-        What every robot can do; bounds the actions.
+        What every robot can do, in place of the kind's; bounds the actions.
     faults : sequence of Fault
         Faults of senses and bodies in every match.
     render_mode : {"rgb_array"}, optional
@@ -104,11 +107,12 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
     def __init__(
         self,
         field: Field | str = "ssl_2001",
-        players: int = 2,
+        players: int | None = None,
         seconds: float = 60.0,
         *,
         observation: Literal["image", "percepts"] = "image",
         camera: Camera | None = None,
+        robot: RobotKind | None = None,
         limits: RobotLimits | None = None,
         faults: Sequence[Fault] = (),
         render_mode: str | None = None,
@@ -117,16 +121,15 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             raise ArgumentError(f"observation must be image or percepts, got {observation!r}")
         if render_mode not in (None, "rgb_array"):
             raise ArgumentError(f"render_mode must be rgb_array or None, got {render_mode!r}")
-        if players < 1:
-            raise ArgumentError(f"players must be at least 1, got {players}")
         if not 0 < seconds < math.inf:
             raise ArgumentError(f"seconds must be positive, got {seconds!r}")
         self._field = load_field(field) if isinstance(field, str) else field
-        self._camera = camera_for(self._field) if camera is None else camera
+        setup = setup_for(self._field, players=players, camera=camera, robot=robot, limits=limits)
+        players, self._camera, self._robot = setup.players, setup.camera, setup.robot
         if observation == "percepts" and isinstance(self._camera, PinholeCamera):
             raise ArgumentError("percepts need a mirror camera; a pinhole camera has observation='image'")
         self._players, self._periods = players, periods(seconds)
-        self._limits = RobotLimits() if limits is None else limits
+        self._limits = self._robot.limits
         self._faults = tuple(faults)
         self.render_mode = render_mode
         self.possible_agents = [f"{side}_{number}" for side in ("plus", "minus") for number in range(players)]
@@ -160,7 +163,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             self._players,
             int(self._rng.integers(2**31)),
             camera=self._camera,
-            limits=self._limits,
+            robot=self._robot,
             faults=self._faults,
             disturbances=NONE,
         )

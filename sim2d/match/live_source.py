@@ -48,7 +48,7 @@ def open_match(text: str, options: SourceOptions) -> MatchSource:
             raise ArgumentError(f"sim:{text}: {name} says nothing to simulated robots: they look themselves")
     if options.field is not None and options.field != field:
         raise ArgumentError(f"sim:{text}: is played on its own field, --field says {options.field!r}")
-    players = _number(text, chosen, "players", 2)
+    players = _number(text, chosen, "players", 0) if "players" in chosen else None
     match = Match(
         load_field(field or "ssl_2001"),
         players,
@@ -58,7 +58,7 @@ def open_match(text: str, options: SourceOptions) -> MatchSource:
         camera=None if options.camera is None else load_camera(options.camera),
         keeps_figures=False,
     )
-    return MatchSource(f"sim:{text}", match, _robots(text, chosen.get("robots", "0"), 2 * players))
+    return MatchSource(f"sim:{text}", match, _robots(text, chosen.get("robots", "0"), 2 * match.arena.players))
 
 
 class MatchSource:

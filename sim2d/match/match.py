@@ -9,9 +9,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 from field_models.field import Field
-from sim2d.match.arena import Arena, Camera
+from sim2d.match.arena import Arena
 from sim2d.match.disturbances import Disturbances
 from sim2d.match.seat import Seat
+from sim2d.match.setups import Camera, RobotKind
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.rendering.sensor import Sensor
 from sim2d.report.match_figures import MatchFigures, MatchLog
@@ -30,13 +31,13 @@ class Match:
     ----------
     field : Field
         The pitch.
-    players : int
-        Per side.
+    players : int, optional
+        Per side; default: as the field's league (`sim2d.match.setups`).
     seed : int
         The same seed gives the same match, bit for bit.
     ours, theirs : PlayerFactory
         Make the players of the side that attacks the goal at +x, and of the other.
-    camera, limits, faults, physics, sensor, referee, disturbances
+    camera, robot, limits, faults, physics, sensor, referee, disturbances
         See `Arena`.
     keeps_figures : bool
         Count what `figures` tells: each control period takes some memory.
@@ -50,15 +51,16 @@ class Match:
     def __init__(
         self,
         field: Field,
-        players: int = 2,
+        players: int | None = None,
         seed: int = 0,
         *,
         ours: PlayerFactory = BuiltInPlayer,
         theirs: PlayerFactory = BuiltInPlayer,
         camera: Camera | None = None,
+        robot: RobotKind | None = None,
         limits: RobotLimits | None = None,
         faults: Sequence[Fault] = (),
-        physics: WorldSettings = WorldSettings(),
+        physics: WorldSettings | None = None,
         sensor: Sensor = MATCH_SENSOR,
         keeps_figures: bool = True,
         referee: RefereeFactory | None = None,
@@ -69,6 +71,7 @@ class Match:
             players,
             seed,
             camera=camera,
+            robot=robot,
             limits=limits,
             faults=faults,
             physics=physics,

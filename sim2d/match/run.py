@@ -11,10 +11,10 @@ from field_models.errors import ArgumentError
 from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
 from robocup_vision.progress import progress
-from sim2d.match.arena import Camera
 from sim2d.match.disturbances import Disturbances
 from sim2d.match.match import Match, periods
 from sim2d.match.recorded import MatchRecorders
+from sim2d.match.setups import Camera, MatchSetup, RobotKind, setup_for
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import player_name
 from sim2d.report import html as match_report
@@ -38,8 +38,8 @@ class MatchPlan:
     ----------
     field : str
         Built-in field's name, or a field file.
-    players : int
-        Per side.
+    players : int, optional
+        Per side; default: as the field's league (`sim2d.match.setups`).
     seconds : float
         How long.
     seed : int
@@ -47,27 +47,41 @@ class MatchPlan:
     ours, theirs : PlayerFactory
         Make the players of the side that attacks the goal at +x, and of the other. `sim2d.players.catalog.BuiltInTeam`
         makes built-in players with options and settings.
-    camera : OmniCamera or PinholeCamera, optional
-        On every robot; default: that of the field's league.
+    camera : OmniCamera, PinholeCamera or str, optional
+        On every robot, or its name (`sim2d.match.setups.CAMERAS`) or file; default: that of the field's league.
+    robot : RobotKind or str, optional
+        Every robot, or its name (`sim2d.match.setups.ROBOTS`); default: those of the field's league.
     faults : tuple of Fault
         Faults of senses and bodies.
     referee : RefereeFactory, optional
         Makes who judges; default: simple rules without stops. One that listens to a game controller cannot be sent to
         another process.
     disturbances : Disturbances, optional
-        Of bodies, frames, odometry and light; default: those of the field's league and camera.
+        Of bodies, frames, odometry and light; default: those of robots and camera.
     """
 
     field: str = "ssl_2001"
-    players: int = 2
+    players: int | None = None
     seconds: float = 60.0
     seed: int = 0
     ours: PlayerFactory = BuiltInPlayer
     theirs: PlayerFactory = BuiltInPlayer
-    camera: Camera | None = None
+    camera: Camera | str | None = None
+    robot: RobotKind | str | None = None
     faults: tuple[Fault, ...] = ()
     referee: RefereeFactory | None = None
     disturbances: Disturbances | None = None
+
+    @property
+    def setup(self) -> MatchSetup:
+        """Robots, camera and players per side.
+
+        Raises
+        ------
+        ArgumentError, FileError
+            If they cannot play on the field.
+        """
+        return setup_for(load_field(self.field), players=self.players, camera=self.camera, robot=self.robot)
 
     def begin(self) -> Match:
         """Set the match up.
@@ -79,13 +93,15 @@ class MatchPlan:
         """
         if not 0 < self.seconds < float("inf"):
             raise ArgumentError(f"seconds must be positive, got {self.seconds!r}")
+        setup = self.setup
         return Match(
             load_field(self.field),
-            self.players,
+            setup.players,
             self.seed,
             ours=self.ours,
             theirs=self.theirs,
-            camera=self.camera,
+            camera=setup.camera,
+            robot=setup.robot,
             faults=self.faults,
             referee=self.referee,
             disturbances=self.disturbances,
@@ -171,7 +187,8 @@ def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: b
     if missing:
         notes.append(f"no report.html: {' and '.join(missing)} not installed (pip install 'robocup-vision[report]')")
     ours, theirs = player_name(plan.ours), player_name(plan.theirs)
-    write_json(out / "match.json", match_json(arena.field.name, plan.players, plan.seed, figures, ours, theirs))
+    values = match_json(arena.field.name, arena.players, plan.seed, figures, ours, theirs, arena.disturbances.names)
+    write_json(out / "match.json", values)
     video_path = None if video.problem else out / "match.webm"
     if report is not None:
         recorded = () if recorders is None else tuple(path.name for path in recorders.paths)

@@ -40,7 +40,8 @@ def play_plan(plan: MatchPlan) -> dict[str, Any]:
     for _ in match.play(plan.seconds):
         pass
     ours, theirs = player_name(plan.ours), player_name(plan.theirs)
-    return match_json(match.arena.field.name, plan.players, plan.seed, match.figures, ours, theirs)
+    arena = match.arena
+    return match_json(arena.field.name, arena.players, plan.seed, match.figures, ours, theirs, arena.disturbances.names)
 
 
 def play_matches(plans: Sequence[MatchPlan], workers: Workers) -> Generator[tuple[int, dict[str, Any]], None, None]:
@@ -63,7 +64,9 @@ def plan_json(plan: MatchPlan) -> dict[str, Any]:
     return {
         "format": 1,
         "field": plan.field,
-        "players": plan.players,
+        "players": plan.setup.players,
+        "camera": repr(plan.setup.camera),
+        "robot": repr(plan.setup.robot),
         "seconds": plan.seconds,
         "seed": plan.seed,
         "ours": player_name(plan.ours),
@@ -81,7 +84,7 @@ def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[
     return {
         "format": 1,
         "field": results[0]["field"],
-        "players": plan.players,
+        "players": plan.setup.players,
         "ours": player_name(plan.ours),
         "theirs": player_name(plan.theirs),
         "seconds": results[0]["seconds"],

@@ -18,12 +18,12 @@ from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import LocalVelocity, MoveCommand, RobotCommand, Team
 from robocup_vision.ssl.values.simulation import RobotControlResponse as Response
 from robocup_vision.ssl.values.simulation import RobotFeedback as Feedback
-from sim2d.match.arena import camera_for
+from sim2d.match.setups import setup_for
 from sim2d.network.packets import SIDES, robot_states
 from sim2d.network.team.team import OverheadTeam
 from sim2d.network.world import MAX_NUMBER, LeagueWorld
 from sim2d.players.catalog import PLAYERS, player_factory
-from sim2d.robot_link import Command, Player, PlayerSetup, RobotLimits, Senses
+from sim2d.robot_link import Command, Player, PlayerSetup, Senses
 from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.state import WorldState
 
@@ -118,8 +118,8 @@ class CameraRobots:
     def __init__(self, team: Team, numbers: tuple[int, ...], field: Field, players: str, seed: int = 0) -> None:
         self.team, self.numbers = team, numbers
         self._field, self._side = field, SIDES[team]
-        self._limits = RobotLimits(radius_m=field.robot_radius_m, height_m=0.15)
-        self._camera = camera_for(field)
+        setup = setup_for(field)
+        self._limits, self._camera = setup.robot.limits, setup.camera
         self._eyes = MatchCamera(field, self._camera, self._limits, np.random.default_rng([seed, int(team), 1]))
         self._game = Game(team)
         make = player_factory(players)

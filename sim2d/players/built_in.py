@@ -71,7 +71,8 @@ class BuiltInPlayer:
         self._setup, self._settings = setup, settings
         field, limits, camera = setup.field, setup.limits, setup.camera
         self._head: Head | None = None
-        if isinstance(camera, PinholeCamera):
+        self._sees_ahead_only = isinstance(camera, PinholeCamera)
+        if isinstance(camera, PinholeCamera) and limits.pan_limit_rad > 0:
             self._head = Head(
                 field, limits, camera, plans=plans, asks=asks, looks_again=plans and looks_again, settings=settings.head
             )
@@ -87,9 +88,8 @@ class BuiltInPlayer:
         self._vision = Vision(setup.field, camera, memory=self._memory, online=online)
         self._filter = self._memory.poses
         # the rules fix where it begins; a frame may contradict
-        self._filter.expect(
-            kick_off_pose(setup.field, setup.attacks, setup.number, setup.players, setup.limits.radius_m)
-        )
+        self._start = kick_off_pose(field, setup.attacks, setup.number, setup.players, limits.radius_m)
+        self._filter.expect(self._start)
         self._tactics = Tactics(field, limits, setup.number, setup.players, settings.tactics, settings.ball)
         self._motion = Motion(limits, np.random.default_rng(setup.seed), settings.motion)
         self._ball = BallMemory(settings.ball)
@@ -163,6 +163,10 @@ class BuiltInPlayer:
         if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad))):
             odometry = _NO_MOTION
         self._filter.predict(odometry, senses.t_s)
+        if self._last_t_s is None and senses.phase == "kick_off":
+            std_m, std_rad = self._settings.start_std_m, self._settings.start_std_rad
+            covariance = np.diag([std_m, std_m, std_rad]) ** 2
+            self._filter.update(PoseEstimate(self._start, covariance, 1.0, 0.0), senses.t_s)
         self._motion.update(odometry, senses.t_s)
         self._last_t_s = senses.t_s
         if not senses.ball_in_mouth:
@@ -192,7 +196,7 @@ class BuiltInPlayer:
         if before is None or motion is None:
             self._floor = SteadyFreeSpace(self._settings.floor_margin_ratio)
         moved = _NO_MOTION if before is None or motion is None else before.compose(motion.inverse())
-        self._free_space = view.free_space if self._head else self._floor.update(view.free_space, moved)
+        self._free_space = view.free_space if self._sees_ahead_only else self._floor.update(view.free_space, moved)
         self._view_t_s = frame_t_s
         if belief and motion is not None and view.ball is not None:
             ball = belief.pose.compose(motion.inverse()).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
@@ -326,7 +330,7 @@ class BuiltInPlayer:
         return tuple(track.as_disc(robot, self._setup.limits.radius_m, age_s) for track in tracks)
 
     def _free_space_now(self, seen: FreeSpace, motion: Pose2) -> FreeSpace:
-        if self._head is None:
+        if not self._sees_ahead_only:
             return carry_free_space(seen, motion)
         return FreeSpace(seen.bearing_rad - motion.theta_rad, seen.range_m)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from robocup_vision.memory import MemorySettings
@@ -23,6 +24,8 @@ class PlayerSettings:
         Of its parts.
     memory : MemorySettings
         Of its estimates over time: pose filter, tracks and map.
+    start_std_m, start_std_rad : float
+        How exactly it stands at its place when a match begins with a kick-off.
     floor_margin_ratio : float
         Margin of the filtered free floor, as `SteadyFreeSpace` takes it.
     max_frame_age_s : float
@@ -38,6 +41,8 @@ class PlayerSettings:
     shot: ShotSettings = ShotSettings()
     head: HeadSettings = HeadSettings()
     memory: MemorySettings = MemorySettings()
+    start_std_m: float = 0.05
+    start_std_rad: float = math.radians(3.0)
     floor_margin_ratio: float = 0.02
     max_frame_age_s: float = 0.4
     lost_rps: float = 1.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,13 @@ _DIGITS = 6
 
 
 def match_json(
-    field: str, players: int, seed: int, figures: MatchFigures, ours: str = "plain", theirs: str = "plain"
+    field: str,
+    players: int,
+    seed: int,
+    figures: MatchFigures,
+    ours: str = "plain",
+    theirs: str = "plain",
+    disturbances: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return a match as JSON values.
 
@@ -32,11 +39,13 @@ def match_json(
         Its figures.
     ours, theirs : str
         Names of the players of the side that attacks +x, and of the other.
+    disturbances : sequence of str
+        Names of those that are on.
     """
     values = dataclasses.asdict(figures)
     values["goals"] = [{"t_s": t_s, "side": side} for t_s, side in figures.goals]
     head = {"format": 1, "field": field, "players": players, "ours": ours, "theirs": theirs, "seed": seed}
-    plain: dict[str, Any] = _plain({**head, **values})
+    plain: dict[str, Any] = _plain({**head, "disturbances": list(disturbances), **values})
     return plain
 
 

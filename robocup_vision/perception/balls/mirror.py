@@ -71,8 +71,9 @@ class MirrorBallFinder(BallSearch):
             along = across
         else:
             depression = np.arctan(q * height)
-            distance = (height - self.radius_m) / np.sin(depression)
-            with np.errstate(invalid="ignore"):
+            # at the horizon it is infinite
+            with np.errstate(divide="ignore", invalid="ignore"):
+                distance = (height - self.radius_m) / np.sin(depression)
                 half = np.arcsin(np.where(self.radius_m < distance, self.radius_m / distance, np.nan))
             near = camera.floor_range.radius_px(np.tan(depression + half) / height)
             far = camera.floor_range.radius_px(np.tan(depression - half) / height)

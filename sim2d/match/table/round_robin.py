@@ -108,7 +108,7 @@ class RoundRobin:
         return {
             "format": 1,
             "field": results[0]["field"],
-            "players": self.plan.players,
+            "players": self.plan.setup.players,
             "seconds": results[0]["seconds"],
             "seed": self.plan.seed,
             "matches_of_a_pair": self.matches,

@@ -9,8 +9,9 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from sim2d.commands.match_options import add_match_options, match_plan
-from sim2d.match.arena import Arena, camera_for
+from sim2d.match.arena import Arena
 from sim2d.match.disturbances import LEGS, NAMES, NONE, WHEELS, disturbances_for
+from sim2d.match.setups import ROBOTS, camera_for
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import Command
 from sim2d.world.robot_body import BodySettings
@@ -30,10 +31,10 @@ def sensed(disturbances, seed=3, periods=12, camera=SMALL):
 
 
 def test_legs_have_all_of_them_and_a_mirror_camera_none():
-    assert disturbances_for(FIELD, SMALL) is LEGS
-    assert disturbances_for(load_field("ssl_division_b"), SMALL) is WHEELS
-    for name in ("ssl_2001", "four_legged_2007"):
-        assert disturbances_for(load_field(name), sekimori_camera()) is NONE
+    assert disturbances_for(ROBOTS["four_legged"], SMALL) is LEGS
+    assert disturbances_for(ROBOTS["small_size"], SMALL) is WHEELS
+    for robot in ROBOTS.values():
+        assert disturbances_for(robot, sekimori_camera()) is NONE
     assert Arena(FIELD, 1, 0).disturbances is LEGS
     assert Arena(load_field("ssl_2001"), 1, 0).disturbances is NONE
     assert isinstance(camera_for(FIELD), PinholeCamera)

@@ -25,8 +25,9 @@ from sim2d_players import (
 
 from field_models import load_field
 from field_models.errors import ArgumentError
-from sim2d.match.arena import Arena, camera_for
+from sim2d.match.arena import Arena
 from sim2d.match.match import Match, periods
+from sim2d.match.setups import camera_for
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.report.match_file import match_json
 from sim2d.robot_link import CONTROL_PERIOD_S, Command
@@ -134,7 +135,7 @@ def test_a_shoved_robot_is_where_the_hand_put_it():
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
-        ({"players": 0}, "players_per_side must be at least 1, got 0"),
+        ({"players": 0}, "players must be at least 1, got 0"),
         ({"seed": -1}, "seed must not be negative, got -1"),
         ({"faults": [BodyFault(4, 1.0)]}, "a fault must name a robot from 0 to 3, got 4"),
     ],

@@ -112,7 +112,7 @@ def test_files_of_an_earlier_match_do_not_stay(tmp_path):
 
 
 def test_a_match_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
-    with pytest.raises(ArgumentError, match="players_per_side must be at least 1, got 0"):
+    with pytest.raises(ArgumentError, match="players must be at least 1, got 0"):
         run_match(MatchPlan(players=0), tmp_path / "deep" / "out")
     assert list(tmp_path.iterdir()) == []
 
@@ -176,7 +176,7 @@ def test_command_prints_a_table_and_repeats_its_file(tmp_path, capsys, monkeypat
     ("arguments", "problem"),
     [
         (["--field", "nowhere"], "nowhere"),
-        (["--players", "0"], "players_per_side must be at least 1, got 0"),
+        (["--players", "0"], "players must be at least 1, got 0"),
         (["--seconds", "-1"], "seconds must be positive, got -1.0"),
         (["--seconds", "nan"], "seconds must be positive, got nan"),
         (["--seed", "-3"], "seed must not be negative, got -3"),

@@ -134,7 +134,7 @@ def test_command_writes_the_same_file_for_any_workers(tmp_path, capsys, monkeypa
     [
         (["--matches", "0"], "matches must be at least 1, got 0"),
         (["--jobs", "0"], "jobs must be at least 1, got 0"),
-        (["--players", "0"], "players_per_side must be at least 1, got 0"),
+        (["--players", "0"], "players must be at least 1, got 0"),
     ],
 )
 def test_mistakes_are_one_line(capsys, arguments, problem):

@@ -13,8 +13,9 @@ from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
-from sim2d.match.arena import camera_for
+from sim2d.kick_off import kick_off_pose
 from sim2d.match.run import MatchPlan
+from sim2d.match.setups import camera_for
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.report.video import MatchPictures
@@ -184,6 +185,16 @@ def test_before_anything_is_seen_it_waits():
     assert player.status.intent == "wait"
     assert not player.status.pose
     assert player.status.view is None
+
+
+def test_at_a_kick_off_it_knows_its_place_before_any_frame():
+    player = BuiltInPlayer(PlayerSetup(FIELD, CAMERA, LIMITS, -1, 0, 1, 0))
+    player.act(Senses(0.0, None, None, Pose2(0.0, 0.0, 0.0), False, "kick_off", False))
+    assert player.status.pose
+    assert player.status.pose.pose == kick_off_pose(FIELD, -1, 0, 1, LIMITS.radius_m)
+    assert max(player.status.pose.std[:2]) == pytest.approx(0.05, rel=0.05)
+    player.act(Senses(0.1, None, None, Pose2(0.03, 0.0, 0.0), False, "kick_off", False))
+    assert player.status.pose.pose.x_m == pytest.approx(kick_off_pose(FIELD, -1, 0, 1).x_m - 0.03, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning.gaze.goal_evidence import load_goal_evidence
-from sim2d.match.arena import camera_for
+from sim2d.match.setups import camera_for
 from sim2d.rendering.scene import Robot, Scene
 from sim2d.sensors import goal_evidence
 from sim2d.sensors.goal_evidence import NOTHING, RIGHT, WRONG, corners_in_view, count_evidence

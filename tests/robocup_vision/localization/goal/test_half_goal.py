@@ -11,7 +11,7 @@ from field_models import load_field
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.goal.half_goal import PriorSettings
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
-from sim2d.match.arena import camera_for
+from sim2d.match.setups import camera_for
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Robot, Scene
 from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR

@@ -1,0 +1,230 @@
+"""What a match on each field is played with: players per side, camera and robots, in one table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.resources import files
+from pathlib import Path
+from typing import TypeAlias
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
+from sim2d.kick_off import kick_off_pose
+from sim2d.rendering.cameras import camera_by_name, sekimori_camera
+from sim2d.rendering.goal.scenes import ers7_camera, nao_camera
+from sim2d.robot_link import RobotLimits
+from sim2d.world.ball_physics import BallSettings
+from sim2d.world.robot_body import BodySettings
+from sim2d.world.world import WorldSettings
+
+Camera: TypeAlias = OmniCamera | PinholeCamera
+
+# a head's pictures, small enough to process in time
+_HEAD_SIZE_PX = (208, 160)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotKind:
+    """What all robots of a match are like.
+
+    Attributes
+    ----------
+    limits : RobotLimits
+        Size, speed, kick and neck.
+    has_legs : bool
+        The body nods with its steps, and the odometry is that of legs.
+    physics : WorldSettings
+        Of its body, and of the ball that its league plays with.
+    """
+
+    limits: RobotLimits = RobotLimits()
+    has_legs: bool = False
+    physics: WorldSettings = WorldSettings()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MatchSetup:
+    """What a match is played with.
+
+    Attributes
+    ----------
+    players : int
+        Per side.
+    camera : OmniCamera or PinholeCamera
+        On every robot.
+    robot : RobotKind
+        Every robot.
+    """
+
+    players: int
+    camera: Camera
+    robot: RobotKind
+
+
+def _held(camera: PinholeCamera, tilt_deg: float) -> PinholeCamera:
+    return replace(camera, pan_rad=0.0, tilt_rad=math.radians(tilt_deg), roll_rad=0.0)
+
+
+def _built_in(name: str) -> Camera:
+    return load_camera(Path(str(files("field_models"))) / "cameras" / f"{name}.toml")
+
+
+CAMERAS: dict[str, Callable[[], Camera]] = {
+    "sekimori": sekimori_camera,
+    "ers7": lambda: _held(ers7_camera(*_HEAD_SIZE_PX), -12.0),
+    "nao": lambda: _held(nao_camera(*_HEAD_SIZE_PX), -15.0),
+    "ssl_forward": partial(_built_in, "ssl_forward"),
+    "msl_mirror": partial(_built_in, "msl_mirror"),
+}
+
+ROBOTS: dict[str, RobotKind] = {
+    # Sekimori et al. 2001, with its mirror or a head
+    "small": RobotKind(),
+    # a robot of the small-size league today, whose camera is fixed on board
+    "small_size": RobotKind(RobotLimits(1.5, 2.0, kick_speed_mps=4.0, pan_limit_rad=0.0)),
+    # a Sony ERS-7: it carries the ball with its chin, and kicks with its body
+    "four_legged": RobotKind(
+        RobotLimits(
+            0.5,
+            1.0,
+            radius_m=0.13,
+            height_m=0.2,
+            turn_rps=3.0,
+            turn_acceleration_rps2=15.0,
+            kick_speed_mps=1.5,
+            pan_rps=6.0,
+        ),
+        True,
+        WorldSettings(BodySettings(mass_kg=1.7, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)),
+    ),
+    # an Aldebaran Nao
+    "humanoid": RobotKind(
+        RobotLimits(
+            0.4,
+            0.6,
+            radius_m=0.15,
+            height_m=0.55,
+            turn_rps=1.5,
+            turn_acceleration_rps2=6.0,
+            kick_speed_mps=2.5,
+            pan_rps=5.0,
+            pan_limit_rad=2.0,
+        ),
+        True,
+        WorldSettings(BodySettings(mass_kg=5.4, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)),
+    ),
+    # a robot of the middle size league, with a ball of a football's size
+    "middle_size": RobotKind(
+        RobotLimits(
+            2.5, 2.0, radius_m=0.25, height_m=0.6, turn_rps=5.0, turn_acceleration_rps2=15.0, kick_speed_mps=5.0
+        ),
+        False,
+        WorldSettings(BodySettings(mass_kg=30.0), BallSettings(mass_kg=0.43)),
+    ),
+}
+
+# players per side, camera, robots
+_BY_FIELD: dict[str, tuple[int, str, str]] = {
+    "ssl_2001": (2, "sekimori", "small"),
+    "ssl_division_a": (6, "ssl_forward", "small_size"),
+    "ssl_division_b": (6, "ssl_forward", "small_size"),
+    "four_legged_2005": (4, "ers7", "four_legged"),
+    "four_legged_2007": (4, "ers7", "four_legged"),
+    "msl_6x4": (2, "msl_mirror", "middle_size"),
+    "msl_18x12": (5, "msl_mirror", "middle_size"),
+    "spl_2020": (5, "nao", "humanoid"),
+}
+
+
+def setup_for(
+    field: Field,
+    *,
+    players: int | None = None,
+    camera: str | Camera | None = None,
+    robot: str | RobotKind | None = None,
+    limits: RobotLimits | None = None,
+) -> MatchSetup:
+    """Return what a match on a field is played with.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch. One that is not built in has the set-up of `four_legged_2007` where goals have posts, else that of
+        `ssl_2001`.
+    players : int, optional
+        Per side; default: as the field's league.
+    camera : OmniCamera, PinholeCamera or str, optional
+        On every robot: a camera, a name of `CAMERAS`, ``sekimori:WIDTHxHEIGHT`` or a camera file.
+    robot : RobotKind or str, optional
+        Every robot: a kind, or a name of `ROBOTS`.
+    limits : RobotLimits, optional
+        What every robot can do, in place of the kind's.
+
+    Raises
+    ------
+    ArgumentError
+        If a name is unknown, or the combination cannot play.
+    FileError
+        If a camera file is missing or wrong.
+    """
+    usual = _BY_FIELD.get(field.name)
+    if usual is None:
+        usual = _BY_FIELD["four_legged_2007" if any(g.kind == "posts" for g in field.goals) else "ssl_2001"]
+    count = usual[0] if players is None else players
+    carried = usual[1] if camera is None else camera
+    kind = usual[2] if robot is None else robot
+    robots = _robot_named(kind) if isinstance(kind, str) else kind
+    setup = MatchSetup(
+        count,
+        _camera_named(carried) if isinstance(carried, str) else carried,
+        robots if limits is None else replace(robots, limits=limits),
+    )
+    check_setup(field, setup)
+    return setup
+
+
+def camera_for(field: Field) -> Camera:
+    """Return the camera that robots carry on a field."""
+    return setup_for(field).camera
+
+
+def check_setup(field: Field, setup: MatchSetup) -> None:
+    """Refuse what cannot play on a field.
+
+    Raises
+    ------
+    ArgumentError
+        If there are no players, or no room for them, or nothing on the field shows a robot where it is.
+    """
+    players, limits = setup.players, setup.robot.limits
+    if players < 1:
+        raise ArgumentError(f"players must be at least 1, got {players}")
+    starts = [kick_off_pose(field, 1, number, players, limits.radius_m) for number in range(players)]
+    for number, start in enumerate(starts):
+        for other in starts[:number]:
+            if start.error_to(other)[0] < 2 * limits.radius_m:
+                raise ArgumentError(
+                    f"{players} robots of {limits.radius_m:g} m radius have no room side by side on '{field.name}'"
+                )
+    if not len(field.lines) and not len(field.arcs) and not field.is_bounded:
+        raise ArgumentError(f"'{field.name}' has neither lines nor walls: no player can know where it is")
+
+
+def _camera_named(name: str) -> Camera:
+    if name in CAMERAS:
+        return CAMERAS[name]()
+    if name.startswith("sekimori:"):
+        return camera_by_name(name)
+    if not name.endswith(".toml"):
+        raise ArgumentError(f"there is no camera '{name}': give a camera file (.toml), or {', '.join(CAMERAS)}")
+    return load_camera(name)
+
+
+def _robot_named(name: str) -> RobotKind:
+    if name not in ROBOTS:
+        raise ArgumentError(f"there are no robots '{name}', only {', '.join(ROBOTS)}")
+    return ROBOTS[name]
