@@ -30,6 +30,10 @@ FLANK_PX = 2
 TONES = 24
 # of a paint: shadows leave less than half of it, blur mixes the background in, lamps have a tint
 MIN_PAINT, MIN_HUE_COS, MIN_WHITENESS = 0.3, 0.7, 0.5
+# of a line's full step, that a band shows; what blur may add to its width, and the widest that is read
+MIN_BAND_RATIO, BAND_BLUR_PX, MAX_BAND_PX = 0.25, 4.0, 120.0
+# along a profile: of the search, and all of it
+MAX_REACH_PX, MAX_PROFILE_PX = 110, 480
 ONE, TWO = np.uintp(1), np.uintp(2)
 
 
@@ -265,7 +269,7 @@ def search(
     samples, reach_px, found, least_ratio = room.samples, room.reach_px, room.found, settings.min_ratio
     height, width = image.shape[0], image.shape[1]
     flat = image.reshape(-1)
-    sums, response = np.empty(261), np.empty(260)
+    sums, response = np.empty(MAX_PROFILE_PX + 1), np.empty(MAX_PROFILE_PX)
     for n in range(count):
         nu, nv = samples.normal[n, 0], samples.normal[n, 1]
         u, v = samples.uv[n, 0], samples.uv[n, 1]
@@ -310,8 +314,13 @@ def search(
         if expected < 4.0 * noise:
             continue
         least = max(least_ratio * expected, 3.5 * noise)
-        reach = min(int(math.ceil(reach_px[n] / size_axis_px)), 110)
+        reach = min(int(math.ceil(reach_px[n] / size_axis_px)), MAX_REACH_PX)
+        # a band is seen whole
+        is_banded = settings.max_line_widths > 0.0 and samples.place[n] == ON_FLOOR
+        longest = min(settings.max_line_widths * wide + BAND_BLUR_PX, MAX_BAND_PX)
         low, high = -reach - margin, reach + margin
+        if is_banded:
+            low, high = min(low, -reach - int(longest)), max(high, reach + int(longest))
         # keep within the picture, with the neighbours' shift
         if middle < 1 or middle > size_other - 2:
             continue
@@ -351,7 +360,80 @@ def search(
             if not _borders_rightly(flat, profile, i, samples.kind[n], samples.place[n], colors, carpet, brightness):
                 continue
             kept = _keep_strongest(found, n, kept, here, offset)
+        if kept == 0 and is_banded:
+            full = samples.expected[n] * brightness
+            level = max(MIN_BAND_RATIO * full, 3.5 * carpet[3] * norm * math.sqrt(3.0))
+            at = variable(0)
+            while at < length and kept < PEAKS:
+                middle_px, strength, at = _next_band(
+                    flat, profile, sums, length, level, longest, channels[channel], carpet, at
+                )
+                if at >= length:
+                    break
+                if not is_ridge:
+                    middle_px -= 0.5 * wide
+                offset = (start + step * (low + middle_px) - crossing) * n_axis
+                if abs(offset) <= reach_px[n] + 1.0:
+                    kept = _keep_strongest(found, n, kept, strength, offset)
         found.candidates[n] = kept
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _next_band(
+    flat: UInt8Array,
+    profile: Profile,
+    sums: FloatArray,
+    length: int,
+    level: float,
+    longest: float,
+    channel: FloatArray,
+    carpet: FloatArray,
+    at: int,
+) -> tuple[float, float, int]:
+    """Find the next bright band between carpets on a profile, of whatever width up to `longest` pixels.
+
+    Returns its middle between the places of half its height, its height above the carpet, and where to go on; that is
+    `length` if there is none.
+    """
+    ground = channel[0] * carpet[0] + channel[1] * carpet[1] + channel[2] * carpet[2]
+    while at < length:
+        if sums[at + 1] - sums[at] < ground + level:
+            at += 1
+            continue
+        first = at
+        top = 0.0
+        while at < length and sums[at + 1] - sums[at] >= ground + level:
+            top = max(top, sums[at + 1] - sums[at])
+            at += 1
+        half = 0.5 * (ground + top)
+        # where it is brighter than half its height
+        left, right = first, at - 1
+        while sums[left + 1] - sums[left] < half:
+            left += 1
+        while left > 0 and sums[left] - sums[left - 1] >= half:
+            left -= 1
+        while sums[right + 1] - sums[right] < half:
+            right -= 1
+        while right < length - 1 and sums[right + 2] - sums[right + 1] >= half:
+            right += 1
+        at = max(at, right + 1)
+        if left < 2 or right > length - 3 or right - left + 1 > longest:
+            continue
+        before, after = sums[left] - sums[left - 1], sums[right + 2] - sums[right + 1]
+        begin = left - (sums[left + 1] - sums[left] - half) / max(sums[left + 1] - sums[left] - before, 1.0)
+        end = right + (sums[right + 1] - sums[right] - half) / max(sums[right + 1] - sums[right] - after, 1.0)
+        # beyond the slopes at its sides
+        away = 2 + (right - left) // 2
+        if left - away < 0 or right + away >= length:
+            continue
+        outside = _mean_of_three(flat, profile.origin + profile.advance * (left - away), profile.beside)
+        beyond = _mean_of_three(flat, profile.origin + profile.advance * (right + away), profile.beside)
+        if not is_carpet(outside[0], outside[1], outside[2], carpet):
+            continue
+        if not is_carpet(beyond[0], beyond[1], beyond[2], carpet):
+            continue
+        return 0.5 * (begin + end), top - ground, at
+    return 0.0, 0.0, length
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -157,6 +157,8 @@ class FollowSettings(NamedTuple):
         Fractions up to which no other mode is examined.
     coarse_gates_px, fine_gates_px : (G,) float64
         Of the fit's steps.
+    max_line_widths : float
+        A bright band up to so many times as wide as the field file's lines may be a line; 0: lines of that width only.
     """
 
     spacing_px: float
@@ -180,6 +182,7 @@ class FollowSettings(NamedTuple):
     clear_unexplained: float
     coarse_gates_px: FloatArray
     fine_gates_px: FloatArray
+    max_line_widths: float
 
 
 class Room(NamedTuple):

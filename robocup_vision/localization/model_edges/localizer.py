@@ -14,9 +14,9 @@ from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.forward import GoalLocalizer
 from robocup_vision.localization.localizer import FrameEvidence, Localization
-from robocup_vision.localization.model_edges.blurred import BlurredFollower
 from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
+from robocup_vision.localization.model_edges.second_look import SecondLook
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 # between frames without times
@@ -36,7 +36,7 @@ class EdgeLocalizer:
         settings: EdgeSettings | None = None,
     ) -> None:
         self.follower = EdgeFollower(field, camera, settings)
-        self._blurred = BlurredFollower(field, camera, self.follower.settings)
+        self._second_look = SecondLook(field, camera, self.follower.settings)
         self._finder: EdgeFinder | None = None
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
@@ -82,16 +82,16 @@ class EdgeLocalizer:
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate
     ) -> tuple[FollowedCamera | NotLocated, EdgePoints | None]:
-        """Follow by the frame, or else by smaller copies of it; with the edges where those located the camera."""
+        """Follow by the frame, or else by a second look; with the edges where that located the camera."""
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
         answer = self.follower.follow(evidence.frame, near, dt_s)
         if answer:
             return answer, None
-        by_copy = self._blurred.follow(evidence.frame, near, dt_s, before)
-        if not by_copy:
+        again = self._second_look.follow(evidence.frame, near, dt_s, before)
+        if not again:
             return answer, None
-        self.follower.state = self._blurred.state
-        return by_copy, self._blurred.edge_points()
+        self.follower.state = self._second_look.state
+        return again, self._second_look.edge_points()
 
     def _find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
         return self._made_finder().find(frame)

@@ -84,10 +84,14 @@ class EdgeSettings:
     attitude_memory_s: float = 0.12
     # of tilt and roll where the camera file gives no `roll_std_rad`
     sway_std_rad: float = 0.02
+    # times the width in the field file, up to which a band is a line: 0 asks for that width, sharply; the second is for
+    # frames that confirm nothing so: two tapes side by side, or blur, make a line so wide
+    max_line_widths: float = 0.0
+    max_doubted_line_widths: float = 3.5
     # height rises and falls with the gait
     height_memory_s: float = 0.12
-    # a frame that confirms nothing may be blurred: it is looked at again so many times smaller, at least this wide
-    copy_factors: tuple[int, ...] = (2, 3)
+    # a frame that confirms nothing is looked at again so many times smaller, for it may be blurred; at least this wide
+    copy_factors: tuple[int, ...] = (1, 2, 3)
     min_copy_px: int = 200
     # of the prior where only a pose is given
     prior_std_m: float = 0.15
@@ -128,4 +132,5 @@ class EdgeSettings:
             clear_unexplained=self.clear_unexplained,
             coarse_gates_px=np.array([6.0, 4.0]) * grown,
             fine_gates_px=np.array([4.0, 3.0, 2.5]) * grown,
+            max_line_widths=self.max_line_widths,
         )

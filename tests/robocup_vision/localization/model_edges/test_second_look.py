@@ -1,4 +1,4 @@
-"""Frames blurred by motion: followed in smaller copies, with the state of the follower that goes on."""
+"""Frames that confirm nothing at first: followed in a second look, with the state of the follower that goes on."""
 
 import math
 from dataclasses import replace
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robocup_vision.estimates import EdgeState, PoseEstimate
-from robocup_vision.localization.model_edges.blurred import BlurredFollower
 from robocup_vision.localization.model_edges.follower import EdgeFollower
+from robocup_vision.localization.model_edges.second_look import SecondLook
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.vision import Vision
 
@@ -37,7 +37,7 @@ def test_a_blurred_frame_is_followed_in_a_smaller_copy(blurred_shot):
     whole = EdgeFollower(blurred_shot.field, blurred_shot.camera)
     before = whole.state
     assert not whole.follow(blurred_shot.frame, prior)
-    follower = BlurredFollower(blurred_shot.field, blurred_shot.camera, EdgeSettings())
+    follower = SecondLook(blurred_shot.field, blurred_shot.camera, EdgeSettings())
     answer = follower.follow(blurred_shot.frame, prior, 1 / 30, before)
     assert answer
     away, turn = answer.estimate.pose.error_to(blurred_shot.pose)
@@ -65,8 +65,18 @@ def test_the_edges_are_told_in_pixels_of_the_whole_frame(blurred_shot):
     assert np.mean(light[rows[inside], columns[inside]] > np.median(light)) > 0.7
 
 
-def test_a_small_frame_has_no_copy(fl_shot):
+def test_a_small_frame_is_looked_at_in_its_own_size_only(fl_shot):
     prior = PoseEstimate(fl_shot.pose, np.diag(STD**2), 1.0, 0.0)
-    follower = BlurredFollower(fl_shot.field, fl_shot.camera, EdgeSettings())
-    answer = follower.follow(fl_shot.frame, prior, 1 / 30, EdgeFollower(fl_shot.field, fl_shot.camera).state)
-    assert not answer
+    before = EdgeFollower(fl_shot.field, fl_shot.camera).state
+    answer = SecondLook(fl_shot.field, fl_shot.camera, EdgeSettings()).follow(fl_shot.frame, prior, 1 / 30, before)
+    assert answer
+    no_copy = EdgeSettings(copy_factors=(2, 3))
+    assert not SecondLook(fl_shot.field, fl_shot.camera, no_copy).follow(fl_shot.frame, prior, 1 / 30, before)
+
+
+def test_a_frame_without_a_field_confirms_nothing_in_a_second_look_either(blurred_shot):
+    prior = PoseEstimate(blurred_shot.pose, np.diag(STD**2), 1.0, 0.0)
+    before = EdgeFollower(blurred_shot.field, blurred_shot.camera).state
+    noise = np.random.default_rng(2).integers(0, 256, blurred_shot.frame.shape).astype(np.uint8)
+    follower = SecondLook(blurred_shot.field, blurred_shot.camera, EdgeSettings())
+    assert not follower.follow(noise, prior, 1 / 30, before)

@@ -1,7 +1,8 @@
-"""Follows the camera by smaller copies of a frame, in which motion blur is as many times shorter.
+"""Looks at a frame again that confirms no pose: for lines of other widths, and in smaller copies.
 
-A blurred line is a slope as wide as the blur, and no edge at the frame's own size: a search of a few pixels sees too
-little of the step, and takes what it borders on for another thing than carpet.
+A line may be two tapes side by side, or worn. A blurred one is a slope as wide as the blur, and no edge at the frame's
+own size: a search of a few pixels sees too little of the step, and takes what it borders on for another thing than
+carpet. In a copy that is so many times smaller the blur is as many times shorter.
 """
 
 from __future__ import annotations
@@ -19,25 +20,26 @@ from robocup_vision.localization.model_edges.follower import EdgeFollower, Follo
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 
-class BlurredFollower:
-    """Follows where the follower of whole frames does not, in copies of a half and a third of the size.
+class SecondLook:
+    """Follows where the first look does not: bright bands of any width may be lines, in smaller copies at last.
 
     Parameters
     ----------
     field, camera, settings
-        As of `EdgeFollower`. No copy is narrower than `settings.min_copy_px`: a small frame has none.
+        As of `EdgeFollower`. No copy is narrower than `settings.min_copy_px`: a small frame has none but itself.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings) -> None:
-        self._field, self._camera, self._settings = field, camera, settings
-        self._factors = [k for k in settings.copy_factors if camera.size_px[0] >= k * settings.min_copy_px]
+        self._field, self._camera = field, camera
+        self._settings = replace(settings, max_line_widths=settings.max_doubted_line_widths)
+        self._factors = [k for k in settings.copy_factors if k == 1 or camera.size_px[0] >= k * settings.min_copy_px]
         self._followers: dict[int, EdgeFollower] = {}
         self._last: EdgeFollower | None = None
 
     def follow(
         self, frame: UInt8Array, prior: PoseEstimate, dt_s: float, before: FollowerState
     ) -> FollowedCamera | NotLocated:
-        """Locate the camera by the largest copy of a frame that confirms a pose.
+        """Locate the camera by the frame, or by the largest copy of it that confirms a pose.
 
         Parameters
         ----------
@@ -61,7 +63,7 @@ class BlurredFollower:
                 residual_px = factor * answer.estimate.residual_px
                 estimate = replace(answer.estimate, residual_px=residual_px)
                 return replace(answer, estimate=estimate, file_camera=self._camera)
-        return NotLocated("no smaller copy of the frame confirms a pose")
+        return NotLocated("no second look at the frame confirms a pose")
 
     @property
     def state(self) -> FollowerState:
