@@ -5,6 +5,7 @@ from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Ta
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.rolling_shutter import RollingShutter
 
 __all__ = [
     "Camera",
@@ -12,6 +13,7 @@ __all__ = [
     "Hyperboloid",
     "OmniCamera",
     "PinholeCamera",
+    "RollingShutter",
     "Table",
     "Tangent",
     "camera_rotation",

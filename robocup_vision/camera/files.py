@@ -70,6 +70,7 @@ class _PinholeFile(StrictStruct):
     height_std_m: NotNegative = 0.01
     focal_std_px: NotNegative = 0.0
     roll_std_rad: NotNegative | None = None
+    readout_s: NotNegative = 0.0
 
 
 def load_camera(path: str | Path) -> Camera:
@@ -234,7 +235,9 @@ def _pinhole_lines(camera: PinholeCamera) -> list[str]:
         f"offset_m = {[float(v) for v in camera.offset_m]}",
     ]
     scalars = ("pan_rad", "tilt_rad", "roll_rad", "height_std_m", "focal_std_px", "roll_std_rad")
-    known = ((key, getattr(camera, key)) for key in scalars)
+    known = [(key, getattr(camera, key)) for key in scalars]
+    if camera.readout_s:
+        known.append(("readout_s", camera.readout_s))
     return lines + [f"{key} = {float(value)}" for key, value in known if value is not None]
 
 

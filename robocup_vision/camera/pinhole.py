@@ -50,6 +50,8 @@ class PinholeCamera:
         How well `height_m` and `focal_px` are known (one standard deviation).
     roll_std_rad : float or None
         Standard deviation of the roll about `roll_rad` (0 where that is None); None: unknown.
+    readout_s : float
+        Rolling shutter: how long after the first row the last one is read (`RollingShutter`).
     """
 
     size_px: tuple[int, int]
@@ -64,6 +66,7 @@ class PinholeCamera:
     height_std_m: float = 0.01
     focal_std_px: float = 0.0
     roll_std_rad: float | None = None
+    readout_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name, values in (

@@ -137,9 +137,12 @@ class Arena:
     def setup(self, index: int) -> PlayerSetup:
         """Return a robot's setup: its player's data before the match."""
         robot, on = self.world.state.robots[index], self.disturbances
+        camera = self.camera
+        if isinstance(camera, PinholeCamera) and on.shutter is not None:
+            camera = dataclasses.replace(camera, readout_s=on.shutter.readout_s)
         return PlayerSetup(
             self.field,
-            self.camera,
+            camera,
             self.limits,
             robot.side,
             robot.number,

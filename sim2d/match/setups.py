@@ -86,13 +86,13 @@ ROBOTS: dict[str, RobotKind] = {
     "small": RobotKind(),
     # a robot of the small-size league today, whose camera is fixed on board
     "small_size": RobotKind(RobotLimits(1.5, 2.0, kick_speed_mps=4.0, pan_limit_rad=0.0)),
-    # a Sony ERS-7: it carries the ball with its chin, and kicks with its body
+    # a Sony ERS-7, which walks with bent legs: its back is lower than its eye. It kicks with its body
     "four_legged": RobotKind(
         RobotLimits(
             0.5,
             1.0,
             radius_m=0.13,
-            height_m=0.2,
+            height_m=0.15,
             turn_rps=3.0,
             turn_acceleration_rps2=15.0,
             kick_speed_mps=1.5,

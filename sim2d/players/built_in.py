@@ -32,6 +32,7 @@ from sim2d.players.keep_out import allowed_target, block_zones
 from sim2d.players.plan import Plan, Situation
 from sim2d.players.settings import PlayerSettings
 from sim2d.players.shot import Shooter
+from sim2d.players.straight_frames import StraightFrames
 from sim2d.players.surroundings import Surroundings
 from sim2d.players.tactics.tactics import Tactics
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, PlayerStatus, Reason, Senses
@@ -90,6 +91,9 @@ class BuiltInPlayer:
         # the rules fix where it begins; a frame may contradict
         self._start = kick_off_pose(field, setup.attacks, setup.number, setup.players, limits.radius_m)
         self._filter.expect(self._start)
+        self._straight: StraightFrames | None = None
+        if isinstance(camera, PinholeCamera) and camera.readout_s:
+            self._straight = StraightFrames(camera, self._filter)
         self._tactics = Tactics(field, limits, setup.number, setup.players, settings.tactics, settings.ball)
         self._motion = Motion(limits, np.random.default_rng(setup.seed), settings.motion)
         self._ball = BallMemory(settings.ball)
@@ -184,6 +188,8 @@ class BuiltInPlayer:
         self._last_frame = frame.copy()
         if self._head is not None and senses.frame_pan_rad is not None:
             self._head.pan_rad = senses.frame_pan_rad
+        if self._straight is not None:
+            frame = self._straight.straighten(frame, frame_t_s, 0.0 if self._head is None else self._head.pan_rad)
         hypotheses = self._filter.hypotheses
         view = self._vision.look(frame, frame_t_s, pan_rad=None if self._head is None else self._head.pan_rad)
         if self._head is not None:

@@ -1,0 +1,51 @@
+"""Straightens a player's frames: how fast head and body turned is known by the neck's joint and the odometry."""
+
+from __future__ import annotations
+
+import math
+
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera import PinholeCamera, RollingShutter
+from robocup_vision.localization.filter.pose_filter import PoseFilter
+
+# a head may have swung to and fro between frames farther apart
+_MAX_GAP_S = 0.15
+
+
+class StraightFrames:
+    """Takes the lean of a rolling shutter out of one robot's frames.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        As its file says; its `readout_s` is the shutter's.
+    odometry : PoseFilter
+        Knows how the body turned.
+    """
+
+    def __init__(self, camera: PinholeCamera, odometry: PoseFilter) -> None:
+        self._shutter = RollingShutter(camera)
+        self._odometry = odometry
+        self._last: tuple[float, float] | None = None  # of the last frame: when it was exposed, and the pan
+
+    def straighten(self, frame: UInt8Array, frame_t_s: float, pan_rad: float) -> UInt8Array:
+        """Return a frame (H, W, 3) uint8 as a camera that stands takes it; itself where that is not known.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            The newest frame, BGR.
+        frame_t_s : float
+            When it was exposed.
+        pan_rad : float
+            Pan of the head then.
+        """
+        last, self._last = self._last, (frame_t_s, pan_rad)
+        if last is None:
+            return frame
+        passed_s = frame_t_s - last[0]
+        since, since_last = self._odometry.motion_since(frame_t_s), self._odometry.motion_since(last[0])
+        if not 0.0 < passed_s <= _MAX_GAP_S or since is None or since_last is None:
+            return frame
+        body_rad = math.remainder(since_last.theta_rad - since.theta_rad, math.tau)
+        return self._shutter.straighten(frame, (pan_rad - last[1] + body_rad) / passed_s)
