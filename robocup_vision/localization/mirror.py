@@ -17,6 +17,8 @@ from robocup_vision.localization.localizer import FrameEvidence, Localization, p
 from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.perception.polar_view import PolarView
 
+# lines near the last pose are followed; the whole field is searched so often for what else explains them
+_SEARCH_AGAIN_S = 1.0
 # floor that shows this many columns beyond a wall is beyond it; so many of the bearings may be mistaken
 _BEYOND_COLUMNS, _MAX_BEYOND_RATIO = 3.0, 0.1
 
@@ -59,6 +61,7 @@ class MirrorLocalizer:
         self._support = None if lines is None else LineSupport(lines.line_map, lines.finder, view)
         self._walls = field.walls if field.is_bounded else None
         self._half = GoalSide(field, camera, mask)
+        self._searched_s: float | None = None  # when the whole field was last searched by lines
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""
@@ -78,12 +81,27 @@ class MirrorLocalizer:
                 estimate = NotLocated(f"{agree} of the floor's edge agrees with the walls, but the lines do not")
             reason = estimate.reason
         if self._lines is not None:
-            estimate = self._lines.locate(frame)
+            estimate = self._by_lines(self._lines, evidence, start)
             if isinstance(estimate, PoseEstimate) and self._is_within_walls(estimate.pose, evidence):
                 return Localization(self._half.choose(frame, estimate, colors, start), camera)
             by_lines = estimate.reason if isinstance(estimate, NotLocated) else "floor shows where they put the walls"
             reason = f"{reason}; by lines: {by_lines}" if reason else by_lines
         return Localization(NotLocated(reason), camera)
+
+    def _by_lines(
+        self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None
+    ) -> PoseEstimate | NotLocated:
+        """Follow the lines from the expected pose; search the whole field where that fails, or now and then."""
+        points, t_s, searched_s = lines.finder.find(evidence.frame), evidence.t_s, self._searched_s
+        is_recent = t_s is not None and searched_s is not None and 0.0 <= t_s - searched_s < _SEARCH_AGAIN_S
+        if is_recent and start is not None:
+            followed = lines.follow(points, start)
+            if followed:
+                return followed
+        found = lines.locate(points)
+        # where the search contradicts the expected pose, the frames that follow are searched, too: they decide
+        self._searched_s = t_s if found and (start is None or lines.is_near(found, start)) else None
+        return found
 
     def _is_supported(self, estimate: PoseEstimate, evidence: FrameEvidence) -> bool:
         if self._support is None or evidence.marks is None:

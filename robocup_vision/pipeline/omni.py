@@ -96,7 +96,7 @@ class OmniPipeline(FramePipeline):
         colored = perf_counter()
         edge, outermost, marks = self._outline(frame, samples, llr, table)
         outlined = perf_counter()
-        evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks)
+        evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks, t_s)
         answer = self._localizer.locate(evidence, prior)
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
