@@ -130,6 +130,8 @@ class Senses:
         left; None without a frame, and where the camera does not pan.
     placement_in_field : (float, float) or None
         Where the ball shall be placed, in phase "ball_placement", field frame.
+    messages : tuple of bytes
+        What others of the team have sent and what has come since the senses before, in the order in which it came.
     """
 
     t_s: float
@@ -141,6 +143,7 @@ class Senses:
     own_turn: bool
     frame_pan_rad: float | None = None
     placement_in_field: tuple[float, float] | None = None
+    messages: tuple[bytes, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +160,8 @@ class Command:
         Whether the dribbler spins.
     pan_rad : float or None
         Wanted pan of a pinhole camera's head, from straight ahead, positive to the left; None: as it is.
+    message : bytes or None
+        To the others of the team, at most 128 bytes; of two within half a second only the first is sent.
     """
 
     forward_mps: float = 0.0
@@ -165,6 +170,7 @@ class Command:
     kick_mps: float = 0.0
     dribble: bool = False
     pan_rad: float | None = None
+    message: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,21 @@ class FailsAt(Sleeper):
         return self.fail() if senses.t_s > 0.49 else Command()
 
 
+class Talker(Sleeper):
+    """Tells its side and number in every control period, and keeps what it hears."""
+
+    heard = ()
+
+    def act(self, senses):
+        self.heard += tuple((round(30 * senses.t_s), message) for message in senses.messages)
+        return Command(message=bytes([self.setup.attacks > 0, self.setup.number, round(30 * senses.t_s)]))
+
+
+class SaysTooMuch(FailsAt):
+    def fail(self):
+        return Command(message=bytes(129))
+
+
 class SaysNan(FailsAt):
     def fail(self):
         return Command(forward_mps=math.nan)

@@ -26,7 +26,7 @@ def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
     add("--robot", metavar="R", help="every robot: " + ", ".join(ROBOT_NAMES))
     add("--seconds", type=float, default=60.0, metavar="T", help="length of a match (default: 60)")
     add("--seed", type=int, default=0, metavar="S", help="the same seed plays the same match (default: 0)")
-    names = "plain, memory, planning, asking, looking, or one's own as MODULE:NAME (default: plain)"
+    names = "plain, memory, planning, asking, looking, team, or one's own as MODULE:NAME (default: plain)"
     add("--ours", default="plain", metavar="NAME", help=f"players of the side that attacks +x: {names}")
     add("--theirs", default="plain", metavar="NAME", help=f"players of the other side: {names}")
     add(
@@ -34,7 +34,7 @@ def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
         default="default",
         metavar="NAMES",
         help="what disturbs robots: default (by the field's league), none, all, or some of sway, latency, slip, "
-        "drift, shutter, camera and knock, with commas between",
+        "drift, shutter, camera, knock and messages, with commas between",
     )
     add("--out", default=out, metavar="DIR", help=f"folder for the files (default: {out})")
 

@@ -22,13 +22,14 @@ from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
 from sim2d.sensors.late_frames import LateFrames
 from sim2d.sensors.light_drift import LightDrift
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera
+from sim2d.sensors.team_channel import UNDISTURBED, TeamChannel
 from sim2d.sensors.true_cameras import TrueCamera
 from sim2d.world.referee import RefereeFactory
 from sim2d.world.state import WorldState
 from sim2d.world.world import World, WorldSettings
 
 # one stream of random numbers for each source of chance
-_WORLD, _SENSOR, _FAULTS, _PLAYERS, _SWAY, _LATENCY, _LIGHT, _CAMERA = range(8)
+_WORLD, _SENSOR, _FAULTS, _PLAYERS, _SWAY, _LATENCY, _LIGHT, _CAMERA, _CHANNEL = range(9)
 
 
 class Arena:
@@ -109,6 +110,11 @@ class Arena:
             for index in robots
         ]
         self._sways, self._late = self._disturb(seed)
+        settings = UNDISTURBED if self.disturbances.messages is None else self.disturbances.messages
+        self._channels = [
+            TeamChannel(settings, [np.random.default_rng([seed, _CHANNEL, side * players + k]) for k in range(players)])
+            for side in range(2)
+        ]
         self._body_faults = sorted((f for f in faults if isinstance(f, BodyFault)), key=lambda f: (f.at_s, f.robot))
         self._player_seeds = np.random.default_rng([seed, _PLAYERS]).integers(2**31, size=len(robots)).tolist()
 
@@ -181,6 +187,7 @@ class Arena:
                 state.kick_off_side == robot.side,
                 robot.pan_rad if isinstance(self.camera, PinholeCamera) else None,
                 state.placement_m,
+                self._channels[robot.index // self.players].received(robot.index % self.players, state.t_s),
             )
             if self._late:
                 senses = self._late[robot.index].apply(senses)
@@ -188,7 +195,11 @@ class Arena:
         return tuple(sensed)
 
     def step(self, commands: Mapping[int, Command]) -> WorldState:
-        """Let each robot obey its command for one control period; return the truth after it."""
+        """Let each robot obey its command for one control period, and send its message; return the truth after it."""
+        for index, command in commands.items():
+            if command.message is not None:
+                side, number = divmod(index, self.players)
+                self._channels[side].send(number, command.message, self.world.t_s)
         self.world.step(commands)
         return self.world.state
 

@@ -12,10 +12,11 @@ from sim2d.sensors.body_sway import LEGS_SWAY, WHEELS_SWAY, SwaySettings
 from sim2d.sensors.late_frames import LatencySettings
 from sim2d.sensors.light_drift import LightDriftSettings
 from sim2d.sensors.match_camera import ShutterSettings
+from sim2d.sensors.team_channel import ChannelSettings
 from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings
 from sim2d.world.robot_body import BodySettings
 
-NAMES = ("sway", "latency", "slip", "drift", "shutter", "camera", "knock")
+NAMES = ("sway", "latency", "slip", "drift", "shutter", "camera", "knock", "messages")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,8 @@ class Disturbances:
         Each robot's true camera about its file, which is all that the player knows.
     knock : KnockSettings or None
         It is moved once during the match.
+    messages : ChannelSettings or None
+        Of the team's radio: late and lost messages.
     """
 
     sway: SwaySettings | None = None
@@ -70,6 +73,7 @@ class Disturbances:
     shutter: ShutterSettings | None = None
     camera: CameraErrorSettings | None = None
     knock: KnockSettings | None = None
+    messages: ChannelSettings | None = None
 
     def only(self, names: Iterable[str]) -> Disturbances:
         """Return those of some names (`NAMES`) alone; of one that is off here, with its default values.
@@ -90,6 +94,7 @@ class Disturbances:
             (self.shutter or ShutterSettings()) if "shutter" in wanted else None,
             (self.camera or CameraErrorSettings()) if "camera" in wanted else None,
             (self.knock or KnockSettings()) if "knock" in wanted else None,
+            (self.messages or ChannelSettings()) if "messages" in wanted else None,
         )
 
     @property
@@ -99,12 +104,17 @@ class Disturbances:
 
 
 NONE = Disturbances()
-LEGS = Disturbances(LEGS_SWAY, LatencySettings(), Slip(), LightDriftSettings(), ShutterSettings())
-WHEELS = Disturbances(WHEELS_SWAY, LatencySettings(), None, LightDriftSettings(), ShutterSettings())
+MIRRORS = Disturbances(messages=ChannelSettings())
+LEGS = Disturbances(
+    LEGS_SWAY, LatencySettings(), Slip(), LightDriftSettings(), ShutterSettings(), messages=ChannelSettings()
+)
+WHEELS = Disturbances(
+    WHEELS_SWAY, LatencySettings(), None, LightDriftSettings(), ShutterSettings(), messages=ChannelSettings()
+)
 
 
 def disturbances_for(robot: RobotKind, camera: Camera) -> Disturbances:
-    """Return those of a kind of robot, legs or wheels; none with a mirror camera."""
+    """Return those of a kind of robot, legs or wheels; of messages alone with a mirror camera."""
     if isinstance(camera, OmniCamera):
-        return NONE
+        return MIRRORS
     return LEGS if robot.has_legs else WHEELS

@@ -8,6 +8,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated
 from sim2d.report.moment import RobotMoment
 from sim2d.robot_link import Command, Player, PlayerFactory, PlayerSetup, PlayerStatus, Senses
+from sim2d.sensors.team_channel import check_message
 from sim2d.world.robot_body import check_command
 
 _REASON_LETTERS = 200
@@ -60,7 +61,10 @@ def _checked(command: object) -> Command:
         float(command.kick_mps),
         bool(command.dribble),
         None if command.pan_rad is None else float(command.pan_rad),
+        command.message,
     )
+    if plain.message is not None:
+        check_message(plain.message)
     check_command(plain)
     return plain
 

@@ -30,6 +30,12 @@ class BallMemorySettings:
         A faster ball is a wrong detection.
     missed_s : float
         A ball unseen for so long at a visible place is gone from there.
+    told_missed_m : float
+        A ball that others told of is not there if the robot sees the floor there from no farther than this: small
+        cameras miss balls that are far.
+    nod_std_rad : float
+        Error of a nodding camera's tilt: the frame's own estimate of it is about so good, in a frame that shows little
+        of the field.
     hidden_s : float
         A ball unseen for so long is hidden by the robot that held it.
     taken_reaches : float
@@ -41,6 +47,8 @@ class BallMemorySettings:
     max_gap_s: float = 0.25
     max_speed_mps: float = 4.0
     missed_s: float = 0.5
+    told_missed_m: float = 1.0
+    nod_std_rad: float = 0.015
     hidden_s: float = 0.15
     taken_reaches: float = 2.0
 

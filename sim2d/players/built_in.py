@@ -24,7 +24,8 @@ from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 from sim2d.kick_off import kick_off_pose
-from sim2d.players.ball_memory import BallMemory, HiddenBall, Point, block_ball, is_in_sight
+from sim2d.players.ball_knowledge import BallKnowledge
+from sim2d.players.ball_memory import Point, block_ball
 from sim2d.players.driving.motion import Motion
 from sim2d.players.driving.travel import Travel, TravelPlanner
 from sim2d.players.head import Head, HeadView
@@ -35,7 +36,8 @@ from sim2d.players.shot import Shooter
 from sim2d.players.straight_frames import StraightFrames
 from sim2d.players.surroundings import Surroundings
 from sim2d.players.tactics.tactics import Tactics
-from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, PlayerStatus, Reason, Senses
+from sim2d.players.team_talk import TeamTalk
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, PlayerSetup, PlayerStatus, Reason, Senses
 
 _NO_MOTION = Pose2(0.0, 0.0, 0.0)
 
@@ -55,6 +57,8 @@ class BuiltInPlayer:
         With a head that turns: while the half of the field is not known, look for a goal that decides.
     looks_again : bool
         With plans and a head that turns: look at undecided floor on the way.
+    talks : bool
+        Tell the others of the team where the ball is, and agree with them who fetches it.
     settings : PlayerSettings
         See there.
     """
@@ -67,6 +71,7 @@ class BuiltInPlayer:
         plans: bool = False,
         asks: bool = False,
         looks_again: bool = False,
+        talks: bool = False,
         settings: PlayerSettings = PlayerSettings(),
     ) -> None:
         self._setup, self._settings = setup, settings
@@ -96,9 +101,15 @@ class BuiltInPlayer:
             self._straight = StraightFrames(camera, self._filter)
         self._tactics = Tactics(field, limits, setup.number, setup.players, settings.tactics, settings.ball)
         self._motion = Motion(limits, np.random.default_rng(setup.seed), settings.motion)
-        self._ball = BallMemory(settings.ball)
-        self._reach_m = limits.radius_m + field.ball_radius_m
-        self._hidden: HiddenBall | None = None
+        self._talk = TeamTalk(setup, self._tactics.is_keeper, settings.talk) if talks else None
+        self._ball = BallKnowledge(
+            limits.radius_m + field.ball_radius_m,
+            settings.ball,
+            hides=plans and self._memory.free_map is not None,
+            talk=self._talk,
+            camera_height_m=camera.height_m if isinstance(camera, PinholeCamera) else None,
+        )
+        self._phase: Phase = "play"
         self._view: View | None = None
         self._view_t_s = -math.inf
         self._floor = SteadyFreeSpace(settings.floor_margin_ratio)
@@ -111,7 +122,6 @@ class BuiltInPlayer:
         self._planner: TravelPlanner | None = None
         self._shooter: Shooter | None = None
         if plans and self._memory.free_map is not None:
-            self._hidden = HiddenBall(self._reach_m, settings.ball)
             self._planner = TravelPlanner(field, limits, self._memory.free_map.looks_to_free, settings.travel)
             # a keeper does not shoot
             if field.goals and not self._tactics.is_keeper:
@@ -155,12 +165,21 @@ class BuiltInPlayer:
         self._travel = self._why = self._target = None
         self._update(senses)
         self._look(senses)
+        if self._talk is not None:
+            if senses.phase == "kick_off" != self._phase:
+                self._ball.forget(senses.t_s)
+            self._phase = senses.phase
+            self._talk.hear(senses.messages, self._ball.sighting)
         command = self._decide(senses)
         pan = None if self._head is None else self._turn_head(self._head, senses.t_s)
+        message = None
+        if self._talk is not None:
+            place = self._ball.place(senses.t_s)
+            message = self._talk.tell(senses.t_s, self._filter.belief, self._ball.sighting, place)
         numbers = (command.forward_mps, command.left_mps, command.turn_rps, command.kick_mps)
         if not all(map(math.isfinite, numbers)):
-            return Command(pan_rad=pan)
-        return dataclasses.replace(command, pan_rad=pan)
+            return Command(pan_rad=pan, message=message)
+        return dataclasses.replace(command, pan_rad=pan, message=message)
 
     def _update(self, senses: Senses) -> None:
         odometry = senses.odometry
@@ -205,10 +224,8 @@ class BuiltInPlayer:
         self._free_space = view.free_space if self._sees_ahead_only else self._floor.update(view.free_space, moved)
         self._view_t_s = frame_t_s
         if belief and motion is not None and view.ball is not None:
-            ball = belief.pose.compose(motion.inverse()).compose(Pose2(view.ball.x_m, view.ball.y_m, 0.0))
-            self._ball.update((ball.x_m, ball.y_m), frame_t_s)
-            if self._hidden is not None:
-                self._hidden.update((ball.x_m, ball.y_m), *self._tracks(frame_t_s))
+            then = dataclasses.replace(belief, pose=belief.pose.compose(motion.inverse()), candidates=())
+            self._ball.see(then, view.ball, frame_t_s, *self._tracks(frame_t_s))
 
     def _decide(self, senses: Senses) -> Command:
         if senses.phase in ("halt", "time_out"):
@@ -218,6 +235,11 @@ class BuiltInPlayer:
         motion = self._filter.motion_since(self._view_t_s)
         is_late = senses.t_s - self._view_t_s > self._settings.max_frame_age_s
         if not belief or motion is None or is_late or self._view is None or not self._free_space:
+            if self._talk is not None:
+                # it does not see the floor around it, but others may tell it of the ball
+                pose = belief.pose if belief else None
+                known = self._ball.locate(pose, None, senses.t_s, *self._tracks(senses.t_s))
+                self._talk.role(pose, known.place, senses.t_s)
             self._intent = "look around" if self._view is not None else "wait"
             return Command(turn_rps=0.0 if is_late or self._head is not None else self._settings.lost_rps)
         pose = belief.pose
@@ -227,25 +249,14 @@ class BuiltInPlayer:
         nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
         things = [seen_from.compose(Pose2(o.x_m, o.y_m, 0.0)) for o in self._view.obstacles if o.range_m > nearest]
         if senses.ball_in_mouth:
-            mouth = pose.compose(Pose2(self._reach_m, 0.0, 0.0))
-            self._ball.update((mouth.x_m, mouth.y_m), senses.t_s)
-        ball = self._ball.place(senses.t_s)
-        if ball is not None and self._ball.age_s(senses.t_s) > self._settings.ball.missed_s:
-            there = pose.inverse().transform(ball)
-            if is_in_sight(free_space, (float(there[0]), float(there[1]))):
-                self._ball.miss()
-                ball = None
-        velocity = self._ball.velocity_mps
-        settings = self._settings.ball
-        if self._hidden is not None and settings.hidden_s < self._ball.age_s(senses.t_s) <= settings.forget_s:
-            hidden = self._hidden.place((pose.x_m, pose.y_m), *self._tracks(senses.t_s))
-            if hidden is not None:
-                ball, velocity = hidden
+            self._ball.hold(belief, senses.t_s)
+        known = self._ball.locate(pose, free_space, senses.t_s, *self._tracks(senses.t_s))
+        ball = known.place
         plan = self._tactics.decide(
             Situation(
                 self._in_team(pose),
                 None if ball is None else self._point_in_team(ball),
-                self._point_in_team(velocity),
+                self._point_in_team(known.velocity_mps),
                 senses.ball_in_mouth,
                 0.0 if self._held_since_s is None else senses.t_s - self._held_since_s,
                 tuple(self._point_in_team((thing.x_m, thing.y_m)) for thing in things),
@@ -255,6 +266,7 @@ class BuiltInPlayer:
                 self._plan_shot(senses),
                 self._others(senses.t_s),
                 None if senses.placement_in_field is None else self._point_in_team(senses.placement_in_field),
+                None if self._talk is None else self._talk.role(pose, ball, senses.t_s),
             )
         )
         self._intent, self._why = plan.intent, plan.why

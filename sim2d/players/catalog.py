@@ -20,7 +20,7 @@ class BuiltInTeam:
 
     Parameters
     ----------
-    remembers, plans, asks, looks_again : bool
+    remembers, plans, asks, looks_again, talks : bool
         As `BuiltInPlayer`.
     settings : PlayerSettings
         As `BuiltInPlayer`.
@@ -30,6 +30,7 @@ class BuiltInTeam:
     plans: bool = False
     asks: bool = False
     looks_again: bool = False
+    talks: bool = False
     settings: PlayerSettings = PlayerSettings()
 
     def __call__(self, setup: PlayerSetup) -> Player:
@@ -40,6 +41,7 @@ class BuiltInTeam:
             plans=self.plans,
             asks=self.asks,
             looks_again=self.looks_again,
+            talks=self.talks,
             settings=self.settings,
         )
 
@@ -50,6 +52,7 @@ PLAYERS: dict[str, PlayerFactory] = {
     "planning": BuiltInTeam(remembers=True, plans=True),
     "asking": BuiltInTeam(remembers=True, plans=True, asks=True),
     "looking": BuiltInTeam(remembers=True, plans=True, looks_again=True),
+    "team": BuiltInTeam(remembers=True, plans=True, talks=True),
 }
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning.shots.shot_planner import ShotPlan
+from robocup_vision.team.roles import ChosenRole
 from sim2d.players.keep_out import KeepOut
 from sim2d.robot_link import Phase, Reason
 
@@ -42,6 +43,8 @@ class Situation:
         Robots that are tracked; empty for players that do not plan.
     placement : (float, float) or None
         Where the ball shall be placed, in phase "ball_placement".
+    role : ChosenRole or None
+        What the player's part in the team is, where its robots speak to each other.
     """
 
     pose: Pose2
@@ -56,6 +59,7 @@ class Situation:
     shot: ShotPlan | None = None
     others: tuple[Point, ...] = ()
     placement: Point | None = None
+    role: ChosenRole | None = None
 
     @property
     def place(self) -> Point:

@@ -12,6 +12,7 @@ from sim2d.players.driving.travel import TravelSettings
 from sim2d.players.head import HeadSettings
 from sim2d.players.shot import ShotSettings
 from sim2d.players.tactics.tactics import TacticsSettings
+from sim2d.players.team_talk import TeamTalkSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +21,7 @@ class PlayerSettings:
 
     Attributes
     ----------
-    tactics, ball, motion, travel, shot, head
+    tactics, ball, motion, travel, shot, head, talk
         Of its parts.
     memory : MemorySettings
         Of its estimates over time: pose filter, tracks and map.
@@ -40,6 +41,7 @@ class PlayerSettings:
     travel: TravelSettings = TravelSettings()
     shot: ShotSettings = ShotSettings()
     head: HeadSettings = HeadSettings()
+    talk: TeamTalkSettings = TeamTalkSettings()
     memory: MemorySettings = MemorySettings()
     start_std_m: float = 0.05
     start_std_rad: float = math.radians(3.0)

@@ -40,8 +40,8 @@ class FieldPlayerSettings:
 class FieldPlayer:
     """Decides for one player without the ball.
 
-    Field players divide the field into strips along its length: they cannot speak to each other, and two of a team
-    shall not run for the same ball.
+    Field players divide the field into strips along its length, so that two of a team do not run for the same ball.
+    Those that heard of each other divide it among the ones that support now.
 
     Parameters
     ----------
@@ -66,8 +66,13 @@ class FieldPlayer:
         """Follow the ball in the own strip."""
         low, high_m = self._settings.support_limits
         x = min(max(ball[0] - self._settings.behind_ball_m, low * self._team.half_length_m), high_m)
-        strips = max(self._players - 1, 1)
-        y = self._team.half_width_m * ((2 * self._number - 1) / strips - 1)
+        if now.role is not None and now.role.is_agreed:
+            place, strips = now.role.place, now.role.places
+            # among one supporter and the ball the middle between ball and field
+            y = self._team.half_width_m * ((2 * place + 1) / strips - 1) if strips > 1 else -0.5 * ball[1]
+        else:
+            strips = max(self._players - 1, 1)
+            y = self._team.half_width_m * ((2 * self._number - 1) / strips - 1)
         return self._face(now, "support", (x, y), ball)
 
     def leave_to_keeper(self, now: Situation, ball: Point) -> Plan:
@@ -79,7 +84,9 @@ class FieldPlayer:
     def search(self, now: Situation) -> Plan:
         """Go round the field's middle, to look behind whatever hides the ball."""
         settings = self._settings
-        corner = int(now.t_s / settings.search_corner_s) % 4
+        # those that search together begin at different corners
+        first = 0 if now.role is None else now.role.place
+        corner = (int(now.t_s / settings.search_corner_s) + first) % 4
         part = settings.search_part
         x = (part, -part, -part, part)[corner] * self._team.half_length_m
         y = (part, part, -part, -part)[corner] * self._team.half_width_m

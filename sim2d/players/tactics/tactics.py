@@ -46,8 +46,8 @@ class TacticsSettings:
 class Tactics:
     """Decides for one player, by its number and its situation; a halt or time-out is not asked of it.
 
-    Number 0 keeps the goal where there are others; number 1 fetches the ball, and further ones take it only in their
-    own strip of the field.
+    Number 0 keeps the goal where there are others. Who of the others fetches the ball is agreed by messages where there
+    are any; else number 1 does, and further ones take it only in their own strip of the field.
 
     Parameters
     ----------
@@ -112,6 +112,10 @@ class Tactics:
             return self._field_player.search(now)
         if self._keeper.owns(now.ball) and self._players > 1:
             return self._field_player.leave_to_keeper(now, now.ball)
+        if now.role is not None and now.role.is_agreed:
+            if now.role.role == "fetch":
+                return self._fetch.decide(now, now.ball)
+            return self._field_player.support(now, now.ball)
         if not self._fetches or (self._number >= 2 and not self._field_player.is_in_own_strip(now.ball)):
             return self._field_player.support(now, now.ball)
         return self._fetch.decide(now, now.ball)

@@ -10,7 +10,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from sim2d.commands.match_options import add_match_options, match_plan
 from sim2d.match.arena import Arena
-from sim2d.match.disturbances import LEGS, NAMES, NONE, WHEELS, disturbances_for
+from sim2d.match.disturbances import LEGS, MIRRORS, NAMES, NONE, WHEELS, disturbances_for
 from sim2d.match.setups import ROBOTS, camera_for
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import Command
@@ -30,13 +30,13 @@ def sensed(disturbances, seed=3, periods=12, camera=SMALL):
     return found
 
 
-def test_legs_have_all_of_them_and_a_mirror_camera_none():
+def test_legs_have_all_of_them_and_a_mirror_camera_those_of_messages():
     assert disturbances_for(ROBOTS["four_legged"], SMALL) is LEGS
     assert disturbances_for(ROBOTS["small_size"], SMALL) is WHEELS
     for robot in ROBOTS.values():
-        assert disturbances_for(robot, sekimori_camera()) is NONE
+        assert disturbances_for(robot, sekimori_camera()) is MIRRORS
     assert Arena(FIELD, 1, 0).disturbances is LEGS
-    assert Arena(load_field("ssl_2001"), 1, 0).disturbances is NONE
+    assert Arena(load_field("ssl_2001"), 1, 0).disturbances is MIRRORS
     assert isinstance(camera_for(FIELD), PinholeCamera)
 
 
@@ -93,6 +93,6 @@ def test_names_come_from_the_command_line():
     assert match_plan(parser.parse_args(["--disturb", "all"])).disturbances.names == NAMES
     with pytest.raises(
         ArgumentError,
-        match="there is no disturbance 'swing': they are sway, latency, slip, drift, shutter, camera, knock",
+        match="there is no disturbance 'swing': they are sway, latency, slip, drift, shutter, camera, knock, messages",
     ):
         match_plan(parser.parse_args(["--disturb", "swing"]))

@@ -19,26 +19,30 @@ from sim2d_players import (
     SaysInfinity,
     SaysNan,
     SaysNothing,
+    SaysTooMuch,
     SaysWords,
     Sleeper,
+    Talker,
 )
 
 from field_models import load_field
 from field_models.errors import ArgumentError
 from sim2d.match.arena import Arena
+from sim2d.match.disturbances import Disturbances
 from sim2d.match.match import Match, periods
 from sim2d.match.setups import camera_for
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.report.match_file import match_json
 from sim2d.robot_link import CONTROL_PERIOD_S, Command
 from sim2d.sensors.faults import BodyFault
+from sim2d.sensors.team_channel import ChannelSettings
 from sim2d.world.world import World
 
 FIELD = load_field("ssl_2001")
 
 
-def small_match(seed=0, **options):
-    return Match(FIELD, 1, seed, camera=SMALL_CAMERA, **{"ours": Reckoner, "theirs": Sleeper, **options})
+def small_match(seed=0, players=1, **options):
+    return Match(FIELD, players, seed, camera=SMALL_CAMERA, **{"ours": Reckoner, "theirs": Sleeper, **options})
 
 
 def play(match, seconds):
@@ -92,6 +96,7 @@ def test_status_is_compared_with_the_truth():
         (FailsAt, "RuntimeError: my own bug", 0.5),
         (SaysNan, "ArgumentError: a command's forward_mps must be finite, got nan", 0.5),
         (SaysInfinity, "ArgumentError: a command's kick_mps must be finite, got inf", 0.5),
+        (SaysTooMuch, "ArgumentError: a team message must be at most 128 bytes, got 129", 0.5),
         (SaysNothing, "TypeError: the command is a NoneType, no Command", 0.5),
         (SaysWords, "ValueError: could not convert string to float: 'fast'", 0.5),
         (Exits, "SystemExit: 3", 0.5),
@@ -113,6 +118,21 @@ def test_a_player_that_fails_is_stopped_alone(player, reason, stopped_s):
     values = match_json("ssl_2001", 1, 0, match.figures)
     assert values["robots"][1]["stopped_reason"] == theirs.stopped_reason
     json.dumps(values, allow_nan=False)
+
+
+def test_messages_go_to_the_own_team_alone_and_twice_a_second():
+    made = []
+
+    def talker(setup):
+        made.append(Talker(setup))
+        return made[-1]
+
+    quick = Disturbances(messages=ChannelSettings(0.0, 0.1, 0.1))
+    play(small_match(players=2, ours=talker, theirs=talker, disturbances=quick), 1.0)
+    for robot, player in enumerate(made):
+        side, other = int(robot < 2), 1 - robot % 2
+        # sent at 0 and 0.5 s, 0.1 s under way
+        assert player.heard == ((3, bytes([side, other, 0])), (18, bytes([side, other, 15])))
 
 
 def test_an_interrupt_is_no_failure_of_a_player():

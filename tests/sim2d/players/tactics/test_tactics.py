@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning import ShotPlan
+from robocup_vision.team.roles import ChosenRole
 from sim2d.players.plan import Situation
 from sim2d.players.tactics.tactics import Tactics, TacticsSettings
 from sim2d.robot_link import RobotLimits
@@ -189,3 +190,29 @@ def test_settings_are_followed():
     assert decide(settings=eager, pose=Pose2(0.3, 0.0, math.pi)).intent == "fetch"
     hasty = replace(DEFAULTS, ball_holder=replace(DEFAULTS.ball_holder, clear_after_s=0.1))
     assert decide(settings=hasty, pose=Pose2(-0.6, 0.6, 2.5), in_mouth=True, held_s=0.2).intent == "clear"
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_the_agreed_role_decides_who_fetches(number):
+    for y_m in (-0.5, 0.0, 0.5):
+        for role, intent in (("fetch", "fetch"), ("support", "support")):
+            chosen = ChosenRole(role, 0, 2, is_agreed=True)
+            assert decide(number, 4, ball=(0.0, y_m), role=chosen).intent == intent
+    # alone it decides by its strip, as players that do not speak do
+    alone = ChosenRole("fetch", is_agreed=False)
+    for y_m in (-0.5, 0.0, 0.5):
+        assert decide(number, 4, ball=(0.0, y_m), role=alone) == decide(number, 4, ball=(0.0, y_m))
+
+
+def test_supporters_divide_the_field_among_themselves():
+    places = [decide(1, 5, role=ChosenRole("support", place, 3, is_agreed=True)).target[1] for place in range(3)]
+    assert places == pytest.approx([-2 / 3 * FIELD.width_m / 2, 0.0, 2 / 3 * FIELD.width_m / 2])
+    # one alone stays on the side where the ball is not
+    alone = decide(1, 3, ball=(0.2, 0.4), role=ChosenRole("support", 0, 1, is_agreed=True))
+    assert alone.target[1] == pytest.approx(-0.2)
+
+
+def test_those_that_search_together_begin_at_different_corners():
+    targets = {decide(ball=None, role=ChosenRole("search", place, 3)).target for place in range(3)}
+    assert len(targets) == 3
+    assert decide(ball=None, role=ChosenRole("search")).target == decide(ball=None).target

@@ -1,0 +1,230 @@
+"""The ball as a team knows it: a robot's own sighting and those that others told it, moved to now and fused.
+
+Each sighting is moved on by its own velocity, and its covariance grows with its age: the ball may have been kicked
+meanwhile. What it did is the same for all sightings, so their errors depend on each other in an unknown way: they are
+fused by covariance intersection, which never claims more than the best of them can know together.
+
+A lost robot tells of a ball that is not there, in the wrong half most often. It is left out by three rules. Sightings
+that are too far apart (Mahalanobis distance) are not fused, and the largest group of those that agree is believed.
+Where the robot sees the ball itself, its own sighting decides. A robot whose sightings did not agree with the own ones
+before is not believed alone.
+
+Source: Julier and Uhlmann, A non-divergent estimation algorithm in the presence of unknown correlations, ACC 1997.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.team.message import BallSighting, TeamMessage
+
+# weights tried for covariance intersection: its trace is flat about the best one
+_WEIGHTS = np.linspace(0.0, 1.0, 21)
+
+
+@dataclass(frozen=True, slots=True)
+class BallFusionSettings:
+    """Values of `TeamBall`.
+
+    Attributes
+    ----------
+    forget_s : float
+        A sighting older than this says nothing: a kicked ball crosses a field in this time.
+    own_s : float
+        The own sighting decides while it is younger: an older one may be of a ball that was kicked since.
+    enough_std_m : float
+        While it decides and is better than this, messages add nothing: driving needs the ball relative to the robot.
+    min_std_m : float
+        Smallest standard deviation of a sighting along each axis: errors that all frames of a robot have in common.
+    kick_speed_mps : float
+        The standard deviation grows by this in a second of age: mostly the ball lies or rolls on, sometimes it is
+        kicked.
+    roll_s : float
+        A ball loses its velocity with this time constant: friction, and robots in its way.
+    gate : float
+        Squared Mahalanobis distance at which two sightings may be of one ball: 99.9 % for two dimensions.
+    agree_nats, disagree_nats : float
+        What one message adds to or takes from the trust in its sender. A robot in the wrong half is found by one
+        message; two others are needed until it is believed alone again.
+    max_trust_nats : float
+        Trust stays within this: a robot may get lost at any time.
+    """
+
+    forget_s: float = 4.0
+    own_s: float = 0.3
+    enough_std_m: float = 0.1
+    min_std_m: float = 0.03
+    kick_speed_mps: float = 0.3
+    roll_s: float = 1.0
+    gate: float = 13.8
+    agree_nats: float = 0.5
+    disagree_nats: float = 1.0
+    max_trust_nats: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FusedBall:
+    """The ball now, field frame.
+
+    Parameters
+    ----------
+    x_m, y_m, vx_mps, vy_mps : float
+        Its place and velocity.
+    covariance : (2, 2) float64
+        Of the place, square metres.
+    sources : tuple of int
+        Numbers of the robots that saw it, the newest sighting first; -1: this robot.
+    """
+
+    x_m: float
+    y_m: float
+    vx_mps: float
+    vy_mps: float
+    covariance: FloatArray
+    sources: tuple[int, ...]
+
+
+OWN = -1
+
+
+class TeamBall:
+    """Keeps what the others of a team told of the ball, and fuses it with what the robot sees itself.
+
+    Parameters
+    ----------
+    settings : BallFusionSettings
+        See there.
+    """
+
+    def __init__(self, settings: BallFusionSettings = BallFusionSettings()) -> None:
+        self.settings = settings
+        self._told: dict[int, BallSighting] = {}
+        self._trust: dict[int, float] = {}
+        self._since_s = -math.inf
+
+    def update(self, message: TeamMessage, own: BallSighting | None) -> None:
+        """Take in a message; an older one than the last of its sender changes nothing.
+
+        Parameters
+        ----------
+        message : TeamMessage
+            Of another robot.
+        own : BallSighting or None
+            The ball as this robot last saw it.
+        """
+        told, known = message.ball, self._told.get(message.sender)
+        if told is None or told.t_s < self._since_s or (known is not None and told.t_s <= known.t_s):
+            return
+        self._told[message.sender] = told
+        if own is None or abs(own.t_s - told.t_s) > self.settings.own_s:
+            return
+        t_s = max(own.t_s, told.t_s)
+        if self._agree(self.moved(own, t_s), self.moved(told, t_s)):
+            change = self.settings.agree_nats
+        else:
+            change = -self.settings.disagree_nats
+        limit = self.settings.max_trust_nats
+        self._trust[message.sender] = max(-limit, min(limit, self._trust.get(message.sender, 0.0) + change))
+
+    def is_own_enough(self, own: BallSighting, t_s: float) -> bool:
+        """Whether the own sighting is so young and so good that messages add nothing."""
+        largest = float(np.linalg.eigvalsh(own.covariance)[-1])
+        return t_s - own.t_s <= self.settings.own_s and largest <= self.settings.enough_std_m**2
+
+    def forget(self, t_s: float) -> None:
+        """Forget what was seen before a time: somebody put the ball elsewhere, for a kick-off."""
+        self._since_s = t_s
+        self._told = {sender: told for sender, told in self._told.items() if told.t_s >= t_s}
+
+    def reject(self, sources: Sequence[int]) -> None:
+        """Forget what some robots told: the ball is not there."""
+        for source in sources:
+            self._told.pop(source, None)
+
+    def trust(self, sender: int) -> float:
+        """Return the trust in a robot: how often its sightings agreed with the own ones, nats."""
+        return self._trust.get(sender, 0.0)
+
+    def moved(self, sighting: BallSighting, t_s: float) -> BallSighting:
+        """Return a sighting moved on to a time."""
+        settings, age_s = self.settings, max(t_s - sighting.t_s, 0.0)
+        rolled_s = settings.roll_s * -math.expm1(-age_s / settings.roll_s)
+        slower = math.exp(-age_s / settings.roll_s)
+        kicked_mps2 = settings.kick_speed_mps**2 + sighting.velocity_std_mps**2
+        variance = settings.min_std_m**2 + kicked_mps2 * age_s**2
+        return BallSighting(
+            t_s,
+            sighting.x_m + rolled_s * sighting.vx_mps,
+            sighting.y_m + rolled_s * sighting.vy_mps,
+            slower * sighting.vx_mps,
+            slower * sighting.vy_mps,
+            sighting.covariance + variance * np.eye(2),
+            sighting.velocity_std_mps,
+        )
+
+    def fuse(self, own: BallSighting | None, t_s: float) -> FusedBall | None:
+        """Return where the ball is now; None if nobody has seen it lately, or nobody who is believed.
+
+        Parameters
+        ----------
+        own : BallSighting or None
+            The ball as this robot last saw it itself.
+        t_s : float
+            Now.
+        """
+        settings = self.settings
+        seen: Mapping[int, BallSighting] = self._told if own is None else {OWN: own, **self._told}
+        seen = {k: one for k, one in seen.items() if t_s - one.t_s <= settings.forget_s}
+        moved = {k: self.moved(one, t_s) for k, one in seen.items()}
+        group = self._believed(seen, moved, t_s)
+        if not group:
+            return None
+        place, covariance = _intersect([moved[k] for k in group])
+        newest = moved[group[0]]
+        return FusedBall(float(place[0]), float(place[1]), newest.vx_mps, newest.vy_mps, covariance, tuple(group))
+
+    def _believed(
+        self, seen: Mapping[int, BallSighting], moved: Mapping[int, BallSighting], t_s: float
+    ) -> Sequence[int]:
+        """Return who of those that saw the ball are believed, the newest sighting first."""
+        is_own_fresh = OWN in seen and t_s - seen[OWN].t_s <= self.settings.own_s
+        best: tuple[float, list[int]] = (0.0, [])
+        for centre in seen:
+            if is_own_fresh and centre != OWN:
+                continue
+            group = [k for k in seen if self._agree(moved[centre], moved[k])]
+            if len(group) == 1 and self._trust.get(centre, 0.0) < 0.0:
+                continue
+            # a newer sighting weighs more, a robot that was often right, too
+            weight = sum(self._weight(k, t_s - seen[k].t_s) for k in group)
+            if weight > best[0]:
+                best = weight, group
+        return sorted(best[1], key=lambda k: (-seen[k].t_s, k))
+
+    def _weight(self, source: int, age_s: float) -> float:
+        return math.exp(-age_s / self.settings.forget_s) / (1.0 + math.exp(-self._trust.get(source, 0.0)))
+
+    def _agree(self, one: BallSighting, other: BallSighting) -> bool:
+        apart = np.array([one.x_m - other.x_m, one.y_m - other.y_m])
+        return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart)) <= self.settings.gate
+
+
+def _intersect(sightings: Sequence[BallSighting]) -> tuple[FloatArray, FloatArray]:
+    """Return place and covariance of the covariance intersection of sightings, one after the other."""
+    place = np.array([sightings[0].x_m, sightings[0].y_m])
+    information = np.linalg.inv(sightings[0].covariance)
+    for one in sightings[1:]:
+        other_place, other = np.array([one.x_m, one.y_m]), np.linalg.inv(one.covariance)
+        weights = _WEIGHTS[:, None, None]
+        both = weights * information + (1.0 - weights) * other
+        k = int(np.argmin(np.trace(np.linalg.inv(both), axis1=1, axis2=2)))
+        weight, sum_ = float(_WEIGHTS[k]), both[k]
+        place = np.linalg.solve(sum_, weight * information @ place + (1.0 - weight) * other @ other_place)
+        information = sum_
+    covariance = np.linalg.inv(information)
+    return place, np.asarray(0.5 * (covariance + covariance.T))

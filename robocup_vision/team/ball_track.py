@@ -1,0 +1,127 @@
+"""One robot's own sightings of the ball over time: a Kalman filter of place and velocity, field frame.
+
+A camera that nods sees a far ball now too near, now too far; the filter averages that out. A sighting that does not fit
+is left out; a second one in a row begins the track anew: the ball was kicked, or the first one was wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.team.message import BallSighting
+
+
+@dataclass(frozen=True, slots=True)
+class BallTrackSettings:
+    """Values of `BallTrack`.
+
+    Attributes
+    ----------
+    correlated_frames : float
+        Errors of so many frames in a row are the same: a step of a walking robot is longer than a frame. The filter
+        weighs each frame the less.
+    start_speed_mps : float
+        Standard deviation of the velocity of a new track: balls lie, roll, or were kicked.
+    acceleration_mps15 : float
+        Square root of the spectral density of the acceleration: other robots touch the ball.
+    roll_s : float
+        A ball loses its velocity with this time constant.
+    gate : float
+        Squared Mahalanobis distance at which a sighting may be of this ball: 99.9 % for two dimensions.
+    max_gap_s : float
+        After so long without a sighting the next one begins the track anew.
+    """
+
+    correlated_frames: float = 4.0
+    start_speed_mps: float = 0.5
+    acceleration_mps15: float = 0.5
+    roll_s: float = 1.5
+    gate: float = 13.8
+    max_gap_s: float = 1.0
+
+
+class BallTrack:
+    """Follows the ball that one robot sees.
+
+    Parameters
+    ----------
+    settings : BallTrackSettings
+        See there.
+    """
+
+    def __init__(self, settings: BallTrackSettings = BallTrackSettings()) -> None:
+        self.settings = settings
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget the ball: it is not there."""
+        self._t_s = -math.inf
+        self._state: FloatArray = np.zeros(4)
+        self._covariance: FloatArray = np.eye(4)
+        self._is_doubted = False
+
+    @property
+    def sighting(self) -> BallSighting | None:
+        """The ball as of the last sighting; None if there was none."""
+        if self._t_s == -math.inf:
+            return None
+        x_m, y_m, vx_mps, vy_mps = self._state.tolist()
+        velocity_std_mps = math.sqrt(max(0.5 * float(np.trace(self._covariance[2:, 2:])), 0.0))
+        return BallSighting(self._t_s, x_m, y_m, vx_mps, vy_mps, self._covariance[:2, :2], velocity_std_mps)
+
+    def update(self, place: tuple[float, float], covariance: FloatArray, t_s: float) -> None:
+        """Update with a sighting; one that is older than the last changes nothing.
+
+        Parameters
+        ----------
+        place : (float, float)
+            The ball, field frame, metres.
+        covariance : (2, 2) float64
+            Of the place, square metres.
+        t_s : float
+            When it was seen.
+        """
+        settings, dt_s = self.settings, t_s - self._t_s
+        if dt_s <= 0.0:
+            return
+        if dt_s > settings.max_gap_s:
+            self._begin(place, covariance, t_s)
+            return
+        state, predicted = self._predicted(dt_s)
+        noise = settings.correlated_frames * covariance
+        innovation = np.asarray(place) - state[:2]
+        spread = predicted[:2, :2] + noise
+        if float(innovation @ np.linalg.solve(spread, innovation)) > settings.gate:
+            if self._is_doubted:
+                self._begin(place, covariance, t_s)
+            else:
+                self._is_doubted = True
+            return
+        gain = np.linalg.solve(spread, predicted[:2]).T
+        self._state = state + gain @ innovation
+        rest = np.eye(4)
+        rest[:, :2] -= gain
+        # the form of Joseph stays positive in spite of rounding
+        self._covariance = rest @ predicted @ rest.T + gain @ noise @ gain.T
+        self._t_s, self._is_doubted = t_s, False
+
+    def _begin(self, place: tuple[float, float], covariance: FloatArray, t_s: float) -> None:
+        self._t_s, self._is_doubted = t_s, False
+        self._state = np.array([*place, 0.0, 0.0])
+        self._covariance = np.zeros((4, 4))
+        self._covariance[:2, :2] = covariance
+        self._covariance[2:, 2:] = self.settings.start_speed_mps**2 * np.eye(2)
+
+    def _predicted(self, dt_s: float) -> tuple[FloatArray, FloatArray]:
+        settings = self.settings
+        slower = math.exp(-dt_s / settings.roll_s)
+        motion = np.eye(4)
+        motion[0, 2] = motion[1, 3] = settings.roll_s * (1.0 - slower)
+        motion[2, 2] = motion[3, 3] = slower
+        density = settings.acceleration_mps15**2
+        noise = density * np.kron(np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]]), np.eye(2))
+        return motion @ self._state, motion @ self._covariance @ motion.T + noise

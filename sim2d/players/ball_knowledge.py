@@ -1,0 +1,203 @@
+"""All that a player knows of the ball now: what it sees, what it remembers, who hides it, what others told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.belief import Track
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2, compose_covariance
+from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.team.ball_track import BallTrack
+from robocup_vision.team.message import BallSighting
+from sim2d.players.ball_memory import BallMemory, BallMemorySettings, HiddenBall, Point, is_in_sight
+from sim2d.players.team_talk import TeamTalk
+
+# of a ball in the robot's mouth, along each axis
+_MOUTH_STD_M = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class KnownBall:
+    """Where the ball is now, field frame: metres, metres a second; no place where nobody knows it."""
+
+    place: Point | None
+    velocity_mps: Point
+
+
+class BallKnowledge:
+    """Keeps what one player knows of the ball.
+
+    Parameters
+    ----------
+    reach_m : float
+        From a robot's centre to the centre of a ball that it touches.
+    settings : BallMemorySettings
+        Of the memory.
+    hides : bool
+        Believe that a ball that went out of sight is with the robot that held it.
+    talk : TeamTalk or None
+        Messages of others.
+    camera_height_m : float or None
+        Of a camera whose body nods: the farther off a ball is, the less a frame says of its range. None: it does not.
+    """
+
+    def __init__(
+        self,
+        reach_m: float,
+        settings: BallMemorySettings,
+        *,
+        hides: bool,
+        talk: TeamTalk | None,
+        camera_height_m: float | None = None,
+    ) -> None:
+        self._reach_m, self._settings, self._talk = reach_m, settings, talk
+        self._camera_height_m = camera_height_m
+        self._moved_s = -math.inf
+        self._memory = BallMemory(settings)
+        # what others are told is filtered: each of them gets two sightings a second of thirty
+        self._track = None if talk is None else BallTrack()
+        self._hidden = HiddenBall(reach_m, settings) if hides else None
+        self._known: KnownBall | None = None
+        self._known_t_s = -math.inf
+
+    @property
+    def sighting(self) -> BallSighting | None:
+        """The ball as the player last saw it itself."""
+        return None if self._track is None else self._track.sighting
+
+    def place(self, t_s: float) -> Point | None:
+        """Return where the ball is, as the player last saw it, or with messages as all last saw it."""
+        if self._talk is not None and self._known is not None and self._known_t_s == t_s:
+            return self._known.place
+        return self._memory.place(t_s)
+
+    def see(self, robot: PoseEstimate, ball: Ball, t_s: float, tracks: tuple[Track, ...], age_s: float) -> None:
+        """Update with a ball that a frame shows.
+
+        Parameters
+        ----------
+        robot : PoseEstimate
+            Where the robot was when the frame was taken.
+        ball : Ball
+            The ball in the robot frame of then.
+        t_s : float
+            When it was taken.
+        tracks : tuple of Track
+            Robots that are tracked, as of `age_s` ago.
+        age_s : float
+            See there.
+        """
+        if t_s < self._moved_s:
+            return
+        mount = Pose2(ball.x_m, ball.y_m, 0.0)
+        at = robot.pose.compose(mount)
+        self._update((at.x_m, at.y_m), robot, mount, self._covariance(ball), t_s)
+        if self._hidden is not None:
+            self._hidden.update((at.x_m, at.y_m), tracks, age_s)
+
+    def hold(self, robot: PoseEstimate, t_s: float) -> None:
+        """Update with a ball in the robot's mouth."""
+        mount = Pose2(self._reach_m, 0.0, 0.0)
+        mouth = robot.pose.compose(mount)
+        self._update((mouth.x_m, mouth.y_m), robot, mount, _MOUTH_STD_M**2 * np.eye(2), t_s)
+
+    def forget(self, t_s: float) -> None:
+        """Forget all that was seen before a time: somebody put the ball elsewhere."""
+        self._moved_s = t_s
+        self._miss()
+        if self._talk is not None:
+            self._talk.forget(t_s)
+
+    def locate(
+        self, robot: Pose2 | None, free_space: FreeSpace | None, t_s: float, tracks: tuple[Track, ...], age_s: float
+    ) -> KnownBall:
+        """Return where the ball is now.
+
+        Parameters
+        ----------
+        robot : Pose2 or None
+            Where the robot is; None: it does not know.
+        free_space : FreeSpace or None
+            What it sees of the floor now, robot frame.
+        t_s : float
+            Now.
+        tracks : tuple of Track
+            Robots that are tracked, as of `age_s` ago.
+        age_s : float
+            See there.
+        """
+        memory, settings = self._memory, self._settings
+        ball, unseen_s = memory.place(t_s), memory.age_s(t_s)
+        is_missed = unseen_s > settings.missed_s and robot is not None and free_space is not None
+        if ball is not None and is_missed and _sees(robot, free_space, ball, math.inf):
+            self._miss()
+            ball = None
+        velocity, is_hidden = memory.velocity_mps, False
+        if self._hidden is not None and robot is not None and settings.hidden_s < unseen_s <= settings.forget_s:
+            hidden = self._hidden.place((robot.x_m, robot.y_m), tracks, age_s)
+            if hidden is not None:
+                (ball, velocity), is_hidden = hidden, True
+        known = KnownBall(ball, velocity)
+        if self._talk is not None:
+            known = self._with_others(self._talk, known, is_hidden, t_s)
+            if known.place is not None and is_missed and _sees(robot, free_space, known.place, settings.told_missed_m):
+                fused = self._talk.ball(None, t_s)
+                if fused is not None:
+                    self._talk.reject(fused)
+                known = KnownBall(ball, velocity)
+        self._known, self._known_t_s = known, t_s
+        return known
+
+    def _with_others(self, talk: TeamTalk, own: KnownBall, is_hidden: bool, t_s: float) -> KnownBall:
+        """Return the ball as all know it together."""
+        sighting = self.sighting
+        if own.place is None:
+            sighting = None
+        elif is_hidden and sighting is not None:
+            # it went with the robot that has it
+            sighting = BallSighting(sighting.t_s, *own.place, 0.0, 0.0, sighting.covariance)
+        if talk.is_own_enough(sighting, t_s):
+            return own
+        fused = talk.ball(sighting, t_s)
+        if fused is None:
+            return own
+        return KnownBall((fused.x_m, fused.y_m), (fused.vx_mps, fused.vy_mps))
+
+    def _covariance(self, ball: Ball) -> FloatArray:
+        """Return the covariance of a seen ball, robot frame, with what the nodding of the camera adds along its ray."""
+        height_m = self._camera_height_m
+        if height_m is None:
+            return ball.covariance
+        ray = np.array([ball.x_m, ball.y_m])
+        range_m = math.hypot(ball.x_m, ball.y_m)
+        # range = height / tan(angle below the horizon)
+        range_std_m = self._settings.nod_std_rad * (height_m**2 + range_m**2) / height_m
+        ray *= range_std_m / max(range_m, 1e-9)
+        return np.asarray(ball.covariance + np.outer(ray, ray))
+
+    def _update(self, place: Point, robot: PoseEstimate, mount: Pose2, covariance: FloatArray, t_s: float) -> None:
+        self._memory.update(place, t_s)
+        if self._track is not None:
+            of_mount = np.zeros((3, 3))
+            of_mount[:2, :2] = covariance
+            in_field = compose_covariance(robot.pose, robot.covariance, mount, of_mount)[:2, :2]
+            self._track.update(place, in_field, t_s)
+
+    def _miss(self) -> None:
+        self._memory.miss()
+        if self._track is not None:
+            self._track.forget()
+
+
+def _sees(robot: Pose2 | None, free_space: FreeSpace | None, ball: Point, within_m: float) -> bool:
+    """Whether the robot sees the floor where the ball should be, no farther off than this."""
+    if robot is None or free_space is None:
+        return False
+    x_m, y_m = robot.inverse().transform(ball).tolist()
+    return math.hypot(x_m, y_m) <= within_m and is_in_sight(free_space, (x_m, y_m))

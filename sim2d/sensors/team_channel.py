@@ -1,0 +1,108 @@
+"""The radio between robots of one team: short messages at a low rate, some of them late, some of them lost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from robocup_vision.team.message import MAX_MESSAGE_BYTES
+
+MESSAGE_PERIOD_S = 0.5
+# messages are sent at whole control periods, whose times are sums of binary fractions
+_TIME_SLACK_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelSettings:
+    """Values of `TeamChannel`.
+
+    Attributes
+    ----------
+    loss_ratio : float
+        Part of the messages that a robot does not get, each robot by itself: wireless networks in a full hall.
+    min_delay_s, max_delay_s : float
+        A message takes so long at least, and at most; a later one may come sooner.
+    """
+
+    loss_ratio: float = 0.1
+    min_delay_s: float = 0.02
+    max_delay_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.loss_ratio <= 1.0:
+            raise ArgumentError(f"loss_ratio must be within 0 to 1, got {self.loss_ratio}")
+        if not 0.0 <= self.min_delay_s <= self.max_delay_s <= 10.0:
+            raise ArgumentError(
+                f"min_delay_s and max_delay_s must be within 0 to 10 s and in order, "
+                f"got {self.min_delay_s}, {self.max_delay_s}"
+            )
+
+
+UNDISTURBED = ChannelSettings(0.0, 0.0, 0.0)
+
+
+class TeamChannel:
+    """Carries the messages of the robots of one team.
+
+    A robot may send one message in `MESSAGE_PERIOD_S`; one that it gives sooner is not sent.
+
+    Parameters
+    ----------
+    settings : ChannelSettings
+        See there.
+    rngs : sequence of numpy.random.Generator
+        Source of chance for the messages of each robot.
+    """
+
+    def __init__(self, settings: ChannelSettings, rngs: Sequence[np.random.Generator]) -> None:
+        self._settings, self._rngs = settings, tuple(rngs)
+        # for each robot: when a message comes, which one of all it is, its bytes
+        self._coming: list[list[tuple[float, int, bytes]]] = [[] for _ in self._rngs]
+        self._next_s = [-np.inf] * len(self._rngs)
+        self._sent = 0
+
+    def send(self, robot: int, message: bytes, t_s: float) -> None:
+        """Send a robot's message to all others of its team.
+
+        Raises
+        ------
+        ArgumentError
+            If it is longer than the channel carries.
+        """
+        check_message(message)
+        if t_s < self._next_s[robot] - _TIME_SLACK_S:
+            return
+        self._next_s[robot] = t_s + MESSAGE_PERIOD_S
+        settings, rng = self._settings, self._rngs[robot]
+        for other, coming in enumerate(self._coming):
+            if other == robot:
+                continue
+            is_lost = float(rng.random()) < settings.loss_ratio
+            delay_s = float(rng.uniform(settings.min_delay_s, settings.max_delay_s))
+            if not is_lost:
+                coming.append((t_s + delay_s, self._sent, message))
+                self._sent += 1
+
+    def received(self, robot: int, t_s: float) -> tuple[bytes, ...]:
+        """Return the messages that have come to a robot since the last call, in the order in which they came."""
+        coming = self._coming[robot]
+        here = sorted(one for one in coming if one[0] <= t_s + _TIME_SLACK_S)
+        self._coming[robot] = [one for one in coming if one[0] > t_s + _TIME_SLACK_S]
+        return tuple(message for _, _, message in here)
+
+
+def check_message(message: object) -> None:
+    """Refuse what no channel carries.
+
+    Raises
+    ------
+    ArgumentError
+        If it is not bytes, or too long.
+    """
+    if not isinstance(message, bytes):
+        raise ArgumentError(f"a team message must be bytes, got {type(message).__name__}")
+    if len(message) > MAX_MESSAGE_BYTES:
+        raise ArgumentError(f"a team message must be at most {MAX_MESSAGE_BYTES} bytes, got {len(message)}")

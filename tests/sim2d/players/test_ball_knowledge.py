@@ -1,0 +1,131 @@
+"""What a player knows of the ball: its own sighting first, then who hides it, then what others told."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.belief import Track
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.team.message import BallSighting, TeamMessage
+from sim2d.players.ball_knowledge import BallKnowledge
+from sim2d.players.ball_memory import BallMemorySettings
+from sim2d.players.team_talk import TeamTalk
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.robot_link import PlayerSetup, RobotLimits
+
+FIELD = load_field("ssl_2001")
+HERE = PoseEstimate(Pose2(0.0, 0.0, math.pi / 2), np.diag([1e-4, 1e-4, 1e-3]), 1.0, 0.0)
+BEARING = (np.arange(64) + 0.5) * math.tau / 64
+OPEN, SHUT = FreeSpace(BEARING, np.full(64, 3.0)), FreeSpace(BEARING, np.full(64, 0.1))
+AHEAD = Ball(0.5, 0.0, np.diag([4e-4, 1e-4]), 0.0, 0.0)
+
+
+def knowledge(*told, talks=True, hides=False, camera_height_m=None):
+    talk = None
+    if talks:
+        talk = TeamTalk(PlayerSetup(FIELD, sekimori_camera(), RobotLimits(), 1, 1, 3, 0), is_keeper=False)
+        for k, ball in enumerate(told):
+            talk.hear((TeamMessage(k + 2, ball.t_s, "support", ball=ball).pack(),), None)
+    return BallKnowledge(0.12, BallMemorySettings(), hides=hides, talk=talk, camera_height_m=camera_height_m)
+
+
+def seen(t_s, x_m, y_m):
+    return BallSighting(t_s, x_m, y_m, 0.0, 0.0, 1e-3 * np.eye(2))
+
+
+def locate(known, t_s, free_space=SHUT, robot=HERE.pose, tracks=()):
+    return known.locate(robot, free_space, t_s, tracks, 0.0)
+
+
+def test_a_seen_ball_is_where_it_was_seen_with_the_errors_of_frame_and_pose():
+    known = knowledge()
+    known.see(HERE, AHEAD, 1.0, (), 0.0)
+    assert locate(known, 1.1).place == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.5))
+    # the heading's error moves it sideways, the range error along y
+    np.testing.assert_allclose(known.sighting.covariance, np.diag([1e-4 + 0.25e-3 + 1e-4, 1e-4 + 4e-4]), atol=1e-12)
+
+
+def test_a_player_that_does_not_speak_has_no_sighting_to_tell():
+    known = knowledge(talks=False)
+    known.see(HERE, AHEAD, 1.0, (), 0.0)
+    assert known.sighting is None
+    assert known.place(1.0) == locate(known, 1.0).place
+
+
+def test_messages_tell_of_a_ball_that_it_has_never_seen_even_when_it_is_lost():
+    known = knowledge(seen(1.0, 0.7, 0.3))
+    assert locate(known, 1.1).place == pytest.approx((0.7, 0.3), abs=1e-6)
+    assert locate(known, 1.2, None, None).place == pytest.approx((0.7, 0.3), abs=1e-6)
+    assert known.place(1.2) == pytest.approx((0.7, 0.3), abs=1e-6)
+    assert locate(known, 6.0).place is None
+
+
+def test_its_own_sighting_stands_while_it_is_new_and_the_newer_one_afterwards():
+    known = knowledge(seen(2.0, 0.7, 0.3))
+    known.see(HERE, AHEAD, 2.0, (), 0.0)
+    assert locate(known, 2.1).place == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.5))
+    known = knowledge(seen(2.0, 0.7, 0.3))
+    known.see(HERE, AHEAD, 1.0, (), 0.0)
+    assert math.dist(locate(known, 2.1).place, (0.7, 0.3)) < 0.05
+
+
+def test_a_told_ball_that_is_not_there_is_forgotten_near_by_but_not_far_off():
+    assert locate(knowledge(seen(1.0, 0.0, 0.7)), 1.1, OPEN).place is None
+    assert locate(knowledge(seen(1.0, 0.0, 0.7)), 1.1, SHUT).place is not None
+    assert locate(knowledge(seen(1.0, 0.0, 1.2)), 1.1, OPEN).place is not None
+
+
+def test_a_ball_of_its_own_that_is_not_there_is_forgotten():
+    known = knowledge(talks=False)
+    known.see(HERE, AHEAD, 1.0, (), 0.0)
+    assert locate(known, 1.3, OPEN).place is not None
+    assert locate(known, 1.6, SHUT).place is not None
+    assert locate(known, 1.7, OPEN).place is None
+    assert locate(known, 1.8, SHUT).place is None
+
+
+@pytest.mark.parametrize("talks", [False, True])
+def test_a_hidden_ball_goes_with_the_robot_that_has_it(talks):
+    known = knowledge(talks=talks, hides=True)
+    track = Track(7, 0.0, 0.6, 0.5, 0.0, 1e-4 * np.eye(4), 1.0, 10, 0)
+    known.see(HERE, AHEAD, 1.0, (track,), 0.0)
+    x_m, y_m = known.locate(HERE.pose, SHUT, 1.4, (track,), 0.4).place
+    assert (x_m, y_m) == pytest.approx((0.2 + 0.12 * math.sin(0.3217), 0.6 + 0.12 * math.cos(0.3217)), abs=0.02)
+
+
+def test_a_nodding_camera_knows_less_of_the_range_of_a_far_ball():
+    stds = []
+    for x_m in (0.5, 2.0):
+        known = knowledge(camera_height_m=0.2)
+        known.see(HERE, Ball(x_m, 0.0, 1e-4 * np.eye(2), 0.0, 0.0), 1.0, (), 0.0)
+        # it faces +y: range along y, and the heading's error along x
+        stds.append(np.sqrt(np.diag(known.sighting.covariance)))
+    assert stds[0][1] == pytest.approx(0.015 * (0.2**2 + 0.5**2) / 0.2, abs=0.01)
+    assert stds[1][1] == pytest.approx(0.015 * (0.2**2 + 2.0**2) / 0.2, abs=0.01)
+    assert stds[1][0] == pytest.approx(2.0 * math.sqrt(1e-3), abs=0.01)
+
+
+@pytest.mark.parametrize("talks", [False, True])
+def test_a_held_ball_is_in_the_mouth(talks):
+    known = knowledge(talks=talks)
+    known.hold(HERE, 1.2)
+    assert locate(known, 1.2).place == pytest.approx((0.0, 0.12))
+
+
+def test_after_a_kick_off_nothing_is_known_of_before():
+    known = knowledge(seen(1.0, 0.7, 0.3))
+    known.see(HERE, AHEAD, 1.0, (), 0.0)
+    known.forget(1.5)
+    assert locate(known, 1.5).place is None
+    # a frame that comes late
+    known.see(HERE, AHEAD, 1.45, (), 0.0)
+    assert locate(known, 1.5).place is None
+    known.see(HERE, AHEAD, 1.55, (), 0.0)
+    assert locate(known, 1.6).place is not None
