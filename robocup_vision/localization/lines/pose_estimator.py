@@ -32,8 +32,11 @@ class LineSettings:
     ----------
     search, fit : LineSearchSettings, LineFitSettings
         Of its stages.
-    min_inlier_ratio, min_inlier_ratio_at_prior : float
-        Of the line points, those that must lie on lines of the pose; of a pose refined from a prior.
+    min_rough_ratio, min_inlier_ratio : float
+        Of all line points, those that must lie on lines of the pose: as the search leaves it, and refined in pixels.
+    min_carpet_ratio, min_carpet_ratio_at_prior : float
+        The same of those points that lie on the field's carpet by that pose, or on its lines: what stands around the
+        field, people and shelves, is neither for nor against it; of a pose refined from a prior.
     few_points, min_nats_of_few : int, float
         So few line points come to lie near some lines by chance, evenly over the whole gate: the log-likelihood ratio a
         point against that, which they must have for a pose that is found without a prior. Rendered frames have 1.0 and
@@ -55,8 +58,10 @@ class LineSettings:
 
     search: LineSearchSettings = LineSearchSettings()
     fit: LineFitSettings = LineFitSettings()
-    min_inlier_ratio: float = 0.6
-    min_inlier_ratio_at_prior: float = 0.8
+    min_rough_ratio: float = 0.4
+    min_inlier_ratio: float = 0.5
+    min_carpet_ratio: float = 0.7
+    min_carpet_ratio_at_prior: float = 0.75
     few_points: int = 300
     min_nats_of_few: float = 0.5
     rival_ratio: float = 1.35
@@ -122,20 +127,22 @@ class LinePoseEstimator:
             near = refine_by_lines(prior.pose, points, self.line_map, prior.covariance, settings=self.settings.fit)
             if (
                 near
-                and near.inlier_ratio >= self.settings.min_inlier_ratio_at_prior
+                and near.inlier_ratio >= self.settings.min_inlier_ratio
+                and self._carpet_ratio(near.pose, points) >= self.settings.min_carpet_ratio_at_prior
                 and _deviation(near.pose, prior) < self.settings.max_deviation
+                and self._support(near.pose, points) >= self.settings.min_support
             ):
                 return self._with_candidates(near, prior)
         found = search_by_lines(points, self.line_map, settings=self.settings.search)
         if not found:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
         best = found[0]
-        if best.inlier_ratio < self.settings.min_inlier_ratio:
+        if best.inlier_ratio < self.settings.min_rough_ratio:
             return NotLocated(f"only {best.inlier_ratio:.0%} of the line points lie on lines of the best pose")
         start = self._choose(found, points)
         if isinstance(start, NotLocated):
             return start
-        refined = self._refined(start, points, self.settings.min_inlier_ratio)
+        refined = self._refined(start, points, self.settings.min_carpet_ratio)
         return self._with_candidates(refined, prior) if refined else refined
 
     def follow(self, frame: npt.NDArray[np.uint8] | LinePoints, start: Pose2) -> PoseEstimate | NotLocated:
@@ -158,7 +165,7 @@ class LinePoseEstimator:
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         if len(points) < self.settings.search.min_points:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
-        refined = self._refined(start, points, self.settings.min_inlier_ratio_at_prior)
+        refined = self._refined(start, points, self.settings.min_carpet_ratio_at_prior)
         if not refined:
             return refined
         if not self.is_near(refined, start):
@@ -174,13 +181,16 @@ class LinePoseEstimator:
                 return True
         return False
 
-    def _refined(self, start: Pose2, points: LinePoints, min_inlier_ratio: float) -> PoseEstimate | NotLocated:
+    def _refined(self, start: Pose2, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
         """Refine a pose in pixels, and check that the lines bear it out."""
         refined = refine_by_lines(start, points, self.line_map, settings=self.settings.fit)
         if not refined:
             return refined
-        if refined.inlier_ratio < min_inlier_ratio:
+        if refined.inlier_ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {refined.inlier_ratio:.0%} of the line points lie on lines of the best pose")
+        on_carpet = self._carpet_ratio(refined.pose, points)
+        if on_carpet < min_carpet_ratio:
+            return NotLocated(f"only {on_carpet:.0%} of the line points on the carpet lie on lines of the best pose")
         if len(points) < self.settings.few_points and self._nats(refined) < self.settings.min_nats_of_few:
             return NotLocated(f"{len(points)} line points lie near lines of the best pose no better than by chance")
         support = self._support(refined.pose, points)
@@ -219,9 +229,6 @@ class LinePoseEstimator:
         ]
         if len(doubtful) == 1:
             return doubtful[0]
-        if len(doubtful) == len(found):
-            # where even the last of the list fits, poses that are not on it may fit as well
-            return NotLocated("the lines in view fit many poses about equally well")
         thin = one_per_patch(points, math.inf, self.settings.search)
         answers = [refine_by_lines(pose, thin, self.line_map, settings=self.settings.fit) for pose in doubtful]
         poses = [answer.pose if answer else pose for answer, pose in zip(answers, doubtful, strict=True)]
@@ -229,6 +236,10 @@ class LinePoseEstimator:
         ranked = [(loss, i) for loss, i in ranked if self._support(poses[i], points) >= self.settings.min_support]
         if not ranked:
             return NotLocated("most of the lines that should be in plain sight were not seen")
+        least = self.settings.min_carpet_ratio
+        ranked = [(loss, i) for loss, i in ranked if self._carpet_ratio(poses[i], points) >= least]
+        if not ranked:
+            return NotLocated(f"no pose puts {least:.0%} of the line points on the carpet onto lines")
         best = poses[ranked[0][1]]
         for loss, i in ranked[1:]:
             other = poses[i]
@@ -240,6 +251,15 @@ class LinePoseEstimator:
                     f"and ({other.x_m:.2f}, {other.y_m:.2f})"
                 )
         return best
+
+    def _carpet_ratio(self, pose: Pose2, points: LinePoints) -> float:
+        """Of the line points on the field's carpet or on its lines by a pose, the fraction on its lines."""
+        residual = pixel_residuals(pose.array, points.floor_m, points.floor_per_px, self.line_map).residual
+        is_on_line = residual <= self.settings.fit.inlier_px
+        low, high = self.line_map.extent_m
+        floor_m = pose.transform(points.floor_m)
+        counts = is_on_line | ((floor_m >= low) & (floor_m <= high)).all(axis=1)
+        return float(points.weight[is_on_line].sum() / max(points.weight[counts].sum(), 1e-9))
 
     def _nats(self, estimate: PoseEstimate) -> float:
         """Log-likelihood ratio a point: residuals of a normal distribution against even ones over the gate."""

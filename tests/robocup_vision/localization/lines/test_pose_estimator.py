@@ -1,5 +1,6 @@
 """Poses from line points: found without a prior from synthetic points, painted pictures and real photographs."""
 
+import csv
 import dataclasses
 import math
 from pathlib import Path
@@ -148,6 +149,43 @@ def test_one_straight_line_fits_many_poses(estimator):
     assert any(words in answer.reason for words in ("two poses", "many poses", "do not fix"))
 
 
+def clutter_beyond_the_carpet(pose, rng, poles):
+    """Line points of what stands around the field: legs and shelves, upright, so along the radius."""
+    far = np.linspace(100, 215, 116)
+    pixels = [
+        np.stack([far * math.cos(angle), far * math.sin(angle)], axis=1) + CAMERA.center_px
+        for angle in rng.uniform(0, math.tau, poles)
+    ]
+    points = LinePoints.from_pixels(CAMERA, np.concatenate(pixels))
+    low, high = MAP.extent_m
+    floor_m = pose.transform(points.floor_m)
+    return points.take(((floor_m < low - 0.1) | (floor_m > high + 0.1)).any(axis=1))
+
+
+def joined(one, other):
+    arrays = (
+        (getattr(part, name) for part in (one, other)) for name in ("pixels", "floor_m", "floor_per_px", "weight")
+    )
+    return LinePoints(*(np.concatenate(list(pair)) for pair in arrays))
+
+
+@pytest.mark.parametrize("truth", [Pose2(2.2, 1.5, 0.5), Pose2(-2.5, -0.4, 2.0)])
+def test_what_stands_around_the_carpet_is_neither_for_nor_against_a_pose(estimator, truth):
+    rng = np.random.default_rng(4)
+    lines = seen_points(truth, rng, drop=0.1, clutter=0.05, noise_px=1.0)
+    points = joined(lines, clutter_beyond_the_carpet(truth, rng, 6))
+    by_prior = estimator.locate(points, PoseEstimate(truth, np.diag([0.1, 0.1, 0.09]) ** 2, 1.0, 0.0))
+    for answer in (by_prior, estimator.follow(points, truth)):
+        assert answer.inlier_ratio < 0.65
+        distance, angle = answer.pose.error_to(truth, symmetric=True)
+        assert distance < 0.02
+        assert angle < math.radians(1)
+    # as many points on the carpet speak against it
+    carpet_m = truth.inverse().transform(rng.uniform(*MAP.extent_m, (len(points) - len(lines), 2)))
+    specks = LinePoints.from_pixels(CAMERA, CAMERA.floor_to_pixel(carpet_m))
+    assert "on the carpet" in estimator.follow(joined(lines, specks), truth).reason
+
+
 def test_points_from_nowhere_are_not_located(estimator):
     rng = np.random.default_rng(9)
     answers = [
@@ -213,3 +251,21 @@ def test_hand_selected_line_pixels_agree_with_the_pose_of_the_first_photograph()
     residual = MAP.nearest(estimate.pose.transform(camera.pixel_to_floor(pixels))).distance_m
     assert np.median(residual) <= 0.02
     assert np.percentile(residual, 90) <= 0.05
+
+
+@pytest.mark.skipif(not (REAL / "omni_msl_table").exists(), reason="the photographs are not here")
+@pytest.mark.parametrize(
+    ("folder", "name", "truth", "max_m"),
+    [
+        ("omni_msl_table", "d175.png", None, 0.05),
+        ("omni_msl_lab", "log4.png", Pose2(-0.51, 0.01, math.radians(89.7)), 0.05),
+    ],
+)
+def test_photographs_with_legs_and_a_room_in_view_are_located(folder, name, truth, max_m):
+    field, camera = load_field(REAL / folder / "field.toml"), load_camera(REAL / folder / "camera.toml")
+    answer = LinePoseEstimator(field, camera).locate(cv2.imread(str(REAL / folder / "images" / name)))
+    if truth is None:
+        with (REAL / folder / "truth.csv").open() as table:
+            row = next(row for row in csv.DictReader(table) if row["image"] == name)
+        truth = Pose2(float(row["x_m"]), float(row["y_m"]), float(row["theta_rad"]))
+    assert answer.pose.error_to(truth, symmetric=True)[0] < max_m
