@@ -38,12 +38,22 @@ def _is_same_field(one: Field, other: Field) -> bool:
     return one is other or (one.name, one.length_m, one.width_m) == (other.name, other.length_m, other.width_m)
 
 
+def _with_camera(
+    pipeline: OmniPipeline | PinholePipeline, camera: OmniCamera | PinholeCamera
+) -> OmniPipeline | PinholePipeline:
+    if isinstance(pipeline, PinholePipeline):
+        assert isinstance(camera, PinholeCamera)
+        return pipeline.with_camera(camera)
+    assert isinstance(camera, OmniCamera)
+    return pipeline.with_camera(camera)
+
+
 class CameraRefiner(Protocol):
-    """Refines a mirror camera while frames are looked at, as `calibration.online.OnlineCalibration` does."""
+    """Refines a camera while frames are looked at, as `calibration.online.OnlineCalibration` does."""
 
-    camera: OmniCamera
+    camera: OmniCamera | PinholeCamera
 
-    def follow(self, frame: UInt8Array, view: View) -> OmniCamera | None:
+    def follow(self, frame: UInt8Array, view: View) -> OmniCamera | PinholeCamera | None:
         """Return a better camera, or None while the one in use will do."""
         ...
 
@@ -75,8 +85,8 @@ class Vision:
     rings : int or tuple of float
         Its rings, as in `FreeSpaceGrid`.
     online : CameraRefiner, optional
-        An `OnlineCalibration`, which refines this mirror camera's centre and tilt while frames are looked at; `camera`
-        is then the one now in use, and `online.state` holds how far it has moved.
+        An `OnlineCalibration`, which refines this camera while frames are looked at; `camera` is then the one now in
+        use, and `online.state` holds how far it has moved.
     channels : {"bgr", "rgb"}
         Order of the frames' channels: "bgr" as OpenCV reads images, "rgb" as rgb8 of ROS, picamera2 and Pillow give
         them. Where balls and goals show that it is the other one, the view has a warning, once. Where goals or beacons
@@ -117,7 +127,7 @@ class Vision:
         if not isinstance(rings, (tuple, list)):
             rings = as_count("rings", rings, 1, _MAX_RINGS)
         if online is not None and getattr(online, "camera", None) is not camera:
-            raise ArgumentError("online must be made for this very camera, which must be a mirror camera")
+            raise ArgumentError("online must be made for this very camera")
         if memory is not None and memory.ego_motion is not None and isinstance(camera, PinholeCamera):
             raise ArgumentError("the memory's ego_motion needs a mirror camera, which sees all around")
         self._memory = memory
@@ -185,10 +195,10 @@ class Vision:
             view = self._look(frame, t_s, odometry, prior, pan_rad)
         else:
             view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, pan_rad)
-        if self.online is not None and isinstance(self._pipeline, OmniPipeline):
+        if self.online is not None:
             better = self.online.follow(to_bgr(frame, self.channels), view)
             if better is not None:
-                self._pipeline = self._pipeline.with_camera(better)
+                self._pipeline = _with_camera(self._pipeline, better)
                 self.camera = better
         return view
 

@@ -12,6 +12,7 @@ from typing import Literal, Protocol, TypeAlias
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.calibration.online import OnlineState
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -218,6 +219,8 @@ class PlayerStatus:
         Planned pan of the head, from straight ahead; None if none is planned now.
     colors : Colors or None
         Colours that its vision uses.
+    calibration : OnlineState or None
+        Its camera as it estimates it; None if it does not calibrate.
     """
 
     pose: PoseEstimate | NotLocated
@@ -230,6 +233,7 @@ class PlayerStatus:
     speed_mps: float | None = None
     gaze_rad: float | None = None
     colors: Colors | None = None
+    calibration: OnlineState | None = None
 
 
 class Player(Protocol):

@@ -132,3 +132,12 @@ def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera, 
         "floor": WallLocalizer,
     }
     return makers[method.name](field, camera, mask)
+
+
+def calibrated_localizer(
+    localizer: Localizer, method: Method, field: Field, camera: PinholeCamera, mask: UInt8Array | None
+) -> Localizer:
+    """Return the localiser of another calibration of a pinhole camera; what the one before follows is kept."""
+    if isinstance(localizer, EdgeLocalizer):
+        return localizer.with_camera(camera)
+    return make_pinhole_localizer(method, field, camera, mask)

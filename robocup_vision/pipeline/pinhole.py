@@ -6,6 +6,7 @@ Where the camera file has no tilt, the pose gives it frame by frame, and with it
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, replace
 from time import perf_counter
 
@@ -19,7 +20,7 @@ from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.localizer import FrameEvidence
-from robocup_vision.localization.methods import make_pinhole_localizer
+from robocup_vision.localization.methods import calibrated_localizer, make_pinhole_localizer
 from robocup_vision.localization.swapped_channels import (
     SwappedChannelsSettings,
     goal_points,
@@ -107,6 +108,18 @@ class PinholePipeline(FramePipeline):
             prepare("patterned_balls")
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
         self.forget()
+
+    def with_camera(self, camera: PinholeCamera) -> PinholePipeline:
+        """Return a pipeline that goes on with another calibration of its camera: colours, place and tables are kept.
+
+        The floor's tables are made again by the next frame.
+        """
+        other = copy(self)
+        other.camera = camera
+        other._localizer = calibrated_localizer(self._localizer, self._options.method, self.field, camera, self._mask)
+        if self._patterned is not None:
+            other._patterned = PatternedBallFinder(self.field, camera, self._mask)
+        return other
 
     @property
     def polar(self) -> FloorView | None:

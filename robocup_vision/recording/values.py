@@ -49,6 +49,7 @@ VALUE_TYPES: Mapping[str, str] = {
     "SensorModel": "robocup_vision.mapping.sensor_model",
     "OnlineSettings": "robocup_vision.calibration.online.settings",
     "MirrorCalibrationSettings": "robocup_vision.calibration.online.settings",
+    "PinholeCalibrationSettings": "robocup_vision.calibration.online.settings",
     "ParameterFilterSettings": "robocup_vision.calibration.online.parameter_filter",
     "ViewMotionSettings": "robocup_vision.mapping.view_motion",
     "EgoMotionSettings": "robocup_vision.mapping.ego_motion",

@@ -140,6 +140,14 @@ class Arena:
         """The truth now."""
         return self.world.state
 
+    def true_camera(self, index: int) -> Camera:
+        """Return the camera by which a robot's frames are drawn now: no player knows it."""
+        return self._true_cameras[index].camera
+
+    def knock_s(self, index: int) -> float:
+        """Return when a robot's camera is knocked; infinite: never. No player knows it."""
+        return self._true_cameras[index].knock_s
+
     def setup(self, index: int) -> PlayerSetup:
         """Return a robot's setup: its player's data before the match."""
         robot, on = self.world.state.robots[index], self.disturbances

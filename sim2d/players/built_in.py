@@ -14,7 +14,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.belief import Track
 from robocup_vision.calibration.online import OnlineCalibration
-from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -88,10 +88,9 @@ class BuiltInPlayer:
             if everything
             else Memory(setup.field, settings=settings.memory)
         )
-        online = None
-        if setup.camera_is_rough and isinstance(camera, OmniCamera):
-            online = OnlineCalibration(field, camera)
-        self._vision = Vision(setup.field, camera, memory=self._memory, online=online)
+        calibrates = setup.camera_is_rough and settings.calibrates
+        self._online = OnlineCalibration(field, camera) if calibrates else None
+        self._vision = Vision(setup.field, camera, memory=self._memory, online=self._online)
         self._filter = self._memory.poses
         # the rules fix where it begins; a frame may contradict
         self._start = kick_off_pose(field, setup.attacks, setup.number, setup.players, limits.radius_m)
@@ -158,6 +157,7 @@ class BuiltInPlayer:
             None if travel is None else travel.speed_mps,
             gaze.pan_rad if gaze is not None else None,
             self._vision.colors,
+            None if self._online is None else self._online.state,
         )
 
     def act(self, senses: Senses) -> Command:

@@ -31,6 +31,8 @@ class PlayerSettings:
         Margin of the filtered free floor, as `SteadyFreeSpace` takes it.
     max_frame_age_s : float
         It drives by a frame's free space for so long, then stops until the next: obstacles move on.
+    calibrates : bool
+        Where its camera file is rough (`PlayerSetup.camera_is_rough`) it calibrates while it plays.
     lost_rps : float
         It turns so fast while it is not located, to see more of the field.
     """
@@ -47,4 +49,5 @@ class PlayerSettings:
     start_std_rad: float = math.radians(3.0)
     floor_margin_ratio: float = 0.02
     max_frame_age_s: float = 0.4
+    calibrates: bool = True
     lost_rps: float = 1.0

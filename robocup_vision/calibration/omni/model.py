@@ -138,7 +138,11 @@ class CameraModel:
     def vector(self, camera: OmniCamera) -> FloatArray:
         """Vector (G,) of the member of this family that is most like a camera."""
         if self.curve == "magnified":
-            return np.array([*camera.center_px, *camera.tilt_rad, 0.0])
+            # by the floor that the middle of the image shows
+            middle_px = 0.5 * sum(self.frame.usable_radius_px)
+            same_floor = self.frame.floor_range.inverse_range_per_m(middle_px)
+            factor = float(camera.floor_range.radius_px(same_floor)) / middle_px
+            return np.array([*camera.center_px, *camera.tilt_rad, math.log(factor)])
         scale, horizon = scale_and_horizon(camera.floor_range, self.frame.usable_radius_px)
         head = [*camera.center_px, *camera.tilt_rad, math.log(scale), math.log(horizon)]
         root = 4.0

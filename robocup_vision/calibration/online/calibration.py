@@ -9,22 +9,78 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
+from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.online.evidence import Evidence
 from robocup_vision.calibration.online.mirror import MirrorEvidence
 from robocup_vision.calibration.online.parameter_filter import ParameterFilter
+from robocup_vision.calibration.online.pinhole import PinholeEvidence
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.files import save_camera
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 
 # between frames without times
 _USUAL_STEP_S = 1 / 30
+
+
+Camera = OmniCamera | PinholeCamera
+
+
+class EvidenceMaker(Protocol):
+    """What one kind of camera needs: its parameters as a vector, and evidence on them.
+
+    Attributes
+    ----------
+    start, std, knock_std, reach : (G,) float64
+        The file's values, their standard deviations, by how much a knock moves them, and the bounds of their change.
+    slices : (slice, slice, int)
+        Where the vector has the centre, the tilt, and the logarithm of the scale.
+    tries_others : bool
+        Whether a robot that is not located tries other cameras.
+    """
+
+    start: FloatArray
+    std: FloatArray
+    knock_std: FloatArray
+    reach: FloatArray
+    slices: tuple[slice, slice, int]
+    tries_others: bool
+
+    def vector(self, camera: Any) -> FloatArray:
+        """Return the parameters of a camera."""
+        ...
+
+    def camera(self, vector: FloatArray) -> Any:
+        """Return the camera of parameters."""
+        ...
+
+    def shift_px(self, camera: Any, other: Any) -> float:
+        """Greatest distance between the images of the same places through two cameras."""
+        ...
+
+    def watch(self, view: View) -> None:
+        """Take note of a view, whether its frame is used or not."""
+        ...
+
+    def of(
+        self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
+    ) -> Evidence | None:
+        """Return what a frame tells, None where it tells nothing."""
+        ...
+
+
+def _make_evidence(field: Field, camera: Camera, mask: UInt8Array | None, settings: OnlineSettings) -> EvidenceMaker:
+    if isinstance(camera, PinholeCamera):
+        return PinholeEvidence(field, camera, mask, settings)
+    return MirrorEvidence(field, camera, mask, settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +90,7 @@ class OnlineState:
     Parameters
     ----------
     center_px, tilt_rad : (float, float)
-        Now in use.
+        Now in use. Of a pinhole camera tilt and roll.
     center_std_px, tilt_std_rad : (float, float)
         Their standard deviations.
     scale, scale_std : float
@@ -75,7 +131,7 @@ class OnlineCalibration:
     ----------
     field : Field
         The pitch.
-    camera : OmniCamera
+    camera : OmniCamera or PinholeCamera
         As in its file: start, and centre of the bounds.
     mask : (H, W) uint8, optional
         As for the `Vision`.
@@ -86,14 +142,15 @@ class OnlineCalibration:
     def __init__(
         self,
         field: Field,
-        camera: OmniCamera,
+        camera: Camera,
         mask: UInt8Array | None = None,
         settings: OnlineSettings = OnlineSettings(),
     ) -> None:
         self.camera = camera
         self.settings = settings
-        self._frames = MirrorEvidence(field, camera, mask, settings)
-        frames = self._frames
+        if isinstance(camera, PinholeCamera) and not camera.known_orientation:
+            raise ArgumentError("online calibration of a pinhole camera needs its tilt_rad in the camera file")
+        frames = self._frames = _make_evidence(field, camera, mask, settings)
         self._filter = ParameterFilter(frames.start, frames.std, frames.knock_std, settings.filter)
         self._now = frames.start.copy()
         self._places: list[Pose2] = []
@@ -125,8 +182,31 @@ class OnlineCalibration:
             self._filter.knocks,
         )
 
-    def follow(self, frame: UInt8Array, view: View) -> OmniCamera | None:
+    @property
+    def mean(self) -> FloatArray:
+        """(G,) float64: estimate of the camera's parameters, as `parameters_of` has them."""
+        return self._filter.mean.copy()
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(G, G) float64: covariance of the estimate."""
+        return self._filter.covariance.copy()
+
+    def parameters_of(self, camera: Camera) -> FloatArray:
+        """Parameters (G,) of a camera of the same kind.
+
+        A mirror camera's: centre u, v (px), tilt about x, y (rad), logarithm of the curve's magnification. A pinhole
+        camera's: tilt, roll (rad), height (m), logarithm of the focal length's scale, centre u, v (px).
+        """
+        return self._frames.vector(camera)
+
+    def shift_px(self, other: Camera) -> float:
+        """Greatest distance between the images of the same places through the camera in use and another."""
+        return self._frames.shift_px(self.camera, other)
+
+    def follow(self, frame: UInt8Array, view: View) -> Camera | None:
         """Take in a frame (H, W, 3) uint8 and its view; return a better camera, or None."""
+        self._frames.watch(view)
         self._t_s = view.t_s if view.t_s is not None else max(self._t_s, 0.0) + _USUAL_STEP_S
         if view.pose or self._located_s is None:
             self._located_s = self._t_s
@@ -137,27 +217,26 @@ class OnlineCalibration:
             return None
         if view.pose.inlier_ratio < self.settings.min_inlier_ratio:
             return None
-        start = self._now if self._is_trying else self._filter.mean
+        start = self._now if self._is_trying or not self._frames.tries_others else self._filter.mean
         evidence = self._frames.of(frame, view, self._filter.mean, self._filter.widened, start)
         if evidence is None:
             return None
         dt_s = since_s if 0.0 < since_s < math.inf else self.settings.every_s
         self._used_s, self._is_trying = self._t_s, False
         self._filter.pass_time(dt_s)
-        self._take(evidence, view.pose.pose, dt_s)
+        self._take(evidence, view.pose.pose.compose(view.camera.camera_in_robot), dt_s)
         return self._step()
 
-    def _try(self) -> OmniCamera | None:
+    def _try(self) -> Camera | None:
         """Return another camera that may be the true one, for a robot that is not located."""
         settings, frames, belief = self.settings, self._frames, self._filter
-        if 0.0 <= self._t_s - self._stepped_s < settings.min_step_s:
+        if not frames.tries_others or 0.0 <= self._t_s - self._stepped_s < settings.min_step_s:
             return None
-        size = len(belief.mean)
-        tries = [
-            belief.mean + sigmas * belief.std[k] * np.eye(size)[k] for sigmas in settings.tries for k in range(size)
-        ]
         now = frames.camera(belief.mean)
-        tries = [belief.mean] + [one for one in tries if frames.shift_px(now, frames.camera(one)) > settings.min_try_px]
+        offs = [off for sigmas in settings.tries for off in np.diag(sigmas * belief.std)]
+        others = [belief.mean + off for off in offs]
+        tries = [one for one in others if frames.shift_px(now, frames.camera(one)) > settings.min_try_px]
+        tries.insert(0, belief.mean)
         if len(tries) == 1:
             return None
         self._tried = (self._tried + 1) % len(tries)
@@ -176,11 +255,14 @@ class OnlineCalibration:
         distance_m, angle_rad = pose.error_to(other)
         return distance_m < self.settings.same_place_m and angle_rad < self.settings.same_heading_rad
 
-    def _step(self) -> OmniCamera | None:
+    def _step(self) -> Camera | None:
         """Return the camera now believed in, if it differs by enough from that in use."""
         if 0.0 <= self._t_s - self._stepped_s < self.settings.min_step_s:
             return None
         vector = self._bounded(self._filter.mean)
+        moved = vector - self._now
+        if moved @ np.linalg.solve(self._filter.covariance, moved) < self.settings.min_step_sigmas**2:
+            return None
         if self._frames.shift_px(self.camera, self._frames.camera(vector)) < self.settings.min_step_px:
             return None
         return self._use(vector)
@@ -189,7 +271,7 @@ class OnlineCalibration:
         frames = self._frames
         return np.clip(vector, frames.start - frames.reach, frames.start + frames.reach)
 
-    def _use(self, vector: FloatArray) -> OmniCamera:
+    def _use(self, vector: FloatArray) -> Camera:
         self._now, self._stepped_s = vector, self._t_s
         self._steps += 1
         self.camera = self._frames.camera(vector)

@@ -48,6 +48,9 @@ class MirrorEvidence:
         See there.
     """
 
+    slices = (CENTER, TILT, SCALE)
+    tries_others = True
+
     def __init__(self, field: Field, camera: OmniCamera, mask: UInt8Array | None, settings: OnlineSettings) -> None:
         mirror = settings.mirror
         self._field, self._settings = field, mirror
@@ -66,11 +69,16 @@ class MirrorEvidence:
         self.reach[CENTER], self.reach[TILT] = settings.max_center_px, settings.max_tilt_rad
         self._warm_up(camera)
 
-    slices = (CENTER, TILT, SCALE)
+    def vector(self, camera: OmniCamera) -> FloatArray:
+        """Return the parameters (5,) of a camera."""
+        return self._model.vector(camera)
 
     def camera(self, vector: FloatArray) -> OmniCamera:
         """Return the camera of parameters (5,)."""
         return self._model.camera(vector)
+
+    def watch(self, view: View) -> None:
+        """Take note of a view: nothing to do, as a mirror camera's picture is taken at once for all its parts."""
 
     def shift_px(self, camera: OmniCamera, other: OmniCamera) -> float:
         """Greatest distance between the images of the same floor through two cameras."""

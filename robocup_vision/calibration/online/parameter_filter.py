@@ -30,11 +30,14 @@ class ParameterFilterSettings:
     wrong_ratio : float
         Of the frames, those that are taken for something that they are not: a single frame counts for no more than
         that against the parameters.
+    alike_s : float
+        Frames err alike for so long, as they show the same edges: together they count as one against the parameters.
     """
 
     memory_s: float = 1200.0
     knock_every_s: float = 300.0
     wrong_ratio: float = 0.02
+    alike_s: float = 0.6
 
 
 class ParameterFilter:
@@ -59,7 +62,7 @@ class ParameterFilter:
         self.mean = start.copy()
         self.covariance: FloatArray = self._prior.copy()
         self.knocks = 0
-        self._nats = 0.0
+        self._nats = self._last_nats = 0.0
 
     @property
     def std(self) -> FloatArray:
@@ -88,20 +91,21 @@ class ParameterFilter:
             Since the frame before.
         """
         s = self.settings
-        most = -math.log(s.wrong_ratio)
+        most, share = -math.log(s.wrong_ratio), min(dt_s / s.alike_s, 1.0)
         ratio = log_evidence(evidence, self.mean, self.widened) - log_evidence(evidence, self.mean, self.covariance)
-        self._nats = max(self._nats + min(max(ratio, -most), most), 0.0)
-        if self._nats < math.log(s.knock_every_s / dt_s):
+        self._last_nats = ratio
+        self._nats = max(self._nats + share * min(max(ratio, -most), most), 0.0)
+        if self._nats < math.log(s.knock_every_s / s.alike_s):
             return False
         self.covariance = self.widened
-        self._nats = 0.0
+        self._nats = self._last_nats = 0.0
         self.knocks += 1
         return True
 
     @property
     def is_in_doubt(self) -> bool:
-        """Whether the last frames speak for a knock, or are wrong, as strongly as one wrong frame can."""
-        return self._nats >= -math.log(self.settings.wrong_ratio)
+        """Whether the last frame speaks for a knock, or is wrong, as strongly as a wrong frame can."""
+        return self._last_nats >= -math.log(self.settings.wrong_ratio)
 
     def update(self, evidence: Evidence) -> None:
         """Take in a frame."""

@@ -46,14 +46,59 @@ class MirrorCalibrationSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class PinholeCalibrationSettings:
+    """Of pinhole cameras; pixels of the centre and of `reach_px` are those of an image 208 wide, others of any image.
+
+    Parameters
+    ----------
+    focal_std, center_std_px, tilt_std_rad, height_std_m : float
+        Standard deviations of what a camera file says: logarithm of the focal length (where the file has no
+        `focal_std_px`), each coordinate of the centre, tilt and roll at rest, and the height at rest.
+    sway_std_rad, sway_std_m : float
+        How far a body nods, rolls and rises about its rest with its steps: what one frame shows of tilt, roll and
+        height is no nearer to them. A camera file's `roll_std_rad` counts where it is larger.
+    readout_s, straightened_to : float
+        Time from the first row to the last, as a cheap sensor takes, where the file does not say: while camera and body
+        turn, what the rows show is apart by as much, and noise that the points of an edge share. Where the file says
+        it (`RollingShutter`), so much of the turn about the upright is left after frames have been straightened.
+    min_points : int
+        Samples that a frame must show.
+    min_agreeing_ratio : float
+        Of the samples that an edge is found at, those that the fit must explain: more than other robots hide.
+    reach_px : float
+        How far from its prediction an edge is looked for: as far as a wrong lens leaves it at the picture's border.
+    alone_px, shared_px : float
+        Noise of a sample alone, and of what all samples of an edge have in common, as the follower has them.
+    gates_px, last_gate : tuple of float, float
+        Of the fit's steps; the last one in robust standard deviations.
+    """
+
+    focal_std: float = 0.01
+    center_std_px: float = 3.0
+    tilt_std_rad: float = math.radians(0.5)
+    height_std_m: float = 0.005
+    sway_std_rad: float = 0.02
+    sway_std_m: float = 0.004
+    readout_s: float = 0.02
+    straightened_to: float = 0.1
+    min_points: int = 12
+    min_agreeing_ratio: float = 0.5
+    reach_px: float = 5.0
+    alone_px: float = 0.15
+    shared_px: float = 0.2
+    gates_px: tuple[float, ...] = (4.0, 3.0, 2.5)
+    last_gate: float = 3.5
+
+
+@dataclass(frozen=True, slots=True)
 class OnlineSettings:
     """Settings of `OnlineCalibration`.
 
     Parameters
     ----------
     max_center_px, max_tilt_rad : float
-        Bounds of the centre's change in either coordinate, and of the tilt's (and roll's) about either axis: beyond
-        them a mount is broken, not knocked.
+        Bounds of the centre's change in either coordinate (pixels of a pinhole camera's image 208 wide), and of the
+        tilt's and roll's: beyond them a mount is broken, not knocked.
     every_s : float
         Only a frame in so much time is used: neighbouring frames of a walking body err alike, and each costs a
         millisecond or two.
@@ -64,8 +109,9 @@ class OnlineSettings:
         So many places are remembered. Older ones count as new: light and what stands around have changed.
     min_inlier_ratio : float
         Frames whose pose fits worse are not used.
-    min_step_px : float
-        Smaller changes of where the camera puts the floor are not worth new tables.
+    min_step_px, min_step_sigmas : float
+        Smaller changes of where the camera puts the floor are not worth new tables, nor smaller ones in the
+        estimate's own standard deviations: they are noise.
     min_step_s : float
         Tables are not made more often than that.
     lost_s : float
@@ -77,11 +123,13 @@ class OnlineSettings:
         A try that moves the floor's image by less is none.
     mirror : MirrorCalibrationSettings
         Of mirror cameras.
+    pinhole : PinholeCalibrationSettings
+        Of pinhole cameras.
     filter : ParameterFilterSettings
         Of the estimate over time.
     """
 
-    max_center_px: float = 8.0
+    max_center_px: float = 12.0
     max_tilt_rad: float = math.radians(2.5)
     every_s: float = 0.15
     same_place_m: float = 0.1
@@ -89,11 +137,13 @@ class OnlineSettings:
     places: int = 60
     min_inlier_ratio: float = 0.3
     min_step_px: float = 0.1
+    min_step_sigmas: float = 0.5
     min_step_s: float = 0.3
     lost_s: float = 0.5
     tries: tuple[float, ...] = (1.5, -1.5, 2.5, -2.5)
     min_try_px: float = 1.5
     mirror: MirrorCalibrationSettings = MirrorCalibrationSettings()
+    pinhole: PinholeCalibrationSettings = PinholeCalibrationSettings()
     filter: ParameterFilterSettings = ParameterFilterSettings()
 
     def __post_init__(self) -> None:

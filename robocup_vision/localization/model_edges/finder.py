@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,6 +90,12 @@ class EdgeFinder:
         self._near = np.array([s.near_m, s.near_m, s.near_rad, sway, sway])
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
         self._gates_px = np.array(s.gates_px) * max(1.0, 0.5 * (1.0 + scale))
+
+    def with_follower(self, follower: EdgeFollower) -> EdgeFinder:
+        """Return a finder by another calibration of the camera; the bank, made for about the same view, is shared."""
+        other = copy(self)
+        other.follower = follower
+        return other
 
     def propose(self, frame: UInt8Array) -> list[Pose2]:
         """Poses of the camera worth a fit, the likeliest first."""

@@ -183,6 +183,16 @@ class EdgeFollower:
         self._log_odds = 0.0
         self.forget()
 
+    def with_camera(self, camera: PinholeCamera) -> EdgeFollower:
+        """Return a follower that goes on with another calibration of its camera, from where this one is."""
+        other = EdgeFollower(self.field, camera, self.settings)
+        other.state = self.state
+        # what is carried is how far the body was off its rest
+        other._sway[0] += self._camera_prior[0] - other._camera_prior[0]
+        other._sway[0, 3] = 0.0
+        other._sway[1, 3] = other._camera_prior[1, 3] ** 2
+        return other
+
     @property
     def evidence(self) -> Evidence:
         """What the last fit was judged by, whether it was accepted or not."""

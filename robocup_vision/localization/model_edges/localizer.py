@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +42,15 @@ class EdgeLocalizer:
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._last_s: float | None = None
+
+    def with_camera(self, camera: PinholeCamera) -> EdgeLocalizer:
+        """Return a localiser that goes on with another calibration of its camera."""
+        other = copy(self)
+        other.follower = self.follower.with_camera(camera)
+        other._second_look = SecondLook(self.follower.field, camera, self.follower.settings)
+        other._finder = None if self._finder is None else self._finder.with_follower(other.follower)
+        other._goal = None
+        return other
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""

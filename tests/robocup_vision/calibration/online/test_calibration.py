@@ -10,12 +10,13 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision import Vision, load_camera
 from robocup_vision.calibration.online import OnlineCalibration, OnlineSettings
+from robocup_vision.calibration.online.parameter_filter import ParameterFilterSettings
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from sim2d.rendering.random_scenes import CONDITIONS, sample
 
-# a frame a call, without times: each is used, and the camera may change by each
-OFTEN = OnlineSettings(every_s=0.01, min_step_s=0.01)
+# a frame a call, without times: each is used, from another place, and the camera may change by each
+OFTEN = OnlineSettings(every_s=0.01, min_step_s=0.01, filter=ParameterFilterSettings(alike_s=1 / 30))
 
 
 @pytest.fixture(scope="module")
@@ -151,13 +152,15 @@ def test_colours_and_place_are_kept_when_the_camera_changes(ssl_field, paper_cam
     assert other.grid.directions == pipeline.grid.directions
 
 
-def test_it_is_made_for_one_mirror_camera(ssl_field, paper_camera):
+def test_it_is_made_for_one_camera_of_known_tilt(ssl_field, paper_camera):
     online = OnlineCalibration(ssl_field, paper_camera)
     with pytest.raises(ArgumentError, match="online must be made for this very camera"):
         Vision(ssl_field, dataclasses.replace(paper_camera, center_px=(127.0, 109.0)), online=online)
     pinhole = PinholeCamera((416, 320), (384.0, 384.0), (207.5, 159.5), height_m=0.185)
-    with pytest.raises(ArgumentError, match="must be a mirror camera"):
+    with pytest.raises(ArgumentError, match="online must be made for this very camera"):
         Vision(load_field("four_legged_2007"), pinhole, online=online)
+    with pytest.raises(ArgumentError, match="needs its tilt_rad in the camera file"):
+        OnlineCalibration(load_field("four_legged_2007"), pinhole)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,222 @@
+"""What a frame of a pinhole camera tells of its lens and mounting: all edges of the field in view, against the file's.
+
+The samples are those of the follower (`kernels.model_edges`): predicted by the frame's pose, searched for along their
+normals. Tilt, roll and height at rest are told from what the body does in one frame by how far a body sways.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.calibration.online.evidence import (
+    Evidence,
+    NoiseSettings,
+    Residuals,
+    known,
+    marginal,
+    normal_equations,
+    spread_px,
+    tukey_weights,
+)
+from robocup_vision.calibration.online.settings import OnlineSettings
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import wrap_angle
+from robocup_vision.kernels.model_edges.follow import brightness
+from robocup_vision.kernels.model_edges.prediction import predict
+from robocup_vision.kernels.model_edges.search import carpet_look, search
+from robocup_vision.kernels.model_edges.tables import HEIGHT, LOG_FOCAL, ROLL, TILT, UNKNOWNS, empty_room
+from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
+from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
+from robocup_vision.view import View
+
+_MAX_SAMPLES = 600
+# of a frame's pose before the frame: a metre and a radian, next to nothing
+_POSE_PRECISION = 1.0
+# places of the parameters: tilt, roll, height, logarithm of the focal length's scale, centre
+_SCALE, _CENTER, _ANGLES = 3, slice(4, 6), slice(0, 2)
+_HEIGHT = 2
+
+
+class PinholeEvidence:
+    """Makes evidence of frames of one pinhole camera.
+
+    The parameters: tilt, roll (rad) and height (m) at rest, logarithm of the focal length's scale, centre u, v (px).
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : PinholeCamera
+        As in its file, its tilt known.
+    mask : (H, W) uint8, optional
+        As for a `Vision`.
+    settings : OnlineSettings
+        See there.
+    """
+
+    slices = (_CENTER, _ANGLES, _SCALE)
+    # a pinhole camera is found without a prior by cameras that are about right, too
+    tries_others = False
+
+    def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None, settings: OnlineSettings) -> None:
+        own = settings.pinhole
+        self._settings, self._file = own, camera
+        px = camera.size_px[0] / DESIGN_WIDTH_PX
+        focal_px = math.sqrt(camera.focal_px[0] * camera.focal_px[1])
+        focal_std = camera.focal_std_px / focal_px if camera.focal_std_px else own.focal_std
+        self.start = self.vector(camera)
+        angle, center = own.tilt_std_rad, own.center_std_px * px
+        self.std = np.array([angle, angle, own.height_std_m, focal_std, center, center])
+        # a knock changes no lens
+        self.knock_std = np.array([angle, angle, own.height_std_m, 0.0, center, center])
+        self.reach = 6.0 * self.std
+        self.reach[_CENTER], self.reach[_ANGLES] = settings.max_center_px * px, settings.max_tilt_rad
+        sway = own.sway_std_rad if camera.roll_std_rad is None else max(camera.roll_std_rad, own.sway_std_rad)
+        self._own = np.array([_POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
+        follow = EdgeSettings().for_width(camera.size_px[0], field.line_width_m)
+        self._numbers, self._edges = follow, field_edges(field)
+        self._room = empty_room(_MAX_SAMPLES, 0)
+        self._room.reach_px[:] = own.reach_px * px
+        # when the last view was taken and how the camera was held: heading, tilt, roll
+        self._held: tuple[float, tuple[float, float, float]] | None = None
+        self._turn_radps = 0.0
+        self._lens, self._lens_of = lens_table(camera), self.start.copy()
+        self._mask = mask
+        # compile, or load from the disk's cache, what a frame needs, so that no frame pays for it
+        width, height = camera.size_px
+        self._search(np.zeros((height, width, 3), dtype=np.uint8), np.zeros(UNKNOWNS), self.start)
+
+    def vector(self, camera: PinholeCamera) -> FloatArray:
+        """Return the parameters (6,) of a camera."""
+        log_focal = math.log(camera.focal_px[0] / self._file.focal_px[0])
+        tilt, roll = camera.tilt_rad or 0.0, camera.roll_rad or 0.0
+        return np.array([tilt, roll, camera.height_m, log_focal, *camera.center_px])
+
+    def camera(self, vector: FloatArray) -> PinholeCamera:
+        """Return the camera of parameters (6,)."""
+        tilt, roll, height, log_focal, u, v = vector.tolist()
+        scale = math.exp(log_focal)
+        return replace(
+            self._file,
+            focal_px=(self._file.focal_px[0] * scale, self._file.focal_px[1] * scale),
+            center_px=(u, v),
+            height_m=height,
+            tilt_rad=tilt,
+            roll_rad=roll,
+        )
+
+    def shift_px(self, camera: PinholeCamera, other: PinholeCamera) -> float:
+        """Greatest distance between the images of the same places through two cameras: floor, and far away."""
+        width, height = camera.size_px
+        across, down = np.linspace(0.1, 0.9, 4) * width, np.linspace(0.1, 0.9, 4) * height
+        pixels = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+        floor = camera.pixel_to_floor(pixels)
+        moved = np.where(
+            np.isfinite(floor).all(axis=1, keepdims=True),
+            other.floor_to_pixel(np.where(np.isfinite(floor), floor, 1.0)),
+            other.ray_to_pixel(camera.pixel_to_ray(pixels)),
+        )
+        return float(np.nanmax(np.hypot(*(moved - pixels).T)))
+
+    def watch(self, view: View) -> None:
+        """Take note of how fast the camera turns from view to view."""
+        held = view.camera
+        if not view.pose or not isinstance(held, PinholeCamera) or view.t_s is None:
+            self._held = None
+            return
+        angles = (view.pose.pose.theta_rad + (held.pan_rad or 0.0), held.tilt_rad or 0.0, held.roll_rad or 0.0)
+        self._turn_radps = 0.0
+        if self._held is not None and view.t_s > self._held[0]:
+            heading, *others = (wrap_angle(now - before) for now, before in zip(angles, self._held[1], strict=True))
+            # a file that says how long the rows take is one whose frames have been straightened
+            left = self._settings.straightened_to if self._file.readout_s else 1.0
+            self._turn_radps = math.hypot(left * heading, *others) / (view.t_s - self._held[0])
+        self._held = (view.t_s, angles)
+
+    def of(
+        self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
+    ) -> Evidence | None:
+        """Return what a frame tells, None where it shows too little, or most of it contradicts the field.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        view : View
+            What a `Vision` saw in it.
+        mean, covariance : (6,), (6, 6) float64
+            What is believed of the parameters.
+        start : (6,) float64
+            Those by which the frame was located: where the fit begins.
+        """
+        held, settings, size = view.camera, self._settings, len(mean)
+        assert isinstance(held, PinholeCamera)
+        assert view.pose
+        pose = view.pose.pose.compose(held.camera_in_robot)
+        tilt, roll = held.tilt_rad or 0.0, held.roll_rad or 0.0
+        unknowns = np.array([pose.x_m, pose.y_m, pose.theta_rad, tilt, roll, held.height_m, 0.0])
+        count = self._search(frame, unknowns, start)
+        found, samples = self._room.found, self._room.samples
+        is_seen = (found.candidates[:count] > 0) & ~self._is_masked(samples.uv[:count])
+        if np.count_nonzero(is_seen) < settings.min_points:
+            return None
+        jacobian, normal = samples.jacobian[:count][is_seen], samples.normal[:count][is_seen]
+        by_camera = np.column_stack([jacobian[:, [TILT, ROLL, HEIGHT, LOG_FOCAL]], normal])
+        by_frame = jacobian[:, :LOG_FOCAL]
+        offsets, candidates = found.offset_px[:count][is_seen], found.candidates[:count][is_seen]
+        offsets = np.where(np.arange(offsets.shape[1]) < candidates[:, None], offsets, np.inf)
+        group = samples.feature[:count][is_seen]
+        sway = unknowns[TILT : HEIGHT + 1] - start[: _HEIGHT + 1]
+        slope = -self._own * np.concatenate([np.zeros(3), sway])
+        before = np.linalg.inv(covariance)
+        rows = np.hstack([by_camera, by_frame])
+        # evenly spread over the readout
+        skew_px = self._lens[0] * self._turn_radps * (self._file.readout_s or settings.readout_s) / math.sqrt(12.0)
+        step: FloatArray = np.zeros(size + len(self._own))
+        for gate in (*settings.gates_px, 0.0):
+            expected: FloatArray = rows @ step
+            nearest = np.argmin(np.abs(offsets - expected[:, None]), axis=1)
+            measured = offsets[np.arange(len(offsets)), nearest]
+            residual = expected - measured
+            spread = spread_px(residual[np.abs(residual) < settings.gates_px[-1]], settings.alone_px)
+            weight = tukey_weights(residual, gate or settings.last_gate * spread)
+            # what agrees worse than its noise says knows less than that says
+            shared_px = math.hypot(settings.shared_px * spread / settings.alone_px, skew_px)
+            noise = NoiseSettings(spread, shared_px)
+            points = Residuals(-measured, by_camera, by_frame, group)
+            is_used = weight > 0
+            information, gradient = normal_equations(known(is_used, points), weight[is_used], noise)
+            if gate == 0.0:
+                break
+            system, right = information.copy(), gradient.copy()
+            system[:size, :size] += before
+            right[:size] += before @ (mean - start)
+            system[size:, size:] += np.diag(self._own)
+            right[size:] += slope
+            step = np.asarray(np.linalg.solve(system, right), dtype=np.float64)
+        if np.count_nonzero(is_used) < max(settings.min_points, settings.min_agreeing_ratio * len(offsets)):
+            return None
+        return Evidence(start.copy(), *marginal(information, gradient, size, self._own, slope))
+
+    def _is_masked(self, pixels: FloatArray) -> npt.NDArray[np.bool_]:
+        if self._mask is None:
+            return np.zeros(len(pixels), dtype=bool)
+        u, v = np.rint(pixels).astype(np.int64).T
+        return np.asarray(self._mask[v, u] > 0)
+
+    def _search(self, frame: UInt8Array, unknowns: FloatArray, start: FloatArray) -> int:
+        """Predict the field's edges, and look for them; return how many samples there are."""
+        if not np.array_equal(self._lens_of, start):
+            self._lens, self._lens_of = lens_table(self.camera(start)), start.copy()
+        carpet = np.zeros(5)
+        carpet_look(frame, int(self._lens[3] + self._lens[1] * math.tan(unknowns[TILT])), carpet)
+        count = int(predict(self._edges, self._lens, unknowns, self._numbers.spacing_px, self._room.samples))
+        light = brightness(carpet)
+        search(frame, self._edges.channels, carpet, light, self._numbers, self._room, count)
+        return count
