@@ -17,11 +17,15 @@ from robocup_vision.compiling.loops import compiled
 SHEET, CYLINDER, BAR, BALL, BOX_TOP = range(5)
 # columns of `UprightThings.rows`: kind; place (of a sheet or bar: its start); end (of a box's top: direction of its
 # width); radius (of a box's top: half its width); height (of a bar: of its axis; of a ball: of its upper end); first
-# colour; bands of colour; and the colour of a sheet's right side or of a cylinder's marker (-1: none), or half the
-# depth of a box's top
+# colour; bands of colour; and the colour of a sheet's right side, of a cylinder's marker or of a ball's patches (-1:
+# none), or half the depth of a box's top. A ball's turns about x, y and z stand in place of its end and its bands.
 KIND, X0, Y0, X1, Y1, RADIUS, HEIGHT, COLOR, BANDS, OTHER = range(10)
 COLUMNS = 10
 MARKER_RATIO = np.float32(0.3)  # radius of a robot's marker, of its own
+# corners of an icosahedron are (0, 1, golden) over their length, with all signs, and its turns about the diagonal; the
+# middle of a dark pentagon is at each, as large as `rendering.ball_patches` has it
+_GOLDEN = np.float32((1 + math.sqrt(5)) / 2)
+_PATCH_REACH = np.float32((1 - 2 * 0.284 / 12) * math.hypot(1.0, (1 + math.sqrt(5)) / 2))
 _NOTHING = np.float32(1e30)
 _ZERO, _ONE, _MIN_DROP = np.float32(0.0), np.float32(1.0), np.float32(1e-6)
 
@@ -87,6 +91,19 @@ def _meet_bar(
     return (t if is_met else _NOTHING), np.int32(row[COLOR]), np.float32(0.80) + np.float32(0.20) * up
 
 
+@compiled(error_model="numpy")
+def _is_patch(row: Float32Array, nx: np.float32, ny: np.float32, nz: np.float32) -> bool:
+    """Whether a ball shows a dark patch where its unit normal points: the normal is turned back, about z, y, x."""
+    c, s = np.float32(math.cos(row[BANDS])), np.float32(math.sin(row[BANDS]))
+    nx, ny = c * nx + s * ny, c * ny - s * nx
+    c, s = np.float32(math.cos(row[Y1])), np.float32(math.sin(row[Y1]))
+    nz, nx = c * nz + s * nx, c * nx - s * nz
+    c, s = np.float32(math.cos(row[X1])), np.float32(math.sin(row[X1]))
+    ny, nz = abs(c * ny + s * nz), abs(c * nz - s * ny)
+    nx = abs(nx)
+    return max(ny + _GOLDEN * nz, nx + _GOLDEN * ny, nz + _GOLDEN * nx) > _PATCH_REACH
+
+
 @compiled(error_model="numpy", inline="always")
 def _meet_ball(
     row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
@@ -98,9 +115,10 @@ def _meet_ball(
     if root2 < _ZERO or toward <= _ZERO:
         return _NOTHING, np.int32(-1), _ZERO
     t = (toward - np.float32(math.sqrt(root2))) / norm2
-    lit = np.float32(0.5) * ((t * dx - x) * lamp[0] + (t * dy - y) * lamp[1])
-    lit = (lit + np.float32(math.sqrt(0.75)) * (t * dz - z)) / radius
-    return t, np.int32(row[COLOR]), np.float32(0.62) + np.float32(0.42) * lit
+    nx, ny, nz = (t * dx - x) / radius, (t * dy - y) / radius, (t * dz - z) / radius
+    lit = np.float32(0.5) * (nx * lamp[0] + ny * lamp[1]) + np.float32(math.sqrt(0.75)) * nz
+    is_dark = row[OTHER] >= _ZERO and _is_patch(row, nx, ny, nz)
+    return t, np.int32(row[OTHER] if is_dark else row[COLOR]), np.float32(0.62) + np.float32(0.42) * lit
 
 
 @compiled(error_model="numpy", inline="always")

@@ -76,7 +76,7 @@ def _built_in(name: str) -> Camera:
 CAMERAS: dict[str, Callable[[], Camera]] = {
     "sekimori": sekimori_camera,
     "ers7": lambda: _held(ers7_camera(*_HEAD_SIZE_PX), -12.0),
-    "nao": lambda: _held(nao_camera(*_HEAD_SIZE_PX), -15.0),
+    "nao": lambda: _held(nao_camera(*_HEAD_SIZE_PX), -20.0),
     "ssl_forward": partial(_built_in, "ssl_forward"),
     "msl_mirror": partial(_built_in, "msl_mirror"),
 }

@@ -46,6 +46,7 @@ class TopView:
 
     def __init__(self, field: Field, size_px: tuple[int, int], robot_radius_m: float) -> None:
         self._radius_m, self._ball_m = robot_radius_m, field.ball_radius_m
+        self._ball_bgr = COLOR_NAMES[field.ball_color]
         ends = np.vstack([field.floor_polygon, field.walls.reshape(-1, 2), field.lines.reshape(-1, 2)])
         self._ends_m = np.abs(ends).max(axis=0)
         width, height = size_px
@@ -97,6 +98,13 @@ class TopView:
         if field.is_bounded:
             for x0, y0, x1, y1 in field.walls.tolist():
                 self._path(ground, np.array([[x0, y0], [x1, y1]]), COLOR_NAMES[field.wall_color], 2)
+        for beacon in field.beacons:
+            # its bands as rings, the lowest outside
+            size_px, bands = max(beacon.radius_m * self._px_per_m, 6.0), len(beacon.colors)
+            for band, name in enumerate(beacon.colors):
+                radius = round(size_px * (1 - band / bands) * (1 << _SHIFT))
+                place = self._fixed(beacon.x_m, beacon.y_m)
+                cv2.circle(ground, place, radius, COLOR_NAMES[name], -1, cv2.LINE_AA, _SHIFT)
 
     def _draw_robot(self, canvas: UInt8Array, robot: RobotState) -> None:
         radius = round(self._radius_m * self._px_per_m * (1 << _SHIFT))
@@ -111,7 +119,9 @@ class TopView:
 
     def _draw_ball(self, canvas: UInt8Array, ball: BallState) -> None:
         radius = round(max(self._ball_m * self._px_per_m, 3.0) * (1 << _SHIFT))
-        cv2.circle(canvas, self._fixed(ball.x_m, ball.y_m), radius, COLOR_NAMES["orange"], -1, cv2.LINE_AA, _SHIFT)
+        cv2.circle(canvas, self._fixed(ball.x_m, ball.y_m), radius, self._ball_bgr, -1, cv2.LINE_AA, _SHIFT)
+        # a white ball on a white line
+        cv2.circle(canvas, self._fixed(ball.x_m, ball.y_m), radius, _BODY, 1, cv2.LINE_AA, _SHIFT)
 
     def _draw_estimate(self, canvas: UInt8Array, estimate: PoseEstimate, color: Bgr) -> None:
         pose = estimate.pose

@@ -23,6 +23,7 @@ from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.body_sway import UPRIGHT, Sway
+from sim2d.sensors.rolling_ball import RollingBall
 from sim2d.world.state import RobotState, WorldState
 
 MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
@@ -105,6 +106,7 @@ class MatchCamera:
         self._held: dict[int, tuple[float, FloatArray]] = {}  # by robot: when its last frame was, and how it was held
         self._backdrop = backdrop
         self._frames = self._frames_of(camera)
+        self._rolling = RollingBall(field.ball_radius_m)
         self._own: dict[int, tuple[OmniCamera | PinholeCamera, FastFrames | ForwardFrames]] = {}
         size = 3 * camera.size_px[0] * camera.size_px[1]
         self._noise_starts = size
@@ -149,7 +151,12 @@ class MatchCamera:
     def _ball(self, state: WorldState) -> Ball | None:
         if state.ball is None:
             return None
-        return Ball(state.ball.x_m, state.ball.y_m, self.field.ball_radius_m, COLOR_NAMES[self.field.ball_color])
+        field, here = self.field, (state.ball.x_m, state.ball.y_m)
+        color = COLOR_NAMES[field.ball_color]
+        if not field.ball_patches:
+            return Ball(*here, field.ball_radius_m, color)
+        turned = self._rolling.turn_rad(state.ball)
+        return Ball(*here, field.ball_radius_m, color, COLOR_NAMES[field.ball_patches], turned)
 
     def _scene(self, robots: tuple[Robot, ...], ball: Ball | None) -> Scene:
         margin = 0.0 if self.field.is_bounded else CARPET_MARGIN_M

@@ -181,9 +181,14 @@ class ForwardFrames(EvenlyLit):
             moving += [robot.color_bgr, robot.marker_bgr]
         reach_m = 0.0
         if ball is not None:
-            place = ball.x_m, ball.y_m, 0.0, 0.0
-            moving_rows.append((BALL, *place, ball.radius_m, 2 * ball.radius_m, number + len(moving), 1.0, -1.0))
+            about_x, about_y, about_z = ball.turn_rad
+            place, first = (ball.x_m, ball.y_m, about_x, about_y), number + len(moving)
             moving.append(ball.color_bgr)
+            patches = -1.0
+            if ball.patches_bgr is not None:
+                patches = first + 1.0
+                moving.append(ball.patches_bgr)
+            moving_rows.append((BALL, *place, ball.radius_m, 2 * ball.radius_m, first, about_z, patches))
             reach_m = SHADE_REACH * ball.radius_m
         if moving_rows:
             rows[fixed:] = moving_rows

@@ -139,3 +139,20 @@ def test_what_a_match_is_not_drawn_with_is_refused(wrong, message):
 def test_a_lens_that_leaves_part_of_the_image_dark_is_refused():
     with pytest.raises(ArgumentError, match="without rays"):
         ForwardFrames(Scene(load_field("ssl_2001")), camera(focal=60.0, distortion=(-0.5, 0.0, 0.0, 0.0)), CLEAN)
+
+
+def test_a_balls_patches_are_those_of_the_ray_caster():
+    rng = np.random.default_rng(8)
+    scene = scene_of("spl_2020", rng)
+    color, dark = COLOR_NAMES["white"], COLOR_NAMES["black"]
+    plain = Ball(0.7, 0.05, 0.05, color)
+    # the ray caster turns the ball in axes of the eye, which are here the field's
+    eye = EyeInField(0.0, 0.0, 0.46, 0.0, -0.4, 0.0)
+    lens = camera(height_m=0.46)
+    for turn in ((0.0, 0.0, 0.0), (0.3, -1.0, 0.5), (2.1, 0.4, -2.8)):
+        ball = replace(plain, patches_bgr=dark, turn_rad=turn)
+        quick, slow = both(replace(scene, robots=(), ball=ball), lens, eye)
+        without, _ = both(replace(scene, robots=(), ball=plain), lens, eye)
+        is_dark = np.abs(slow - without).max(axis=2) > 60
+        assert np.count_nonzero(is_dark) > 40
+        assert np.abs(quick - slow)[is_dark].mean() < 8.0
