@@ -101,7 +101,7 @@ def _is_patch(row: Float32Array, nx: np.float32, ny: np.float32, nz: np.float32)
     c, s = np.float32(math.cos(row[X1])), np.float32(math.sin(row[X1]))
     ny, nz = abs(c * ny + s * nz), abs(c * nz - s * ny)
     nx = abs(nx)
-    return max(ny + _GOLDEN * nz, nx + _GOLDEN * ny, nz + _GOLDEN * nx) > _PATCH_REACH
+    return bool(max(ny + _GOLDEN * nz, nx + _GOLDEN * ny, nz + _GOLDEN * nx) > _PATCH_REACH)
 
 
 @compiled(error_model="numpy", inline="always")
