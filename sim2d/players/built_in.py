@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.belief import Track
@@ -18,24 +19,20 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.view import View
-from robocup_vision.vision import Vision
 from sim2d.kick_off import kick_off_pose
-from sim2d.players.ball_knowledge import BallKnowledge
 from sim2d.players.ball_memory import Point, block_ball
-from sim2d.players.driving.motion import Motion
 from sim2d.players.driving.travel import Travel, TravelPlanner
 from sim2d.players.head import Head, HeadView
 from sim2d.players.keep_out import allowed_target, block_zones
+from sim2d.players.parts import PlayerParts
 from sim2d.players.plan import Plan, Situation
 from sim2d.players.settings import PlayerSettings
 from sim2d.players.shot import Shooter
 from sim2d.players.straight_frames import StraightFrames
 from sim2d.players.surroundings import Surroundings
-from sim2d.players.tactics.tactics import Tactics
 from sim2d.players.team_talk import TeamTalk
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, PlayerSetup, PlayerStatus, Reason, Senses
 
@@ -61,6 +58,13 @@ class BuiltInPlayer:
         Tell the others of the team where the ball is, and agree with them who fetches it.
     settings : PlayerSettings
         See there.
+    parts : PlayerParts
+        What makes its parts; replace some to play with parts of your own.
+
+    Raises
+    ------
+    ArgumentError
+        If the localizer has no memory.
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class BuiltInPlayer:
         looks_again: bool = False,
         talks: bool = False,
         settings: PlayerSettings = PlayerSettings(),
+        parts: PlayerParts = PlayerParts(),
     ) -> None:
         self._setup, self._settings = setup, settings
         field, limits, camera = setup.field, setup.limits, setup.camera
@@ -82,15 +87,10 @@ class BuiltInPlayer:
             self._head = Head(
                 field, limits, camera, plans=plans, asks=asks, looks_again=plans and looks_again, settings=settings.head
             )
-        everything = remembers or plans
-        self._memory = (
-            Memory.of_everything(setup.field, settings.memory)
-            if everything
-            else Memory(setup.field, settings=settings.memory)
-        )
-        calibrates = setup.camera_is_rough and settings.calibrates
-        self._online = OnlineCalibration(field, camera) if calibrates else None
-        self._vision = Vision(setup.field, camera, memory=self._memory, online=self._online)
+        self._localizer = parts.localizer(setup, settings, remembers or plans)
+        if self._localizer.memory is None:
+            raise ArgumentError("a player's localizer must have a memory")
+        self._memory = self._localizer.memory
         self._filter = self._memory.poses
         # the rules fix where it begins; a frame may contradict
         self._start = kick_off_pose(field, setup.attacks, setup.number, setup.players, limits.radius_m)
@@ -98,16 +98,14 @@ class BuiltInPlayer:
         self._straight: StraightFrames | None = None
         if isinstance(camera, PinholeCamera) and camera.readout_s:
             self._straight = StraightFrames(camera, self._filter)
-        self._tactics = Tactics(field, limits, setup.number, setup.players, settings.tactics, settings.ball)
-        self._motion = Motion(limits, np.random.default_rng(setup.seed), settings.motion)
-        self._talk = TeamTalk(setup, self._tactics.is_keeper, settings.talk) if talks else None
-        self._ball = BallKnowledge(
-            limits.radius_m + field.ball_radius_m,
-            settings.ball,
-            hides=plans and self._memory.free_map is not None,
-            talk=self._talk,
-            camera_height_m=camera.height_m if isinstance(camera, PinholeCamera) else None,
-        )
+        self._tactics = parts.tactics(setup, settings)
+        self._driving = parts.driving(setup, settings)
+        self._talk: TeamTalk | None = None
+        if talks:
+            role = parts.role(setup, settings, self._tactics.is_keeper)
+            self._talk = TeamTalk(setup, role, settings.talk)
+        hides = plans and self._memory.free_map is not None
+        self._ball = parts.ball(setup, settings, hides, self._talk)
         self._phase: Phase = "play"
         self._view: View | None = None
         self._view_t_s = -math.inf
@@ -142,6 +140,7 @@ class BuiltInPlayer:
         place = None if self._last_t_s is None else self._ball.place(self._last_t_s)
         travel, gaze = self._travel, None if self._head is None else self._head.gaze
         reasons = () if travel is None else travel.reasons
+        online = self._localizer.online
         if self._why is not None:
             reasons += (self._why,)
         if gaze is not None:
@@ -156,8 +155,8 @@ class BuiltInPlayer:
             None if travel is None else travel.gap,
             None if travel is None else travel.speed_mps,
             gaze.pan_rad if gaze is not None else None,
-            self._vision.colors,
-            None if self._online is None else self._online.state,
+            self._localizer.colors,
+            online.state if isinstance(online, OnlineCalibration) else None,
         )
 
     def act(self, senses: Senses) -> Command:
@@ -190,7 +189,7 @@ class BuiltInPlayer:
             std_m, std_rad = self._settings.start_std_m, self._settings.start_std_rad
             covariance = np.diag([std_m, std_m, std_rad]) ** 2
             self._filter.update(PoseEstimate(self._start, covariance, 1.0, 0.0), senses.t_s)
-        self._motion.update(odometry, senses.t_s)
+        self._driving.update(odometry, senses.t_s)
         self._last_t_s = senses.t_s
         if not senses.ball_in_mouth:
             self._held_since_s = None
@@ -210,7 +209,7 @@ class BuiltInPlayer:
         if self._straight is not None:
             frame = self._straight.straighten(frame, frame_t_s, 0.0 if self._head is None else self._head.pan_rad)
         hypotheses = self._filter.hypotheses
-        view = self._vision.look(frame, frame_t_s, pan_rad=None if self._head is None else self._head.pan_rad)
+        view = self._localizer.look(frame, frame_t_s, pan_rad=None if self._head is None else self._head.pan_rad)
         if self._head is not None:
             self._head.observe(view, hypotheses)
         self._view = view
@@ -286,7 +285,7 @@ class BuiltInPlayer:
         self._travel = travel = self._plan_travel(plan, t_s)
         if travel is not None:
             travel = dataclasses.replace(travel, waypoint=self._point_in_team(travel.waypoint))
-        return self._motion.drive(plan, self._in_team(pose), free_space, t_s, moving, travel)
+        return self._driving.drive(plan, self._in_team(pose), free_space, t_s, moving, travel)
 
     def _plan_shot(self, senses: Senses) -> ShotPlan | None:
         if self._shooter is None or not senses.ball_in_mouth:
@@ -318,7 +317,7 @@ class BuiltInPlayer:
         tracks, age_s = self._tracks(t_s)
         c, s = math.cos(robot.pose.theta_rad), math.sin(robot.pose.theta_rad)
         velocity, pending = (
-            (c * x - s * y, s * x + c * y) for x, y in (self._motion.now_mps, self._motion.pending_mps)
+            (c * x - s * y, s * x + c * y) for x, y in (self._driving.now_mps, self._driving.pending_mps)
         )
         return Surroundings(
             t_s,

@@ -10,6 +10,7 @@ from typing import cast
 
 from field_models.errors import ArgumentError
 from sim2d.players.built_in import BuiltInPlayer
+from sim2d.players.parts import PlayerParts
 from sim2d.players.settings import PlayerSettings
 from sim2d.robot_link import Player, PlayerFactory, PlayerSetup
 
@@ -24,6 +25,8 @@ class BuiltInTeam:
         As `BuiltInPlayer`.
     settings : PlayerSettings
         As `BuiltInPlayer`.
+    parts : PlayerParts
+        As `BuiltInPlayer`.
     """
 
     remembers: bool = False
@@ -32,6 +35,7 @@ class BuiltInTeam:
     looks_again: bool = False
     talks: bool = False
     settings: PlayerSettings = PlayerSettings()
+    parts: PlayerParts = PlayerParts()
 
     def __call__(self, setup: PlayerSetup) -> Player:
         """Make one player."""
@@ -43,6 +47,7 @@ class BuiltInTeam:
             looks_again=self.looks_again,
             talks=self.talks,
             settings=self.settings,
+            parts=self.parts,
         )
 
 

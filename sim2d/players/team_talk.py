@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from field_models.errors import PacketError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.team.ball_fusion import BallFusionSettings, FusedBall, TeamBall
-from robocup_vision.team.message import BallSighting, TeamMessage, unpack_message
-from robocup_vision.team.roles import ChosenRole, RoleChooser, RoleSettings, time_to_ball_s
+from robocup_vision.team.message import BallSighting, Role, TeamMessage, unpack_message
+from robocup_vision.team.roles import ChosenRole, RoleSettings, time_to_ball_s
 from sim2d.robot_link import PlayerSetup
 
 Point = tuple[float, float]
@@ -39,6 +40,20 @@ class TeamTalkSettings:
     roles: RoleSettings = RoleSettings()
 
 
+class ChoosesRole(Protocol):
+    """Chooses the player's role from messages of others; see `RoleChooser`, which does, for the arguments."""
+
+    role: Role
+
+    def update(self, message: TeamMessage) -> None:
+        """Take in a message."""
+        ...
+
+    def choose(self, t_s: float, place: Point | None, ball: Point | None, time_to_ball_s: float) -> ChosenRole:
+        """Return the role for now."""
+        ...
+
+
 class TeamTalk:
     """One player's messages.
 
@@ -46,8 +61,8 @@ class TeamTalk:
     ----------
     setup : PlayerSetup
         Of the player.
-    is_keeper : bool
-        It keeps the goal.
+    roles : ChoosesRole
+        What agrees on roles; a `RoleChooser`, or a part of one's own.
     settings : TeamTalkSettings
         See there.
 
@@ -57,11 +72,11 @@ class TeamTalk:
         Messages that were none.
     """
 
-    def __init__(self, setup: PlayerSetup, is_keeper: bool, settings: TeamTalkSettings = TeamTalkSettings()) -> None:
+    def __init__(self, setup: PlayerSetup, roles: ChoosesRole, settings: TeamTalkSettings = TeamTalkSettings()) -> None:
         self._number, self._attacks = setup.number, setup.attacks
         self._limits, self._settings = setup.limits, settings
         self._ball = TeamBall(settings.ball)
-        self._roles = RoleChooser(setup.number, is_keeper, setup.limits.speed_mps, settings.roles)
+        self._roles = roles
         self._told_s = -math.inf
         self.refused = 0
 

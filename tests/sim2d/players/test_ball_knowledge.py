@@ -14,6 +14,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.team.message import BallSighting, TeamMessage
+from robocup_vision.team.roles import RoleChooser
 from sim2d.players.ball_knowledge import BallKnowledge
 from sim2d.players.ball_memory import BallMemorySettings
 from sim2d.players.team_talk import TeamTalk
@@ -30,7 +31,8 @@ AHEAD = Ball(0.5, 0.0, np.diag([4e-4, 1e-4]), 0.0, 0.0)
 def knowledge(*told, talks=True, hides=False, camera_height_m=None):
     talk = None
     if talks:
-        talk = TeamTalk(PlayerSetup(FIELD, sekimori_camera(), RobotLimits(), 1, 1, 3, 0), is_keeper=False)
+        setup = PlayerSetup(FIELD, sekimori_camera(), RobotLimits(), 1, 1, 3, 0)
+        talk = TeamTalk(setup, RoleChooser(1, is_keeper=False, speed_mps=1.0))
         for k, ball in enumerate(told):
             talk.hear((TeamMessage(k + 2, ball.t_s, "support", ball=ball).pack(),), None)
     return BallKnowledge(0.12, BallMemorySettings(), hides=hides, talk=talk, camera_height_m=camera_height_m)

@@ -16,6 +16,7 @@ from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import play_plan
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import PLAYERS, BuiltInTeam, player_factory, player_name
+from sim2d.players.parts import PlayerParts
 from sim2d.players.settings import PlayerSettings
 
 KNOWN = "plain, memory, planning, asking, looking, team, or one's own as MODULE:NAME"
@@ -27,6 +28,7 @@ OPTIONS = {
     "looks_again": False,
     "talks": False,
     "settings": PlayerSettings(),
+    "parts": PlayerParts(),
 }
 
 

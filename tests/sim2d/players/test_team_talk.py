@@ -11,6 +11,7 @@ from field_models import load_field
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.team.message import BallSighting, TeamMessage, unpack_message
+from robocup_vision.team.roles import RoleChooser
 from sim2d.players.team_talk import TeamTalk
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import PlayerSetup, RobotLimits
@@ -21,7 +22,8 @@ BALL = BallSighting(1.0, 0.9, 0.1, 0.0, 0.0, 1e-4 * np.eye(2))
 
 
 def talk(number=1, attacks=1):
-    return TeamTalk(PlayerSetup(FIELD, CAMERA, LIMITS, attacks, number, 4, 0), is_keeper=False)
+    roles = RoleChooser(number, is_keeper=False, speed_mps=LIMITS.speed_mps)
+    return TeamTalk(PlayerSetup(FIELD, CAMERA, LIMITS, attacks, number, 4, 0), roles)
 
 
 def test_a_message_goes_out_twice_a_second():

@@ -1,0 +1,185 @@
+"""The parts of a built-in player, each of which may be replaced by one's own: what makes them, and what each must do.
+
+A part is made by a function or class that gets the player's setup and settings. Those at module level may be sent to
+other processes, as tournaments do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.belief import Track
+from robocup_vision.calibration.online import OnlineCalibration
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.disc import Disc
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.memory import Memory
+from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.color_table import Colors
+from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.team.message import BallSighting
+from robocup_vision.team.roles import RoleChooser
+from robocup_vision.view import View
+from robocup_vision.vision import CameraRefiner, Vision
+from sim2d.players.ball_knowledge import BallKnowledge, KnownBall
+from sim2d.players.driving.motion import Motion
+from sim2d.players.driving.travel import Travel
+from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.settings import PlayerSettings
+from sim2d.players.tactics.tactics import Tactics
+from sim2d.players.team_talk import ChoosesRole, TeamTalk
+from sim2d.robot_link import Command, PlayerSetup
+
+
+class LocalizerPart(Protocol):
+    """Turns frames into views, and keeps the pose filter, tracks and map in its memory; `Vision` does."""
+
+    @property
+    def memory(self) -> Memory | None:
+        """Estimates over time; `look` updates them."""
+        ...
+
+    @property
+    def colors(self) -> Colors | None:
+        """Colours that it uses."""
+        ...
+
+    @property
+    def online(self) -> CameraRefiner | None:
+        """What calibrates its camera meanwhile; a player's status tells the state of an `OnlineCalibration`."""
+        ...
+
+    def look(self, frame: UInt8Array, t_s: float, *, pan_rad: float | None = None) -> View:
+        """Return what a frame shows."""
+        ...
+
+
+class BallPart(Protocol):
+    """Keeps what the player knows of the ball; see `BallKnowledge`, which does, for the arguments."""
+
+    @property
+    def sighting(self) -> BallSighting | None:
+        """The ball as the player last saw it itself, for messages."""
+        ...
+
+    def place(self, t_s: float) -> Point | None:
+        """Return where the ball is, field frame."""
+        ...
+
+    def see(self, robot: PoseEstimate, ball: Ball, t_s: float, tracks: tuple[Track, ...], age_s: float) -> None:
+        """Update with a ball that a frame shows."""
+        ...
+
+    def hold(self, robot: PoseEstimate, t_s: float) -> None:
+        """Update with a ball in the robot's mouth."""
+        ...
+
+    def forget(self, t_s: float) -> None:
+        """Forget all that was seen before a time."""
+        ...
+
+    def locate(
+        self, robot: Pose2 | None, free_space: FreeSpace | None, t_s: float, tracks: tuple[Track, ...], age_s: float
+    ) -> KnownBall:
+        """Return where the ball is now."""
+        ...
+
+
+class TacticsPart(Protocol):
+    """Decides where to go and what to do there; `Tactics` does."""
+
+    @property
+    def is_keeper(self) -> bool:
+        """Whether the player keeps the goal."""
+        ...
+
+    def decide(self, now: Situation) -> Plan:
+        """Choose the next plan."""
+        ...
+
+
+class DrivingPart(Protocol):
+    """Drives the robot to where its plan wants it; `Motion` does."""
+
+    @property
+    def now_mps(self) -> tuple[float, float]:
+        """Velocity, robot frame."""
+        ...
+
+    @property
+    def pending_mps(self) -> tuple[float, float]:
+        """What was commanded last, robot frame."""
+        ...
+
+    def update(self, odometry: Pose2, t_s: float) -> None:
+        """Update with the odometry since the last call."""
+        ...
+
+    def drive(
+        self,
+        plan: Plan,
+        pose: Pose2,
+        free_space: FreeSpace,
+        t_s: float,
+        moving: Sequence[Disc] = (),
+        travel: Travel | None = None,
+    ) -> Command:
+        """Return the next command."""
+        ...
+
+
+def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool) -> LocalizerPart:
+    """Return `Vision` with a memory, of tracks and map, too, if the player remembers."""
+    memory = (
+        Memory.of_everything(setup.field, settings.memory)
+        if remembers
+        else Memory(setup.field, settings=settings.memory)
+    )
+    calibrates = setup.camera_is_rough and settings.calibrates
+    online = OnlineCalibration(setup.field, setup.camera) if calibrates else None
+    return Vision(setup.field, setup.camera, memory=memory, online=online)
+
+
+def make_ball(setup: PlayerSetup, settings: PlayerSettings, hides: bool, talk: TeamTalk | None) -> BallPart:
+    """Return what keeps the ball; `hides` and `talk` as in `BallKnowledge`."""
+    reach_m = setup.limits.radius_m + setup.field.ball_radius_m
+    height_m = setup.camera.height_m if isinstance(setup.camera, PinholeCamera) else None
+    return BallKnowledge(reach_m, settings.ball, hides=hides, talk=talk, camera_height_m=height_m)
+
+
+def make_role(setup: PlayerSetup, settings: PlayerSettings, is_keeper: bool) -> ChoosesRole:
+    """Return what agrees on roles, for players that speak."""
+    return RoleChooser(setup.number, is_keeper, setup.limits.speed_mps, settings.talk.roles)
+
+
+def make_tactics(setup: PlayerSetup, settings: PlayerSettings) -> TacticsPart:
+    """Return the built-in tactics."""
+    return Tactics(setup.field, setup.limits, setup.number, setup.players, settings.tactics, settings.ball)
+
+
+def make_driving(setup: PlayerSetup, settings: PlayerSettings) -> DrivingPart:
+    """Return the built-in driving."""
+    return Motion(setup.limits, np.random.default_rng(setup.seed), settings.motion)
+
+
+@dataclass(frozen=True, slots=True)
+class PlayerParts:
+    """What makes the parts of a player.
+
+    Parameters
+    ----------
+    localizer, ball, role, tactics, driving : callable
+        Each makes its part; see the functions above for the arguments.
+    """
+
+    localizer: Callable[[PlayerSetup, PlayerSettings, bool], LocalizerPart] = make_localizer
+    ball: Callable[[PlayerSetup, PlayerSettings, bool, TeamTalk | None], BallPart] = make_ball
+    role: Callable[[PlayerSetup, PlayerSettings, bool], ChoosesRole] = make_role
+    tactics: Callable[[PlayerSetup, PlayerSettings], TacticsPart] = make_tactics
+    driving: Callable[[PlayerSetup, PlayerSettings], DrivingPart] = make_driving
