@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 # names only: reading the options must load no simulator, so that --help answers at once
-CAMERA_NAMES = ("sekimori", "ers7", "nao", "ssl_forward", "msl_mirror")
+CAMERA_NAMES = ("sekimori", "ers7", "nao", "ssl_forward", "ssl_mirror", "msl_mirror")
 ROBOT_NAMES = ("small", "small_size", "four_legged", "humanoid", "middle_size")
 
 

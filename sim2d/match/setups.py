@@ -78,6 +78,7 @@ CAMERAS: dict[str, Callable[[], Camera]] = {
     "ers7": lambda: _held(ers7_camera(*_HEAD_SIZE_PX), -12.0),
     "nao": lambda: _held(nao_camera(*_HEAD_SIZE_PX), -20.0),
     "ssl_forward": partial(_built_in, "ssl_forward"),
+    "ssl_mirror": partial(_built_in, "ssl_mirror"),
     "msl_mirror": partial(_built_in, "msl_mirror"),
 }
 

@@ -108,7 +108,7 @@ class BuiltInPlayer:
         self._ball = parts.ball(setup, settings, hides, self._talk)
         self._phase: Phase = "play"
         self._view: View | None = None
-        self._view_t_s = -math.inf
+        self._view_t_s = self._looked_s = -math.inf
         self._floor = SteadyFreeSpace(settings.floor_margin_ratio)
         self._free_space: FreeSpace | None = None
         self._last_frame: UInt8Array | None = None
@@ -206,6 +206,10 @@ class BuiltInPlayer:
         self._last_frame = frame.copy()
         if self._head is not None and senses.frame_pan_rad is not None:
             self._head.pan_rad = senses.frame_pan_rad
+        is_soon = frame_t_s - self._looked_s < self._settings.lost_look_s
+        if is_soon and self._sees_ahead_only and self._filter.prior(frame_t_s) is None:
+            return
+        self._looked_s = frame_t_s
         if self._straight is not None:
             frame = self._straight.straighten(frame, frame_t_s, 0.0 if self._head is None else self._head.pan_rad)
         hypotheses = self._filter.hypotheses

@@ -33,6 +33,9 @@ class PlayerSettings:
         It drives by a frame's free space for so long, then stops until the next: obstacles move on.
     calibrates : bool
         Where its camera file is rough (`PlayerSetup.camera_is_rough`) it calibrates while it plays.
+    lost_look_s : float
+        With a pinhole camera it looks no more often than this while no pose is expected: a search of the whole field
+        takes as long as several other looks, and frames close together err alike.
     lost_rps : float
         It turns so fast while it is not located, to see more of the field.
     """
@@ -50,4 +53,5 @@ class PlayerSettings:
     floor_margin_ratio: float = 0.02
     max_frame_age_s: float = 0.4
     calibrates: bool = True
+    lost_look_s: float = 0.1
     lost_rps: float = 1.0

@@ -42,6 +42,7 @@ class EdgeLocalizer:
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._last_s: float | None = None
+        self._failed_s: float | None = None  # when the last search beside a prior found nothing
 
     def with_camera(self, camera: PinholeCamera) -> EdgeLocalizer:
         """Return a localiser that goes on with another calibration of its camera."""
@@ -63,8 +64,9 @@ class EdgeLocalizer:
         else:
             near = _with_pan_error(self._as_estimate(prior).seen_from(camera.camera_in_robot))
             answer, points = self._follow(evidence, near)
-            if isinstance(answer, NotLocated):
+            if isinstance(answer, NotLocated) and self._may_search(evidence.t_s):
                 found = self._find(evidence.frame)
+                self._failed_s = evidence.t_s if isinstance(found, NotLocated) else None
                 answer = answer if isinstance(found, NotLocated) else found
         self._last_s = evidence.t_s
         is_open = isinstance(answer, NotLocated) or bool(answer.others)
@@ -102,6 +104,11 @@ class EdgeLocalizer:
             return answer, None
         self.follower.state = self._second_look.state
         return again, self._second_look.edge_points()
+
+    def _may_search(self, t_s: float | None) -> bool:
+        if t_s is None or self._failed_s is None:
+            return True
+        return not 0.0 <= t_s - self._failed_s < self.follower.settings.search_again_s
 
     def _find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
         return self._made_finder().find(frame)

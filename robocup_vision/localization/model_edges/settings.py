@@ -93,6 +93,8 @@ class EdgeSettings:
     # a frame that confirms nothing is looked at again so many times smaller, for it may be blurred; at least this wide
     copy_factors: tuple[int, ...] = (1, 2, 3)
     min_copy_px: int = 200
+    # a search by the bank that found nothing is not repeated so soon: frames so close together show the same
+    search_again_s: float = 0.1
     # of the prior where only a pose is given
     prior_std_m: float = 0.15
     prior_std_rad: float = 0.1

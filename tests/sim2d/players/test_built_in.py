@@ -197,6 +197,19 @@ def test_at_a_kick_off_it_knows_its_place_before_any_frame():
     assert player.status.pose.pose.x_m == pytest.approx(kick_off_pose(FIELD, -1, 0, 1).x_m - 0.03, abs=1e-6)
 
 
+def test_a_lost_player_with_a_forward_camera_looks_no_more_than_ten_times_a_second():
+    field = load_field("four_legged_2007")
+    camera = camera_for(field)
+    player = BuiltInPlayer(PlayerSetup(field, camera, LIMITS, 1, 0, 1, 0))
+    rng = np.random.default_rng(2)
+    looked = []
+    for step in range(7):
+        dark = rng.integers(0, 4, (*camera.size_px[::-1], 3), dtype=np.uint8)
+        player.act(Senses(step / 30, dark, step / 30, Pose2(0.0, 0.0, 0.0), False, "play", False, 0.0))
+        looked.append(player.status.view)
+    assert len({id(view) for view in looked}) == 3  # at 0, 0.1 and 0.2 s
+
+
 @pytest.mark.slow
 def test_the_same_seed_plays_the_same_match():
     first, second = (play(2.0, seed=11)[0].state for _ in range(2))

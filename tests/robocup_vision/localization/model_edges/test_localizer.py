@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.estimates import PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import floor_places
 from robocup_vision.localization.model_edges.field_edges import lens_table
@@ -44,6 +44,19 @@ def test_a_head_on_a_robot_is_followed_as_the_robot(fl_shot):
     assert away < 0.03
     assert turn < math.radians(1.0)
     assert view.camera_pose.pose.error_to(fl_shot.pose)[0] < 0.03
+
+
+def test_a_search_that_found_nothing_is_not_repeated_at_once(fl_shot, monkeypatch):
+    searches = []
+    monkeypatch.setattr(
+        EdgeFinder, "find", lambda self, frame: searches.append(frame) or NotLocated("no pose explains what is in view")
+    )
+    vision = Vision(fl_shot.field, fl_shot.camera)
+    searches.clear()
+    empty, prior = np.full_like(fl_shot.frame, 90), fl_shot.pose
+    for t_s, count in ((0.0, 1), (0.033, 1), (0.067, 1), (0.11, 2), (0.12, 2), (0.02, 3), (None, 4), (None, 5)):
+        assert not vision.look(empty, t_s, prior=prior).pose
+        assert len(searches) == count
 
 
 def test_memory_takes_the_frame_s_own_word(fl_shot):
