@@ -394,6 +394,6 @@ def _edge_px(view: FloorView, columns: Int64Array) -> FloatArray:
 
 
 def _same_mounting(a: PinholeCamera, b: PinholeCamera, *, with_pan: bool) -> bool:
-    """Whether two cameras of one lens see the floor alike, up to the pan unless that is asked for, too."""
-    same = (a.tilt_rad, a.roll_rad, a.height_m, a.focal_px) == (b.tilt_rad, b.roll_rad, b.height_m, b.focal_px)
-    return same and (not with_pan or a.camera_in_robot == b.camera_in_robot)
+    """Whether two calibrations of one camera see the floor alike, up to the pan unless that is asked for, too."""
+    mounted = [(c.tilt_rad, c.roll_rad, c.height_m, c.focal_px, c.center_px) for c in (a, b)]
+    return mounted[0] == mounted[1] and (not with_pan or a.camera_in_robot == b.camera_in_robot)

@@ -29,6 +29,7 @@ _COLORS = {1: ("#b45309", "#d97706", "#f59e0b", "#92400e"), -1: ("#1d4ed8", "#3b
 _BEFORE_S = 2.0
 _WAYS_CAPTION = "Paths of the robots (colours as in the table) and of the ball (grey)."
 _SPEEDS_CAPTION = "Speed limit that planning set for each robot (a gap: it planned none)."
+_CAMERAS_CAPTION = "How far each player believes its camera's centre to be from the camera file's."
 _ERRORS_CAPTION = "Error of each estimated position (dashed: 5 cm; a gap: no estimate)."
 
 
@@ -66,6 +67,8 @@ def render_report(
     from jinja2 import Environment
 
     plots = [(_ways(field, figures, story), _WAYS_CAPTION), (_errors(figures, story), _ERRORS_CAPTION)]
+    if story.calibrates:
+        plots.append((_cameras(figures, story), _CAMERAS_CAPTION))
     if planning.planners:
         plots.append((_speeds(figures, planning), _SPEEDS_CAPTION))
 
@@ -167,6 +170,16 @@ def _speeds(figures: MatchFigures, planning: PlanningStory) -> str:
         axes.plot(planning.t_s, planning.speed_mps[index], color=_color(figures.robots[index]), linewidth=0.9)
     axes.set_ylim(bottom=0.0)
     tidy(axes, "time (s)", "speed allowed (m/s)")
+    return encode(figure)
+
+
+def _cameras(figures: MatchFigures, story: MatchStory) -> str:
+    figure = new_figure(8.0, 2.4)
+    axes = figure.subplots()
+    for robot in figures.robots:
+        axes.plot(story.t_s, story.center_moved_px[robot.robot], color=_color(robot), linewidth=0.9)
+    axes.set_ylim(bottom=0.0)
+    tidy(axes, "time (s)", "centre moved (px)")
     return encode(figure)
 
 

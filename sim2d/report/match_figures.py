@@ -89,6 +89,7 @@ class MatchLog:
             if robot.stopped and log.stopped_s is None:
                 log.stopped_s, log.stopped_reason = state.t_s, robot.stopped
             log.add(state.t_s, truth.pose, robot.status.pose, robot.command, truth.index == has_ball)
+            log.add_calibration(state.t_s, robot.status.calibration)
         self._periods += 1
 
     def add_events(self, after: WorldState) -> None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from robocup_vision.calibration.online import OnlineState
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.scoring import FAIR_M, FAIR_RAD, NEAR_M, NEAR_RAD
 from robocup_vision.geometry import Pose2
@@ -26,8 +27,39 @@ SETTLING_S = 2.0
 # stuck: within this of one place for so long, though commanded to drive, faster than that, for at least half of the
 # time; and less than half as far as free wheels would have come, because a keeper sways on purpose
 STUCK_S, STUCK_WITHIN_M, STUCK_COMMANDED_MPS = 5.0, 0.10, 0.05
+# how often a player's estimate of its camera is kept
+CALIBRATION_EVERY_S = 5.0
 # a robot has recovered once its estimate is right, and stays so for this long
 _STAYS_RIGHT_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationFigures:
+    """A player's estimate of its camera at one time, see `OnlineState`.
+
+    Parameters
+    ----------
+    t_s : float
+        When.
+    center_px, tilt_rad : (float, float)
+        In use; of a pinhole camera tilt and roll.
+    center_std_px, tilt_std_rad : (float, float)
+        Standard deviations.
+    scale, scale_std : float
+        Of the image against the camera file's, and its standard deviation.
+    steps, knocks : int
+        Changes of the camera, and knocks noticed so far.
+    """
+
+    t_s: float
+    center_px: tuple[float, float]
+    tilt_rad: tuple[float, float]
+    center_std_px: tuple[float, float]
+    tilt_std_rad: tuple[float, float]
+    scale: float
+    scale_std: float
+    steps: int
+    knocks: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +97,8 @@ class RobotFigures:
         When it was stopped, its player having failed.
     stopped_reason : str
         Why; empty if it was not.
+    calibration : tuple of CalibrationFigures
+        Its camera as its player estimates it, every 5 s; empty if the player does not calibrate.
     """
 
     robot: int
@@ -87,6 +121,7 @@ class RobotFigures:
     longest_stuck_s: float
     stopped_s: float | None
     stopped_reason: str
+    calibration: tuple[CalibrationFigures, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +203,7 @@ class RobotLog:
         self._before: Pose2 | None = None
         self._possession_s = 0.0
         self._recoveries = [_Recovery(fault) for fault in faults]
+        self._calibration: list[CalibrationFigures] = []
         self.collisions = self.wall_contacts = self.kicks = 0
         self.stopped_s: float | None = None
         self.stopped_reason = ""
@@ -196,6 +232,24 @@ class RobotLog:
         self._stuck.add(self._way.add(truth, command), self._step_s)
         for recovery in self._recoveries:
             recovery.add(t_s, is_near)
+
+    def add_calibration(self, t_s: float, state: OnlineState | None) -> None:
+        """Add what the player says of its camera, if it says so and the last that was kept is some time ago."""
+        if state is None or (self._calibration and t_s < self._calibration[-1].t_s + CALIBRATION_EVERY_S - 1e-9):
+            return
+        self._calibration.append(
+            CalibrationFigures(
+                t_s,
+                state.center_px,
+                state.tilt_rad,
+                state.center_std_px,
+                state.tilt_std_rad,
+                state.scale,
+                state.scale_std,
+                state.steps,
+                state.knocks,
+            )
+        )
 
     def put_down(self) -> None:
         """Start a new path: the robot was carried elsewhere."""
@@ -228,6 +282,7 @@ class RobotLog:
             longest_stuck_s=stuck_s + STUCK_S if stuck_s else 0.0,
             stopped_s=self.stopped_s,
             stopped_reason=self.stopped_reason,
+            calibration=tuple(self._calibration),
         )
 
     @property

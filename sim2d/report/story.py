@@ -1,4 +1,4 @@
-"""Collects the samples for the report's plots: positions and localisation errors, ten times a second."""
+"""Collects the samples for the report's plots: positions, localisation errors and cameras, ten times a second."""
 
 from __future__ import annotations
 
@@ -26,8 +26,15 @@ class MatchStory:
         self.x_m = [array("f") for _ in range(robots)]
         self.y_m = [array("f") for _ in range(robots)]
         self.error_m = [array("f") for _ in range(robots)]
+        # how far each player believes the camera's centre to be from its file's; NaN where it does not calibrate
+        self.center_moved_px = [array("f") for _ in range(robots)]
         self.ball_x_m, self.ball_y_m = array("f"), array("f")
         self._periods = 0
+
+    @property
+    def calibrates(self) -> bool:
+        """Whether any player calibrates its camera."""
+        return any(not math.isnan(value) for one in self.center_moved_px for value in one[-1:])
 
     def add(self, moment: Moment) -> None:
         """Add a control period."""
@@ -42,4 +49,6 @@ class MatchStory:
                 pose = robot.status.pose
                 error_m = pose.pose.error_to(truth.pose)[0] if isinstance(pose, PoseEstimate) else math.nan
                 self.error_m[index].append(error_m)
+                calibration = robot.status.calibration
+                self.center_moved_px[index].append(math.nan if calibration is None else calibration.moved_px)
         self._periods += 1

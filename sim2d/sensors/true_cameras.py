@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera, PinholeCamera
-from robocup_vision.camera.floor_range import FloorRange
+from robocup_vision.camera.floor_range import magnified
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,35 +61,6 @@ class KnockSettings:
     error: CameraErrorSettings = CameraErrorSettings(mirror_curve_ratio=0.0, focal_ratio=0.0)
 
 
-@dataclass(frozen=True)
-class Magnified:
-    """A mirror's curve whose image radii are a little larger: a `FloorRange`.
-
-    Parameters
-    ----------
-    curve : FloorRange
-        As the file has it.
-    factor : float
-        By which the radii are larger.
-    """
-
-    curve: FloorRange
-    factor: float
-
-    def inverse_range_per_m(self, radius_px: npt.ArrayLike) -> FloatArray:
-        """1/r, see `FloorRange`."""
-        return self.curve.inverse_range_per_m(np.asarray(radius_px, dtype=np.float64) / self.factor)
-
-    def radius_px(self, inverse_range_per_m: npt.ArrayLike) -> FloatArray:
-        """R, see `FloorRange`."""
-        return np.asarray(self.curve.radius_px(inverse_range_per_m) * self.factor)
-
-    @property
-    def implied_height_m(self) -> float | None:
-        """As the file's curve."""
-        return self.curve.implied_height_m
-
-
 def draw_camera(
     camera: OmniCamera | PinholeCamera, error: CameraErrorSettings, rng: np.random.Generator
 ) -> OmniCamera | PinholeCamera:
@@ -111,7 +80,7 @@ def draw_camera(
     if isinstance(camera, OmniCamera):
         off_px, curve = error.mirror_center_px, camera.floor_range
         if error.mirror_curve_ratio:
-            curve = Magnified(curve, 1 + error.mirror_curve_ratio * scale)
+            curve = magnified(curve, 1 + error.mirror_curve_ratio * scale)
         tilt_x, tilt_y = camera.tilt_rad
         return replace(
             camera,

@@ -17,6 +17,7 @@ from sim2d.kick_off import kick_off_pose
 from sim2d.match.run import MatchPlan
 from sim2d.match.setups import camera_for
 from sim2d.players.built_in import BuiltInPlayer
+from sim2d.players.settings import PlayerSettings
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.report.video import MatchPictures
 from sim2d.robot_link import Command, PlayerSetup, RobotLimits, Senses
@@ -185,6 +186,16 @@ def test_before_anything_is_seen_it_waits():
     assert player.status.intent == "wait"
     assert not player.status.pose
     assert player.status.view is None
+
+
+def test_it_calibrates_where_its_camera_file_is_rough():
+    rough = PlayerSetup(FIELD, CAMERA, LIMITS, 1, 0, 1, 0, camera_is_rough=True)
+    calibration = BuiltInPlayer(rough).status.calibration
+    assert calibration is not None
+    assert calibration.center_px == CAMERA.center_px
+    assert BuiltInPlayer(rough, settings=PlayerSettings(calibrates=False)).status.calibration is None
+    exact = dataclasses.replace(rough, camera_is_rough=False)
+    assert BuiltInPlayer(exact).status.calibration is None
 
 
 def test_at_a_kick_off_it_knows_its_place_before_any_frame():

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from robocup_vision.calibration.online import OnlineState
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from sim2d.report.robot_figures import RobotLog
+from sim2d.report.robot_figures import CalibrationFigures, RobotLog
 from sim2d.robot_link import Command
 from sim2d.sensors.faults import BodyFault, SenseFault
 
@@ -114,3 +115,19 @@ def test_nothing_seen_is_nothing_claimed():
     figures = RobotLog(2, -1, 0, PERIOD_S, 1.2).figures
     assert (figures.frames, figures.median_error_m, figures.right_half_ratio) == (0, None, None)
     assert figures.within_5cm_3deg == figures.lost_ratio == figures.possession == 0.0
+
+
+def test_a_player_s_camera_is_kept_every_five_seconds():
+    log = log_of([])
+    state = OnlineState((100.0, 80.0), (-0.2, 0.01), (0.5, 0.6), (0.01, 0.02), 1.01, 0.003, 2.0, 0.02, False, 3, 1)
+    for index in range(round(11.0 / PERIOD_S)):
+        log.add_calibration(index * PERIOD_S, state)
+    kept = log.figures.calibration
+    assert [one.t_s for one in kept] == pytest.approx([0.0, 5.0, 10.0])
+    assert kept[0] == CalibrationFigures(0.0, (100.0, 80.0), (-0.2, 0.01), (0.5, 0.6), (0.01, 0.02), 1.01, 0.003, 3, 1)
+
+
+def test_a_player_that_does_not_calibrate_has_no_camera_to_tell_of():
+    log = log_of([])
+    log.add_calibration(0.0, None)
+    assert log.figures.calibration == ()

@@ -38,7 +38,7 @@ def test_mirror_cameras_are_drawn_about_their_file():
     assert values.std(axis=0) == pytest.approx([1.5, 1.5, *[math.radians(0.3)] * 2, 0.02], rel=0.12)
     one = drawn[0].floor_range
     assert one.inverse_range_per_m(one.radius_px(2.0)) == pytest.approx(2.0)
-    assert one.implied_height_m == MIRROR.floor_range.implied_height_m
+    assert one.implied_height_m == pytest.approx(MIRROR.floor_range.implied_height_m)
 
 
 def test_a_knock_moves_a_camera_once_and_changes_no_lens():

@@ -116,6 +116,16 @@ def test_colours_last_pose_and_bank_are_kept(looks):
     assert new.state.last_pose == old.state.last_pose
 
 
+def test_the_floor_s_tables_are_those_of_the_camera_in_use(looks):
+    vision = Vision(FIELD, CAMERA)
+    frame = looks[1][0][0]
+    vision.look(frame)
+    pipeline = vision._pipeline.with_camera(replace(CAMERA, center_px=(CAMERA.center_px[0] + 4.0, 79.5)))
+    moved, before = pipeline.look(frame).polar, vision.polar
+    assert moved.camera.center_px == pipeline.camera.center_px
+    assert before.camera.center_px == CAMERA.center_px
+
+
 def test_other_methods_take_a_better_camera_too(looks):
     vision = Vision(FIELD, CAMERA, method="field")
     camera = replace(CAMERA, height_m=0.2)

@@ -1,0 +1,141 @@
+"""Matches of robots whose cameras are not what their files say, and are knocked: with and without calibration in play.
+
+Two against two with the built-in players, all other disturbances on (four_legged_2007: those of legs; ssl_2001, mirror
+cameras: late frames and drifting light); the same seeds for each row. Each true camera is drawn about its file (see
+`CameraErrorSettings`); at a moment between 10 and 40 s a knock moves it as much again. "near": fraction of the control
+periods after 10 s in which a robot's estimate is within 3 cm and 3 degrees of the truth (four_legged_2007: 10 cm, 5
+degrees), but for the 5 s after its knock; "after a knock": of those 5 s. "knocks": noticed, of all; "false": noticed
+before there was one. "file": players that do not calibrate. "exact": true cameras as in their files, no knock.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+
+from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import columns as col
+from sim2d.match.disturbances import LEGS, Disturbances
+from sim2d.match.run import MatchPlan
+from sim2d.players.catalog import BuiltInTeam
+from sim2d.players.settings import PlayerSettings
+from sim2d.sensors.late_frames import LatencySettings
+from sim2d.sensors.light_drift import LightDriftSettings
+from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings
+
+# (matches, seconds each)
+QUICK, DEFAULT, FULL = (1, 14.0), (1, 40.0), (10, 60.0)
+SETTLED_S, AFTER_KNOCK_S = 10.0, 5.0
+
+
+@dataclass(frozen=True)
+class League:
+    """What is played, how near counts as near, and how often that must be so."""
+
+    disturbances: Disturbances
+    near_m: float
+    near_rad: float
+    min_near: float
+
+
+LEAGUES = {
+    "ssl_2001": League(
+        Disturbances(latency=LatencySettings(), drift=LightDriftSettings()), 0.03, math.radians(3.0), 0.99
+    ),
+    "four_legged_2007": League(LEGS, 0.10, math.radians(5.0), 0.97),
+}
+
+
+@dataclass
+class Count:
+    """Control periods that are near, and all, settled and after a knock; knocks noticed, false ones, and all."""
+
+    near: int = 0
+    settled: int = 0
+    near_after: int = 0
+    after: int = 0
+    noticed: int = 0
+    false: int = 0
+    knocks: int = 0
+
+
+def play(plan: MatchPlan, league: League, count: Count) -> None:
+    """Play a match and count."""
+    match = plan.begin()
+    noticed: dict[int, int] = {}
+    last_s = 0.0
+    for moment in match.play(plan.seconds):
+        last_s = moment.state.t_s
+        for k, (robot, truth) in enumerate(zip(moment.robots, moment.state.robots, strict=True)):
+            calibration = robot.status.calibration
+            if calibration is not None:
+                before = noticed.get(k, 0)
+                if last_s < match.arena.knock_s(k):
+                    count.false += calibration.knocks - before
+                noticed[k] = calibration.knocks
+            if last_s < SETTLED_S:
+                continue
+            is_near = False
+            if robot.status.pose:
+                away_m, turned_rad = robot.status.pose.pose.error_to(truth.pose)
+                is_near = away_m < league.near_m and turned_rad < league.near_rad
+            if 0.0 <= last_s - match.arena.knock_s(k) < AFTER_KNOCK_S:
+                count.after += 1
+                count.near_after += is_near
+            else:
+                count.settled += 1
+                count.near += is_near
+    came = [k for k in range(4) if match.arena.knock_s(k) < last_s - 1.0]
+    count.knocks += len(came)
+    count.noticed += sum(noticed.get(k, 0) > 0 for k in came)
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__))
+    cv2.setNumThreads(0)
+    matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
+    table = Table(
+        (
+            "field",
+            "camera",
+            col.rate("near %"),
+            col.rate("after a knock %"),
+            "knocks",
+            "false",
+            "verdict",
+        ),
+        f"{matches} matches of {seconds:g} s, {4 * matches} robots a row",
+        name="wrong",
+        samples=round(matches * (seconds - SETTLED_S) * 4),
+    )
+    all_ok = True
+    for name, league in LEAGUES.items():
+        wrong = replace(league.disturbances, camera=CameraErrorSettings(), knock=KnockSettings())
+        rows = {"exact": (league.disturbances, True), "file": (wrong, False), "calibrated": (wrong, True)}
+        for row, (disturbances, calibrates) in rows.items():
+            team = BuiltInTeam(settings=PlayerSettings(calibrates=calibrates))
+            count = Count()
+            for index in range(matches):
+                plan = MatchPlan(name, 2, seconds, arguments.seed + index, team, team, disturbances=disturbances)
+                play(plan, league, count)
+            near = count.near / max(count.settled, 1)
+            ok = near >= league.min_near
+            if row == "calibrated":
+                all_ok &= ok
+            table.row(
+                name,
+                row,
+                percent(near),
+                percent(count.near_after / count.after) if count.after else "-",
+                f"{count.noticed} of {count.knocks}" if row == "calibrated" else "-",
+                f"{count.false}" if row == "calibrated" else "-",
+                verdict(ok) if row == "calibrated" else "",
+            )
+    finish(arguments.check, all_ok)
+
+
+if __name__ == "__main__":
+    main()
