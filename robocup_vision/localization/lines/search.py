@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.lines.lines import DistanceTable, PoseGrid, refine_line_poses, score_pose_grid
 from robocup_vision.localization.lines.line_map import LineMap
@@ -29,6 +30,8 @@ class LineSearchSettings:
         more points than this are left.
     points_per_patch : int
         A line crosses a patch in at least so many points: fewer weigh less, they may be specks.
+    window_px : int
+        A line crosses a square of so many pixels in as many points; with fewer than half of them, a point is a speck.
     min_points : int
         Fewer patches show less than about 2 m of line, which fits in many places of any field.
     grid_step_m, grid_step_rad : float
@@ -48,6 +51,7 @@ class LineSearchSettings:
     patch_m: float = 0.12
     max_points: int = 150
     points_per_patch: int = 3
+    window_px: int = 9
     min_points: int = 18
     grid_step_m: float = 0.2
     grid_step_rad: float = math.radians(5.0)
@@ -102,7 +106,10 @@ def search_by_lines(
     list of LineCandidate
         Best first; empty where there are too few points.
     """
-    thin = one_per_patch(points, np.hypot(*(line_map.extent_m[1] - line_map.extent_m[0])), settings)
+    reach_m = float(np.hypot(*(line_map.extent_m[1] - line_map.extent_m[0])))
+    thin = one_per_patch(points.take(has_continuation(points.pixels, settings)), reach_m, settings)
+    if len(thin) < settings.min_points:
+        thin = one_per_patch(points, reach_m, settings)
     if len(thin) < settings.min_points:
         return []
     floor_m = np.ascontiguousarray(thin.floor_m)
@@ -144,6 +151,18 @@ def _metres_per_px(points: LinePoints) -> FloatArray:
     total = (j**2).sum(axis=(1, 2))
     area = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
     return np.asarray(np.sqrt((total + np.sqrt(np.maximum(total**2 - 4 * area**2, 0))) / 2))
+
+
+def has_continuation(pixels: FloatArray, settings: LineSearchSettings = LineSearchSettings()) -> BoolArray:
+    """Return (N,) bool: which line points (N, 2), px, go on as a line does; specks of noise have few neighbours."""
+    if not len(pixels):
+        return np.zeros(0, dtype=np.bool_)
+    u, v = (np.rint(pixels - pixels.min(axis=0)).astype(np.int64)).T
+    window = settings.window_px
+    spots = np.zeros((int(v.max()) + 1, int(u.max()) + 1), dtype=np.uint8)
+    spots[v, u] = 1
+    around = cv2.boxFilter(spots, cv2.CV_16S, (window, window), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(2 * around[v, u] > window)
 
 
 def one_per_patch(

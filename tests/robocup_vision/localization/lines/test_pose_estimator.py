@@ -16,7 +16,8 @@ from robocup_vision.camera import OmniCamera, Tangent, load_camera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator, refine_by_lines, search_by_lines
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator, refine_by_lines
+from robocup_vision.localization.lines.search import has_continuation, search_by_lines
 from robocup_vision.perception.line_points import LinePoints
 
 REAL = Path(__file__).resolve().parents[5] / "shared" / "real"
@@ -184,6 +185,27 @@ def test_what_stands_around_the_carpet_is_neither_for_nor_against_a_pose(estimat
     carpet_m = truth.inverse().transform(rng.uniform(*MAP.extent_m, (len(points) - len(lines), 2)))
     specks = LinePoints.from_pixels(CAMERA, CAMERA.floor_to_pixel(carpet_m))
     assert "on the carpet" in estimator.follow(joined(lines, specks), truth).reason
+
+
+def test_a_line_among_specks_goes_on_and_specks_do_not():
+    along = np.arange(60.0)
+    rng = np.random.default_rng(5)
+    for angle in (0.0, 0.4, math.pi / 4, 1.3):
+        line = np.stack([math.cos(angle) * along, math.sin(angle) * along], axis=1)
+        specks = rng.uniform([70.0, 0.0], [470.0, 400.0], (400, 2))
+        goes_on = has_continuation(np.concatenate([line, specks]))
+        assert goes_on[4:56].all()
+        assert goes_on[60:].mean() < 0.05
+    assert has_continuation(np.empty((0, 2))).shape == (0,)
+
+
+def test_specks_of_noise_do_not_hide_the_field_from_the_search(estimator):
+    truth, rng = Pose2(0.6, 0.3, 0.5), np.random.default_rng(6)
+    lines = seen_points(truth, rng, drop=0.1, clutter=0.0, spacing_m=0.01)
+    specks = LinePoints.from_pixels(CAMERA, rng.uniform([110, 30], [530, 440], (len(lines) // 3, 2)))
+    found = search_by_lines(joined(lines, specks), MAP)
+    assert found[0].pose.error_to(truth, symmetric=True)[0] < 0.05
+    assert found[0].cost < 0.6 * found[1].cost
 
 
 def test_points_from_nowhere_are_not_located(estimator):
