@@ -24,7 +24,6 @@ from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.files import save_camera
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 
 # between frames without times
@@ -153,7 +152,6 @@ class OnlineCalibration:
         frames = self._frames = _make_evidence(field, camera, mask, settings)
         self._filter = ParameterFilter(frames.start, frames.std, frames.knock_std, settings.filter)
         self._now = frames.start.copy()
-        self._places: list[Pose2] = []
         self._t_s = self._used_s = self._stepped_s = -math.inf
         self._located_s: float | None = None
         self._is_trying, self._tried = False, 0
@@ -223,8 +221,7 @@ class OnlineCalibration:
             return None
         dt_s = since_s if 0.0 < since_s < math.inf else self.settings.every_s
         self._used_s, self._is_trying = self._t_s, False
-        self._filter.pass_time(dt_s)
-        self._take(evidence, view.pose.pose.compose(view.camera.camera_in_robot), dt_s)
+        self._filter.take(evidence, view.pose.pose.compose(view.camera.camera_in_robot), dt_s)
         return self._step()
 
     def _try(self) -> Camera | None:
@@ -242,18 +239,6 @@ class OnlineCalibration:
         self._tried = (self._tried + 1) % len(tries)
         self._is_trying = True
         return self._use(tries[self._tried])
-
-    def _take(self, evidence: Evidence, pose: Pose2, dt_s: float) -> None:
-        if self._filter.is_knocked(evidence, dt_s):
-            self._places.clear()
-        elif self._filter.is_in_doubt or any(self._is_same_place(other, pose) for other in self._places):
-            return
-        self._places = [*self._places[1 - self.settings.places :], pose]
-        self._filter.update(evidence)
-
-    def _is_same_place(self, pose: Pose2, other: Pose2) -> bool:
-        distance_m, angle_rad = pose.error_to(other)
-        return distance_m < self.settings.same_place_m and angle_rad < self.settings.same_heading_rad
 
     def _step(self) -> Camera | None:
         """Return the camera now believed in, if it differs by enough from that in use."""

@@ -1,43 +1,105 @@
 """Estimates a camera's parameters over time: an information filter that forgets slowly and notices a knock.
 
 What no frame tells stays at the camera file's value with its stated standard deviation: that is the prior, and nothing
-else is decided by thresholds. A knock is a change point: cumulative sum of the log-likelihood ratios of "moved just
-now" against "still the same" (Page 1954).
+else is decided by thresholds. A knock is a change point: beliefs that the camera was moved at one of the last moments
+are carried along, and one of them, widened, replaces the estimate when the frames since then are likelier under it, by
+as much as knocks are rare.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.online.evidence import Evidence
+from robocup_vision.geometry import Pose2
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterFilterSettings:
-    """How fast is forgotten, and what is believed of knocks.
+    """How fast is forgotten, what counts as new, and what is believed of knocks.
 
     Parameters
     ----------
     memory_s : float
         Time constant with which the estimate returns to the file's values and standard deviations where nothing tells:
         mounts get warm and loose within a match's half.
+    same_place_m, same_heading_rad : float
+        A frame from so near to one that has been used tells whether the camera has moved, and nothing else: it shows
+        the same edges with the same errors.
+    places : int
+        So many places are remembered. Older ones count as new: light and what stands around have changed.
     knock_every_s : float
-        A knock is expected once in so many seconds of play.
+        A knock is expected once in so many seconds of play: robots fall, and are run into.
     wrong_ratio : float
         Of the frames, those that are taken for something that they are not: a single frame counts for no more than
         that against the parameters.
     alike_s : float
         Frames err alike for so long, as they show the same edges: together they count as one against the parameters.
+    moments, moment_s : int, float
+        How many moments are carried along at which the camera may have been moved, the likeliest, and the time between
+        them.
     """
 
     memory_s: float = 1200.0
-    knock_every_s: float = 300.0
+    same_place_m: float = 0.1
+    same_heading_rad: float = math.radians(15.0)
+    places: int = 60
+    knock_every_s: float = 60.0
     wrong_ratio: float = 0.02
     alike_s: float = 0.6
+    moments: int = 4
+    moment_s: float = 2.0
+
+
+@dataclass
+class CameraBelief:
+    """A Gaussian over a camera's parameters, and the places whose frames it is made of.
+
+    Parameters
+    ----------
+    mean, covariance : (G,), (G, G) float64
+        Of the parameters.
+    since_s : float
+        From when on the camera is believed to be as it is.
+    nats : float
+        How much likelier the frames since then are under it than under the estimate, logarithm.
+    places : list of Pose2
+        The camera's, newest last.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    since_s: float = 0.0
+    nats: float = 0.0
+    places: list[Pose2] = field(default_factory=list)
+
+    def forget(self, keep: float, start: FloatArray, prior: FloatArray) -> None:
+        """Return a little towards the prior: `keep` is what is left."""
+        self.mean = start + keep * (self.mean - start)
+        self.covariance = keep**2 * self.covariance + (1.0 - keep**2) * prior
+
+    def is_new(self, pose: Pose2, settings: ParameterFilterSettings) -> bool:
+        """Whether no frame has been used from near there."""
+        for place in self.places:
+            distance_m, angle_rad = place.error_to(pose)
+            if distance_m < settings.same_place_m and angle_rad < settings.same_heading_rad:
+                return False
+        return True
+
+    def take(self, evidence: Evidence, pose: Pose2, settings: ParameterFilterSettings) -> None:
+        """Take in a frame, if it was taken at a new place."""
+        if not self.is_new(pose, settings):
+            return
+        self.places = [*self.places[1 - settings.places :], pose]
+        before = np.linalg.inv(self.covariance)
+        total = before + evidence.information
+        self.mean = evidence.about + np.linalg.solve(total, evidence.gradient + before @ (self.mean - evidence.about))
+        covariance = np.linalg.inv(total)
+        self.covariance = (covariance + covariance.T) / 2
 
 
 class ParameterFilter:
@@ -59,10 +121,20 @@ class ParameterFilter:
         self.start, self.settings = start.copy(), settings
         self._prior = np.diag(std**2)
         self._knock = np.diag(knock_std**2)
-        self.mean = start.copy()
-        self.covariance: FloatArray = self._prior.copy()
+        self._now = CameraBelief(start.copy(), self._prior.copy())
+        self._moved: list[CameraBelief] = []
+        self._t_s = 0.0
         self.knocks = 0
-        self._nats = self._last_nats = 0.0
+
+    @property
+    def mean(self) -> FloatArray:
+        """(G,) float64: the estimate."""
+        return self._now.mean
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(G, G) float64: its covariance."""
+        return self._now.covariance
 
     @property
     def std(self) -> FloatArray:
@@ -74,47 +146,49 @@ class ParameterFilter:
         """(G, G) float64: covariance if a knock came just now."""
         return self.covariance + self._knock
 
-    def pass_time(self, dt_s: float) -> None:
-        """Forget a little."""
-        keep = math.exp(-dt_s / self.settings.memory_s)
-        self.mean = self.start + keep * (self.mean - self.start)
-        self.covariance = keep**2 * self.covariance + (1.0 - keep**2) * self._prior
-
-    def is_knocked(self, evidence: Evidence, dt_s: float) -> bool:
-        """Weigh a frame for and against a knock; if there was one, widen the estimate.
+    def take(self, evidence: Evidence, pose: Pose2, dt_s: float) -> None:
+        """Take in a frame.
 
         Parameters
         ----------
         evidence : Evidence
-            Of the frame.
+            What it tells.
+        pose : Pose2
+            Of the camera.
         dt_s : float
             Since the frame before.
         """
         s = self.settings
+        self._t_s += dt_s
+        keep = math.exp(-dt_s / s.memory_s)
         most, share = -math.log(s.wrong_ratio), min(dt_s / s.alike_s, 1.0)
-        ratio = log_evidence(evidence, self.mean, self.widened) - log_evidence(evidence, self.mean, self.covariance)
-        self._last_nats = ratio
-        self._nats = max(self._nats + share * min(max(ratio, -most), most), 0.0)
-        if self._nats < math.log(s.knock_every_s / s.alike_s):
-            return False
-        self.covariance = self.widened
-        self._nats = self._last_nats = 0.0
-        self.knocks += 1
-        return True
+        for belief in (self._now, *self._moved):
+            belief.forget(keep, self.start, self._prior)
+        self._add_moment()
+        now = log_evidence(evidence, self.mean, self.covariance)
+        ratios = [log_evidence(evidence, belief.mean, belief.covariance) - now for belief in self._moved]
+        for belief, ratio in zip(self._moved, ratios, strict=True):
+            weight = 1.0 if belief.is_new(pose, s) else share
+            belief.nats += weight * min(max(ratio, -most), most)
+            belief.take(evidence, pose, s)
+        likeliest = max(self._moved, key=lambda belief: belief.nats)
+        if likeliest.nats >= math.log(s.knock_every_s / s.alike_s):
+            # frames before the knock may have gone into it, too
+            self._now = CameraBelief(likeliest.mean, likeliest.covariance + self._knock)
+            self._now.take(evidence, pose, s)
+            self._moved = []
+            self.knocks += 1
+        elif max(ratios) < most:
+            # what speaks as strongly as a wrong frame can is a wrong frame, or one after a knock
+            self._now.take(evidence, pose, s)
 
-    @property
-    def is_in_doubt(self) -> bool:
-        """Whether the last frame speaks for a knock, or is wrong, as strongly as a wrong frame can."""
-        return self._last_nats >= -math.log(self.settings.wrong_ratio)
-
-    def update(self, evidence: Evidence) -> None:
-        """Take in a frame."""
-        before = np.linalg.inv(self.covariance)
-        total = before + evidence.information
-        step = np.linalg.solve(total, evidence.gradient + before @ (self.mean - evidence.about))
-        self.mean = evidence.about + step
-        covariance = np.linalg.inv(total)
-        self.covariance = (covariance + covariance.T) / 2
+    def _add_moment(self) -> None:
+        """Begin to believe that the camera was moved just now, in place of the least likely such belief."""
+        s = self.settings
+        if self._moved and self._t_s - max(belief.since_s for belief in self._moved) < s.moment_s:
+            return
+        kept = sorted(self._moved, key=lambda belief: belief.nats, reverse=True)[: s.moments - 1]
+        self._moved = [*kept, CameraBelief(self.mean.copy(), self.widened, self._t_s)]
 
 
 def log_evidence(evidence: Evidence, mean: FloatArray, covariance: FloatArray) -> float:

@@ -102,11 +102,6 @@ class OnlineSettings:
     every_s : float
         Only a frame in so much time is used: neighbouring frames of a walking body err alike, and each costs a
         millisecond or two.
-    same_place_m, same_heading_rad : float
-        A frame from so near to one that has been used tells whether the camera has moved, and nothing else: it shows
-        the same edges with the same errors.
-    places : int
-        So many places are remembered. Older ones count as new: light and what stands around have changed.
     min_inlier_ratio : float
         Frames whose pose fits worse are not used.
     min_step_px, min_step_sigmas : float
@@ -132,9 +127,6 @@ class OnlineSettings:
     max_center_px: float = 12.0
     max_tilt_rad: float = math.radians(2.5)
     every_s: float = 0.15
-    same_place_m: float = 0.1
-    same_heading_rad: float = math.radians(15.0)
-    places: int = 60
     min_inlier_ratio: float = 0.3
     min_step_px: float = 0.1
     min_step_sigmas: float = 0.5
@@ -154,5 +146,3 @@ class OnlineSettings:
         ):
             if not 0 < value < math.inf:
                 raise ArgumentError(f"{name} must be positive, got {value}")
-        if self.places < 1:
-            raise ArgumentError(f"places must be at least 1, got {self.places}")

@@ -9,6 +9,7 @@ from robocup_vision.calibration.online.parameter_filter import (
     ParameterFilterSettings,
     log_evidence,
 )
+from robocup_vision.geometry import Pose2
 
 STD = np.array([1.5, 1.5, 0.01])
 SETTINGS = ParameterFilterSettings()
@@ -27,13 +28,18 @@ def frame(rng, truth, std=0.3):
     return Evidence(about, rows.T @ rows, rows.T @ (measured - rows @ about))
 
 
+def somewhere(rng):
+    """Return the camera's pose, seldom near another."""
+    return Pose2(*rng.uniform(-50.0, 50.0, 2).tolist(), 0.0)
+
+
 def test_estimates_are_as_sure_as_they_say():
     rng = np.random.default_rng(1)
     nees = []
     for _ in range(60):
         belief, truth = a_filter(), STD * rng.standard_normal(3)
         for _ in range(10):
-            belief.update(frame(rng, truth))
+            belief.take(frame(rng, truth), somewhere(rng), DT_S)
         error = belief.mean - truth
         nees.append(error @ np.linalg.solve(belief.covariance, error))
     # chi-square with 3 degrees of freedom, mean of 60: standard deviation 0.32
@@ -42,10 +48,11 @@ def test_estimates_are_as_sure_as_they_say():
 
 
 def test_what_no_frame_tells_stays_at_the_file():
+    rng = np.random.default_rng(7)
     belief = a_filter()
     only_first = Evidence(np.zeros(3), np.diag([100.0, 0.0, 0.0]), np.array([50.0, 0.0, 0.0]))
     for _ in range(5):
-        belief.update(only_first)
+        belief.take(only_first, somewhere(rng), DT_S)
     np.testing.assert_allclose(belief.mean[1:], 0.0, atol=1e-9)
     np.testing.assert_allclose(belief.std[1:], STD[1:], rtol=1e-6)
     assert belief.mean[0] == pytest.approx(0.5, abs=0.01)
@@ -53,10 +60,27 @@ def test_what_no_frame_tells_stays_at_the_file():
 
 def test_it_returns_to_the_file_where_nothing_tells():
     belief = a_filter()
-    belief.update(Evidence(np.zeros(3), 1e4 * np.eye(3), 1e4 * np.array([1.0, 0.5, 0.01])))
-    belief.pass_time(10 * SETTINGS.memory_s)
-    np.testing.assert_allclose(belief.mean, 0.0, atol=1e-4)
+    rng = np.random.default_rng(8)
+    for _ in range(3):
+        belief.take(
+            Evidence(np.zeros(3), np.diag([30.0, 30.0, 1e5]), np.array([30.0, 15.0, 500.0])), somewhere(rng), 0.1
+        )
+    assert (belief.std < STD).all()
+    belief.take(Evidence(np.zeros(3), np.zeros((3, 3)), np.zeros(3)), somewhere(rng), 10 * SETTINGS.memory_s)
+    np.testing.assert_allclose(belief.mean, 0.0, atol=1e-3)
     np.testing.assert_allclose(belief.std, STD, rtol=1e-6)
+
+
+def test_one_place_counts_once():
+    rng = np.random.default_rng(9)
+    belief, here = a_filter(), Pose2(1.0, 2.0, 0.5)
+    belief.take(frame(rng, np.zeros(3)), here, DT_S)
+    once = belief.std
+    for _ in range(5):
+        belief.take(frame(rng, np.zeros(3)), here.compose(Pose2(0.02, 0.0, 0.1)), DT_S)
+    assert (belief.std >= once).all()
+    belief.take(frame(rng, np.zeros(3)), here.compose(Pose2(0.0, 0.0, 0.5)), DT_S)
+    assert belief.std.sum() < once.sum()
 
 
 def test_log_evidence_is_that_of_a_gaussian_integral():
@@ -72,9 +96,8 @@ def test_log_evidence_is_that_of_a_gaussian_integral():
 def settled(rng, truth):
     belief = a_filter()
     for _ in range(60):
-        one = frame(rng, truth)
-        assert not belief.is_knocked(one, DT_S)
-        belief.update(one)
+        belief.take(frame(rng, truth), somewhere(rng), DT_S)
+        assert belief.knocks == 0
     return belief
 
 
@@ -83,25 +106,42 @@ def test_a_knock_is_noticed_within_a_second_and_followed():
     belief = settled(rng, np.zeros(3))
     truth = np.array([2.0, -1.5, 0.01])
     noticed = []
-    for index in range(20):
-        one = frame(rng, truth)
-        if belief.is_knocked(one, DT_S):
-            noticed.append(index)
-        elif belief.is_in_doubt:
-            continue
-        belief.update(one)
-    assert len(noticed) == 1
-    assert noticed[0] <= 6
-    assert belief.knocks == 1
+    for _ in range(20):
+        belief.take(frame(rng, truth), somewhere(rng), DT_S)
+        noticed.append(belief.knocks)
+    assert noticed[6] == noticed[-1] == 1
     assert (np.abs(belief.mean - truth) < 4 * belief.std).all()
+
+
+def test_a_knock_that_single_frames_hardly_show_is_noticed_too():
+    rng = np.random.default_rng(10)
+    belief = a_filter()
+    for _ in range(200):
+        belief.take(frame(rng, np.zeros(3), std=1.5), somewhere(rng), DT_S)
+    assert belief.knocks == 0
+    for _ in range(60):
+        belief.take(frame(rng, np.array([2.5, 0.0, 0.0]), std=1.5), somewhere(rng), DT_S)
+    assert belief.knocks == 1
+    assert belief.mean[0] == pytest.approx(2.5, abs=4 * belief.std[0])
+
+
+def test_a_robot_that_stands_notices_a_knock():
+    rng = np.random.default_rng(11)
+    belief, here = settled(rng, np.zeros(3)), Pose2(0.0, 0.0, 0.0)
+    moved = Evidence(np.array([2.0, 0.0, 0.0]), np.diag([50.0, 50.0, 1e6]), np.zeros(3))
+    for _ in range(40):
+        belief.take(moved, here, DT_S)
+    assert belief.knocks == 1
+    assert belief.mean[0] == pytest.approx(2.0, abs=0.2)
 
 
 def test_one_wrong_frame_is_no_knock():
     rng = np.random.default_rng(4)
     belief = settled(rng, np.zeros(3))
+    before = belief.mean.copy()
     wrong = Evidence(np.array([5.0, 5.0, 0.0]), np.diag([100.0, 100.0, 1e4]), np.zeros(3))
-    assert not belief.is_knocked(wrong, DT_S)
-    assert belief.is_in_doubt
+    belief.take(wrong, somewhere(rng), DT_S)
+    np.testing.assert_allclose(belief.mean, before, atol=1e-3)
     for _ in range(20):
-        assert not belief.is_knocked(frame(rng, np.zeros(3)), DT_S)
-    assert not belief.is_in_doubt
+        belief.take(frame(rng, np.zeros(3)), somewhere(rng), DT_S)
+    assert belief.knocks == 0
