@@ -165,7 +165,7 @@ class BuiltInPlayer:
         self._update(senses)
         self._look(senses)
         if self._talk is not None:
-            if senses.phase == "kick_off" != self._phase:
+            if senses.phase == "kick_off" and self._phase != "kick_off":
                 self._ball.forget(senses.t_s)
             self._phase = senses.phase
             self._talk.hear(senses.messages, self._ball.sighting)

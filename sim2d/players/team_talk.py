@@ -96,6 +96,9 @@ class TeamTalk:
             except PacketError:
                 self.refused += 1
                 continue
+            if message.sender == self._number:
+                # some radios give back what was sent
+                continue
             self._ball.update(message, own)
             self._roles.update(message)
 

@@ -19,6 +19,9 @@ class FieldPlayerSettings:
         A supporter stays so far behind the ball, so that a lost ball is still before it.
     support_limits : (float, float)
         Least x as a part of half the length (negative: own half), greatest x in metres.
+    other_side_part : float
+        Where it supports alone, it stays on the other side of the field than the ball, by this part of the ball's
+        distance from the middle.
     wait_part : float
         While the keeper fetches the ball it waits in this part of the own half, and moves to either side by it.
     search_part : float
@@ -31,6 +34,7 @@ class FieldPlayerSettings:
 
     behind_ball_m: float = 0.3
     support_limits: tuple[float, float] = (-0.4, 0.3)
+    other_side_part: float = 0.5
     wait_part: float = 0.3
     search_part: float = 0.4
     search_corner_s: float = 3.0
@@ -64,15 +68,16 @@ class FieldPlayer:
 
     def support(self, now: Situation, ball: Point) -> Plan:
         """Follow the ball in the own strip."""
-        low, high_m = self._settings.support_limits
-        x = min(max(ball[0] - self._settings.behind_ball_m, low * self._team.half_length_m), high_m)
-        if now.role is not None and now.role.is_agreed:
-            place, strips = now.role.place, now.role.places
-            # among one supporter and the ball the middle between ball and field
-            y = self._team.half_width_m * ((2 * place + 1) / strips - 1) if strips > 1 else -0.5 * ball[1]
-        else:
+        settings, half_width_m = self._settings, self._team.half_width_m
+        low, high_m = settings.support_limits
+        x = min(max(ball[0] - settings.behind_ball_m, low * self._team.half_length_m), high_m)
+        if now.role is None or not now.role.is_agreed:
             strips = max(self._players - 1, 1)
-            y = self._team.half_width_m * ((2 * self._number - 1) / strips - 1)
+            y = half_width_m * ((2 * self._number - 1) / strips - 1)
+        elif now.role.places > 1:
+            y = half_width_m * ((2 * now.role.place + 1) / now.role.places - 1)
+        else:
+            y = -settings.other_side_part * ball[1]
         return self._face(now, "support", (x, y), ball)
 
     def leave_to_keeper(self, now: Situation, ball: Point) -> Plan:

@@ -58,7 +58,10 @@ def test_one_that_does_not_know_its_half_tells_no_place(belief):
 def test_what_others_saw_and_do_is_taken_in_and_nonsense_refused():
     one = talk()
     other = TeamMessage(2, 1.0, "fetch", 0.1, Pose2(0.8, 0.1, 0.0), np.eye(3), BALL).pack()
-    one.hear((b"hello", other[:-1], other), None)
+    echo = TeamMessage(1, 1.0, "fetch", 0.1, Pose2(0.8, 0.1, 0.0), np.eye(3), BALL).pack()
+    one.hear((b"hello", other[:-1], echo), None)
+    assert one.ball(None, 1.1) is None
+    one.hear((other,), None)
     assert one.refused == 2
     ball = one.ball(None, 1.1)
     assert (ball.x_m, ball.sources) == (pytest.approx(0.9), (2,))
