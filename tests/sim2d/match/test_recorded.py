@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from sim2d_players import FailsAt
+from sim2d_players import FailsAt, Sleeper
 
 from field_models import load_field
 from field_models.errors import ArgumentError, RobocupVisionError
@@ -42,6 +42,19 @@ def test_a_robot_replays_bit_for_bit(recorded: MatchSummary, robot: int) -> None
     assert differences.calls == 30
     assert differences.is_same
     assert differences.looks > 10
+
+
+@pytest.mark.slow
+def test_a_player_that_hears_others_replays_bit_for_bit(tmp_path: Path) -> None:
+    plan = MatchPlan(players=2, seconds=1.0, seed=4, ours=PLAYERS["team"], theirs=Sleeper)
+    summary = run_match(plan, tmp_path / "match", record=True)
+    recording, differences = Recording(summary.recordings[1]), Differences()
+    for call in replay(recording):
+        differences.add(call)
+    heard = sum(len(call.inputs["messages"]) for call in recording.calls() if "messages" in call.inputs)
+    assert heard == 2
+    assert differences.is_same
+    assert differences.calls == 30
 
 
 def test_truth_and_frames_come_back(recorded: MatchSummary) -> None:
