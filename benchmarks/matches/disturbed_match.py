@@ -3,8 +3,8 @@
 Two against two on four_legged_2007 with pinhole cameras and the built-in players; the same seeds for each row. "near":
 fraction of the control periods in which a robot's estimate is within 10 cm and 5 degrees of the truth. "lost": longest
 time without an estimate, or with one farther off, of any robot. "real time": simulated over processor seconds, one
-thread, players and pictures of four robots. Wrong camera files (calibration/online_calibration.py), knocks and lost
-messages are not among them. Such matches are what `robocup-vision match --field four_legged_2007 --disturb NAME` plays.
+thread, players and pictures of four robots. Wrong camera files and knocks (wrong_camera_match.py) and lost messages
+are not among them. Such matches are what `robocup-vision match --field four_legged_2007 --disturb NAME` plays.
 """
 
 from __future__ import annotations
