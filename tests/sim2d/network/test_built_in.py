@@ -12,6 +12,7 @@ from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values import simulation as sim
 from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from sim2d.match.league_referee import LeagueReferee
+from sim2d.match.setups import setup_for
 from sim2d.network.built_in import CameraRobots, OverheadRobots, built_in_robots, check_apart
 from sim2d.network.league import Channel, LeagueSimulator
 from sim2d.network.realism import REALISMS
@@ -50,7 +51,7 @@ def test_some_robots_play_and_the_others_obey_foreign_commands():
 def test_players_with_cameras_of_their_own_play_within_their_limits():
     simulator = begin("blue=plain:1", players=2)
     assert way(simulator, sim.Team.BLUE, 1, 1.5) > 0.1
-    assert simulator.world.spec(sim.Team.BLUE, 1).max_speed_mps == 1.0
+    assert simulator.world.spec(sim.Team.BLUE, 1).max_speed_mps == setup_for(FIELD).robot.limits.speed_mps
     assert way(simulator, sim.Team.BLUE, 0, 0.1) == 0.0
 
 
