@@ -19,30 +19,51 @@ from pathlib import Path
 import pytest
 
 from robocup_vision import cli
+from robocup_vision.calibration.omni.sightings import Observer
+from robocup_vision.files.resume_file import ResumeFile
 
 DATASET = Path(__file__).parents[2] / "images" / "omni_ssl_2001"
 WAIT_S = 120
 pytestmark = pytest.mark.slow
 
 
-def interrupt_when(ready: Callable[[], bool], *words: str | Path, terminal: int | None = None) -> str:
-    """Start a command, interrupt it and all its processes when `ready`, and return its standard error."""
+# the signal comes from inside, at a moment that is the same on any machine, to command and workers at once
+INTERRUPTED_COMMAND = """
+import importlib, os, signal, sys
+from robocup_vision import cli
+
+module, kind, name, times, *words = sys.argv[1:]
+kind = getattr(importlib.import_module(module), kind)
+method, calls = getattr(kind, name), []
+
+def counted(*arguments, **keywords):
+    result = method(*arguments, **keywords)
+    calls.append(name)
+    if len(calls) == int(times):
+        os.killpg(0, signal.SIGINT)
+    return result
+
+setattr(kind, name, counted)
+sys.exit(cli.main(words))
+"""
+
+
+def interrupt_at(method: Callable[..., object], times: int, *words: object, terminal: int | None = None) -> str:
+    """Run a command, interrupt it and its processes when it has called a method so often, and return its errors."""
     # a test run in the background ignores interrupts, and what it starts would, too
     heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    command = [sys.executable, "-m", "robocup_vision.cli", *map(str, words)]
+    place = [method.__module__, *method.__qualname__.split("."), str(times)]
+    command = [sys.executable, "-c", INTERRUPTED_COMMAND, *place, *map(str, words)]
     error = subprocess.PIPE if terminal is None else terminal
     with subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=error, text=True, start_new_session=True, preexec_fn=heed
     ) as process:
         try:
-            wait_until(lambda: ready() or process.poll() is not None, "is never ready to be interrupted")
-            assert process.poll() is None, "ended before it could be interrupted"
-            os.killpg(process.pid, signal.SIGINT)
             _, text = process.communicate(timeout=WAIT_S)
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
-    assert process.returncode == 130
+    assert process.returncode == 130, text
     wait_until(lambda: not works(process.pid), "leaves workers behind")
     return text or ""
 
@@ -66,10 +87,6 @@ def works(group: int) -> bool:
     return False
 
 
-def has_lines(path: Path, count: int) -> bool:
-    return path.exists() and path.read_bytes().count(b"\n") >= count
-
-
 def test_evaluate_in_processes_goes_on_where_it_was(tmp_path: Path) -> None:
     data, out = tmp_path / "data", tmp_path / "out"
     (data / "images").mkdir(parents=True)
@@ -80,8 +97,7 @@ def test_evaluate_in_processes_goes_on_where_it_was(tmp_path: Path) -> None:
     sources = sorted((DATASET / "images").iterdir())
     for index in range(100):
         (data / "images" / f"{index:04d}.png").symlink_to(sources[index % len(sources)])
-    unfinished = out / "unfinished.jsonl"
-    error = interrupt_when(lambda: has_lines(unfinished, 10), "evaluate", data, "--jobs", 2, "--out", out)
+    error = interrupt_at(ResumeFile.add, 10, "evaluate", data, "--jobs", 2, "--out", out)
     assert error.startswith("robocup-vision evaluate: interrupted: ")
     assert "of 100 images are done and kept in" in error
     with (out / "results.csv").open() as stream:
@@ -97,7 +113,7 @@ def test_evaluate_in_processes_goes_on_where_it_was(tmp_path: Path) -> None:
 def test_a_tournament_goes_on_where_it_was(tmp_path: Path) -> None:
     words = ["tournament", "--players", "1", "--seconds", "1", "--matches", "6", "--jobs", "2", "--out"]
     out = tmp_path / "out"
-    error = interrupt_when(lambda: has_lines(out / "unfinished.jsonl", 2), *words, out)
+    error = interrupt_at(ResumeFile.add, 2, *words, out)
     assert error.startswith("robocup-vision tournament: interrupted: ")
     assert "of 6 matches are played and kept in" in error
     assert [path.name for path in out.iterdir()] == ["unfinished.jsonl"]
@@ -109,21 +125,10 @@ def test_a_tournament_goes_on_where_it_was(tmp_path: Path) -> None:
 
 def test_a_calibration_says_how_far_it_has_come(tmp_path: Path) -> None:
     screen, terminal = os.openpty()
-    os.set_blocking(screen, False)
-    seen = b""
-
-    def reads(text: bytes) -> bool:
-        nonlocal seen
-        try:
-            seen += os.read(screen, 65536)
-        except BlockingIOError:
-            return False
-        return text in seen
-
     words = ["calibrate", "omni", DATASET / "images", "--field", "ssl_2001", "--out", tmp_path / "camera.toml"]
-    interrupt_when(lambda: reads(b"points ["), *words, terminal=terminal)
-    reads(b"")
+    interrupt_at(Observer.look, 4, *words, terminal=terminal)
     os.close(terminal)
+    seen = os.read(screen, 65536)
     os.close(screen)
     assert b"robocup-vision calibrate: interrupted: points " in seen
     assert b"/20" in seen
@@ -133,7 +138,7 @@ def test_a_calibration_says_how_far_it_has_come(tmp_path: Path) -> None:
 def test_a_calibration_goes_on_where_it_was(tmp_path: Path) -> None:
     words = ["calibrate", "omni", str(DATASET / "images"), "--field", "ssl_2001", "--out"]
     unfinished = tmp_path / "camera.unfinished.jsonl"
-    error = interrupt_when(lambda: has_lines(unfinished, 4), *words, tmp_path / "camera.toml")
+    error = interrupt_at(ResumeFile.add, 4, *words, tmp_path / "camera.toml")
     assert error.startswith("robocup-vision calibrate: interrupted: ")
     assert f"starts are finished and kept in {unfinished}; --resume goes on" in error
     assert list(tmp_path.iterdir()) == [unfinished]
