@@ -17,6 +17,8 @@ from sim2d.kernels.forward_values import FloorPaint, ForwardEye, Outlines, Uprig
 
 # kinds of owners
 EDGE, LINE, ARC, SHADE, THING = range(5)
+# rows after those of the kinds: the outlines of the things and lines that a tile may show
+THING_ROWS, LINE_ROWS = THING + 1, THING + 2
 # an arc is bounded in so many pieces a full turn
 ARC_PIECES = 24
 _NEAR_M = 0.01  # nothing nearer to the camera's plane is seen

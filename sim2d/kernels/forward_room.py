@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt64Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.forward_values import UInt64Array, WallPicture
+from sim2d.kernels.forward_values import WallPicture
 
 # a channel is stored in quarters of a grey level and 21 bits; weights are of 256 parts
 _QUARTERS, _BITS, _PARTS = 4.0, 21, 256.0

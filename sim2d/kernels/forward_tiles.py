@@ -20,19 +20,28 @@ from sim2d.kernels.forward_floor import (
     is_inside,
     shade_floor,
 )
-from sim2d.kernels.forward_outlines import ARC, EDGE, LINE, SHADE, THING, outline_floor, outline_things, overlaps
+from sim2d.kernels.forward_outlines import (
+    ARC,
+    EDGE,
+    LINE,
+    LINE_ROWS,
+    SHADE,
+    THING,
+    THING_ROWS,
+    outline_floor,
+    outline_things,
+    overlaps,
+)
+from sim2d.kernels.forward_rays import cast, fill_slopes, pixels_of, turn_bounds, turn_slopes, turned
 from sim2d.kernels.forward_room import draw_wall, wall_point
-from sim2d.kernels.forward_things import BAR, KIND, RADIUS, SHEET, X0, X1, Y0, Y1, meet_grid, meet_thing
+from sim2d.kernels.forward_standing import draw_things
+from sim2d.kernels.forward_things import BAR, KIND, RADIUS, SHEET, X0, X1, Y0, Y1
 from sim2d.kernels.forward_values import FloorPaint, ForwardEye, ForwardLens, Outlines, UprightThings, WallPicture
 from sim2d.kernels.frame_values import Lighting
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_MOST, _FAR = np.float32(255.0), np.float32(1e29)
-# places of the four rays in a pixel, as `rays.sample_offsets(2)` has them
-_SAMPLES_U = (-0.375, -0.125, 0.125, 0.375)
-_SAMPLES_V = (-0.125, 0.375, -0.375, 0.125)
+_MOST = np.float32(255.0)
 _ON_FLOOR, _IN_ROOM, _BOTH = range(3)
-_THING_ROWS, _LINE_ROWS = THING + 1, THING + 2  # the outlines' rows of the things and lines that a tile may show
 
 
 @compiled(error_model="numpy")
@@ -88,8 +97,8 @@ def draw_forward(
     tone, covered = np.empty(pixels, dtype=np.float32), np.empty(pixels, dtype=np.float32)
     fine = np.zeros(pixels, dtype=np.uint8)
     cells, mixed = np.empty((4, pixels), dtype=np.int32), np.empty(pixels, dtype=np.uint64)
-    seen = np.empty((_LINE_ROWS + 1, len(outlines.owners)), dtype=np.int32)
-    seen_count = np.empty(_LINE_ROWS + 1, dtype=np.int64)
+    seen = np.empty((LINE_ROWS + 1, len(outlines.owners)), dtype=np.int32)
+    seen_count = np.empty(LINE_ROWS + 1, dtype=np.int64)
     corner_rays = np.empty((3, (tile[0] + 1) * (tile[1] + 1)), dtype=np.float32)
     ids, depth = np.empty(corner_rays.shape[1], dtype=np.int32), np.empty(corner_rays.shape[1], dtype=np.float32)
     steps, corners = np.empty((2, 3)), np.empty((2, 3, 2))
@@ -100,7 +109,7 @@ def draw_forward(
     for row in range(tile_rows):
         bounds[:] = lens.bounds[row]
         if is_turning:
-            _turn_bounds(bounds, shutter, row * tile[0], tile[0])
+            turn_bounds(bounds, shutter, row * tile[0], tile[0])
         upper, lower = bounds[:, 2].min(), bounds[:, 3].max()
         active_count = 0
         for n in range(count):
@@ -116,10 +125,10 @@ def draw_forward(
                 continue
             if kind != _IN_ROOM or seen_count[THING]:
                 per_pixel[:] = lens.per_pixel[row, column]
-                _fill_slopes(lens, row, column, slopes)
+                fill_slopes(lens, row, column, slopes)
                 if is_turning:
-                    _turn_slopes(slopes, per_pixel, lens.places[1], row * tile[0], shutter)
-                _cast(slopes, per_pixel, eye.rotation, rays, steps)
+                    turn_slopes(slopes, per_pixel, lens.places[1], row * tile[0], shutter)
+                cast(slopes, per_pixel, eye.rotation, rays, steps)
             if kind != _IN_ROOM:
                 _draw_floor(
                     paint,
@@ -142,7 +151,7 @@ def draw_forward(
             if kind != _ON_FLOOR:
                 draw_wall(corners, tile, wall, cells, mixed, colors)
             if seen_count[THING]:
-                _draw_things(
+                draw_things(
                     near_rows,
                     things.colors,
                     outlines,
@@ -196,7 +205,7 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
         for column in range(wide):
             right, down = lens.corner_slopes[row, column, 0], lens.corner_slopes[row, column, 1]
             if is_turning:
-                right, down = _turned(right, down, part, turn[0], turn[1], turn[2])
+                right, down = turned(right, down, part, turn[0], turn[1], turn[2])
             dz = rotation[2, 0] - rotation[2, 1] * right - rotation[2, 2] * down
             rays[row, column, 0] = rotation[0, 0] - rotation[0, 1] * right - rotation[0, 2] * down
             rays[row, column, 1] = rotation[1, 0] - rotation[1, 1] * right - rotation[1, 2] * down
@@ -218,81 +227,6 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
     return at_corners
 
 
-@compiled(error_model="numpy", inline="always")
-def _turned(right: float, down: float, part: float, tx: float, ty: float, tz: float) -> tuple[float, float]:
-    """Return the slopes of a ray in the axes of the middle row, if the camera has turned by `part` of (tx, ty, tz)."""
-    ahead = 1.0 + part * (tz * right - ty * down)
-    return (right - part * (tz + tx * down)) / ahead, (down + part * (tx * right + ty)) / ahead
-
-
-@compiled(error_model="numpy")
-def _turn_bounds(bounds: Float32Array, shutter: tuple[float, float, float, float], v0: int, rows: int) -> None:
-    """Turn the bounds of a row of tiles, whose first pixels' row is v0, as its pixels are turned."""
-    tx, ty, tz, per_row = shutter
-    for column in range(len(bounds)):
-        left, right, upper, lower = bounds[column]
-        bounds[column, 0], bounds[column, 2] = math.inf, math.inf
-        bounds[column, 1], bounds[column, 3] = -math.inf, -math.inf
-        for corner in range(8):
-            part = (v0 + (rows if corner & 1 else -1)) * per_row - 0.5
-            u, v = _turned(right if corner & 2 else left, lower if corner & 4 else upper, part, tx, ty, tz)
-            bounds[column, 0], bounds[column, 1] = min(bounds[column, 0], u), max(bounds[column, 1], u)
-            bounds[column, 2], bounds[column, 3] = min(bounds[column, 2], v), max(bounds[column, 3], v)
-
-
-@compiled(error_model="numpy")
-def _turn_slopes(
-    slopes: Float32Array,
-    per_pixel: Float32Array,
-    rows: Float32Array,
-    v0: int,
-    shutter: tuple[float, float, float, float],
-) -> None:
-    """Turn the slopes of a tile, and their change by a pixel, as the camera turns while its rows are read."""
-    tx, ty, tz = np.float32(shutter[0]), np.float32(shutter[1]), np.float32(shutter[2])
-    per_row, first = np.float32(shutter[3]), np.float32(v0 * shutter[3] - 0.5)
-    right, down = slopes[0], slopes[1]
-    u, v = right[len(right) // 2], down[len(down) // 2]
-    per_pixel[1] -= per_row * (tz + tx * v + u * (tz * u - ty * v))
-    per_pixel[3] += per_row * (tx * u + ty - v * (tz * u - ty * v))
-    for i in range(len(right)):
-        part, a, b = first + per_row * rows[i], right[i], down[i]
-        per_ahead = _ONE / (_ONE + part * (tz * a - ty * b))
-        right[i] = (a - part * (tz + tx * b)) * per_ahead
-        down[i] = (b + part * (tx * a + ty)) * per_ahead
-
-
-@compiled(error_model="numpy")
-def _fill_slopes(lens: ForwardLens, row: int, column: int, slopes: Float32Array) -> None:
-    """Fill in the slopes of a tile's pixels."""
-    per_pixel, right, down = lens.per_pixel[row, column], slopes[0], slopes[1]
-    if len(lens.slopes):
-        right[:], down[:] = lens.slopes[row, column, 0], lens.slopes[row, column, 1]
-        return
-    # the middle of the first pixel lies half a pixel within the tile's corner
-    by_u, by_v, places_u, places_v = per_pixel[0], per_pixel[3], lens.places[0], lens.places[1]
-    first_right = np.float32(lens.corner_slopes[row, 2 * column, 0]) + by_u * _HALF
-    first_down = np.float32(lens.corner_slopes[row, 2 * column, 1]) + by_v * _HALF
-    for i in range(len(right)):
-        right[i], down[i] = first_right + by_u * places_u[i], first_down + by_v * places_v[i]
-
-
-@compiled(error_model="numpy")
-def _cast(
-    slopes: Float32Array, per_pixel: Float32Array, rotation: FloatArray, rays: Float32Array, steps: FloatArray
-) -> None:
-    """Fill in the rays of a tile, and the change of a ray by a pixel."""
-    right, down = slopes[0], slopes[1]
-    for axis in range(3):
-        ahead, left, up = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2]
-        steps[0, axis] = -left * per_pixel[0] - up * per_pixel[2]
-        steps[1, axis] = -left * per_pixel[1] - up * per_pixel[3]
-        a, b, c = np.float32(ahead), np.float32(left), np.float32(up)
-        of_axis = rays[axis]
-        for i in range(len(of_axis)):
-            of_axis[i] = a - b * right[i] - c * down[i]
-
-
 @compiled(error_model="numpy")
 def _find_owners(
     bounds: Float32Array, outlines: Outlines, active: Int32Array, seen: Int32Array, seen_count: Int64Array
@@ -308,9 +242,9 @@ def _find_owners(
                 seen[kind, at] = number
                 seen_count[kind] = at + 1
             if kind == THING:
-                seen[_THING_ROWS, at] = n
+                seen[THING_ROWS, at] = n
             elif kind == LINE:
-                seen[_LINE_ROWS, at] = n
+                seen[LINE_ROWS, at] = n
 
 
 @compiled(error_model="numpy")
@@ -417,8 +351,8 @@ def _draw_floor(
     if seen_count[LINE] or seen_count[ARC]:
         covered[:pixels] = _ZERO
         for n in range(seen_count[LINE]):
-            outline = outlines.bounds[seen[_LINE_ROWS, n]]
-            v0, v1, _, _ = _pixels_of(outline, slopes, per_pixel, tile)
+            outline = outlines.bounds[seen[LINE_ROWS, n]]
+            v0, v1, _, _ = pixels_of(outline, slopes, per_pixel, tile)
             if v1 < v0:
                 continue
             part = v0 * tile[1], (v1 + 1) * tile[1]
@@ -453,144 +387,6 @@ def _draw_floor(
             for i in range(pixels):
                 other = tone[i] * beside
                 of_channel[i] = other + covered[i] * (of_channel[i] - other)
-
-
-@compiled(error_model="numpy")
-def _pixels_of(
-    bounds: Float32Array, of_tile: Float32Array, per_pixel: Float32Array, tile: tuple[int, int]
-) -> tuple[int, int, int, int]:
-    """Return the first and last row, first and last column of a tile in which an outline may be seen, with a margin."""
-    rows, columns = tile
-    across_v = abs(per_pixel[1]) * rows + per_pixel[0]  # a lens bends columns and rows
-    across_u = abs(per_pixel[2]) * columns + per_pixel[3]
-    right, down = of_tile[0, 0], of_tile[1, 0]
-    u0 = math.floor((bounds[0] - across_v - right) / per_pixel[0]) - 1
-    u1 = math.ceil((bounds[1] + across_v - right) / per_pixel[0]) + 1
-    v0 = math.floor((bounds[2] - across_u - down) / per_pixel[3]) - 1
-    v1 = math.ceil((bounds[3] + across_u - down) / per_pixel[3]) + 1
-    return max(int(v0), 0), min(int(v1), rows - 1), max(int(u0), 0), min(int(u1), columns - 1)
-
-
-@compiled(error_model="numpy")
-def _cast_corners(rays: Float32Array, tile: tuple[int, int], steps: FloatArray, corner_rays: Float32Array) -> None:
-    """Fill in the rays through the corners of a tile's pixels from those through their middles."""
-    rows, columns = tile
-    wide = columns + 1
-    for axis in range(3):
-        by_u, by_v = np.float32(steps[0, axis]), np.float32(steps[1, axis])
-        of_axis, of_corner = rays[axis], corner_rays[axis]
-        for v in range(rows + 1):
-            # the last row and column go on from the pixels before them
-            below = v == rows
-            back = (by_u + by_v) * _HALF - (by_v if below else _ZERO)
-            start, put, many = np.uintp((v - below) * columns), np.uintp(v * wide), np.uintp(columns)
-            for u in range(many):
-                of_corner[put + u] = of_axis[start + u] - back
-            of_corner[put + many] = of_corner[put + many - np.uintp(1)] + by_u
-
-
-@compiled(error_model="numpy")
-def _draw_things(
-    rows_of: Float32Array,
-    paints: Float32Array,
-    outlines: Outlines,
-    seen: Int32Array,
-    seen_count: Int64Array,
-    of_tile: Float32Array,
-    per_pixel: Float32Array,
-    tile: tuple[int, int],
-    rays: Float32Array,
-    steps: FloatArray,
-    here: Float32Array,
-    lit: Float32Array,
-    lamp: Float32Array,
-    fine: UInt8Array,
-    corner_rays: Float32Array,
-    ids: Int32Array,
-    depth: Float32Array,
-    colors: Float32Array,
-) -> None:
-    """Draw things over a tile's floor and room."""
-    rows, columns = tile
-    near, near_count, height = seen[THING], seen_count[THING], here[2]
-    wide = columns + 1
-    _cast_corners(rays, tile, steps, corner_rays)
-    for k in range(len(depth)):
-        depth[k], ids[k] = _FAR, -1
-    any_thin = False
-    first_v, last_v, first_u, last_u = rows, -1, columns, -1
-    half = per_pixel[0] * _HALF
-    for n in range(near_count):
-        outline = outlines.bounds[seen[_THING_ROWS, n]]
-        v0, v1, u0, u1 = _pixels_of(outline, of_tile, per_pixel, tile)
-        first_v, last_v, first_u, last_u = min(first_v, v0), max(last_v, v1), min(first_u, u0), max(last_u, u1)
-        part = v0, v1 + 2, u0, u1 + 2
-        meet_grid(rows_of[near[n]], np.int32(near[n] * 256), corner_rays, part, wide, height, lamp, depth, ids)
-        if outlines.owners[seen[_THING_ROWS, n], 2]:
-            any_thin = True
-            for v in range(v0, v1 + 1):
-                for u in range(u0, u1 + 1):
-                    right, down = of_tile[0, v * columns + u], of_tile[1, v * columns + u]
-                    if overlaps(outline, right - half, right + half, down - half, down + half):
-                        fine[v * columns + u] = 1
-    for v in range(first_v, last_v + 1):
-        for u in range(first_u, last_u + 1):
-            k, i = v * wide + u, v * columns + u
-            first = ids[k]
-            if fine[i] or first != ids[k + 1] or first != ids[k + wide] or first != ids[k + wide + 1]:
-                _draw_edge(rows_of, paints, near, near_count, rays, i, steps, here, lit, lamp, colors)
-            elif first >= 0:
-                dx, dy, dz = rays[0, i], rays[1, i], rays[2, i]
-                row = rows_of[first // 256]
-                t, color, shade = meet_thing(row[KIND], row, dx, dy, dz, height, lamp)
-                if t < _FAR:
-                    bright = lit[0] + lit[1] * (here[0] + t * dx) + lit[2] * (here[1] + t * dy)
-                    bright = shade * max(bright, lit[3])
-                    colors[0, i], colors[1, i] = bright * paints[color, 0], bright * paints[color, 1]
-                    colors[2, i] = bright * paints[color, 2]
-    if any_thin:
-        fine[:] = 0
-
-
-@compiled(error_model="numpy")
-def _draw_edge(
-    rows_of: Float32Array,
-    paints: Float32Array,
-    near: Int32Array,
-    near_count: int,
-    rays: Float32Array,
-    i: int,
-    steps: FloatArray,
-    here: Float32Array,
-    lit: Float32Array,
-    lamp: Float32Array,
-    colors: Float32Array,
-) -> None:
-    """Draw things over a pixel by four rays."""
-    ux, uy, uz = np.float32(steps[0, 0]), np.float32(steps[0, 1]), np.float32(steps[0, 2])
-    vx, vy, vz = np.float32(steps[1, 0]), np.float32(steps[1, 1]), np.float32(steps[1, 2])
-    blue, green, red, left = _ZERO, _ZERO, _ZERO, _ZERO
-    for sample in range(4):
-        a, b = np.float32(_SAMPLES_U[sample]), np.float32(_SAMPLES_V[sample])
-        dx, dy, dz = rays[0, i] + a * ux + b * vx, rays[1, i] + a * uy + b * vy, rays[2, i] + a * uz + b * vz
-        nearest, found, shade = _FAR, np.int32(-1), _ZERO
-        for n in range(near_count):
-            row = rows_of[near[n]]
-            t, color, shade_there = meet_thing(row[KIND], row, dx, dy, dz, here[2], lamp)
-            if t < nearest:
-                nearest, found, shade = t, color, shade_there
-        if found < 0:
-            left += _ONE
-            continue
-        bright = lit[0] + lit[1] * (here[0] + nearest * dx) + lit[2] * (here[1] + nearest * dy)
-        bright = shade * max(bright, lit[3])
-        blue += bright * paints[found, 0]
-        green += bright * paints[found, 1]
-        red += bright * paints[found, 2]
-    quarter = np.float32(0.25)
-    colors[0, i] = quarter * (blue + left * colors[0, i])
-    colors[1, i] = quarter * (green + left * colors[1, i])
-    colors[2, i] = quarter * (red + left * colors[2, i])
 
 
 @compiled(error_model="numpy")

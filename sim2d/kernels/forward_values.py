@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
-
-UInt64Array = npt.NDArray[np.uint64]
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt64Array
 
 
 class ForwardLens(NamedTuple):
