@@ -1,4 +1,4 @@
-"""Finds a folder for compiled code, so that a read-only installation without a home folder works, too.
+"""Finds a folder for compiled code that can be written, and removes code from it that was made of other sources.
 
 numba keeps compiled loops in the folder that ``NUMBA_CACHE_DIR`` names, else beside the source files, else in the
 user's cache folder. Where none of them can be written it refuses to define a loop; here a temporary folder is used.
@@ -6,7 +6,10 @@ user's cache folder. Where none of them can be written it refuses to define a lo
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
+import re
 import stat
 import tempfile
 import warnings
@@ -18,6 +21,7 @@ import numba
 from field_models.errors import RobocupVisionError
 
 VARIABLE = "NUMBA_CACHE_DIR"
+_IMPORT, _WORD = re.compile(rb"^from (\S+) import (\([^)]*\)|.*)", re.MULTILINE), re.compile(rb"\w+")
 
 
 class CompileCacheWarning(RuntimeWarning):
@@ -64,15 +68,75 @@ def ensure_compile_cache(kernels: Path) -> None:
     )
 
 
+def remove_stale_loops(kernels: Path) -> None:
+    """Remove a package's compiled loops whose sources have changed since; call it before the first is defined.
+
+    numba compiles a loop anew when its own file has changed. A loop also holds the code of loops that it calls and the
+    constants that it reads, of other files.
+
+    Parameters
+    ----------
+    kernels : Path
+        The package's folder.
+    """
+    texts: dict[str, bytes] = {}
+    for path in sorted(kernels.rglob("*.py")):
+        inner = path.relative_to(kernels).with_suffix("").parts
+        texts[".".join((kernels.parent.name, kernels.name, *inner))] = path.read_bytes()
+    digests = _digests(texts)
+    for package in sorted(kernels.rglob("__init__.py")):
+        name = ".".join((kernels.parent.name, kernels.name, *package.parent.relative_to(kernels).parts))
+        made_of = {source.stem: digests[f"{name}.{source.stem}"] for source in sorted(package.parent.glob("*.py"))}
+        folder = Path(_probe(package).stats.cache_path)
+        kept = folder / "loops.json"
+        try:
+            before = json.loads(kept.read_text(encoding="ascii")) if kept.exists() else {}
+            if made_of == before:
+                continue
+            for index in folder.glob("*.nbi"):
+                source = index.name.partition(".")[0]
+                if source not in made_of or made_of[source] != before.get(source):
+                    index.unlink(missing_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
+            kept.write_text(json.dumps(made_of), encoding="ascii")
+        except (OSError, ValueError):  # what cannot be removed was not written by this user
+            continue
+
+
+def _digests(texts: dict[str, bytes]) -> dict[str, str]:
+    """Return for each module a digest of its source text and of all that it imports, of these modules."""
+    imports = {}
+    for name, text in texts.items():
+        found = set()
+        for module, names in _IMPORT.findall(text):
+            found |= {module.decode(), *(f"{module.decode()}.{one.decode()}" for one in _WORD.findall(names))}
+        imports[name] = found & texts.keys()
+    own = {name: hashlib.sha256(text).hexdigest() for name, text in texts.items()}
+    digests = {}
+    for name in texts:
+        reached, waiting = {name}, [name]
+        while waiting:
+            new = imports[waiting.pop()] - reached
+            reached |= new
+            waiting += new
+        digests[name] = hashlib.sha256("".join(own[one] for one in sorted(reached)).encode()).hexdigest()
+    return digests
+
+
 def _numba_finds_place(source: Path) -> bool:
     """Return whether numba can keep the loops of a source file's folder: defining one must not fail."""
-    scope: dict[str, Any] = {"__name__": __name__}
-    exec(compile("def probe():\n    pass\n", str(source), "exec"), scope)
     try:
-        numba.njit(cache=True)(scope["probe"])
+        _probe(source)
     except RuntimeError:
         return False
     return True
+
+
+def _probe(source: Path) -> Any:
+    """Define a loop as one of a source file."""
+    scope: dict[str, Any] = {"__name__": __name__}
+    exec(compile("def probe():\n    pass\n", str(source), "exec"), scope)
+    return numba.njit(cache=True)(scope["probe"])
 
 
 def _is_writable(folder: Path) -> bool:

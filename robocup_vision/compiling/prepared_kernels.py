@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 import json
+import sys
 from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -38,11 +39,20 @@ def prepare(group: str) -> None:
         is_alone = True
         for entry in _from_the_end(waiting):
             if prepare_kernel(*entry) and is_alone:
+                _tell_once()
                 beside.enter_context(second_process(waiting))
                 is_alone = False
     with _seldom_collected():
         for kernel, arguments in entries:
             prepare_kernel(kernel, arguments)
+
+
+@cache
+def _tell_once() -> None:
+    """Tell people at a terminal what they wait for; silent everywhere else."""
+    if sys.stderr.isatty():
+        sys.stderr.write("compiling loops, once on this machine; `robocup-vision warm-up` does it beforehand\n")
+        sys.stderr.flush()
 
 
 def _from_the_end(waiting: deque[Entry]) -> Iterator[Entry]:

@@ -13,7 +13,7 @@ import pytest
 import field_models
 import robocup_vision
 from field_models.errors import RobocupVisionError
-from robocup_vision.compiling.compile_cache import CompileCacheWarning, ensure_compile_cache
+from robocup_vision.compiling.compile_cache import CompileCacheWarning, ensure_compile_cache, remove_stale_loops
 
 LOOP = """
 import numpy as np
@@ -109,6 +109,50 @@ def test_no_place_at_all_is_one_line(kernels, homeless, monkeypatch):
     monkeypatch.setattr("tempfile.gettempdir", refuse)
     with pytest.raises(RobocupVisionError, match=r"no folder for compiled code.*NUMBA_CACHE_DIR"):
         ensure_compile_cache(kernels)
+
+
+def indexes(kernels):
+    return sorted(path.name for path in (kernels / "__pycache__").glob("*.nbi"))
+
+
+def test_loops_of_other_sources_are_removed(kernels, homeless, tmp_path):
+    (kernels / "__pycache__").unlink()
+    (kernels / "__pycache__").mkdir()
+    (kernels / "room").mkdir()
+    constants, package = kernels / "room" / "constants.py", f"{tmp_path.name}.kernels"
+    (kernels / "alone.py").write_text("SIZE = 1\n", encoding="ascii")
+    (kernels / "loop.py").write_text(f"from {package}.middle import (\n    MORE,\n)\n", encoding="ascii")
+    (kernels / "middle.py").write_text(f"from {package}.room import constants\n", encoding="ascii")
+    constants.write_text("SIZE = 1\n", encoding="ascii")
+    every = ["alone.f-1.nbi", "loop.f-1.nbi", "middle.f-1.nbi"]
+    for changed, left in (
+        (kernels / "alone.py", every[1:]),
+        (kernels / "middle.py", every[:1]),
+        (constants, every[:1]),
+        (kernels / "loop.py", [every[0], every[2]]),
+    ):
+        remove_stale_loops(kernels)
+        for name in every:
+            (kernels / "__pycache__" / name).touch()
+        remove_stale_loops(kernels)
+        assert indexes(kernels) == every
+        changed.write_text(changed.read_text(encoding="ascii") + "OTHER = 2\n", encoding="ascii")
+        remove_stale_loops(kernels)
+        assert indexes(kernels) == left
+
+
+def test_loops_that_cannot_be_removed_are_left(kernels, homeless, monkeypatch):
+    (kernels / "__pycache__").unlink()
+    (kernels / "__pycache__").mkdir()
+    (kernels / "__pycache__" / "loop.nbi").touch()
+
+    def refuse(*_, **__):
+        raise PermissionError("read-only")
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    remove_stale_loops(kernels)
+    assert indexes(kernels) == ["loop.nbi"]
+    assert not (kernels / "__pycache__" / "loops.json").exists()
 
 
 @pytest.mark.slow

@@ -6,11 +6,13 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from robocup_vision import cli
+from robocup_vision.compiling import prepared_kernels
 from robocup_vision.compiling.listed_loop import spelled_type
 from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module
 from robocup_vision.kernels.floor.colors import tabulate
@@ -59,6 +61,21 @@ def test_a_listed_loop_is_ready() -> None:
     ready = [[spelled_type(one) for one in types] for types in tabulate.overloads]
     assert all(arguments in ready for arguments in listed)
     prepare("no such object has loops")
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_people_are_told_once_what_they_wait_for(
+    is_terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(prepared_kernels, "prepare_kernel", lambda kernel, arguments: True)
+    monkeypatch.setattr(prepared_kernels, "second_process", lambda waiting: nullcontext())
+    monkeypatch.setattr("sys.stderr.isatty", lambda: is_terminal)
+    prepared_kernels._tell_once.cache_clear()
+    for group in ("steering", "memory"):
+        prepare.__wrapped__(group)
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.count("warm-up") == told.err.count("\n") == is_terminal
 
 
 def compiled_by(program: str, workload: str, environment: dict[str, str]) -> str:
