@@ -19,6 +19,7 @@ from robocup_vision.belief import Belief, MapPicture, Track
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.hypothesis import OdometryNoise
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.localization.filter.settings import PoseFilterSettings
 from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
@@ -43,6 +44,8 @@ class MemorySettings:
     ----------
     poses : PoseFilterSettings
         Of the pose filter.
+    odometry : OdometryNoise
+        Errors of the odometry.
     objects : MovingObjectsSettings
         Of the tracking of other robots.
     free_map : FreeSpaceMapSettings
@@ -65,6 +68,7 @@ class MemorySettings:
     """
 
     poses: PoseFilterSettings = PoseFilterSettings()
+    odometry: OdometryNoise = OdometryNoise()
     objects: MovingObjectsSettings = MovingObjectsSettings()
     free_map: FreeSpaceMapSettings = FreeSpaceMapSettings()
     range_std: tuple[float, float] = (0.01, 0.05)
@@ -141,7 +145,7 @@ class Memory:
             raise ArgumentError(f"the map needs a sensor {_FLOOR!r}, it has {', '.join(free_map.sensors)}")
         self.settings = settings
         self.field = field
-        self.poses = poses or PoseFilter(settings=settings.poses, field=field)
+        self.poses = poses or PoseFilter(odometry=settings.odometry, settings=settings.poses, field=field)
         self.objects, self.free_map = objects, free_map
         self.ego_motion = ego_motion
         # odometry handed over since the last view; None: none was

@@ -110,7 +110,9 @@ class View:
         beyond = self.polar.radius_px[place] - self.wall_radius_px
         with np.errstate(invalid="ignore"):
             is_wall = beyond > -_WALL_COLUMNS * self.polar.step_px
-        return find_obstacles(self.polar.floor_m, blocked, is_wall, gap_m=0.05, step_rad=self.polar.row_step_rad)
+        nowhere = np.asarray(blocked >= len(self.polar.radius_px), dtype=np.int64)
+        floor_m = self.polar.floor_at(place)[:, None]
+        return find_obstacles(floor_m, nowhere, is_wall, gap_m=0.05, step_rad=self.polar.row_step_rad)
 
     @cached_property
     def boundary_px(self) -> FloatArray:

@@ -8,7 +8,6 @@ locate() of the clean pictures.
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Callable
 from functools import partial
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.timing import median_s, unit_s
 from field_models import load_field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.localization.goal.fit import refine
@@ -29,15 +29,10 @@ FIELD = load_field("four_legged_2007")
 MAX_RATIO = 25.0
 
 
-def median_s(call: Callable[[], object], repeats: int) -> float:
-    """Median time of a call, seconds of this thread: others on the machine do not count."""
+def warm_median_s(call: Callable[[], object], repeats: int) -> float:
+    """Return the median time of a call that was made once before."""
     call()
-    times = []
-    for _ in range(repeats):
-        start = time.thread_time()
-        call()
-        times.append(time.thread_time() - start)
-    return float(np.median(times))
+    return median_s(call, repeats)
 
 
 def masks(search: GoalSearch, frame: UInt8Array) -> object:
@@ -66,7 +61,7 @@ def main() -> None:
         columns = ("stage                ", "ms", col.time_ratio("x cvtColor"), "verdict")
         table = Table(columns, name, name=name)
         frames = [s.frame for s in samples]
-        unit = float(np.median([median_s(partial(cv2.cvtColor, f, cv2.COLOR_BGR2HSV), 5 * repeats) for f in frames]))
+        unit = float(np.median([unit_s(f, 5 * repeats) for f in frames]))
         stages: list[tuple[str, Callable[[UInt8Array], object]]] = []
         if search.families:
             stages.append(("masks of both hues", partial(masks, search)))
@@ -74,7 +69,7 @@ def main() -> None:
         stages.append(("goal search", search.candidates))
         stages.append(("whole locate()", estimator.locate))
         for stage, call in stages:
-            typical = float(np.median([median_s(partial(call, f), repeats) for f in frames]))
+            typical = float(np.median([warm_median_s(partial(call, f), repeats) for f in frames]))
             judged = stage == "whole locate()" and name == "clean_416x320"
             ok = typical / unit <= MAX_RATIO
             all_ok &= ok or not judged
@@ -84,7 +79,7 @@ def main() -> None:
             c = found[0]
             appearance = next(iter(search.proposals(frames[0]))).appearance
             refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, appearance)
-            once = median_s(refining, 5 * repeats)
+            once = warm_median_s(refining, 5 * repeats)
             table.row("one refinement", 1e3 * once, once / unit, None)
     finish(arguments.check, all_ok)
 

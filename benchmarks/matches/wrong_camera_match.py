@@ -10,13 +10,13 @@ before there was one. "file": players that do not calibrate. "exact": true camer
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import cv2
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.worlds.near_truth import BOUNDS
 from sim2d.match.disturbances import LEGS, Disturbances
 from sim2d.match.run import MatchPlan
 from sim2d.players.catalog import BuiltInTeam
@@ -32,19 +32,15 @@ SETTLED_S, AFTER_KNOCK_S = 10.0, 5.0
 
 @dataclass(frozen=True)
 class League:
-    """What is played, how near counts as near, and how often that must be so."""
+    """What is played, how often robots must be near the truth."""
 
     disturbances: Disturbances
-    near_m: float
-    near_rad: float
     min_near: float
 
 
 LEAGUES = {
-    "ssl_2001": League(
-        Disturbances(latency=LatencySettings(), drift=LightDriftSettings()), 0.03, math.radians(3.0), 0.99
-    ),
-    "four_legged_2007": League(LEGS, 0.10, math.radians(5.0), 0.97),
+    "ssl_2001": League(Disturbances(latency=LatencySettings(), drift=LightDriftSettings()), 0.99),
+    "four_legged_2007": League(LEGS, 0.97),
 }
 
 
@@ -61,9 +57,9 @@ class Count:
     knocks: int = 0
 
 
-def play(plan: MatchPlan, league: League, count: Count) -> None:
+def play(plan: MatchPlan, count: Count) -> None:
     """Play a match and count."""
-    match = plan.begin()
+    match, bound = plan.begin(), BOUNDS[plan.field]
     noticed: dict[int, int] = {}
     last_s = 0.0
     for moment in match.play(plan.seconds):
@@ -77,10 +73,8 @@ def play(plan: MatchPlan, league: League, count: Count) -> None:
                 noticed[k] = calibration.knocks
             if last_s < SETTLED_S:
                 continue
-            is_near = False
-            if robot.status.pose:
-                away_m, turned_rad = robot.status.pose.pose.error_to(truth.pose)
-                is_near = away_m < league.near_m and turned_rad < league.near_rad
+            pose = robot.status.pose
+            is_near = bound.holds(pose.pose if pose else None, truth.pose)
             if 0.0 <= last_s - match.arena.knock_s(k) < AFTER_KNOCK_S:
                 count.after += 1
                 count.near_after += is_near
@@ -120,7 +114,7 @@ def main() -> None:
             count = Count()
             for index in range(matches):
                 plan = MatchPlan(name, 2, seconds, arguments.seed + index, team, team, disturbances=disturbances)
-                play(plan, league, count)
+                play(plan, count)
             near = count.near / max(count.settled, 1)
             ok = near >= league.min_near
             if row == "calibrated":

@@ -144,6 +144,8 @@ class WalkFrame:
         The camera's foot and the heading of its optical axis, truly.
     tilt_rad, roll_rad, height_m : float
         As the camera truly was.
+    ball : Ball or None
+        Where the ball truly is, field frame.
     """
 
     frame: npt.NDArray[np.uint8]
@@ -155,6 +157,7 @@ class WalkFrame:
     tilt_rad: float
     roll_rad: float
     height_m: float
+    ball: Ball | None
 
 
 def walk(what: Walk, seed: int, count: int) -> list[WalkFrame]:
@@ -162,7 +165,18 @@ def walk(what: Walk, seed: int, count: int) -> list[WalkFrame]:
     steps = list(_motion(what, load_field(what.field_name), seed, count))
     frames = _kept_frames(what, seed, count, steps)
     return [
-        WalkFrame(frame, s.t_s, s.pan_rad, s.odometry, s.robot, s.camera_pose, s.tilt_rad, s.roll_rad, s.height_m)
+        WalkFrame(
+            frame,
+            s.t_s,
+            s.pan_rad,
+            s.odometry,
+            s.robot,
+            s.camera_pose,
+            s.tilt_rad,
+            s.roll_rad,
+            s.height_m,
+            s.scene.ball,
+        )
         for frame, s in zip(frames, steps, strict=True)
     ]
 

@@ -68,6 +68,8 @@ class Localization:
         so that the prior does not count twice. None where `pose` does not include the prior.
     edge_points : EdgePoints or None
         Where edges of the field were predicted and what the frame shows there; None: the localiser predicts none.
+    sway_std_rad : (float, float) or None
+        Standard deviations of the camera's tilt and roll where the frame told them; None: it did not.
     """
 
     pose: PoseEstimate | NotLocated
@@ -75,6 +77,7 @@ class Localization:
     wall_px: FloatArray | None = None
     measurement: PoseEstimate | None = None
     edge_points: EdgePoints | None = None
+    sway_std_rad: tuple[float, float] | None = None
 
 
 class Localizer(Protocol):

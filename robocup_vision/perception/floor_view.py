@@ -36,7 +36,7 @@ _UNCHANGED_BY_PAN = (
 # what a nod or roll of the body leaves as it is: where the samples lie on the floor
 _UNCHANGED_BY_TURN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px",
-    "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "floor_m", "valid",
+    "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "valid",
 )  # fmt: skip
 
 
@@ -109,6 +109,8 @@ class FloorView:
         """
         other = replace(self, camera=camera)
         vars(other).update({name: getattr(self, name) for name in _UNCHANGED_BY_TURN})
+        if "floor_m" in vars(self):
+            vars(other)["floor_m"] = self.floor_m
         focal, (cu, cv) = self.camera.focal_px, self.camera.center_px
         # pixels to directions of the camera frame (ahead, left, up), and back
         ray = np.array([[0.0, 0.0, 1.0], [-1.0 / focal[0], 0.0, cu / focal[0]], [0.0, -1.0 / focal[1], cv / focal[1]]])
@@ -273,11 +275,29 @@ class FloorView:
     @cached_property
     def floor_m(self) -> FloatArray:
         """(K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on."""
-        distance = np.where(self._slopes < -1e-9, self.range_m, np.nan)
-        rays = np.stack([np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1)
+        distance, rays = self._floor_rays
         floor = self.camera.offset_m + distance[None, :, None] * rays[:, None]
         floor[self.seen_bearings :] = np.nan
         return read_only(floor)
+
+    def floor_at(self, columns: npt.NDArray[np.int64]) -> FloatArray:
+        """Return `floor_m` of one sample of each bearing, (K, 2), without computing all of it.
+
+        Parameters
+        ----------
+        columns : (K,) int64
+            The sample of each bearing.
+        """
+        distance, rays = self._floor_rays
+        floor = self.camera.offset_m + distance[columns, None] * rays
+        floor[self.seen_bearings :] = np.nan
+        return np.asarray(floor)
+
+    @property
+    def _floor_rays(self) -> tuple[FloatArray, FloatArray]:
+        """Distance of each column's floor (M,), and direction of each bearing on the floor (K, 2)."""
+        distance = np.where(self._slopes < -1e-9, self.range_m, np.nan)
+        return distance, np.stack([np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1)
 
     @cached_property
     def valid(self) -> UInt8Array:

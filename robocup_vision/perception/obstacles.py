@@ -70,15 +70,16 @@ def find_obstacles(
     # where a stretch of joined bearings ends: before the next bearing that is not joined to the one before it
     breaks = np.flatnonzero(~joined).tolist()
     # lists instead of arrays: a stretch has a few dozen bearings
-    xs, ys, spaces = x.tolist(), y.tolist(), spacing.tolist()
+    # twice round, so that a stretch over the last bearing is one slice
+    xs, ys, spaces = 2 * x.tolist(), 2 * y.tolist(), 2 * spacing.tolist()
     found = []
     for start in starts:
         after = bisect_right(breaks, start)
         end = count + start if not breaks else breaks[after] if after < len(breaks) else count + breaks[0]
-        stretch = [index % count for index in range(start, min(end, start + count))]
-        first, last, bearings = stretch[0], stretch[-1], len(stretch)
-        middle_x, middle_y = sum(xs[i] for i in stretch) / bearings, sum(ys[i] for i in stretch) / bearings
-        width = math.dist((xs[first], ys[first]), (xs[last], ys[last])) + sum(spaces[i] for i in stretch) / bearings
+        end = min(end, start + count)
+        last, bearings = end - 1, end - start
+        middle_x, middle_y = sum(xs[start:end]) / bearings, sum(ys[start:end]) / bearings
+        width = math.dist((xs[start], ys[start]), (xs[last], ys[last])) + sum(spaces[start:end]) / bearings
         found.append(
             Obstacle(middle_x, middle_y, width, math.atan2(middle_y, middle_x), math.hypot(middle_x, middle_y))
         )

@@ -114,6 +114,16 @@ class PolarView:
         """(K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on."""
         return read_only(self.camera.pixel_to_floor(self.pixels))
 
+    def floor_at(self, columns: npt.NDArray[np.int64]) -> FloatArray:
+        """Return `floor_m` of one sample of each bearing, (K, 2).
+
+        Parameters
+        ----------
+        columns : (K,) int64
+            The sample of each bearing.
+        """
+        return np.asarray(self.floor_m[np.arange(len(columns)), columns])
+
     @cached_property
     def hidden_px(self) -> UInt8Array:
         """(H, W) uint8: 1 where no bilinear sample may be taken, (0, 0) without a mask."""

@@ -49,7 +49,8 @@ _WARM_UP_TILT_RAD = -0.3
 class _Floor:
     """The parts that measure the floor, for one orientation of the camera.
 
-    `finder` and `marking` were made for `pan_rad`; `view` and `grid` are turned to the head's pan of the frame.
+    `view` and `grid` are turned to the head's pan of the frame, `finder` holds its camera so when it looks.
+    `sway_std_rad`: of the camera's tilt and roll, where the frame told them.
     """
 
     camera: PinholeCamera
@@ -57,7 +58,7 @@ class _Floor:
     grid: FreeSpaceGrid
     marking: FloorMarking
     finder: PinholeBallFinder
-    pan_rad: float
+    sway_std_rad: tuple[float, float] | None = None
 
     def panned(self, camera: PinholeCamera) -> _Floor:
         """Return the same with the head turned to the pan of `camera`."""
@@ -70,11 +71,6 @@ class _Floor:
             return self
         as_now = self.camera.with_orientation(self.camera.pan_rad, camera.tilt_rad, camera.roll_rad)
         return replace(self, camera=as_now, view=self.view.turned(as_now))
-
-    @property
-    def turn_rad(self) -> float:
-        """How far the head has turned since the finder was made."""
-        return (self.camera.pan_rad or 0.0) - self.pan_rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +150,6 @@ class PinholePipeline(FramePipeline):
             FreeSpaceGrid(view, self._options.directions, self._options.rings),
             FloorMarking(view, self.field.line_width_m, 2 * self.field.robot_radius_m),
             PinholeBallFinder(self.field, camera, self._mask),
-            camera.pan_rad or 0.0,
         )
 
     def _warm_up(self, camera: PinholeCamera) -> None:
@@ -201,7 +196,7 @@ class PinholePipeline(FramePipeline):
             self._floor = self._make_floor(_as_held(answer.camera)) if pose else None
         floor = self._floor
         if floor is not None and pose and not self._needs_samples and camera.known_orientation:
-            floor = floor.turned(_as_held(answer.camera))
+            floor = replace(floor.turned(_as_held(answer.camera)), sway_std_rad=answer.sway_std_rad)
         if floor is None:
             self._carried = None
             # patterned balls say themselves how the camera is tilted
@@ -266,7 +261,7 @@ class PinholePipeline(FramePipeline):
 
         def find_swapped() -> tuple[Ball, ...]:
             found = floor.finder.find_swapped(frame, table, self._near_floor_nats(samples.llr, floor.view))
-            return self._on_floor(tuple(ball.turned(floor.turn_rad) for ball in found), robot)
+            return self._on_floor(found, robot)
 
         self._channel_order.judge(
             balls, find_swapped, pose, lambda: self._goal_nats(frame, floor.camera, table.colors, robot)
@@ -364,9 +359,8 @@ class PinholePipeline(FramePipeline):
             ball_found = perf_counter()
         else:
             if self._patterned is None:
+                floor.finder.hold(floor.camera, floor.sway_std_rad)
                 balls = floor.finder.find(frame, samples.table, self._near_floor_nats(samples.llr, floor.view))
-                if floor.turn_rad:
-                    balls = tuple(ball.turned(floor.turn_rad) for ball in balls)
             else:
                 balls = self._patterned.find(frame, floor.camera)
             balls = self._on_floor(balls, robot)

@@ -85,6 +85,8 @@ class BallTrack:
         t_s : float
             When it was seen.
         """
+        # composed covariances are symmetric but for rounding, messages ask for all of it
+        covariance = 0.5 * (covariance + covariance.T)
         settings, dt_s = self.settings, t_s - self._t_s
         if dt_s <= 0.0:
             return
@@ -106,7 +108,9 @@ class BallTrack:
         rest = np.eye(4)
         rest[:, :2] -= gain
         # the form of Joseph stays positive in spite of rounding
-        self._covariance = rest @ predicted @ rest.T + gain @ noise @ gain.T
+        covariance = rest @ predicted @ rest.T + gain @ noise @ gain.T
+        # rounding leaves it not quite symmetric, the more the farther off the ball is
+        self._covariance = 0.5 * (covariance + covariance.T)
         self._t_s, self._is_doubted = t_s, False
 
     def _begin(self, place: tuple[float, float], covariance: FloatArray, t_s: float) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.avoidance.recent_free_space import RecentFreeSpace
 from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.belief import Track
 from robocup_vision.calibration.online import OnlineCalibration
@@ -23,7 +24,7 @@ from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.view import View
 from sim2d.kick_off import kick_off_pose
-from sim2d.players.ball_memory import Point, block_ball
+from sim2d.players.ball.memory import Point, block_ball
 from sim2d.players.driving.travel import Travel, TravelPlanner
 from sim2d.players.head import Head, HeadView
 from sim2d.players.keep_out import allowed_target, block_zones
@@ -110,7 +111,11 @@ class BuiltInPlayer:
         self._view: View | None = None
         self._view_t_s = self._looked_s = -math.inf
         self._floor = SteadyFreeSpace(settings.floor_margin_ratio)
+        # what a camera that sees a part of the floor saw of it lately
+        self._recent = RecentFreeSpace(limits.radius_m, settings.recent_floor) if self._sees_ahead_only else None
+        # in the last frame, and where to drive
         self._free_space: FreeSpace | None = None
+        self._drivable: FreeSpace | None = None
         self._last_frame: UInt8Array | None = None
         self._last_t_s: float | None = None
         self._held_since_s: float | None = None
@@ -223,8 +228,14 @@ class BuiltInPlayer:
         before = self._filter.motion_since(self._view_t_s)
         if before is None or motion is None:
             self._floor = SteadyFreeSpace(self._settings.floor_margin_ratio)
+            if self._recent is not None:
+                self._recent.forget()
         moved = _NO_MOTION if before is None or motion is None else before.compose(motion.inverse())
-        self._free_space = view.free_space if self._sees_ahead_only else self._floor.update(view.free_space, moved)
+        if self._recent is None:
+            self._free_space = self._drivable = self._floor.update(view.free_space, moved)
+        else:
+            self._free_space = view.free_space
+            self._drivable = self._recent.update(view.free_space, moved, frame_t_s)
         self._view_t_s = frame_t_s
         if belief and motion is not None and view.ball is not None:
             then = dataclasses.replace(belief, pose=belief.pose.compose(motion.inverse()), candidates=())
@@ -237,7 +248,7 @@ class BuiltInPlayer:
         belief = self._filter.belief
         motion = self._filter.motion_since(self._view_t_s)
         is_late = senses.t_s - self._view_t_s > self._settings.max_frame_age_s
-        if not belief or motion is None or is_late or self._view is None or not self._free_space:
+        if not belief or motion is None or is_late or self._view is None or not self._free_space or not self._drivable:
             if self._talk is not None:
                 # it does not see the floor around it, but others may tell it of the ball
                 pose = belief.pose if belief else None
@@ -246,14 +257,20 @@ class BuiltInPlayer:
             self._intent = "look around" if self._view is not None else "wait"
             return Command(turn_rps=0.0 if is_late or self._head is not None else self._settings.lost_rps)
         pose = belief.pose
-        free_space = self._free_space_now(self._free_space, motion)
+        in_view = self._free_space_now(self._free_space, motion)
+        free_space = in_view if self._recent is None else self._free_space_now(self._drivable, motion)
         seen_from = pose.compose(motion.inverse())
         # nothing but the ball has room so near
         nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
-        things = [seen_from.compose(Pose2(o.x_m, o.y_m, 0.0)) for o in self._view.obstacles if o.range_m > nearest]
+        c, s = math.cos(seen_from.theta_rad), math.sin(seen_from.theta_rad)
+        things = [
+            (seen_from.x_m + c * o.x_m - s * o.y_m, seen_from.y_m + s * o.x_m + c * o.y_m)
+            for o in self._view.obstacles
+            if o.range_m > nearest
+        ]
         if senses.ball_in_mouth:
             self._ball.hold(belief, senses.t_s)
-        known = self._ball.locate(pose, free_space, senses.t_s, *self._tracks(senses.t_s))
+        known = self._ball.locate(pose, in_view, senses.t_s, *self._tracks(senses.t_s))
         ball = known.place
         plan = self._tactics.decide(
             Situation(
@@ -262,7 +279,7 @@ class BuiltInPlayer:
                 self._point_in_team(known.velocity_mps),
                 senses.ball_in_mouth,
                 0.0 if self._held_since_s is None else senses.t_s - self._held_since_s,
-                tuple(self._point_in_team((thing.x_m, thing.y_m)) for thing in things),
+                tuple(map(self._point_in_team, things)),
                 senses.phase,
                 senses.own_turn,
                 senses.t_s,

@@ -33,6 +33,12 @@ class HeadSettings:
         The head watches the ball for so long, then looks for goals for so long, in turn.
     sweep_rad : float
         A sweep reaches so far to either side: goals seldom stand behind.
+    unsure_rad : float
+        Standard deviation of the heading from which on the head looks for goals though it would watch the ball: at
+        three of them a robot is no longer located within 5 degrees.
+    unlocated_looks : int
+        As much after so many frames in a row without a pose: where robots crowd around the ball it hides everything
+        else, and a push turns a robot by more than its odometry tells.
     replan_s : float
         A planned gaze is computed anew after this time.
     drift_m, drift_rad : float
@@ -48,6 +54,8 @@ class HeadSettings:
     watch_s: float = 1.5
     sweep_s: float = 1.5
     sweep_rad: float = 1.4
+    unsure_rad: float = 0.03
+    unlocated_looks: int = 6
     replan_s: float = 0.1
     drift_m: float = 0.03
     drift_rad: float = 0.05
@@ -154,9 +162,12 @@ class Head:
         half_view_rad = math.atan(camera.size_px[0] / 2 / camera.focal_px[0])
         self._floor = FloorLook(limits, half_view_rad, settings.floor) if looks_again else None
         self._planned_s = -math.inf
+        # frames without a pose since the last one with
+        self._unlocated = 0
 
     def observe(self, view: View, hypotheses: Sequence[Hypothesis]) -> None:
         """Let the planners observe the view of the last frame, with the pose filter's hypotheses before it."""
+        self._unlocated = 0 if view.pose else self._unlocated + 1
         if self._planner is not None:
             self._planner.observe(bool(view.pose), self.pan_rad)
         if self._half is not None:
@@ -172,7 +183,7 @@ class Head:
         gaze = self._ask(t_s, now)
         if gaze is not None:
             wanted = gaze.pan_rad
-        elif pose and ball is not None and phase_s < settings.watch_s:
+        elif pose and ball is not None and phase_s < settings.watch_s and not self._is_unsure(pose):
             at = pose.pose.inverse().transform(ball)
             wanted = math.atan2(at[1], at[0])
         elif ball is not None and self._planner is not None:
@@ -185,6 +196,11 @@ class Head:
             wanted = self._neck.sweep(phase_s, settings.sweep_s)
         self.gaze = gaze
         return max(-self._neck.limit_rad, min(self._neck.limit_rad, wanted))
+
+    def _is_unsure(self, pose: PoseEstimate) -> bool:
+        settings = self._settings
+        is_unsure = math.sqrt(float(pose.covariance[2, 2])) > settings.unsure_rad
+        return is_unsure or self._unlocated >= settings.unlocated_looks
 
     def _ask(self, t_s: float, now: HeadView) -> HeadPlan | None:
         """Return a look that decides the half of the field; None if it is known, or no look decides."""

@@ -6,8 +6,9 @@ other processes, as tournaments do.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -27,7 +28,7 @@ from robocup_vision.team.message import BallSighting
 from robocup_vision.team.roles import RoleChooser
 from robocup_vision.view import View
 from robocup_vision.vision import CameraRefiner, Vision
-from sim2d.players.ball_knowledge import BallKnowledge, KnownBall
+from sim2d.players.ball.knowledge import BallKnowledge, KnownBall, NoddingCamera
 from sim2d.players.driving.motion import Motion
 from sim2d.players.driving.travel import Travel
 from sim2d.players.plan import Plan, Point, Situation
@@ -136,11 +137,10 @@ class DrivingPart(Protocol):
 
 def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool) -> LocalizerPart:
     """Return `Vision` with a memory, of tracks and map, too, if the player remembers."""
-    memory = (
-        Memory.of_everything(setup.field, settings.memory)
-        if remembers
-        else Memory(setup.field, settings=settings.memory)
-    )
+    of_memory = settings.memory
+    if isinstance(setup.camera, PinholeCamera):
+        of_memory = replace(of_memory, odometry=settings.rough_odometry)
+    memory = Memory.of_everything(setup.field, of_memory) if remembers else Memory(setup.field, settings=of_memory)
     calibrates = setup.camera_is_rough and settings.calibrates
     online = OnlineCalibration(setup.field, setup.camera) if calibrates else None
     return Vision(setup.field, setup.camera, memory=memory, online=online)
@@ -149,8 +149,19 @@ def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool
 def make_ball(setup: PlayerSetup, settings: PlayerSettings, hides: bool, talk: TeamTalk | None) -> BallPart:
     """Return what keeps the ball; `hides` and `talk` as in `BallKnowledge`."""
     reach_m = setup.limits.radius_m + setup.field.ball_radius_m
-    height_m = setup.camera.height_m if isinstance(setup.camera, PinholeCamera) else None
-    return BallKnowledge(reach_m, settings.ball, hides=hides, talk=talk, camera_height_m=height_m)
+    nods: NoddingCamera | None = None
+    if isinstance(setup.camera, PinholeCamera):
+        x_m, y_m = np.abs(setup.field.floor_polygon).max(axis=0).tolist()
+        nods = NoddingCamera((x_m, y_m), _blind_m(setup.camera))
+    return BallKnowledge(reach_m, settings.ball, hides=hides, talk=talk, nods=nods)
+
+
+def _blind_m(camera: PinholeCamera) -> float:
+    """Return how near the floor is that the camera sees straight ahead; 0 where its tilt is not known."""
+    if camera.tilt_rad is None:
+        return 0.0
+    below = -camera.tilt_rad + math.atan((camera.size_px[1] - camera.center_px[1]) / camera.focal_px[1])
+    return camera.height_m / math.tan(below) if 0.0 < below < math.pi / 2 else 0.0
 
 
 def make_role(setup: PlayerSetup, settings: PlayerSettings, is_keeper: bool) -> ChoosesRole:
@@ -165,7 +176,9 @@ def make_tactics(setup: PlayerSetup, settings: PlayerSettings) -> TacticsPart:
 
 def make_driving(setup: PlayerSetup, settings: PlayerSettings) -> DrivingPart:
     """Return the built-in driving."""
-    return Motion(setup.limits, np.random.default_rng(setup.seed), settings.motion)
+    rng = np.random.default_rng(setup.seed)
+    sees_ahead_only = isinstance(setup.camera, PinholeCamera)
+    return Motion(setup.limits, rng, settings.motion, sees_ahead_only=sees_ahead_only)
 
 
 @dataclass(frozen=True, slots=True)

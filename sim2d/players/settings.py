@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robocup_vision.avoidance.recent_free_space import RecentFreeSpaceSettings
+from robocup_vision.localization.filter.hypothesis import OdometryNoise
 from robocup_vision.memory import MemorySettings
-from sim2d.players.ball_memory import BallMemorySettings
+from sim2d.players.ball.memory import BallMemorySettings
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.driving.travel import TravelSettings
 from sim2d.players.head import HeadSettings
@@ -25,10 +27,15 @@ class PlayerSettings:
         Of its parts.
     memory : MemorySettings
         Of its estimates over time: pose filter, tracks and map.
+    rough_odometry : OdometryNoise
+        In place of the memory's with a pinhole camera: legs slip by a tenth, and a robot that does not see who is
+        beside it is pushed, which its odometry does not tell.
     start_std_m, start_std_rad : float
         How exactly it stands at its place when a match begins with a kick-off.
     floor_margin_ratio : float
         Margin of the filtered free floor, as `SteadyFreeSpace` takes it.
+    recent_floor : RecentFreeSpaceSettings
+        Of the floor that a camera has seen that does not see all around.
     max_frame_age_s : float
         It drives by a frame's free space for so long, then stops until the next: obstacles move on.
     calibrates : bool
@@ -48,9 +55,11 @@ class PlayerSettings:
     head: HeadSettings = HeadSettings()
     talk: TeamTalkSettings = TeamTalkSettings()
     memory: MemorySettings = MemorySettings()
+    rough_odometry: OdometryNoise = OdometryNoise(slip_ratio=0.12, push_m=0.005, push_rad=0.03)
     start_std_m: float = 0.05
     start_std_rad: float = math.radians(3.0)
     floor_margin_ratio: float = 0.02
+    recent_floor: RecentFreeSpaceSettings = RecentFreeSpaceSettings()
     max_frame_age_s: float = 0.4
     calibrates: bool = True
     lost_look_s: float = 0.1

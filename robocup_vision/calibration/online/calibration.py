@@ -72,7 +72,19 @@ class EvidenceMaker(Protocol):
     def of(
         self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
     ) -> Evidence | None:
-        """Return what a frame tells, None where it tells nothing."""
+        """Return what a frame tells, None where it shows too little, or most of it contradicts the field.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        view : View
+            What a `Vision` saw in it.
+        mean, covariance : (G,), (G, G) float64
+            What is believed of the parameters.
+        start : (G,) float64
+            Those by which the frame was located: where the fit begins.
+        """
         ...
 
 

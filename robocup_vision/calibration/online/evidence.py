@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, Int64Array
 
+# of a frame's pose before the frame: a metre and a radian, next to nothing
+POSE_PRECISION = 1.0
 # half of the residuals of a normal distribution lie within 0.674 standard deviations
 _MEDIAN_TO_STD = 1.483
 
@@ -104,6 +106,41 @@ def normal_equations(points: Residuals, weight: FloatArray, noise: NoiseSettings
         amount = np.bincount(member, weights=precision)
         total -= common.T @ (common / (noise.shared_px**-2 + amount)[:, None])
     return total[:-1, :-1], -total[:-1, -1]
+
+
+def gauss_newton_step(
+    information: FloatArray,
+    gradient: FloatArray,
+    before: tuple[FloatArray, FloatArray],
+    own: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Step of the camera's parameters and of a frame's own unknowns by points and by what is believed before.
+
+    Parameters
+    ----------
+    information, gradient
+        Of `normal_equations`.
+    before : (G, G), (G,) float64
+        Information on the camera's parameters before the frame, and its gradient where the points were worked out.
+    own : (F,), (F,) float64
+        Precision of the frame's own unknowns under their prior, and its gradient there.
+
+    Returns
+    -------
+    (G + F,) float64
+    """
+    size = len(before[0])
+    system, right = information.copy(), gradient.copy()
+    system[:size, :size] += before[0]
+    right[:size] += before[1]
+    system[size:, size:] += np.diag(own[0])
+    right[size:] += own[1]
+    return np.asarray(np.linalg.solve(system, right), dtype=np.float64)
+
+
+def enough_agree(agreeing: int, total: int, min_points: int, min_ratio: float) -> bool:
+    """Whether so many of a frame's points agree with the field that the frame counts."""
+    return agreeing >= max(min_points, min_ratio * total)
 
 
 def marginal(

@@ -11,9 +11,12 @@ from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points
 from robocup_vision.calibration.omni.model import CENTER, SCALE, TILT, CameraModel
 from robocup_vision.calibration.online.evidence import (
+    POSE_PRECISION,
     Evidence,
     NoiseSettings,
     Residuals,
+    enough_agree,
+    gauss_newton_step,
     known,
     marginal,
     normal_equations,
@@ -27,8 +30,6 @@ from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.view import View
 
 DESIGN_HEIGHT_PX = 220.0
-# of a frame's pose before the frame: a metre and a radian, next to nothing
-_POSE_PRECISION = 1.0
 
 
 class MirrorEvidence:
@@ -90,19 +91,7 @@ class MirrorEvidence:
     def of(
         self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
     ) -> Evidence | None:
-        """Return what a frame tells, None where it shows too little, or most of it contradicts the field.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            BGR.
-        view : View
-            What a `Vision` saw in it.
-        mean, covariance : (5,), (5, 5) float64
-            What is believed of the parameters.
-        start : (5,) float64
-            Those by which the frame was located: where the fit begins.
-        """
+        """Return what a frame tells: see `EvidenceMaker`."""
         points = self._points(frame, view)
         if points is None:
             return None
@@ -111,9 +100,9 @@ class MirrorEvidence:
         joint = JointFit(self._shape, points)
         group = self._groups(points, mean)
         vector, pose = start.copy(), view.pose.pose.array.copy()
-        before = np.linalg.inv(covariance)
+        before: FloatArray = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         free = np.ones(size, dtype=bool)
-        own = np.full(3, _POSE_PRECISION)
+        own = np.full(3, POSE_PRECISION)
         for gate in (*settings.gates_px, 0.0):
             residual, by_camera, by_pose, is_known = joint.linearise(self._model, vector, pose[None], free)
             rows = known(is_known, Residuals(residual, by_camera, by_pose, group))
@@ -124,16 +113,11 @@ class MirrorEvidence:
             information, gradient = normal_equations(rows, weight, noise)
             if gate == 0.0:
                 break
-            system = information.copy()
-            system[:size, :size] += before
-            system[size:, size:] += np.diag(own)
-            right = gradient.copy()
-            right[:size] += before @ (mean - vector)
-            step = np.linalg.solve(system, right)
+            step = gauss_newton_step(information, gradient, (before, before @ (mean - vector)), (own, np.zeros(3)))
             vector += step[:size]
             pose += step[size:]
-        agreeing = np.count_nonzero(weight)
-        if agreeing < max(settings.min_points, settings.min_agreeing_ratio * len(points.pixels)):
+        agreeing = int(np.count_nonzero(weight))
+        if not enough_agree(agreeing, len(points.pixels), settings.min_points, settings.min_agreeing_ratio):
             return None
         return Evidence(vector, *marginal(information, gradient, size, own, np.zeros(3)))
 

@@ -15,9 +15,12 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.online.evidence import (
+    POSE_PRECISION,
     Evidence,
     NoiseSettings,
     Residuals,
+    enough_agree,
+    gauss_newton_step,
     known,
     marginal,
     normal_equations,
@@ -27,17 +30,16 @@ from robocup_vision.calibration.online.evidence import (
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import wrap_angle
+from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.prediction import predict
-from robocup_vision.kernels.model_edges.search import carpet_look, search
+from robocup_vision.kernels.model_edges.search import search
 from robocup_vision.kernels.model_edges.tables import HEIGHT, LOG_FOCAL, ROLL, TILT, UNKNOWNS, empty_room
 from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 from robocup_vision.view import View
 
 _MAX_SAMPLES = 600
-# of a frame's pose before the frame: a metre and a radian, next to nothing
-_POSE_PRECISION = 1.0
 # places of the parameters: tilt, roll, height, logarithm of the focal length's scale, centre
 _SCALE, _CENTER, _ANGLES = 3, slice(4, 6), slice(0, 2)
 _HEIGHT = 2
@@ -78,7 +80,7 @@ class PinholeEvidence:
         self.reach = 6.0 * self.std
         self.reach[_CENTER], self.reach[_ANGLES] = settings.max_center_px * px, settings.max_tilt_rad
         sway = own.sway_std_rad if camera.roll_std_rad is None else max(camera.roll_std_rad, own.sway_std_rad)
-        self._own = np.array([_POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
+        self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
         follow = EdgeSettings().for_width(camera.size_px[0], field.line_width_m)
         self._numbers, self._edges = follow, field_edges(field)
         self._room = empty_room(_MAX_SAMPLES, 0)
@@ -142,19 +144,7 @@ class PinholeEvidence:
     def of(
         self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
     ) -> Evidence | None:
-        """Return what a frame tells, None where it shows too little, or most of it contradicts the field.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            BGR.
-        view : View
-            What a `Vision` saw in it.
-        mean, covariance : (6,), (6, 6) float64
-            What is believed of the parameters.
-        start : (6,) float64
-            Those by which the frame was located: where the fit begins.
-        """
+        """Return what a frame tells: see `EvidenceMaker`."""
         held, settings, size = view.camera, self._settings, len(mean)
         assert isinstance(held, PinholeCamera)
         assert view.pose
@@ -174,7 +164,7 @@ class PinholeEvidence:
         group = samples.feature[:count][is_seen]
         sway = unknowns[TILT : HEIGHT + 1] - start[: _HEIGHT + 1]
         slope = -self._own * np.concatenate([np.zeros(3), sway])
-        before = np.linalg.inv(covariance)
+        before: FloatArray = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         rows = np.hstack([by_camera, by_frame])
         # evenly spread over the readout
         skew_px = self._lens[0] * self._turn_radps * (self._file.readout_s or settings.readout_s) / math.sqrt(12.0)
@@ -194,13 +184,9 @@ class PinholeEvidence:
             information, gradient = normal_equations(known(is_used, points), weight[is_used], noise)
             if gate == 0.0:
                 break
-            system, right = information.copy(), gradient.copy()
-            system[:size, :size] += before
-            right[:size] += before @ (mean - start)
-            system[size:, size:] += np.diag(self._own)
-            right[size:] += slope
-            step = np.asarray(np.linalg.solve(system, right), dtype=np.float64)
-        if np.count_nonzero(is_used) < max(settings.min_points, settings.min_agreeing_ratio * len(offsets)):
+            step = gauss_newton_step(information, gradient, (before, before @ (mean - start)), (self._own, slope))
+        agreeing = int(np.count_nonzero(is_used))
+        if not enough_agree(agreeing, len(offsets), settings.min_points, settings.min_agreeing_ratio):
             return None
         return Evidence(start.copy(), *marginal(information, gradient, size, self._own, slope))
 

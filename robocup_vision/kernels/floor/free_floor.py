@@ -6,10 +6,16 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array
+from robocup_vision.arrays import BoolArray, FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array, UInt64Array
 from robocup_vision.compiling.loops import compiled
 
 BLOCKED, FLOOR, LINE, BALL = 0, 1, 2, 3
+NO_BITS, ONE, TWO, ALL, EVERY_BIT = np.uint64(0), np.uint64(1), np.uint64(2), np.uint64(64), ~np.uint64(0)
+# the upper six bits of the product of a power of two and this number are different for each (de Bruijn)
+DE_BRUIJN = np.uint64(0x03F79D71B4CB0A89)
+PLACES = np.empty(64, np.int64)
+for _bit in range(64):
+    PLACES[((1 << _bit) * int(DE_BRUIJN) >> 58) % 64] = _bit
 
 
 @compiled
@@ -42,74 +48,126 @@ def passable(
         Filled with BLOCKED, FLOOR or LINE.
     """
     rows, columns = llr.shape
+    words = (columns + 63) // 64
+    # a bit for each sample, so that one operation tells of 64 samples whether anything is to be done: floor by colour,
+    # what is not blocked so far, and what counts
+    floor, free, shown = np.zeros((3, rows, words + 2), np.uint64)
     for k in range(rows):
         for m in range(columns):
             out[k, m] = FLOOR if llr[k, m] > 0 else BLOCKED
-    _clear_blur(samples, llr, valid, columns_in_use, outermost, out)
-    _clear_single(valid, columns_in_use, out)
-    _mark_lines_along(samples, llr, valid, line_columns, columns_in_use, out)
-    _mark_lines_across(samples, llr, valid, line_rows, columns_in_use, out)
-    _block_corners(valid, line_columns, columns_in_use, out)
+        for word in range(words):
+            first = 64 * word
+            is_floor, counts = NO_BITS, NO_BITS
+            for bit in range(min(64, columns_in_use - first)):
+                is_floor |= np.uint64(llr[k, first + bit] > 0) << np.uint64(bit)
+                counts |= np.uint64(valid[k, first + bit] != 0) << np.uint64(bit)
+            # a word before the first and one after the last stay empty
+            floor[k, word + 1], free[k, word + 1], shown[k, word + 1] = is_floor, is_floor, counts
+    _clear_blur(samples, floor, shown, columns_in_use, outermost, free, out)
+    _clear_single(shown, columns_in_use, free, out)
+    has_line = np.zeros(rows, np.bool_)
+    _mark_lines_along(samples, llr, valid, line_columns, free, has_line, out)
+    _mark_lines_across(samples, llr, valid, line_rows, free, has_line, out)
+    _block_corners(valid, line_columns, columns_in_use, has_line, out)
+
+
+@compiled
+def _outward(row: UInt64Array, word: int, by: np.uint64) -> np.uint64:
+    """Return the bits of a word's samples as they stand `by` columns farther out."""
+    return np.uint64((row[word] << by) | (row[word - 1] >> (ALL - by)))
+
+
+@compiled
+def _inward(row: UInt64Array, word: int, by: np.uint64) -> np.uint64:
+    """Return the bits of a word's samples as they stand `by` columns farther in."""
+    return np.uint64((row[word] >> by) | (row[word + 1] << (ALL - by)))
+
+
+@compiled
+def _columns(word: int, first: int, end: int) -> np.uint64:
+    """Return the bits of a word's columns from `first` to before `end`."""
+    low, high = max(first - 64 * (word - 1), 0), min(end - 64 * (word - 1), 64)
+    if low >= high:
+        return NO_BITS
+    return (EVERY_BIT >> np.uint64(64 - (high - low))) << np.uint64(low)
+
+
+@compiled
+def _lowest(bits: np.uint64) -> int:
+    """Return the place of the lowest bit that is set."""
+    return int(PLACES[((bits & (~bits + ONE)) * DE_BRUIJN) >> np.uint64(58)])
 
 
 @compiled
 def _clear_blur(
-    samples: UInt8Array, llr: Int8Array, valid: UInt8Array, columns_in_use: int, outermost: Int64Array, out: UInt8Array
+    samples: UInt8Array,
+    floor: UInt64Array,
+    shown: UInt64Array,
+    columns_in_use: int,
+    outermost: Int64Array,
+    free: UInt64Array,
+    out: UInt8Array,
 ) -> None:
     """Make floor of what is bright only by the samples' blur, and of specks of three by three samples at most.
 
     The blur spreads what is bright over the floor beside it by a sample; what is dark hardly colours its neighbours.
     """
-    rows = llr.shape[0]
+    rows = len(floor)
     for k in range(rows):
-        here, right, right2 = llr[k], llr[(k - 1) % rows], llr[(k - 2) % rows]
-        left, left2 = llr[(k + 1) % rows], llr[(k + 2) % rows]
+        here, right, right2 = floor[k], floor[(k - 1) % rows], floor[(k - 2) % rows]
+        left, left2 = floor[(k + 1) % rows], floor[(k + 2) % rows]
         # floor beside it may reach farther than its own
         end = 0
         for step in range(-2, 3):
             reach = outermost[(k + step) % rows]
             end = max(end, reach + 2 if reach >= 0 else columns_in_use - 2)
         end = min(end, columns_in_use - 2)
-        for m in range(2, end):
-            if here[m] > 0 or not valid[k, m]:
+        for word in range(1, len(here) - 1):
+            blocked = ~here[word] & shown[k, word] & _columns(word, 2, end)
+            if blocked == NO_BITS:
                 continue
-            if (
-                max(here[m - 1], here[m - 2]) > 0
-                and max(here[m + 1], here[m + 2]) > 0
-                and max(right[m], right2[m]) > 0
-                and max(left[m], left2[m]) > 0
-            ):
-                is_floor = True
-            elif here[m - 1] > 0 and here[m - 2] > 0:
-                is_floor = _is_brighter(samples[k, m], samples[k, m - 2])
-            elif here[m + 1] > 0 and here[m + 2] > 0:
-                is_floor = _is_brighter(samples[k, m], samples[k, m + 2])
-            elif right[m] > 0 and right2[m] > 0:
-                is_floor = _is_brighter(samples[k, m], samples[(k - 2) % rows, m])
-            elif left[m] > 0 and left2[m] > 0:
-                is_floor = _is_brighter(samples[k, m], samples[(k + 2) % rows, m])
-            else:
-                is_floor = False
-            if is_floor:
-                out[k, m] = FLOOR
+            inner, inner2 = _outward(here, word, ONE), _outward(here, word, TWO)
+            outer, outer2 = _inward(here, word, ONE), _inward(here, word, TWO)
+            within = (inner | inner2) & (outer | outer2) & (right[word] | right2[word]) & (left[word] | left2[word])
+            becomes = blocked & within
+            beside = (inner & inner2) | (outer & outer2) | (right[word] & right2[word]) | (left[word] & left2[word])
+            doubtful = blocked & ~within & beside
+            while doubtful != NO_BITS:
+                bit = _lowest(doubtful)
+                one, m = ONE << np.uint64(bit), 64 * (word - 1) + bit
+                doubtful &= ~one
+                if inner & inner2 & one:
+                    is_floor = _is_brighter(samples[k, m], samples[k, m - 2])
+                elif outer & outer2 & one:
+                    is_floor = _is_brighter(samples[k, m], samples[k, m + 2])
+                elif right[word] & right2[word] & one:
+                    is_floor = _is_brighter(samples[k, m], samples[(k - 2) % rows, m])
+                else:
+                    is_floor = _is_brighter(samples[k, m], samples[(k + 2) % rows, m])
+                if is_floor:
+                    becomes |= one
+            _mark(becomes, FLOOR, k, word, free, out)
 
 
 @compiled
-def _clear_single(valid: UInt8Array, columns_in_use: int, out: UInt8Array) -> None:
+def _mark(bits: np.uint64, kind: int, k: int, word: int, free: UInt64Array, out: UInt8Array) -> None:
+    """Mark samples of a word that are not blocked."""
+    free[k, word] |= bits
+    while bits != NO_BITS:
+        out[k, 64 * (word - 1) + _lowest(bits)] = kind
+        bits &= bits - ONE
+
+
+@compiled
+def _clear_single(shown: UInt64Array, columns_in_use: int, free: UInt64Array, out: UInt8Array) -> None:
     """Make floor of single blocked samples among floor: they are noise, for what stands there would hide more."""
-    rows = out.shape[0]
+    rows = len(free)
     for k in range(rows):
-        above, below = out[(k - 1) % rows], out[(k + 1) % rows]
-        for m in range(1, columns_in_use - 1):
-            if (
-                out[k, m] == BLOCKED
-                and valid[k, m]
-                and out[k, m - 1] != BLOCKED
-                and out[k, m + 1] != BLOCKED
-                and above[m] != BLOCKED
-                and below[m] != BLOCKED
-            ):
-                out[k, m] = FLOOR
+        here, above, below = free[k], free[(k - 1) % rows], free[(k + 1) % rows]
+        for word in range(1, len(here) - 1):
+            beside = _outward(here, word, ONE) & _inward(here, word, ONE) & above[word] & below[word]
+            single = ~here[word] & shown[k, word] & beside & _columns(word, 1, columns_in_use - 1)
+            _mark(single, FLOOR, k, word, free, out)
 
 
 @compiled
@@ -118,29 +176,42 @@ def _mark_lines_along(
     llr: Int8Array,
     valid: UInt8Array,
     line_columns: Int32Array,
-    columns_in_use: int,
+    free: UInt64Array,
+    has_line: BoolArray,
     out: UInt8Array,
 ) -> None:
     """Mark bright stripes between floor on one bearing that are no longer than a line is wide."""
-    rows = llr.shape[0]
-    for k in range(rows):
-        # the robot stands on the floor: what lies under its rim is bounded by floor
-        last, floor = -1, -1
-        for m in range(columns_in_use):
-            if out[k, m] == BLOCKED:
-                continue
-            if llr[k, m] > 0 or floor < 0:
-                floor = m
-            if 1 < m - last <= line_columns[m] + 1:
+    for k in range(len(free)):
+        first = -1
+        for word in range(1, free.shape[1] - 1):
+            if first < 0 and free[k, word] != NO_BITS:
+                first = 64 * (word - 1) + _lowest(free[k, word])
+            # what is not blocked, and is blocked one column before
+            ends = free[k, word] & ~_outward(free[k], word, ONE)
+            if word == 1:
+                ends &= ~ONE
+            while ends != NO_BITS:
+                m = 64 * (word - 1) + _lowest(ends)
+                ends &= ends - ONE
+                # the robot stands on the floor: what lies under its rim is bounded by floor
+                last = m - 1
+                while last >= 0 and out[k, last] == BLOCKED and m - last <= line_columns[m] + 1:
+                    last -= 1
+                if m - last > line_columns[m] + 1:
+                    continue
+                at = m
+                while at >= 0 and llr[k, at] <= 0:
+                    at -= 1
+                at = at if at >= 0 else first
                 blue, red = 0, 0
                 for j in range(last + 1, m):
                     if valid[k, j]:
                         blue, red = max(blue, int(samples[k, j, 0])), max(red, int(samples[k, j, 2]))
-                if blue > samples[k, floor, 0] and red > samples[k, floor, 2]:
+                if blue > samples[k, at, 0] and red > samples[k, at, 2]:
                     for j in range(last + 1, m):
                         if valid[k, j]:
-                            out[k, j] = LINE
-            last = m
+                            out[k, j], has_line[k] = LINE, True
+                            free[k, 1 + j // 64] |= ONE << np.uint64(j % 64)
 
 
 @compiled
@@ -149,47 +220,62 @@ def _mark_lines_across(
     llr: Int8Array,
     valid: UInt8Array,
     line_rows: Int32Array,
-    columns_in_use: int,
+    free: UInt64Array,
+    has_line: BoolArray,
     out: UInt8Array,
 ) -> None:
     """Mark bright stripes between floor on one ring that are no wider than a line.
 
     Where two lines meet, what lies between is bounded by line; it must still be whiter than the floor.
     """
-    rows = llr.shape[0]
-    before = np.full(columns_in_use, -1)
-    floors = np.full(columns_in_use, -1)
+    rows = len(free)
+    visited = free.copy()
     # once round and a little further, so that a line across row 0 is closed, too
-    for step in range(rows + line_rows[0] + 1):
-        k = step if step < rows else step - rows
-        for m in range(columns_in_use):
-            if out[k, m] == BLOCKED:
-                continue
-            if llr[k, m] > 0 or floors[m] < 0:
-                floors[m] = k
-            if 1 < step - before[m] <= line_rows[m] + 1 and before[m] >= 0:
+    for step in range(1, rows + line_rows[0] + 1):
+        k, before = step % rows, (step - 1) % rows
+        for word in range(1, free.shape[1] - 1):
+            ends = free[k, word] & ~free[before, word]
+            while ends != NO_BITS:
+                bit = _lowest(ends)
+                one, m = ONE << np.uint64(bit), 64 * (word - 1) + bit
+                ends &= ends - ONE
+                last = step - 1
+                while last >= 0 and out[last % rows, m] == BLOCKED and step - last <= line_rows[m] + 1:
+                    last -= 1
+                if last < 0 or step - last > line_rows[m] + 1:
+                    continue
+                at = step
+                while at >= 0 and llr[at % rows, m] <= 0:
+                    at -= 1
+                if at < 0:
+                    at = 0
+                    while visited[at, word] & one == NO_BITS:
+                        at += 1
+                at %= rows
                 blue, red = 0, 0
-                for i in range(before[m] + 1, step):
-                    j = i if i < rows else i - rows
-                    if valid[j, m]:
-                        blue, red = max(blue, int(samples[j, m, 0])), max(red, int(samples[j, m, 2]))
-                if blue > samples[floors[m], m, 0] and red > samples[floors[m], m, 2]:
-                    for i in range(before[m] + 1, step):
-                        j = i if i < rows else i - rows
-                        if valid[j, m]:
-                            out[j, m] = LINE
-            before[m] = step
+                for i in range(last + 1, step):
+                    if valid[i % rows, m]:
+                        blue = max(blue, int(samples[i % rows, m, 0]))
+                        red = max(red, int(samples[i % rows, m, 2]))
+                if blue > samples[at, m, 0] and red > samples[at, m, 2]:
+                    for i in range(last + 1, step):
+                        if valid[i % rows, m]:
+                            out[i % rows, m], has_line[i % rows] = LINE, True
+                            free[i % rows, word] |= one
 
 
 @compiled
-def _block_corners(valid: UInt8Array, line_columns: Int32Array, columns_in_use: int, out: UInt8Array) -> None:
+def _block_corners(
+    valid: UInt8Array, line_columns: Int32Array, columns_in_use: int, has_line: BoolArray, out: UInt8Array
+) -> None:
     """Block the lines that lead up to something blocked.
 
     A bright corner that points at the robot is no wider than a line at first, over the depth at which a right angle
     has opened to that width.
     """
-    rows = out.shape[0]
-    for k in range(rows):
+    for k in range(out.shape[0]):
+        if not has_line[k]:
+            continue
         left = 0
         for m in range(columns_in_use - 1, -1, -1):
             if not valid[k, m]:

@@ -315,20 +315,18 @@ def _sample_beside(
     return seen
 
 
-@compiled
+@compiled(error_model="numpy")
 def _step_shift(signal: Int64Array, offset: FloatArray, base: float, rise: float) -> float:
     """Fit a smooth step to the samples of all three lines of sight; returns its shift, pixels."""
     shift = 0.0
     for _ in range(2):
         numerator, denominator = 0.0, 0.0
         for side in range(3):
-            for i in range(1, 6):
-                x = (i - 3.0 + offset[side] - shift) / 1.75
-                if abs(x) >= 1.0:
-                    continue
-                weight = 1.0 - x * x
+            for i in range(5):
+                x = (i - 2.0 + offset[side] - shift) / 1.75
+                weight = max(1.0 - x * x, 0.0)
                 expected = 0.5 + 0.75 * x - 0.25 * x * x * x
-                numerator += weight * (expected - (signal[7 * side + i] - base) / rise)
+                numerator += weight * (expected - (signal[7 * side + i + 1] - base) / rise)
                 denominator += weight * weight
         shift = max(-1.5, min(1.5, shift + numerator / denominator * 1.75 / 0.75))
     return shift

@@ -46,7 +46,7 @@ class Alignment(NamedTuple):
     gates_px: FloatArray
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _residual(
     bank: Bank, how: Alignment, pose: FloatArray, turned: FloatArray, n: int, row: FloatArray
 ) -> tuple[float, bool]:
@@ -89,7 +89,7 @@ def _residual(
     return away / one, True
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _turned(how: Alignment, pose: FloatArray, out: FloatArray) -> None:
     out[0], out[1] = math.cos(pose[2]), math.sin(pose[2])
     out[2], out[3] = math.cos(how.tilt_rad + pose[3]), math.sin(how.tilt_rad + pose[3])

@@ -154,7 +154,7 @@ def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: flo
     return total
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _upright_spans(bank: Bank, x: float, y: float, low: FloatArray, high: FloatArray) -> None:
     """Bearings from a place, field frame, between which each upright stands."""
     for m in range(bank.items.shape[0]):
@@ -173,7 +173,7 @@ def _upright_spans(bank: Bank, x: float, y: float, low: FloatArray, high: FloatA
         low[m], high[m] = min(0.0, turn) - half + a, max(0.0, turn) + half + a
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _mismatch(bank: Bank, seen: FloatArray, total: float, low: FloatArray, high: FloatArray, theta: float) -> float:
     """Bins that show a paint where none is predicted, and of those predicted that do not a part: robots hide them."""
     per_bin = BINS / (2.0 * bank.half_view_rad)
@@ -222,21 +222,37 @@ def score_bank(
     scores : (P, H) float64
         Result.
     """
-    items = bank.items.shape[0]
+    items, headings = bank.items.shape[0], bank.headings.shape[0]
     first = min(number, FIRST_POINTS)
     low, high = np.empty(items), np.empty(items)
     total = 0.0
     for k in range(seen.shape[0]):
         total += seen[k, BINS]
-    headings = bank.headings.shape[0]
+    # the points as each heading turns them, in cells, are the same at all places
+    inverse = 1.0 / bank.cell_m
+    turned, sharpness = np.empty((headings, first, 2)), np.empty(first)
+    for i in range(first):
+        sharpness[i] = 1.0 / rows[i, 2]
+        for j in range(headings):
+            c, s = math.cos(bank.headings[j]), math.sin(bank.headings[j])
+            turned[j, i, 0] = (c * rows[i, 0] - s * rows[i, 1]) * inverse
+            turned[j, i, 1] = (s * rows[i, 0] + c * rows[i, 1]) * inverse
+    last_row, last_column = bank.distance_m.shape[0] - 1, bank.distance_m.shape[1] - 1
     for i in range(bank.places.shape[0]):
         x, y = bank.places[i, 0], bank.places[i, 1]
         _upright_spans(bank, x, y, low, high)
+        # half a cell more: a cell's number is where its middle lies
+        across, up = (x - bank.origin_m[0]) * inverse + 0.5, (y - bank.origin_m[1]) * inverse + 0.5
         for j in range(headings):
-            theta = bank.headings[j]
-            c, s = math.cos(theta), math.sin(theta)
-            cost = _misfit(bank, rows, variable(0), first, x, y, c, s)
-            wrong = _mismatch(bank, seen, total, low, high, theta)
+            cost = 0.0
+            for k in range(first):
+                column, row = int(across + turned[j, k, 0]), int(up + turned[j, k, 1])
+                if 0 <= column <= last_column and 0 <= row <= last_row:
+                    d = bank.distance_m[np.uintp(row), np.uintp(column)] * sharpness[k]
+                    cost += min(d * d, 1.0)
+                else:
+                    cost += 1.0
+            wrong = _mismatch(bank, seen, total, low, high, bank.headings[j])
             scores[i, j] = cost * (number / max(first, 1)) + upright_weight * wrong
 
 
@@ -268,8 +284,9 @@ def _first_apart(bank: Bank, order: Int64Array, full: FloatArray, apart: FloatAr
         for k in range(count):
             turn = abs(theta - out[k, 2])
             turn = min(turn, math.tau - turn)
-            if math.sqrt((x - out[k, 0]) ** 2 + (y - out[k, 1]) ** 2) < apart[0] and turn < apart[1]:
+            if turn < apart[1] and (x - out[k, 0]) ** 2 + (y - out[k, 1]) ** 2 < apart[0] * apart[0]:
                 near = True
+                break
         if not near:
             out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, theta, full[n]
             count += 1

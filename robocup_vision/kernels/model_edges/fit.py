@@ -43,10 +43,23 @@ def _nearest(found: Findings, n: int, expected: float) -> float:
 
 
 @compiled(fastmath=True, error_model="numpy")
-def msac(rows: FloatArray, count: int, found: Findings, z: FloatArray, gate_px: float, prior_ratio: float) -> float:
-    """Cost a hypothesis: squared residuals in gates, at most 1 a sample, and the distance from the prior."""
+def msac(
+    rows: FloatArray,
+    count: int,
+    found: Findings,
+    z: FloatArray,
+    gate_px: float,
+    prior_ratio: float,
+    enough: float,
+) -> float:
+    """Cost a hypothesis: squared residuals in gates, at most 1 a sample, and the distance from the prior.
+
+    A cost of `enough` or more may be returned for a greater one.
+    """
     cost = 0.0
     for n in range(count):
+        if cost >= enough:
+            return cost
         if found.candidates[n] < 1:
             continue
         expected = 0.0
@@ -95,7 +108,7 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
     pick, at = np.empty(3, dtype=np.int64), np.empty(3)
     costs = np.empty(draws.shape[0] + 1)
     tried = np.zeros((draws.shape[0] + 1, UNKNOWNS))
-    costs[0] = msac(rows, count, found, z, gate_px, prior_ratio)
+    costs[0] = msac(rows, count, found, z, gate_px, prior_ratio, 1e9)
     made, first = 1, 0
     if number >= 3:
         for h in range(draws.shape[0]):
@@ -116,7 +129,9 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
             substitute(small, 3, right)
             for j in range(UNKNOWNS):
                 z[j] = rows[pick[0], j] * right[0] + rows[pick[1], j] * right[1] + rows[pick[2], j] * right[2]
-            costs[made] = msac(rows, count, found, z, gate_px, prior_ratio)
+            # of one mode alone only the best matters
+            enough = costs[first] if modes.shape[0] == 1 else 1e9
+            costs[made] = msac(rows, count, found, z, gate_px, prior_ratio, enough)
             for j in range(UNKNOWNS):
                 tried[made, j] = z[j]
             if costs[made] < costs[first]:

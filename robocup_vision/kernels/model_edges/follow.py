@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
+from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
-from robocup_vision.kernels.model_edges.search import carpet_look, reaches, search, whiten
+from robocup_vision.kernels.model_edges.search import reaches, search, whiten
 from robocup_vision.kernels.model_edges.tables import (
     FOUND,
     UNKNOWNS,
@@ -230,12 +231,20 @@ def follow(
     whiten(coarse.samples, count, prior.root, coarse.rows)
     reaches(coarse.rows, count, settings, coarse.reach_px)
     search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, coarse, count)
-    modes = np.zeros((most_modes, UNKNOWNS))
+    # the best mode alone is chosen sooner, and in most frames no other needs a look
+    modes = np.zeros((1, UNKNOWNS))
     kept = choose_mode(coarse, count, scene.draws, settings, modes)
     origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
     best, best_worth = -1, -1e9
     z = np.empty(UNKNOWNS)
-    for k in range(kept + 1):
+    k = variable(0)
+    while k <= kept:
+        if k == 1 and most_modes > 1:
+            fitted = modes[0]
+            modes = np.zeros((most_modes, UNKNOWNS))
+            kept = choose_mode(coarse, count, scene.draws, settings, modes)
+            for j in range(UNKNOWNS):
+                modes[0, j] = fitted[j]
         # the last turn comes back to the best of them, where another was looked at since
         again = k == kept
         if again and (best < 0 or best == kept - 1):
@@ -249,6 +258,7 @@ def follow(
             best, best_worth = k, worth
             if clear:
                 break
+        k += 1
     if best < 0:
         return False
     return _conclude(prior.root, z, room.information, room.gradient, fit)

@@ -60,7 +60,7 @@ def distorted(lens: FloatArray, a: float, b: float) -> tuple[float, float, float
     return x, y, xa, xb, xb, yb
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _emit(
     frame: FloatArray,
     lens: FloatArray,

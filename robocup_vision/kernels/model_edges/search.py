@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.kernels.model_edges.carpet import is_carpet, is_paint
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
     ON_FLOOR,
@@ -25,94 +26,12 @@ from robocup_vision.kernels.model_edges.tables import (
     UInt8Array,
 )
 
-GRID = 24  # places along each image axis at which the carpet is looked at
 FLANK_PX = 2
-TONES = 24
-# of a paint: shadows leave less than half of it, blur mixes the background in, lamps have a tint
-MIN_PAINT, MIN_HUE_COS, MIN_WHITENESS = 0.3, 0.7, 0.5
 # of a line's full step, that a band shows; what blur may add to its width, and the widest that is read
 MIN_BAND_RATIO, BAND_BLUR_PX, MAX_BAND_PX = 0.25, 4.0, 120.0
 # along a profile: of the search, and all of it
 MAX_REACH_PX, MAX_PROFILE_PX = 110, 480
 ONE, TWO = np.uintp(1), np.uintp(2)
-
-
-@compiled(fastmath=True, error_model="numpy")
-def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None:
-    """Estimate the carpet's colour and the picture's noise from a grid of pixels below the horizon.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        BGR.
-    horizon_row : int
-        Where the floor may begin.
-    carpet : (5,) float64
-        Result: blue, green, red of the commonest tone, the noise of a channel (grey levels), how many pixels had that
-        tone as a fraction.
-    """
-    height, width = image.shape[0], image.shape[1]
-    top = min(max(horizon_row + 2, 1), height - 12)
-    tones = np.zeros((TONES + 2, TONES + 2), dtype=np.int64)
-    rough = np.zeros(64, dtype=np.int64)
-    total = 0
-    for i in range(GRID):
-        y = top + (height - 2 - top) * i // (GRID - 1)
-        for j in range(GRID):
-            x = 2 + (width - 5) * j // (GRID - 1)
-            b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
-            bend = abs(int(image[y, x - 1, 1]) - 2 * int(image[y, x, 1]) + int(image[y, x + 1, 1]))
-            rough[min(bend, 63)] += 1
-            total += 1
-            light = b + g + r
-            if light > 60.0:
-                tones[1 + int(b / light * (TONES - 1)), 1 + int(r / light * (TONES - 1))] += 1
-    best, bi, bj = -1, 1, 1
-    for i in range(1, TONES + 1):
-        for j in range(1, TONES + 1):
-            # the mode of sums over neighbours does not depend on where cells begin
-            near = 0
-            for k in range(-1, 2):
-                for m in range(-1, 2):
-                    near += tones[i + k, j + m]
-            near += tones[i, j]
-            if near > best:
-                best, bi, bj = near, i, j
-    sums = np.zeros(3)
-    number = 0
-    for i in range(GRID):
-        y = top + (height - 2 - top) * i // (GRID - 1)
-        for j in range(GRID):
-            x = 2 + (width - 5) * j // (GRID - 1)
-            b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
-            light = b + g + r
-            if light > 60.0:
-                i0, j0 = 1 + int(b / light * (TONES - 1)), 1 + int(r / light * (TONES - 1))
-                if abs(i0 - bi) <= 1 and abs(j0 - bj) <= 1:
-                    sums[0] += b
-                    sums[1] += g
-                    sums[2] += r
-                    number += 1
-    for c in range(3):
-        carpet[c] = sums[c] / max(number, 1)
-    half, k = 0, 0
-    while k < 63 and half + rough[k] < total // 2:
-        half += rough[k]
-        k += 1
-    # the median of |x0 - 2 x1 + x2| of Gaussian noise is 0.6745 sqrt(6) of its standard deviation
-    median = k + (total // 2 - half) / max(rough[k], 1) - 0.5
-    carpet[3] = max(median / (0.6745 * math.sqrt(6.0)), 0.8)
-    carpet[4] = number / max(total, 1)
-
-
-@compiled(fastmath=True, error_model="numpy")
-def is_carpet(b: float, g: float, r: float, carpet: FloatArray) -> bool:
-    """Return whether a colour is the carpet's, somewhat brighter or darker."""
-    light, known = b + g + r, carpet[0] + carpet[1] + carpet[2]
-    if light < 0.45 * known or light > 1.6 * known or light < 1.0 or known < 1.0:
-        return False
-    slack = 0.05 + 2.0 * carpet[3] / light
-    return bool(abs(b / light - carpet[0] / known) < slack and abs(r / light - carpet[2] / known) < slack)
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -123,20 +42,6 @@ def _mean_of_three(flat: UInt8Array, at: int, beside: int) -> tuple[float, float
     green = int(flat[first + ONE]) + int(flat[middle + ONE]) + int(flat[last + ONE])
     red = int(flat[first + TWO]) + int(flat[middle + TWO]) + int(flat[last + TWO])
     return blue / 3.0, green / 3.0, red / 3.0
-
-
-@compiled(fastmath=True, error_model="numpy")
-def is_paint(b: float, g: float, r: float, channel: FloatArray, brightness: float) -> bool:
-    """Whether a colour may be a channel's paint: of its hue, or white; any colour may be a grey or black paint."""
-    mean = (b + g + r) / 3.0
-    if channel[7] > 0.0:
-        return bool(min(b, g, r) > MIN_WHITENESS * max(b, g, r) and mean > MIN_PAINT * channel[7] * brightness)
-    size = math.sqrt(channel[4] ** 2 + channel[5] ** 2 + channel[6] ** 2)
-    if size == 0.0:
-        return True
-    b, g, r = b - mean, g - mean, r - mean
-    along = (b * channel[4] + g * channel[5] + r * channel[6]) / size
-    return bool(along > MIN_PAINT * size * brightness and along > MIN_HUE_COS * math.sqrt(b * b + g * g + r * r))
 
 
 class Profile(NamedTuple):
@@ -152,7 +57,7 @@ class Profile(NamedTuple):
     gap: int
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _borders_rightly(
     flat: UInt8Array,
     profile: Profile,
@@ -184,13 +89,22 @@ def _borders_rightly(
     return bool(is_carpet(after[0], after[1], after[2], carpet))
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _add_up(flat: UInt8Array, profile: Profile, channel: FloatArray, sums: FloatArray) -> None:
     """Sum up a channel along a profile, the means of three neighbours; sums (L + 1,) begin with 0."""
     # three neighbours are added up
     wb, wg, wr = channel[0] / 3.0, channel[1] / 3.0, channel[2] / 3.0
     at, beside = profile.origin, profile.beside
     sums[0] = 0.0
+    if wg == 0.0:
+        # white lines are read without their green, which the carpet has as well
+        for i in range(sums.shape[0] - 1):
+            a, b, c = np.uintp(at - beside), np.uintp(at), np.uintp(at + beside)
+            blue = int(flat[a]) + int(flat[b]) + int(flat[c])
+            red = int(flat[a + TWO]) + int(flat[b + TWO]) + int(flat[c + TWO])
+            sums[i + 1] = sums[i] + (wb * blue + wr * red)
+            at += profile.advance
+        return
     for i in range(sums.shape[0] - 1):
         a, b, c = np.uintp(at - beside), np.uintp(at), np.uintp(at + beside)
         blue = int(flat[a]) + int(flat[b]) + int(flat[c])
@@ -200,7 +114,7 @@ def _add_up(flat: UInt8Array, profile: Profile, channel: FloatArray, sums: Float
         at += profile.advance
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _respond(sums: FloatArray, profile: Profile, flank: int, length: int, response: FloatArray) -> tuple[int, int]:
     """Compare the pixels inside, from each place on, with those before; of a ridge, that has flanks, on both sides.
 
@@ -220,7 +134,7 @@ def _respond(sums: FloatArray, profile: Profile, flank: int, length: int, respon
     return begin, end
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _keep_strongest(found: Findings, n: int, kept: int, strength: float, offset_px: float) -> int:
     """Put a candidate of a sample in its place among those kept; returns how many are kept now."""
     place = kept

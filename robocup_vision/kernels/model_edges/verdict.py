@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.model_edges.search import is_carpet
+from robocup_vision.kernels.model_edges.carpet import is_carpet
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
     FOUND,
@@ -20,6 +20,7 @@ from robocup_vision.kernels.model_edges.tables import (
     UNSEEN,
     FloatArray,
     FollowSettings,
+    Int64Array,
     Room,
     UInt8Array,
 )
@@ -134,14 +135,16 @@ def line_points(
     least, stride, line_width_m = look.min_step, look.stride, look.width_m
     fu, fv = lens[0] * math.exp(p[6]), lens[1] * math.exp(p[6])
     count = variable(0)
-    sums = np.empty(max(height, width) + 1)
+    flat = image.reshape(-1)
+    longest = max(height, width)
+    sums, bright_at = np.empty(longest + 1, np.int64), np.empty(longest, np.int64)
     inner_of_row = np.empty(height, np.int64)
     tan_tilt, tan_roll = math.tan(p[3]), math.tan(p[4])
     for i in range(height):
         down = max((i - lens[3]) / fv - tan_tilt, 0.0)
         inner_of_row[i] = min(max(int(round(fv * line_width_m * down * down / p[5])), 1), 41)
     # most pixels are too dark to be part of a line
-    bright = carpet[0] + carpet[2] + 0.5 * least
+    bright = int(math.floor(carpet[0] + carpet[2] + 0.5 * least))
     for turn in range(2):
         by_row = turn == 1
         lines, length = (height, width) if by_row else (width, height)
@@ -158,26 +161,25 @@ def line_points(
                 begin = max(int(lens[3] + fv * tan_tilt - tan_roll * (at - lens[2])) + 2, 0)
             if begin > length - 8:
                 continue
-            sums[begin] = 0.0
-            for i in range(begin, length):
-                if by_row:
-                    light = int(image[at, i, 0]) + int(image[at, i, 2])
-                else:
-                    light = int(image[i, at, 0]) + int(image[i, at, 2])
-                sums[i + 1] = sums[i] + light
-            peak, place, half = 0.0, variable(-1), variable(1)
-            for i in range(begin + 6, length - 6):
-                rise, gap = 0.0, half
-                if sums[i + 1] - sums[i] > bright:
-                    wide = inner if by_row else inner_of_row[min(max(i + shift, 0), height - 1)]
-                    reach = wide // 2
-                    gap = reach + (2 if wide > 1 else 1)
-                    if i - gap - 2 < begin or i + gap + 3 > length:
-                        continue
-                    inside = (sums[i + reach + 1] - sums[i - reach]) / (2 * reach + 1)
-                    rise = inside - (sums[i - gap + 1] - sums[i - gap - 1]) * 0.5
-                    if rise > least:
-                        rise = min(rise, inside - (sums[i + gap + 2] - sums[i + gap]) * 0.5)
+            start = 3 * (at * width + begin) if by_row else 3 * (begin * width + at)
+            number = _read(flat, start, 3 if by_row else 3 * width, begin, length, bright, sums, bright_at)
+            peak, place, half, last = 0.0, variable(-1), variable(1), variable(-1)
+            for k in range(number):
+                i = bright_at[k]
+                # a darker pixel between two bright ones ends what is near enough
+                if place >= 0 and i - 1 > max(last, place + half):
+                    count = _keep(image, at, place, half, by_row, carpet, points, count)
+                    peak, place = 0.0, -1
+                last = i
+                wide = inner if by_row else inner_of_row[min(max(i + shift, 0), height - 1)]
+                reach = wide // 2
+                gap = reach + (2 if wide > 1 else 1)
+                if i - gap - 2 < begin or i + gap + 3 > length:
+                    continue
+                inside = (sums[i + reach + 1] - sums[i - reach]) / (2 * reach + 1)
+                rise = inside - (sums[i - gap + 1] - sums[i - gap - 1]) * 0.5
+                if rise > least:
+                    rise = min(rise, inside - (sums[i + gap + 2] - sums[i + gap]) * 0.5)
                 if rise > least and rise > peak:
                     peak, place, half = rise, i, gap
                 elif place >= 0 and i > place + half:
@@ -186,6 +188,37 @@ def line_points(
             if place >= 0:
                 count = _keep(image, at, place, half, by_row, carpet, points, count)
     return count
+
+
+@compiled(fastmath=True, error_model="numpy", inline="always")
+def _read(
+    flat: UInt8Array,
+    start: int,
+    step: int,
+    begin: int,
+    length: int,
+    bright: int,
+    sums: Int64Array,
+    bright_at: Int64Array,
+) -> int:
+    """Sum up blue and red along a row or column, from place `begin` on; list the bright places but near its ends.
+
+    Returns how many these are; without any the sums are not made.
+    """
+    number = variable(0)
+    at = start
+    for i in range(begin, length):
+        light = int(flat[np.uintp(at)]) + int(flat[np.uintp(at + 2)])
+        sums[i + 1] = light
+        if light > bright and i >= begin + 6 and i < length - 6:
+            bright_at[number] = i
+            number += 1
+        at += step
+    if number > 0:
+        sums[begin] = 0
+        for i in range(begin, length):
+            sums[i + 1] += sums[i]
+    return number
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -58,7 +58,7 @@ class Mixture:
         """The hypotheses, most probable first; probabilities sum to 1."""
         both = [hypothesis for mode in self.modes for hypothesis in mode.hypotheses]
         whole = sum(hypothesis.probability for hypothesis in both)
-        scaled = [replace(hypothesis, probability=hypothesis.probability / whole) for hypothesis in both]
+        scaled = [Hypothesis(one.pose, one.covariance, one.probability / whole) for one in both]
         return tuple(sorted(scaled, key=lambda hypothesis: -hypothesis.probability))
 
     def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
@@ -67,7 +67,7 @@ class Mixture:
             return self
         moved = [mode.move(motion, seconds, odometry, errors.bias_distance_m) for mode in self.modes]
         sure = [mode for mode in moved if mode.std_m <= self.settings.lost_std_m]
-        return replace(self, modes=_normalised(sure, self.settings), near=moved[0].pose)
+        return Mixture(_normalised(sure, self.settings), moved[0].pose, self.frame_s, self.settings)
 
     def changed(self, change: Callable[[PoseMode], PoseMode]) -> Mixture:
         """Return the mixture with every mode changed; itself if none is."""
@@ -266,4 +266,6 @@ def _normalised(modes: Sequence[PoseMode], settings: PoseFilterSettings) -> tupl
     least = whole + math.log(settings.min_probability)
     kept = [mode for mode in ordered if mode.log_weight >= least][: settings.max_modes]
     whole = float(np.logaddexp.reduce([mode.log_weight for mode in kept]))
+    if whole == 0.0:
+        return tuple(kept)
     return tuple(replace(mode, log_weight=mode.log_weight - whole) for mode in kept)

@@ -269,4 +269,4 @@ class PoseFilter:
             mixture = mixture.update(moment.estimate, moment.t_s, self.odometry_noise, self.frame_errors)
         if self._bound is not None:
             mixture = mixture.changed(self._bound.keep)
-        return replace(moment, mixture=mixture)
+        return _Moment(moment.t_s, moment.odometry_pose, moment.estimate, mixture, moment.is_doubted)

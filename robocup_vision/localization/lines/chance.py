@@ -73,6 +73,4 @@ def _explained(
     foot_px = camera.floor_to_pixel(pose.inverse().transform(floor_m - near.distance_m[:, None] * near.normal))
     # NaN, a line's point that the camera does not show, is far from any pixel
     on_line = np.hypot(*(foot_px - pixels).T) <= inlier_px
-    low, high = line_map.extent_m
-    on_carpet = ((floor_m >= low) & (floor_m <= high)).all(axis=1)
-    return int(np.count_nonzero(on_line)), int(np.count_nonzero(on_line | on_carpet))
+    return int(np.count_nonzero(on_line)), int(np.count_nonzero(line_map.counts(floor_m, on_line)))

@@ -95,6 +95,27 @@ class LineMap:
         points = np.ascontiguousarray(np.asarray(points_m, dtype=np.float64).reshape(-1, 2))
         return NearestLine(*nearest_lines(points, self.lines, self.arcs))
 
+    def counts(self, points_m: FloatArray, is_on_line: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return which line points speak for or against a pose.
+
+        What stands around the field, people and shelves, is neither for nor against it, unless it lies on a line.
+
+        Parameters
+        ----------
+        points_m : (N, 2) float64
+            Line points by the pose in question, field frame, metres.
+        is_on_line : (N,) bool
+            Which of them lie on a line.
+
+        Returns
+        -------
+        (N,) bool
+            Those on a line or within `extent_m`.
+        """
+        low, high = self.extent_m
+        within: npt.NDArray[np.bool_] = ((points_m >= low) & (points_m <= high)).all(axis=1)
+        return is_on_line | within
+
     @cached_property
     def is_point_symmetric(self) -> bool:
         """Whether the lines come to lie on themselves when turned by pi about the field's centre."""

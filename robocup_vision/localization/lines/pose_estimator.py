@@ -125,14 +125,10 @@ class LinePoseEstimator:
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         if prior is not None:
             near = refine_by_lines(prior.pose, points, self.line_map, prior.covariance, settings=self.settings.fit)
-            if (
-                near
-                and near.inlier_ratio >= self.settings.min_inlier_ratio
-                and self._carpet_ratio(near.pose, points) >= self.settings.min_carpet_ratio_at_prior
-                and _deviation(near.pose, prior) < self.settings.max_deviation
-                and self._support(near.pose, points) >= self.settings.min_support
-            ):
-                return self._with_candidates(near, prior)
+            if near and _deviation(near.pose, prior) < self.settings.max_deviation:
+                near = self._judged(near, points, self.settings.min_carpet_ratio_at_prior)
+                if near:
+                    return self._with_candidates(near, prior)
         found = search_by_lines(points, self.line_map, settings=self.settings.search)
         if not found:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
@@ -182,23 +178,30 @@ class LinePoseEstimator:
         return False
 
     def _refined(self, start: Pose2, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
-        """Refine a pose in pixels, and check that the lines bear it out."""
+        """Refine a pose in pixels; NotLocated if the lines do not bear it out, or do not fix it."""
         refined = refine_by_lines(start, points, self.line_map, settings=self.settings.fit)
         if not refined:
             return refined
-        if refined.inlier_ratio < self.settings.min_inlier_ratio:
-            return NotLocated(f"only {refined.inlier_ratio:.0%} of the line points lie on lines of the best pose")
-        on_carpet = self._carpet_ratio(refined.pose, points)
-        if on_carpet < min_carpet_ratio:
-            return NotLocated(f"only {on_carpet:.0%} of the line points on the carpet lie on lines of the best pose")
+        refined = self._judged(refined, points, min_carpet_ratio)
+        if not refined:
+            return refined
         if len(points) < self.settings.few_points and self._nats(refined) < self.settings.min_nats_of_few:
             return NotLocated(f"{len(points)} line points lie near lines of the best pose no better than by chance")
-        support = self._support(refined.pose, points)
-        if support < self.settings.min_support:
-            return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
         if max(refined.std[:2]) > self.settings.max_std_m or refined.std[2] > self.settings.max_std_rad:
             return NotLocated("the lines in view do not fix the pose")
         return refined
+
+    def _judged(self, estimate: PoseEstimate, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
+        """Return the estimate if the line points bear it out, and the lines it predicts in plain sight were seen."""
+        if estimate.inlier_ratio < self.settings.min_inlier_ratio:
+            return NotLocated(f"only {estimate.inlier_ratio:.0%} of the line points lie on lines of the best pose")
+        on_carpet = self._carpet_ratio(estimate.pose, points)
+        if on_carpet < min_carpet_ratio:
+            return NotLocated(f"only {on_carpet:.0%} of the line points on the carpet lie on lines of the best pose")
+        support = self._support(estimate.pose, points)
+        if support < self.settings.min_support:
+            return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
+        return estimate
 
     def choose(self, frame: npt.NDArray[np.uint8], poses: list[Pose2]) -> int | None:
         """Return the index of the pose that the lines in a frame (H, W, 3) uint8 confirm; None if none of them.
@@ -256,9 +259,7 @@ class LinePoseEstimator:
         """Of the line points on the field's carpet or on its lines by a pose, the fraction on its lines."""
         residual = pixel_residuals(pose.array, points.floor_m, points.floor_per_px, self.line_map).residual
         is_on_line = residual <= self.settings.fit.inlier_px
-        low, high = self.line_map.extent_m
-        floor_m = pose.transform(points.floor_m)
-        counts = is_on_line | ((floor_m >= low) & (floor_m <= high)).all(axis=1)
+        counts = self.line_map.counts(pose.transform(points.floor_m), is_on_line)
         return float(points.weight[is_on_line].sum() / max(points.weight[counts].sum(), 1e-9))
 
     def _nats(self, estimate: PoseEstimate) -> float:

@@ -37,11 +37,13 @@ class Evidence(NamedTuple):
 
     def log_odds(self, settings: EdgeSettings) -> float:
         """Logarithm of the odds that the pose is right; see `EdgeSettings` for the weights' origin."""
-        return self._log_odds_but_std(settings) - settings.odds_against_std * min(self.position_std_m, 0.5)
+        return self._log_odds(settings, self._against(settings))[0]
 
-    def _log_odds_but_std(self, settings: EdgeSettings) -> float:
+    def _log_odds(self, settings: EdgeSettings, against: float) -> tuple[float, float]:
+        """Logarithm of the odds, and the same whatever the picture leaves open."""
         s = settings
-        return s.odds_at_all + s.odds_of_edge * self.edges - self._against(s)
+        whatever_is_open = s.odds_at_all + s.odds_of_edge * self.edges - against
+        return whatever_is_open - s.odds_against_std * min(self.position_std_m, 0.5), whatever_is_open
 
     def _against(self, settings: EdgeSettings) -> float:
         s = settings
@@ -52,19 +54,6 @@ class Evidence(NamedTuple):
             + s.odds_against_distance * self.prior_distance2
             + s.odds_against_rms * self.rms_px
         )
-
-    def log_likelihood_ratio(self, settings: EdgeSettings) -> float:
-        """Logarithm of how much likelier the frame is if the pose is right.
-
-        A frame that shows little says little: what agrees with a pose without fixing it is neutral, and a few samples
-        speak against it only by what contradicts it.
-        """
-        s = settings
-        if self.contradiction(s) is not None:
-            return -self._against(s)
-        if self.inliers < s.min_inliers:
-            return min(s.odds_at_all / 2 - self._against(s), 0.0)
-        return max(self.log_odds(s), min(self._log_odds_but_std(s), 0.0))
 
     def contradiction(self, settings: EdgeSettings) -> str | None:
         """Return what in the frame contradicts the pose, None where nothing does."""
@@ -78,8 +67,24 @@ class Evidence(NamedTuple):
         return None
 
 
-def reject(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.0) -> str | None:
-    """Return why a fit is rejected, None where it is accepted.
+class Verdict(NamedTuple):
+    """What is made of a fit.
+
+    Parameters
+    ----------
+    reason : str or None
+        Why it is rejected; None where it is accepted.
+    log_likelihood_ratio : float
+        Logarithm of how much likelier the frame is if the pose is right. A frame that shows little says little: what
+        agrees with a pose without fixing it is neutral, and a few samples speak against it only by what contradicts it.
+    """
+
+    reason: str | None
+    log_likelihood_ratio: float
+
+
+def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.0) -> Verdict:
+    """Weigh a fit.
 
     Parameters
     ----------
@@ -91,14 +96,20 @@ def reject(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0
         Logarithm of the odds that the prior is right, by the frames before.
     """
     s, e = settings, evidence
-    if e.inliers < (s.min_inliers if prior_log_odds <= 0.0 else s.min_inliers_followed):
-        return f"only {e.inliers:.0f} places on edges agree"
-    contradiction = e.contradiction(s)
+    contradiction, against = e.contradiction(s), e._against(s)
+    odds, whatever_is_open = e._log_odds(s, against)
     if contradiction is not None:
-        return contradiction
-    odds = e.log_odds(s)
+        ratio = -against
+    elif e.inliers < s.min_inliers:
+        ratio = min(s.odds_at_all / 2 - against, 0.0)
+    else:
+        ratio = max(odds, min(whatever_is_open, 0.0))
+    if e.inliers < (s.min_inliers if prior_log_odds <= 0.0 else s.min_inliers_followed):
+        return Verdict(f"only {e.inliers:.0f} places on edges agree", ratio)
+    if contradiction is not None:
+        return Verdict(contradiction, ratio)
     if prior_log_odds > 0.0:
-        odds = prior_log_odds + e.log_likelihood_ratio(s)
+        odds = prior_log_odds + ratio
     if odds < s.min_log_odds:
-        return f"the picture does not confirm the pose: odds {math.exp(odds):.2g} to 1"
-    return None
+        return Verdict(f"the picture does not confirm the pose: odds {math.exp(odds):.2g} to 1", ratio)
+    return Verdict(None, ratio)

@@ -19,7 +19,7 @@ from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Rooms, Scene, follow, prepare
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
-from robocup_vision.localization.model_edges.evidence import Evidence, reject
+from robocup_vision.localization.model_edges.evidence import Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
@@ -234,7 +234,8 @@ class EdgeFollower:
             return 0.0
         s = self.settings
         away_m, turned_rad = prior.pose.error_to(self._last_pose)
-        std_m, std_rad = math.hypot(*prior.std[:2]), prior.std[2]
+        (xx, _, _), (_, yy, _), (_, _, tt) = prior.covariance.tolist()
+        std_m, std_rad = math.sqrt(xx + yy), math.sqrt(tt)
         if away_m > s.max_speed_mps * dt_s + 3 * std_m or turned_rad > s.max_turn_radps * dt_s + 3 * std_rad:
             return 0.0
         return self._log_odds * math.exp(-dt_s / s.odds_memory_s)
@@ -270,19 +271,18 @@ class EdgeFollower:
             return NotLocated("no edge of the field file is in view")
         evidence = self.evidence
         prior_log_odds = self._prior_log_odds(prior, dt_s)
-        reason = reject(evidence, self.settings, prior_log_odds)
-        known = self._last_pose is not None and prior_log_odds > 0.0
+        reason, log_ratio = weigh(evidence, self.settings, prior_log_odds)
         if reason is not None:
             # the prior goes on without a measurement
+            known = self._last_pose is not None and prior_log_odds > 0.0
             self._last_pose = prior.pose if known else None
-            self._log_odds = max(prior_log_odds + evidence.log_likelihood_ratio(self.settings), 0.0)
+            self._log_odds = max(prior_log_odds + log_ratio, 0.0)
             return NotLocated(reason)
-        self._log_odds = min(prior_log_odds + evidence.log_likelihood_ratio(self.settings), self.settings.max_log_odds)
+        self._log_odds = min(prior_log_odds + log_ratio, self.settings.max_log_odds)
         p = fit.unknowns.tolist()
-        self._last_pose = Pose2(p[0], p[1], p[2])
+        self._last_pose = pose = Pose2(p[0], p[1], p[2])
         self._sway[0] = fit.unknowns[3:] - self._camera_prior[0]
         self._sway[1] = fit.covariance.diagonal()[3:]
-        pose = Pose2(p[0], p[1], p[2])
         estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)
         likelihood = PoseLikelihood(pose, fit.information.copy(), fit.gradient.copy())
         return FollowedCamera(estimate, likelihood, self.camera, (p[3], p[4], p[5], p[6]), evidence)

@@ -89,7 +89,8 @@ class EdgeLocalizer:
         )
         measurement = answer.measurement.seen_from(back)
         points = points or self.follower.edge_points()
-        return Localization(answer.estimate.seen_from(back), oriented, measurement=measurement, edge_points=points)
+        sway_std_rad = tuple(np.sqrt(self.follower.state.sway[1, :2]).tolist())
+        return Localization(answer.estimate.seen_from(back), oriented, None, measurement, points, sway_std_rad)
 
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate

@@ -11,12 +11,14 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.floor import ball as kernel
 from robocup_vision.perception.balls.ball import BallSettings
 from robocup_vision.perception.color_table import Colors
-from robocup_vision.perception.floor_color import FloorColor, PaintColor
+from robocup_vision.perception.floor_color import PaintColor
 
 # a ball whose logarithms of R/G and B/G change by less is not told from one with red and blue swapped
 _MIN_SWAP_DISTANCE = 0.5
 # a polar sample is the mean of 3 x 3 pixels
 _RAW_NOISE = 3.0
+# beyond it the logarithm of 1 + exp(x) is x, and the exponential may overflow
+_MAX_EXPONENT = 50.0
 
 
 def ball_colors(
@@ -72,12 +74,15 @@ def with_swapped_ball(colors: Colors) -> Colors | None:
     return replace(colors, ball=PaintColor(red, blue))
 
 
-def floor_evidence(floor: FloorColor, near_floor_nats: float, settings: BallSettings) -> float:
+def floor_evidence(colors: Colors, near_floor_nats: float, settings: BallSettings) -> float:
     """Return how much more likely the frame shows a ball's floor than anything: carpet all around, and it is green."""
-    cover = settings.floor_slope * (near_floor_nats - settings.floor_nats)
-    green = -math.log(max(floor.lit.red_ratio, floor.lit.blue_ratio))
-    greenness = settings.green_nats * (math.tanh(green / settings.green_scale) - 1.0)
-    return min(max(cover, settings.min_floor), settings.max_floor) + greenness
+    missing = max(settings.floor_nats - near_floor_nats, 0.0) / settings.floor_std
+    floor, white = colors.floor.lit, colors.line
+    # under a cast of light carpet is greener than white; what passes for white may be some paint: than grey, too
+    ratios = (floor.red_ratio, floor.blue_ratio, floor.red_ratio / white.red_ratio, floor.blue_ratio / white.blue_ratio)
+    green = -math.log(max(ratios))
+    greenness = -settings.green_nats * math.log1p(math.exp(min(-green / settings.green_scale, _MAX_EXPONENT)))
+    return settings.max_floor - 0.5 * missing * missing + greenness
 
 
 def _direction(color: PaintColor) -> FloatArray:

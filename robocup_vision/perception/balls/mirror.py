@@ -51,34 +51,58 @@ class MirrorBallFinder(BallSearch):
 
     @property
     def _shape_std(self) -> float:
-        return self.settings.mirror_shape_std
+        if self._known_height_m is not None:
+            return self.settings.mirror_shape_std
+        # seen from lower, a ball is longer along the ray
+        return math.hypot(self.settings.mirror_shape_std, self.settings.usual_height_std)
 
     @property
     def _body_px(self) -> float:
         return self.camera.usable_radius_px[0]
 
     @cached_property
+    def _known_height_m(self) -> float | None:
+        """Height of the mirror's viewpoint as the file says, or as its curve implies; None if no robot is so high.
+
+        A curve fitted to a floor hardly says how high it is seen from, and may imply any height.
+        """
+        if self.camera.viewpoint_height_m is not None:
+            return self.camera.viewpoint_height_m
+        implied = self.camera.floor_range.implied_height_m
+        return None if implied is None or implied > self.settings.max_height_radii * self.radius_m else implied
+
+    @cached_property
+    def _height_m(self) -> float:
+        known = self._known_height_m
+        return self.settings.usual_height_radii * self.radius_m if known is None else known
+
+    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray | float:
+        """See `BallSearch._place_covariance`: what the height of a mirror leaves open that is not known."""
+        if self._known_height_m is not None:
+            return 0.0
+        # the ray falls by a radius less than to the floor: the nearer, the lower the mirror
+        range_std = self.settings.usual_height_std / (self.settings.usual_height_radii - 1.0)
+        return np.asarray(range_std**2 * np.outer((x_m, y_m), (x_m, y_m)))
+
+    @cached_property
     def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
-        camera = self.camera
+        camera, height = self.camera, self._height_m
         inner, outer = camera.usable_radius_px
         radius = np.arange(math.ceil(outer) + 2, dtype=np.float64)
         q = np.full(len(radius), np.nan)
         q[1:] = camera.floor_range.inverse_range_per_m(radius[1:])
-        height = camera.height_m
-        if height is None:
-            # without a height its top is unknown: as on the floor, and round
-            across = self.radius_m * q * radius
-            along = across
-        else:
-            depression = np.arctan(q * height)
-            # at the horizon it is infinite
-            with np.errstate(divide="ignore", invalid="ignore"):
-                distance = (height - self.radius_m) / np.sin(depression)
-                half = np.arcsin(np.where(self.radius_m < distance, self.radius_m / distance, np.nan))
-            near = camera.floor_range.radius_px(np.tan(depression + half) / height)
-            far = camera.floor_range.radius_px(np.tan(depression - half) / height)
-            along = (far - near) / 2
-            across = radius * np.sin(half) / np.cos(depression)
+        depression = np.arctan(q * height)
+        # at the horizon it is infinite
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = (height - self.radius_m) / np.sin(depression)
+            half = np.arcsin(np.where(self.radius_m < distance, self.radius_m / distance, np.nan))
+        near = camera.floor_range.radius_px(np.tan(depression + half) / height)
+        far = camera.floor_range.radius_px(np.tan(depression - half) / height)
+        along = (far - near) / 2
+        # a table ends where the near side of the first balls lies
+        ends = ~np.isfinite(near) & (depression + half < math.pi / 2)
+        along = np.where(ends, far - radius, along)
+        across = radius * np.sin(half) / np.cos(depression)
         # a ball that reaches over the axis has no near side: it is none that could lie there
         usable = (radius >= inner) & (radius <= outer) & (q > 0) & (along > 0)
         return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
@@ -127,7 +151,6 @@ class MirrorBallFinder(BallSearch):
         bearing = math.atan2(dv if self.camera.mirrored else -dv, du) + self.camera.heading_rad
         ray = (math.cos(bearing), math.sin(bearing), -down)
         x, y, z = (row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2] for row in turn)
-        # without a height the ball lies as flat as the floor
-        fallen = z0 if self.camera.height_m is None else z0 - self.radius_m
+        fallen = z0 - self.radius_m * (z0 / self._height_m)
         scale = fallen / max(-z, 1e-9)
         return x0 + scale * x, y0 + scale * y

@@ -40,6 +40,9 @@ class PatternedBallSettings:
     carpet_hue, min_green, min_carpet_ratio : float
         Below this hue and above this greenness (see the kernel) a pixel of the lower half may be carpet; so many of
         them must be.
+    max_hue_range : float
+        Between the quartiles of the carpet's hue: it is of one material. In sun and shadow it is 0.25, of leaves of
+        many plants 0.3 to 0.6.
     min_carpet_level : float
         Carpet in the deepest shadow has so much of the usual one's brightness; less is black.
     max_discs, max_kept, max_balls : int
@@ -72,6 +75,7 @@ class PatternedBallSettings:
     search: kernel.DiscSearch = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
     carpet_hue: float = -0.12
     min_green: float = 0.1
+    max_hue_range: float = 0.4
     min_carpet_level: float = 0.3
     min_carpet_ratio: float = 0.5
     max_discs: int = 20000
@@ -213,6 +217,9 @@ class PatternedBallFinder:
         greenness = (3 * near[:, 1] - total) / (total + kernel.DARK_COUNTS)
         is_carpet = (hue < settings.carpet_hue) & (greenness > settings.min_green)
         if np.mean(is_carpet) < settings.min_carpet_ratio:
+            return []
+        quarter, three_quarters = np.quantile(hue[is_carpet], [0.25, 0.75]).tolist()
+        if three_quarters - quarter > settings.max_hue_range:
             return []
         green = float(np.median(greenness[is_carpet]))
         # half-way from white to the carpet

@@ -40,6 +40,24 @@ class PinholeBallFinder(BallSearch):
     ) -> None:
         super().__init__(field, camera, mask, settings)
         self.camera = camera
+        self._held, self._sway_std_rad = camera, self._any_sway_rad
+
+    @property
+    def _any_sway_rad(self) -> tuple[float, float]:
+        sway = self.settings.sway_std_rad if self.camera.roll_std_rad is None else self.camera.roll_std_rad
+        return sway, sway
+
+    def hold(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> None:
+        """Place the balls of the frames to come by the camera as it is held then.
+
+        Parameters
+        ----------
+        camera : PinholeCamera
+            The finder's camera in another orientation.
+        sway_std_rad : (float, float), optional
+            Standard deviations of its tilt and roll; without them those of a body that sways.
+        """
+        self._held, self._sway_std_rad = camera, sway_std_rad or self._any_sway_rad
 
     @cached_property
     def _down(self) -> tuple[float, float]:
@@ -60,8 +78,7 @@ class PinholeBallFinder(BallSearch):
 
     @property
     def _sway_px(self) -> float:
-        sway = self.settings.sway_std_rad if self.camera.roll_std_rad is None else self.camera.roll_std_rad
-        return sway * self.camera.focal_px[1]
+        return self._any_sway_rad[0] * self.camera.focal_px[1]
 
     @cached_property
     def _reach_px(self) -> int:
@@ -111,10 +128,28 @@ class PinholeBallFinder(BallSearch):
         return rows
 
     def _on_plane(self, u: float, v: float) -> tuple[float, float]:
-        ray = self.camera.pixel_to_ray((u, v))
-        scale = (self.camera.height_m - self.radius_m) / max(-float(ray[2]), 1e-9)
-        x, y = self.camera.offset_m + scale * ray[:2]
+        ray = self._held.pixel_to_ray((u, v))
+        scale = (self._held.height_m - self.radius_m) / max(-float(ray[2]), 1e-9)
+        x, y = self._held.offset_m + scale * ray[:2]
         return float(x), float(y)
+
+    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray:
+        """See `BallSearch._place_covariance`: what tilt, roll and height of the camera leave open."""
+        camera = self._held
+        depth, pan = camera.height_m - self.radius_m, camera.pan_rad or 0.0
+        axes = np.array([[math.cos(pan), -math.sin(pan)], [math.sin(pan), math.cos(pan)]])
+        ahead, aside = np.array([x_m - camera.offset_m[0], y_m - camera.offset_m[1]]) @ axes
+        level, down = math.cos(camera.tilt_rad or 0.0), math.sin(camera.tilt_rad or 0.0)
+        # a ray (ahead, aside, -depth) that turns about the level axis across the lens, or about the lens's own axis
+        # (level, 0, down), moves its foot so much a radian; the height stretches the floor
+        moves = np.array([
+            [depth + ahead**2 / depth, ahead * aside / depth],
+            [level * ahead * aside / depth - down * aside, level * (depth + aside**2 / depth) + down * ahead],
+            [ahead / depth, aside / depth],
+        ])  # fmt: skip
+        moves *= np.array([*self._sway_std_rad, camera.height_std_m])[:, None]
+        in_robot = moves @ axes.T
+        return np.asarray(in_robot.T @ in_robot)
 
     def clear(self, ball: Ball, view: FloorView, marks: UInt8Array) -> None:
         """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""

@@ -184,7 +184,7 @@ class BallSearch(ABC):
         places: list[tuple[float, float, float]] = []
         if not count:
             return (), places
-        of_floor = floor_evidence(table.colors.floor, near_floor_nats, self.settings)
+        of_floor = floor_evidence(table.colors, near_floor_nats, self.settings)
         ratios = [ratio + of_floor for ratio in self._ratios[:count].tolist()]
         found: list[Ball] = []
         for n in sorted(range(count), key=lambda n: -ratios[n]):
@@ -203,7 +203,9 @@ class BallSearch(ABC):
             if ratios[n] >= needed:
                 places.append((u, v, half_px))
                 found.append(self._ball_at(self._blobs[n, :2], ratios[n]))
-        return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio)), places
+        # glare leaves a part of a ball its colour: it moves by its own size
+        last = [(u, v, max(half_px, self._half_px(u, v))) for u, v, half_px in places]
+        return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio)), last
 
     def _weigh(self, frame: UInt8Array, seeds: npt.NDArray[np.int32], color: kernel.BallColor, first: int) -> int:
         """Find and weigh the blobs of a colour, into the rows from `first` on, and return their number."""
@@ -240,12 +242,16 @@ class BallSearch(ABC):
             return self._place(center, visible_ratio, ratio)
         return self._place(blob_px, 1.0, ratio)
 
-    def _is_cut(self, u: float, v: float) -> bool:
-        """Whether a ball with its centre there may reach beyond the picture; in plain floats, as it is once a frame."""
+    def _half_px(self, u: float, v: float) -> float:
+        """Half of the larger extent of a ball with its centre there; in plain floats, as it is asked in each frame."""
         axis_u, axis_v = self._axis_px
         along_px, across_px = self._sizes_px
         index = min(round(math.hypot(u - axis_u, v - axis_v)), len(along_px) - 1)
-        reach = max(float(along_px[index]), float(across_px[index])) - 0.5
+        return max(float(along_px[index]), float(across_px[index]))
+
+    def _is_cut(self, u: float, v: float) -> bool:
+        """Whether a ball with its centre there may reach beyond the picture."""
+        reach = self._half_px(u, v) - 0.5
         width, height = self._any_camera.size_px
         return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
 
@@ -302,8 +308,12 @@ class BallSearch(ABC):
         (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
         (x_down, y_down), (x_up, y_up) = self._on_plane(u, v + 0.5), self._on_plane(u, v - 0.5)
         jacobian = np.array([[x_right - x_left, x_down - x_up], [y_right - y_left, y_down - y_up]])
-        covariance = read_only((self.settings.center_std_px / visible_ratio) ** 2 * jacobian @ jacobian.T)
-        return Ball(x, y, covariance, u, v, ratio)
+        covariance = (self.settings.center_std_px / visible_ratio) ** 2 * jacobian @ jacobian.T
+        return Ball(x, y, read_only(covariance + self._place_covariance(x, y)), u, v, ratio)
+
+    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray | float:
+        """Return what the camera's own errors add to the covariance (2, 2) of a ball's place, robot frame."""
+        return 0.0
 
     @abstractmethod
     def _on_plane(self, u: float, v: float) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from robocup_vision.mapping.occupancy import FREE
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning import ShotPlan
 from sim2d.defence_area import defence_area
-from sim2d.players.ball_memory import block_ball
+from sim2d.players.ball.memory import block_ball
 from sim2d.players.driving.motion import Motion, MotionSettings
 from sim2d.players.driving.travel import Travel, TravelPlanner
 from sim2d.players.keep_out import Area, KeepOut, allowed_target, block_zones, ranges_to_segments

@@ -40,12 +40,18 @@ class MotionSettings:
         Only a robot within this of the way ahead is.
     detour_s : float
         Obstacles move on: a longer detour is dropped.
-    tolerance_m : float
-        So near to its target the robot has arrived.
+    arrived_radii : float
+        So near to its target, in robot radii, the robot is not stuck, even where others or its own slip keep it from
+        getting nearer.
     stuck_m, stuck_s : float
         One that has moved less than this for so long without having arrived is stuck.
     escape_s : float
         It then drives in a random free direction for so long.
+    face_way_m : float
+        A robot that sees ahead only faces its way while its target is farther away than this. From here on it faces
+        what its plan wants, and goes there sideways.
+    face_way_rps : float
+        It turns to its way no faster: quick turns blur and lean the picture, and slip.
     """
 
     margin_m: float = 0.01
@@ -58,10 +64,12 @@ class MotionSettings:
     near_holding_m: float = 0.1
     pushed_rad: float = 1.3
     detour_s: float = 1.5
-    tolerance_m: float = 0.04
+    arrived_radii: float = 1.0
     stuck_m: float = 0.04
     stuck_s: float = 1.5
     escape_s: float = 0.7
+    face_way_m: float = 0.4
+    face_way_rps: float = 2.0
 
 
 class Motion:
@@ -75,12 +83,20 @@ class Motion:
         Chooses a direction where the robot is stuck.
     settings : MotionSettings
         See there.
+    sees_ahead_only : bool
+        Its camera does not see all around: it faces its way.
     """
 
     def __init__(
-        self, limits: RobotLimits, rng: np.random.Generator, settings: MotionSettings = MotionSettings()
+        self,
+        limits: RobotLimits,
+        rng: np.random.Generator,
+        settings: MotionSettings = MotionSettings(),
+        *,
+        sees_ahead_only: bool = False,
     ) -> None:
         self._limits, self._rng, self._settings = limits, rng, settings
+        self._sees_ahead_only = sees_ahead_only
         self._travel, self._close = (
             Steering(limits.radius_m + margin_m, limits, SteeringSettings(step_m=settings.step_m))
             for margin_m in (settings.margin_m, 0.0)
@@ -145,15 +161,18 @@ class Motion:
         speed_mps = None if travel is None else travel.speed_mps
         if plan.speed_mps is not None:
             speed_mps = min(plan.speed_mps, self._limits.speed_mps if speed_mps is None else speed_mps)
-        turn = wrap_angle(plan.heading_rad - pose.theta_rad) / settings.turn_time_s
-        fastest = min(self._limits.turn_rps, settings.holding_rps if plan.holding else math.inf)
-        turn = max(-fastest, min(fastest, turn))
-        if distance_m < settings.tolerance_m and (ends_there or not plan.close):
+        if distance_m < settings.arrived_radii * self._limits.radius_m and (ends_there or not plan.close):
             self._anchor_s = t_s
         if t_s - self._anchor_s > settings.stuck_s:
             self._escape(free_space, t_s)
         if t_s < self._escape_until_s:
             bearing, distance_m = self._escape_rad - pose.theta_rad, 1.0
+        is_far = distance_m > settings.face_way_m
+        faces_way = self._sees_ahead_only and is_far and not plan.holding
+        turn = wrap_angle(bearing if faces_way else plan.heading_rad - pose.theta_rad) / settings.turn_time_s
+        slower_rps = settings.holding_rps if plan.holding else settings.face_way_rps if faces_way else math.inf
+        fastest = min(self._limits.turn_rps, slower_rps)
+        turn = max(-fastest, min(fastest, turn))
         # a planned way goes round the ball like round any obstacle
         is_close = plan.close and not (travel is not None and plan.avoid_ball)
         steering = self._close if is_close else self._travel

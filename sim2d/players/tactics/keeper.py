@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from robocup_vision.planning.shots.goal_cover import cover_goal
-from sim2d.players.ball_memory import BallMemorySettings
+from sim2d.players.ball.memory import BallMemorySettings
 from sim2d.players.plan import Plan, Point, Situation
 from sim2d.players.tactics.fetch import Fetch
 from sim2d.players.tactics.team_field import TeamField, direction_rad

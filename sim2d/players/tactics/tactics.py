@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from field_models.field import Field
-from sim2d.players.ball_memory import BallMemorySettings
+from sim2d.players.ball.memory import BallMemorySettings
 from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.ball_holder import BallHolder, BallHolderSettings
 from sim2d.players.tactics.fetch import Fetch, FetchSettings

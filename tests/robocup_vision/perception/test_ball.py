@@ -9,6 +9,10 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2
+from robocup_vision.perception.balls.ball import BallSettings
+from robocup_vision.perception.balls.mirror import MirrorBallFinder
+from robocup_vision.perception.color_table import build_color_table, learn_colors
+from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.mirror import MirrorRenderer
@@ -134,11 +138,39 @@ def test_a_camera_without_a_height_still_finds_it(ssl_field, paper_camera):
     frame = frame_with(paper_camera, ssl_field, ball_at(ssl_field, 0.4, 2.5))
     ball = Vision(ssl_field, camera).look(frame).ball
     assert ball is not None
-    # as if it were flat on the floor: too far by its radius over the viewpoint's height
     assert math.hypot(ball.x_m, ball.y_m) == pytest.approx(0.4, rel=0.15)
+    # the usual height of a mirror stands for its own
+    off = np.array([ball.x_m - 0.4 * math.cos(2.5), ball.y_m - 0.4 * math.sin(2.5)])
+    assert off @ np.linalg.solve(ball.covariance, off) < 9.0
+    known = Vision(ssl_field, paper_camera).look(frame).ball
+    assert np.linalg.det(ball.covariance) > np.linalg.det(known.covariance)
 
 
 def test_fields_without_an_orange_ball_load(mirror_camera):
     field = load_field("msl_18x12")
     frame = np.full((240, 320, 3), (50, 130, 45), dtype=np.uint8)
     assert Vision(field, mirror_camera).look(frame).ball is None
+
+
+def test_a_doubtful_ball_is_found_only_near_where_one_was(ssl_field, paper_camera):
+    view = PolarView(paper_camera)
+    bare = frame_with(paper_camera, ssl_field)
+    table = build_color_table(learn_colors(cv2.blur(view.sample(bare), (3, 3)), view.valid, ssl_field))
+    start, near, far = (
+        frame_with(paper_camera, ssl_field, ball_at(ssl_field, 0.5, bearing)) for bearing in (0.0, 0.25, 2.5)
+    )
+    # less carpet in view makes every ball more doubtful
+    sure_floor, doubtful_floor = 3.5, 1.5
+
+    def nats(frame, near_floor_nats):
+        return MirrorBallFinder(ssl_field, paper_camera).find(frame, table, near_floor_nats)[0].log_likelihood_ratio
+
+    doubtful = max(nats(frame, doubtful_floor) for frame in (near, far))
+    needed = (doubtful + nats(start, sure_floor)) / 2
+    assert needed > doubtful
+    finder = MirrorBallFinder(ssl_field, paper_camera, settings=BallSettings(min_log_likelihood_ratio=needed))
+    assert not finder.find(near, table, doubtful_floor)
+    for frame, is_found in ((near, True), (far, False)):
+        finder.forget()
+        assert finder.find(start, table, sure_floor)
+        assert bool(finder.find(frame, table, doubtful_floor)) is is_found

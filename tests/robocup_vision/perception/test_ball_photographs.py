@@ -25,15 +25,18 @@ def test_a_ball_under_a_teal_cast_is_found_in_each_frame_alone():
     assert reported - hits <= 1
 
 
+def test_a_ball_under_a_teal_cast_is_followed_where_it_is_pale():
+    assert balls.onboard_sequence(alone=False).is_met
+
+
 def test_a_ball_before_black_boards_is_found_and_nothing_else():
     assert balls.before_boards().is_met
 
 
-def test_a_ball_burnt_out_in_a_mirror_is_found():
-    # the fourth, amid noise of 30 counts, is not
-    assert counts(balls.noisy_mirrors())[0] >= 3
+def test_a_ball_burnt_out_or_amid_noise_in_a_mirror_is_found():
+    assert balls.noisy_mirrors().is_met
 
 
 def test_hardly_any_photograph_of_another_thing_shows_a_ball():
     false, looks = counts(balls.other_things())
-    assert false <= 0.03 * looks
+    assert false <= 1 / 200 * looks

@@ -80,6 +80,15 @@ def test_carpet_a_plain_white_ball_and_a_grey_picture_show_none(finder, frame, c
     assert finder.find(frame, camera) == ()
 
 
+def test_leaves_of_many_plants_are_no_carpet(finder):
+    frame = picture([(1.0, 0.1)])
+    assert finder.find(frame, HELD)
+    leaves = np.repeat(np.repeat(np.random.default_rng(2).uniform(0.25, 1.1, (24, 32)), 15, axis=0), 15, axis=1)
+    is_green = (frame[..., 1] > 1.2 * frame[..., 2]) & (frame[..., 1] > 1.2 * frame[..., 0])
+    frame[..., 2] = np.where(is_green, np.minimum(frame[..., 1] * 0.85 * leaves, 255), frame[..., 2])
+    assert finder.find(frame, HELD) == ()
+
+
 def test_a_ball_of_another_size_than_its_place_asks_for_is_none(finder):
     tilted = HELD.with_orientation(0.0, -0.45, 0.0)
     assert finder.find(picture([(2.6, 0.6)]), tilted) == ()

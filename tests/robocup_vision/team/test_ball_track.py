@@ -74,3 +74,20 @@ def test_after_a_gap_it_begins_anew_and_older_sightings_change_nothing():
 def test_the_covariance_stays_positive_for_a_ball_that_is_seen_for_long():
     track = track_of([(0.1, 0.1)] * 300, np.diag([1e-8, 1e-2]))
     assert np.linalg.eigvalsh(track.sighting.covariance)[0] > 0.0
+
+
+def test_the_covariance_stays_symmetric_where_it_is_large():
+    track, ray = BallTrack(), np.array([0.6, 0.8])
+    for k in range(200):
+        range_m = 4.0 + 2.0 * math.sin(0.3 * k)
+        track.update(tuple((range_m * ray).tolist()), 40.0 * np.outer(ray, ray) + SURE, k * FRAME_S)
+    covariance = track.sighting.covariance
+    np.testing.assert_array_equal(covariance, covariance.T)
+
+
+def test_a_covariance_that_is_symmetric_but_for_rounding_can_be_told():
+    track = BallTrack()
+    for t_s in (1.0, 1.03, 9.0):
+        track.update((0.4, 0.1), np.array([[1e-3, 2e-4 * (1 + 1e-9)], [2e-4, 1e-3]]), t_s)
+        covariance = track.sighting.covariance
+        assert np.array_equal(covariance, covariance.T)

@@ -23,7 +23,7 @@ from sim2d.robot_link import RobotLimits
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera((208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, tilt_rad=-0.2, roll_rad=0.0)
 NECK = Neck(1.4)
-SURE = np.diag([0.05, 0.05, 0.05]) ** 2
+SURE = np.diag([0.05, 0.05, 0.025]) ** 2
 HERE = Pose2(0.5, 0.3, 0.2)
 
 
@@ -75,6 +75,31 @@ def test_a_head_asks_before_it_watches_the_ball():
     to_ball = HERE.inverse().transform((0.8, 0.3))
     assert head.turn(0.2, sure) == pytest.approx(math.atan2(to_ball[1], to_ball[0]))
     assert head.gaze is None
+
+
+def test_a_head_leaves_the_ball_when_the_heading_is_unsure():
+    head = Head(FIELD, RobotLimits(), CAMERA, plans=False)
+    ball = (0.8, 0.3)
+    to_ball = HERE.inverse().transform(ball)
+    pans = []
+    for std_rad in (0.025, 0.06):
+        pose = PoseEstimate(HERE, np.diag([0.05, 0.05, std_rad]) ** 2, 1.0, 0.5)
+        pans.append(head.turn(0.4, HeadView(pose, (), ball, (), None, None)))
+    assert pans[0] == pytest.approx(math.atan2(to_ball[1], to_ball[0]))
+    assert abs(pans[1] - pans[0]) > 0.3
+
+
+def test_a_head_leaves_the_ball_after_many_frames_without_a_pose():
+    blind, seen = (type("Seen", (), {"pose": pose})() for pose in (NotLocated("nothing in view"), True))
+    head = Head(FIELD, RobotLimits(), CAMERA, plans=False)
+    now = HeadView(PoseEstimate(HERE, SURE, 1.0, 0.5), (), (0.8, 0.3), (), None, None)
+    watching = head.turn(0.4, now)
+    for k in range(HeadSettings().unlocated_looks):
+        assert head.turn(0.4, now) == watching, k
+        head.observe(blind, ())
+    assert abs(head.turn(0.4, now) - watching) > 0.3
+    head.observe(seen, ())
+    assert head.turn(0.4, now) == watching
 
 
 def test_a_head_looks_at_undecided_floor_on_the_way_when_it_does_not_watch_the_ball():

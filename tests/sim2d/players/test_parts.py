@@ -13,10 +13,12 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.vision import Vision
 from sim2d.match.match import Match
+from sim2d.match.setups import camera_for
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import BuiltInTeam, player_name
 from sim2d.players.driving.motion import Motion
 from sim2d.players.parts import PlayerParts, make_ball, make_driving, make_localizer, make_role, make_tactics
+from sim2d.players.settings import PlayerSettings
 from sim2d.robot_link import Command, PlayerSetup, RobotLimits
 
 FIELD = load_field("ssl_2001")
@@ -102,6 +104,14 @@ def test_a_team_with_parts_goes_to_other_processes_and_has_a_name_of_its_own():
     assert team != BuiltInTeam(talks=True)
     assert player_name(team) == "BuiltInTeam"
     assert replace(team, parts=PlayerParts()) == BuiltInTeam(talks=True)
+
+
+def test_who_sees_ahead_only_counts_on_rough_odometry():
+    field, settings = load_field("four_legged_2007"), PlayerSettings()
+    ahead = PlayerSetup(field, camera_for(field), RobotLimits(), 1, 1, 2, 0)
+    for remembers in (False, True):
+        noises = [make_localizer(setup, settings, remembers).memory.poses.odometry_noise for setup in (SETUP, ahead)]
+        assert noises == [settings.memory.odometry, settings.rough_odometry]
 
 
 def test_a_localizer_without_a_memory_is_refused():

@@ -6,6 +6,8 @@ import pytest
 from robocup_vision.calibration.online.evidence import (
     NoiseSettings,
     Residuals,
+    enough_agree,
+    gauss_newton_step,
     known,
     marginal,
     normal_equations,
@@ -44,6 +46,23 @@ def test_a_frame_s_own_unknowns_are_left_out(points):
     right = gradient.copy()
     right[2:] += slope
     np.testing.assert_allclose(np.linalg.solve(reduced, reduced_gradient), np.linalg.solve(whole, right)[:2], rtol=1e-9)
+
+
+def test_a_step_joins_points_with_what_is_believed_before(points):
+    information, gradient = normal_equations(points, np.ones(30), NOISE)
+    own, slope = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3])
+    before, pull = np.diag([4.0, 5.0]), np.array([-0.3, 0.4])
+    step = gauss_newton_step(information, gradient, (before, pull), (own, slope))
+    # the marginal of the frame's own unknowns steps the camera as far
+    reduced, reduced_gradient = marginal(information, gradient, 2, own, slope)
+    np.testing.assert_allclose(step[:2], np.linalg.solve(reduced + before, reduced_gradient + pull), rtol=1e-9)
+    left = gradient + np.concatenate([pull, slope]) - information @ step
+    np.testing.assert_allclose(left, np.concatenate([np.diag(before), own]) * step, atol=1e-9)
+
+
+@pytest.mark.parametrize(("agreeing", "total", "is_enough"), [(9, 10, False), (10, 20, True), (12, 25, False)])
+def test_a_frame_counts_by_number_and_by_ratio(agreeing, total, is_enough):
+    assert enough_agree(agreeing, total, min_points=10, min_ratio=0.5) is is_enough
 
 
 def test_what_a_frame_s_own_unknowns_explain_tells_nothing(points):

@@ -234,7 +234,8 @@ def plain_ratio(frame, row):
         around, n = sorted(rims), len(rims)
         spread = (around[3 * n // 4] - around[n // 4]) / 1.35
         clear = (np.mean(hues) - around[n // 2]) / (spread + EVIDENCE.hue_noise)
-        nats = EVIDENCE.clear_slope * (clear - EVIDENCE.clear_stds)
+        slope = EVIDENCE.clear_slope if clear >= EVIDENCE.clear_stds else EVIDENCE.murky_slope
+        nats = slope * (clear - EVIDENCE.clear_stds)
         ratio += float(np.clip(nats, EVIDENCE.min_clear, EVIDENCE.max_clear))
     measured, half = max(math.sqrt(along * across), 0.5), max(math.sqrt(a * t), 0.5)
     fill = math.log(total / (math.pi * along * across + 1e-9) + 1e-9)

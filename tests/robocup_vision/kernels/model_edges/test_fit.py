@@ -35,8 +35,10 @@ def test_the_cost_of_a_hypothesis_is_the_plain_one():
     z = np.linspace(-1.0, 1.0, UNKNOWNS)
     room = planted(1, z)
     for other in (z, 0.5 * z, np.zeros(UNKNOWNS)):
-        cost = msac(room.rows, COUNT, room.found, other, 2.5, 0.3)
+        cost = msac(room.rows, COUNT, room.found, other, 2.5, 0.3, 1e9)
         assert cost == pytest.approx(plain_msac(room, other, 2.5, 0.3))
+        # what is dear enough is not counted to its end
+        assert 0.5 * cost <= msac(room.rows, COUNT, room.found, other, 2.5, 0.3, 0.5 * cost) <= cost
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,6 +42,30 @@ def test_others_are_kept_farther_off_a_ball_that_is_held():
     assert forward_mps(PLANNED, 0.06) <= 0.0
     assert forward_mps(PLANNED, 0.06, holding=False) == pytest.approx(0.25)
     assert forward_mps(PLANNED, 0.15) == pytest.approx(0.25)
+
+
+def turn_rps(target, **plan):
+    """Return the turning rate of a robot that sees ahead only and is to face along x at a target."""
+    open_floor = FreeSpace(HEMMED_IN.bearing_rad, np.full(72, 3.0))
+    motion = Motion(LIMITS, np.random.default_rng(0), sees_ahead_only=True)
+    return motion.drive(Plan("support", target, 0.0, **plan), Pose2(0.0, 0.0, 0.0), open_floor, 0.0).turn_rps
+
+
+def test_who_sees_ahead_only_faces_its_way_until_it_is_nearly_there():
+    assert turn_rps((0.0, 1.0)) > 1.0
+    assert turn_rps((0.0, -1.0)) < -1.0
+    assert turn_rps((0.0, 0.3)) == 0.0
+    assert turn_rps((0.0, 1.0), holding=True) == 0.0
+
+
+def test_who_stands_by_its_target_is_not_stuck():
+    plan = Plan("keep", (0.05, 0.0), 0.0)
+    for away_m, escapes in ((0.05, False), (0.3, True)):
+        motion = Motion(LIMITS, np.random.default_rng(0))
+        for k in range(60):
+            motion.update(Pose2(0.0, 0.0, 0.0), k / 30)
+            motion.drive(replace(plan, target=(away_m, 0.0)), Pose2(0.0, 0.0, 0.0), HEMMED_IN, k / 30)
+        assert (motion._escape_until_s > 0.0) == escapes
 
 
 def test_who_stands_aside_is_not_pushed_by_driving_on():

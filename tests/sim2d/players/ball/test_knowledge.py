@@ -15,8 +15,8 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.team.message import BallSighting, TeamMessage
 from robocup_vision.team.roles import RoleChooser
-from sim2d.players.ball_knowledge import BallKnowledge
-from sim2d.players.ball_memory import BallMemorySettings
+from sim2d.players.ball.knowledge import BallKnowledge, NoddingCamera
+from sim2d.players.ball.memory import BallMemorySettings
 from sim2d.players.team_talk import TeamTalk
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import PlayerSetup, RobotLimits
@@ -25,17 +25,18 @@ FIELD = load_field("ssl_2001")
 HERE = PoseEstimate(Pose2(0.0, 0.0, math.pi / 2), np.diag([1e-4, 1e-4, 1e-3]), 1.0, 0.0)
 BEARING = (np.arange(64) + 0.5) * math.tau / 64
 OPEN, SHUT = FreeSpace(BEARING, np.full(64, 3.0)), FreeSpace(BEARING, np.full(64, 0.1))
+NODS = NoddingCamera((3.0, 2.1), 0.3)
 AHEAD = Ball(0.5, 0.0, np.diag([4e-4, 1e-4]), 0.0, 0.0)
 
 
-def knowledge(*told, talks=True, hides=False, camera_height_m=None):
+def knowledge(*told, talks=True, hides=False, nods=None):
     talk = None
     if talks:
         setup = PlayerSetup(FIELD, sekimori_camera(), RobotLimits(), 1, 1, 3, 0)
         talk = TeamTalk(setup, RoleChooser(1, is_keeper=False, speed_mps=1.0))
         for k, ball in enumerate(told):
             talk.hear((TeamMessage(k + 2, ball.t_s, "support", ball=ball).pack(),), None)
-    return BallKnowledge(0.12, BallMemorySettings(), hides=hides, talk=talk, camera_height_m=camera_height_m)
+    return BallKnowledge(0.12, BallMemorySettings(), hides=hides, talk=talk, nods=nods)
 
 
 def seen(t_s, x_m, y_m):
@@ -102,16 +103,36 @@ def test_a_hidden_ball_goes_with_the_robot_that_has_it(talks):
     assert (x_m, y_m) == pytest.approx((0.2 + 0.12 * math.sin(0.3217), 0.6 + 0.12 * math.cos(0.3217)), abs=0.02)
 
 
-def test_a_nodding_camera_knows_less_of_the_range_of_a_far_ball():
-    stds = []
-    for x_m in (0.5, 2.0):
-        known = knowledge(camera_height_m=0.2)
-        known.see(HERE, Ball(x_m, 0.0, 1e-4 * np.eye(2), 0.0, 0.0), 1.0, (), 0.0)
-        # it faces +y: range along y, and the heading's error along x
-        stds.append(np.sqrt(np.diag(known.sighting.covariance)))
-    assert stds[0][1] == pytest.approx(0.015 * (0.2**2 + 0.5**2) / 0.2, abs=0.01)
-    assert stds[1][1] == pytest.approx(0.015 * (0.2**2 + 2.0**2) / 0.2, abs=0.01)
-    assert stds[1][0] == pytest.approx(2.0 * math.sqrt(1e-3), abs=0.01)
+def test_a_nodding_cameras_far_sightings_are_filtered():
+    known = knowledge(talks=False, nods=NODS)
+    for k in range(60):
+        range_m = 1.8 + 0.3 * math.sin(0.4 * k)
+        known.see(HERE, Ball(range_m, 0.0, np.diag([0.05, 1e-4]), 0.0, 0.0), 1.0 + k / 30, (), 0.0)
+    x_m, y_m = locate(known, 3.0).place
+    assert abs(x_m) < 0.01
+    assert y_m == pytest.approx(1.8, abs=0.15)
+
+
+@pytest.mark.parametrize("range_m", [30.0, 1e6])
+@pytest.mark.parametrize("heading", [0.0, 0.5, math.pi / 2, 2.5, -2.0])
+def test_a_ball_seen_beyond_the_floor_lies_where_its_ray_leaves_it(heading, range_m):
+    known, robot = knowledge(talks=False, nods=NODS), Pose2(0.5, -0.3, heading)
+    belief = PoseEstimate(robot, np.diag([1e-6, 1e-6, 1e-6]), 1.0, 0.0)
+    # as a camera 0.2 m high measures it
+    covariance = np.diag([(range_m**2 / 0.2 * 5e-3) ** 2, (range_m * 5e-3) ** 2])
+    for t_s in (0.9, 1.0):
+        known.see(belief, Ball(range_m, 0.0, covariance, 0.0, 0.0), t_s, (), 0.0)
+    assert np.sqrt(np.diag(known.sighting.covariance)).max() < 2.0
+    x_m, y_m = known.place(1.0)
+    assert max(abs(x_m) / 3.0, abs(y_m) / 2.1) == pytest.approx(1.0)
+    assert math.atan2(y_m + 0.3, x_m - 0.5) == pytest.approx(heading)
+
+
+def test_a_ball_too_near_to_be_seen_is_not_missed():
+    for away_m, is_kept in ((0.25, True), (0.5, False)):
+        known = knowledge(talks=False, nods=NODS)
+        known.see(HERE, Ball(away_m, 0.0, 1e-4 * np.eye(2), 0.0, 0.0), 1.0, (), 0.0)
+        assert (locate(known, 1.7, OPEN).place is not None) == is_kept
 
 
 @pytest.mark.parametrize("talks", [False, True])

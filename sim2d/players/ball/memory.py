@@ -33,9 +33,6 @@ class BallMemorySettings:
     told_missed_m : float
         A ball that others told of is not there if the robot sees the floor there from no farther than this: small
         cameras miss balls that are far.
-    nod_std_rad : float
-        Error of a nodding camera's tilt: the frame's own estimate of it is about so good, in a frame that shows little
-        of the field.
     hidden_s : float
         A ball unseen for so long is hidden by the robot that held it.
     taken_reaches : float
@@ -48,7 +45,6 @@ class BallMemorySettings:
     max_speed_mps: float = 4.0
     missed_s: float = 0.5
     told_missed_m: float = 1.0
-    nod_std_rad: float = 0.015
     hidden_s: float = 0.15
     taken_reaches: float = 2.0
 
@@ -68,11 +64,23 @@ class BallMemory:
         self._velocity: Point = (0.0, 0.0)
         self._seen_s = -math.inf
 
-    def update(self, place: Point, t_s: float) -> None:
-        """Update with a measured position (field frame, metres) at a time (seconds)."""
+    def update(self, place: Point, t_s: float, velocity_mps: Point | None = None) -> None:
+        """Update with a position (field frame, metres) at a time (seconds).
+
+        Parameters
+        ----------
+        place : (float, float)
+            Where the ball was seen.
+        t_s : float
+            When.
+        velocity_mps : (float, float), optional
+            Its velocity, where that is known; else it is computed from positions.
+        """
         settings = self.settings
         gap_s = t_s - self._seen_s
-        if self._place is not None and 0.0 < gap_s <= settings.max_gap_s:
+        if velocity_mps is not None:
+            self._velocity = velocity_mps
+        elif self._place is not None and 0.0 < gap_s <= settings.max_gap_s:
             moved = ((place[0] - self._place[0]) / gap_s, (place[1] - self._place[1]) / gap_s)
             if math.hypot(*moved) > settings.max_speed_mps:
                 moved = (0.0, 0.0)

@@ -15,7 +15,7 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.team.ball_track import BallTrack
 from robocup_vision.team.message import BallSighting
-from sim2d.players.ball_memory import BallMemory, BallMemorySettings, HiddenBall, Point, is_in_sight
+from sim2d.players.ball.memory import BallMemory, BallMemorySettings, HiddenBall, Point, is_in_sight
 from sim2d.players.team_talk import TeamTalk
 
 # of a ball in the robot's mouth, along each axis
@@ -28,6 +28,39 @@ class KnownBall:
 
     place: Point | None
     velocity_mps: Point
+
+
+@dataclass(frozen=True, slots=True)
+class NoddingCamera:
+    """A camera near the ground whose body nods.
+
+    Parameters
+    ----------
+    limits_m : (float, float)
+        Greatest x and y of the floor that a ball may lie on, field frame.
+    blind_m : float
+        The camera does not see the floor nearer than this.
+    """
+
+    limits_m: Point
+    blind_m: float
+
+    def within(self, robot: Pose2, ball: Pose2) -> Pose2:
+        """Return where a ball is that is seen farther off than the floor reaches: where its ray leaves the floor.
+
+        Parameters
+        ----------
+        robot : Pose2
+            Field frame.
+        ball : Pose2
+            The ball, robot frame.
+        """
+        here, there = (robot.x_m, robot.y_m), robot.compose(ball)
+        part = 1.0
+        for start, end, limit_m in zip(here, (there.x_m, there.y_m), self.limits_m, strict=True):
+            if abs(end) > limit_m >= abs(start):
+                part = min(part, (math.copysign(limit_m, end) - start) / (end - start))
+        return Pose2(part * ball.x_m, part * ball.y_m, 0.0)
 
 
 class BallKnowledge:
@@ -43,8 +76,8 @@ class BallKnowledge:
         Believe that a ball that went out of sight is with the robot that held it.
     talk : TeamTalk or None
         Messages of others.
-    camera_height_m : float or None
-        Of a camera whose body nods: the farther off a ball is, the less a frame says of its range. None: it does not.
+    nods : NoddingCamera or None
+        The camera, if its body nods: sightings are filtered. None: it does not.
     """
 
     def __init__(
@@ -54,14 +87,14 @@ class BallKnowledge:
         *,
         hides: bool,
         talk: TeamTalk | None,
-        camera_height_m: float | None = None,
+        nods: NoddingCamera | None = None,
     ) -> None:
         self._reach_m, self._settings, self._talk = reach_m, settings, talk
-        self._camera_height_m = camera_height_m
+        self._nods = nods
         self._moved_s = -math.inf
         self._memory = BallMemory(settings)
-        # what others are told is filtered: each of them gets two sightings a second of thirty
-        self._track = None if talk is None else BallTrack()
+        # what others are told is filtered, too: each of them gets two sightings a second of thirty
+        self._track = None if talk is None and nods is None else BallTrack()
         self._hidden = HiddenBall(reach_m, settings) if hides else None
         self._known: KnownBall | None = None
         self._known_t_s = -math.inf
@@ -96,8 +129,10 @@ class BallKnowledge:
         if t_s < self._moved_s:
             return
         mount = Pose2(ball.x_m, ball.y_m, 0.0)
+        if self._nods is not None:
+            mount = self._nods.within(robot.pose, mount)
         at = robot.pose.compose(mount)
-        self._update((at.x_m, at.y_m), robot, mount, self._covariance(ball), t_s)
+        self._update((at.x_m, at.y_m), robot, mount, self._covariance(ball, mount), t_s)
         if self._hidden is not None:
             self._hidden.update((at.x_m, at.y_m), tracks, age_s)
 
@@ -135,7 +170,7 @@ class BallKnowledge:
         memory, settings = self._memory, self._settings
         ball, unseen_s = memory.place(t_s), memory.age_s(t_s)
         is_missed = unseen_s > settings.missed_s and robot is not None and free_space is not None
-        if ball is not None and is_missed and _sees(robot, free_space, ball, math.inf):
+        if ball is not None and is_missed and self._sees(robot, free_space, ball, math.inf):
             self._miss()
             ball = None
         velocity, is_hidden = memory.velocity_mps, False
@@ -146,7 +181,8 @@ class BallKnowledge:
         known = KnownBall(ball, velocity)
         if self._talk is not None:
             known = self._with_others(self._talk, known, is_hidden, t_s)
-            if known.place is not None and is_missed and _sees(robot, free_space, known.place, settings.told_missed_m):
+            within_m = settings.told_missed_m
+            if known.place is not None and is_missed and self._sees(robot, free_space, known.place, within_m):
                 fused = self._talk.ball(None, t_s)
                 if fused is not None:
                     self._talk.reject(fused)
@@ -169,35 +205,41 @@ class BallKnowledge:
             return own
         return KnownBall((fused.x_m, fused.y_m), (fused.vx_mps, fused.vy_mps))
 
-    def _covariance(self, ball: Ball) -> FloatArray:
-        """Return the covariance of a seen ball, robot frame, with what the nodding of the camera adds along its ray."""
-        height_m = self._camera_height_m
-        if height_m is None:
+    def _covariance(self, ball: Ball, mount: Pose2) -> FloatArray:
+        """Return the covariance of a ball, robot frame, that is taken to be at `mount`, nearer on its ray or there."""
+        range_m = math.hypot(mount.x_m, mount.y_m)
+        nearer = range_m / max(math.hypot(ball.x_m, ball.y_m), 1e-9)
+        if nearer == 1.0:
             return ball.covariance
-        ray = np.array([ball.x_m, ball.y_m])
-        range_m = math.hypot(ball.x_m, ball.y_m)
-        # range = height / tan(angle below the horizon)
-        range_std_m = self._settings.nod_std_rad * (height_m**2 + range_m**2) / height_m
-        ray *= range_std_m / max(range_m, 1e-9)
-        return np.asarray(ball.covariance + np.outer(ray, ray))
+        # errors across the ray grow with the range, those along it with its square
+        along = np.array([mount.x_m, mount.y_m]) / max(range_m, 1e-9)
+        moved = nearer * (np.eye(2) + (nearer - 1.0) * np.outer(along, along))
+        return np.asarray(moved @ ball.covariance @ moved.T)
 
     def _update(self, place: Point, robot: PoseEstimate, mount: Pose2, covariance: FloatArray, t_s: float) -> None:
-        self._memory.update(place, t_s)
         if self._track is not None:
             of_mount = np.zeros((3, 3))
             of_mount[:2, :2] = covariance
             in_field = compose_covariance(robot.pose, robot.covariance, mount, of_mount)[:2, :2]
             self._track.update(place, in_field, t_s)
+        if self._nods is None:
+            self._memory.update(place, t_s)
+            return
+        filtered = self.sighting
+        if filtered is not None and filtered.t_s == t_s:
+            self._memory.update((filtered.x_m, filtered.y_m), t_s, (filtered.vx_mps, filtered.vy_mps))
+
+    def _sees(self, robot: Pose2 | None, free_space: FreeSpace | None, ball: Point, within_m: float) -> bool:
+        """Whether the robot sees the floor where the ball should be, no farther off than this."""
+        if robot is None or free_space is None:
+            return False
+        x_m, y_m = robot.inverse().transform(ball).tolist()
+        away_m = math.hypot(x_m, y_m)
+        if self._nods is not None and away_m < self._nods.blind_m:
+            return False
+        return away_m <= within_m and is_in_sight(free_space, (x_m, y_m))
 
     def _miss(self) -> None:
         self._memory.miss()
         if self._track is not None:
             self._track.forget()
-
-
-def _sees(robot: Pose2 | None, free_space: FreeSpace | None, ball: Point, within_m: float) -> bool:
-    """Whether the robot sees the floor where the ball should be, no farther off than this."""
-    if robot is None or free_space is None:
-        return False
-    x_m, y_m = robot.inverse().transform(ball).tolist()
-    return math.hypot(x_m, y_m) <= within_m and is_in_sight(free_space, (x_m, y_m))

@@ -1,0 +1,55 @@
+"""What counts as carpet and as a mark's paint, and what a picture tells of its carpet."""
+
+import numpy as np
+import pytest
+
+from robocup_vision.kernels.model_edges.carpet import carpet_look, is_carpet, is_paint
+
+CARPET = np.array([45.0, 125.0, 42.0])
+
+
+@pytest.mark.parametrize(
+    ("paint", "shown", "is_one"),
+    [
+        ((35, 205, 225), (30, 190, 215), True),
+        ((35, 205, 225), (18, 105, 112), True),  # in shadow
+        ((35, 205, 225), (30, 30, 33), False),
+        ((170, 90, 225), (150, 80, 190), True),
+        ((170, 90, 225), (30, 110, 235), False),
+        ((230, 230, 230), (200, 215, 225), True),
+        ((230, 230, 230), (40, 40, 40), False),
+        ((230, 230, 230), (30, 110, 235), False),
+        ((35, 35, 35), (200, 10, 10), True),  # nothing is known of black but its step
+    ],
+)
+def test_paint_is_recognised_by_its_hue(paint, shown, is_one):
+    mean = np.array(paint).mean()
+    white = mean if min(paint) > 150 else 0.0
+    hue = np.array(paint) - mean if np.ptp(paint) > 60 else np.zeros(3)
+    assert is_paint(*map(float, shown), np.array([1.0, 0.0, 1.0, 100.0, *hue, white]), 1.0) == is_one
+
+
+def test_the_carpet_is_the_commonest_tone_and_noise_is_reported():
+    picture = np.tile(CARPET, (160, 208, 1))
+    picture[:, 90:96] = 230.0
+    picture[:50] = 90.0
+    picture[50:] += np.random.default_rng(1).normal(0.0, 4.0, (110, 208, 3))
+    carpet = np.zeros(5)
+    carpet_look(np.clip(picture, 0, 255).astype(np.uint8), 50, carpet)
+    np.testing.assert_allclose(carpet[:3], CARPET, atol=6.0)
+    assert carpet[3] == pytest.approx(4.0, rel=0.35)
+    assert is_carpet(45.0, 125.0, 42.0, carpet)
+    assert is_carpet(30.0, 85.0, 28.0, carpet)
+    assert not is_carpet(230.0, 230.0, 230.0, carpet)
+    assert not is_carpet(20.0, 20.0, 20.0, carpet)
+
+
+@pytest.mark.parametrize(("beside", "is_green"), [(0.8, True), (0.95, False)])
+def test_somebody_near_does_not_hide_the_carpet_s_colour_while_some_of_it_is_in_view(beside, is_green):
+    rng = np.random.default_rng(2)
+    picture = CARPET * rng.normal(1.0, 0.1, (160, 208, 1))
+    picture[:, : round(208 * beside)] = 36.0
+    picture += rng.normal(0.0, 3.0, picture.shape)
+    carpet = np.zeros(5)
+    carpet_look(np.clip(picture, 0, 255).astype(np.uint8), 0, carpet)
+    np.testing.assert_allclose(carpet[:3], CARPET if is_green else 36.0, atol=8.0)

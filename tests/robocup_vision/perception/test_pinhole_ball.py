@@ -1,0 +1,85 @@
+"""A ball in a pinhole camera's frame is placed by the camera as it was held, with what that leaves open."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from field_models import COLOR_NAMES, load_field
+from robocup_vision import Vision
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.perception.balls.pinhole import PinholeBallFinder
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Ball, Scene
+
+FIELD = load_field("four_legged_2007")
+CAMERA = PinholeCamera(
+    (208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, pan_rad=0.0, tilt_rad=-0.17, roll_rad=0.0, height_std_m=0.006,
+    roll_std_rad=0.024, offset_m=(0.05, 0.0),
+)  # fmt: skip
+FINDER = PinholeBallFinder(FIELD, CAMERA)
+STEP = 1e-5
+
+
+def placed(camera, pixel, sway_std_rad=None):
+    FINDER.hold(camera, sway_std_rad)
+    return FINDER._place(np.array(pixel), 1.0, 0.0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.floats(-1.5, 1.5), st.floats(-0.6, -0.1), st.floats(-0.03, 0.03), st.floats(10.0, 200.0), st.floats(90.0, 155.0)
+)
+def test_the_covariance_is_what_errors_of_tilt_roll_and_height_do(pan, tilt, roll, u, v):
+    held = CAMERA.with_orientation(pan, tilt, roll)
+    ball = placed(held, (u, v), (0.004, 0.007))
+    here = np.array([ball.x_m, ball.y_m])
+
+    def moved(other):
+        there = placed(other, (u, v))
+        return (np.array([there.x_m, there.y_m]) - here) / STEP
+
+    raised = PinholeCamera(
+        held.size_px, held.focal_px, held.center_px, held.height_m + STEP, pan_rad=pan, tilt_rad=tilt, roll_rad=roll,
+        offset_m=held.offset_m,
+    )  # fmt: skip
+    moves = np.stack([
+        0.004 * moved(held.with_orientation(pan, tilt + STEP, roll)),
+        0.007 * moved(held.with_orientation(pan, tilt, roll + STEP)),
+        0.006 * moved(raised),
+    ])  # fmt: skip
+    of_pixel = placed(held, (u, v), (1e-9, 1e-9)).covariance
+    of_height = np.outer(moves[2], moves[2])
+    of_sway = ball.covariance - of_pixel
+    expected = moves[:2].T @ moves[:2]
+    assert of_sway == pytest.approx(expected, abs=0.005 * float(np.trace(expected)))
+    assert np.linalg.eigvalsh(of_pixel - 0.99 * of_height).min() > -1e-12
+
+
+def test_a_camera_that_is_not_told_may_be_off_as_its_file_says():
+    own = placed(CAMERA, (104.0, 120.0))
+    same = placed(CAMERA, (104.0, 120.0), (0.024, 0.024))
+    assert own.covariance == pytest.approx(same.covariance)
+    stiff = placed(CAMERA, (104.0, 120.0), (0.001, 0.001))
+    assert np.linalg.eigvalsh(own.covariance - stiff.covariance).min() > 0
+
+
+@pytest.mark.parametrize("nod_deg", [-2.0, 0.0, 2.0])
+def test_a_nodding_robot_knows_where_the_ball_is(nod_deg):
+    truth, at, pan = Pose2(-0.6, 0.2, 0.3), np.array([0.9, 0.1]), 0.25
+    held = CAMERA.with_orientation(pan, CAMERA.tilt_rad + math.radians(nod_deg), 0.01)
+    in_field = truth.transform(at)
+    ball = Ball(*in_field.tolist(), FIELD.ball_radius_m, COLOR_NAMES[FIELD.ball_color])
+    rendered = render_pinhole(held, Scene(FIELD, ball=ball), truth, supersample=2)
+    frame = np.clip(rendered, 0, 255).astype(np.uint8)
+    prior = PoseEstimate(truth, np.diag([0.03, 0.03, 0.02]) ** 2, 1.0, 0.0)
+    view = Vision(FIELD, CAMERA).look(frame, prior=prior, pan_rad=pan)
+    assert view.pose
+    error = np.array([view.balls[0].x_m, view.balls[0].y_m]) - at
+    assert math.hypot(*error) < 0.04
+    assert error @ np.linalg.solve(view.balls[0].covariance, error) < 9.0
+    assert np.sqrt(np.linalg.eigvalsh(view.balls[0].covariance)[-1]) < 0.1
