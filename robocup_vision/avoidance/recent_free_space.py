@@ -14,6 +14,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_number
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.avoidance.steady_free_space import floor_ends
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
@@ -120,9 +121,7 @@ class RecentFreeSpace:
         if newest is not None and (not self._old or newest.t_s - self._old[-1].t_s >= settings.every_s):
             self._old.append(newest)
         self._old = [view for view in self._old if 0.0 <= t_s - view.t_s <= settings.max_age_s]
-        ends = np.minimum(free_space.range_m, _FAR_M)[:, None] * np.stack(
-            [np.cos(free_space.bearing_rad), np.sin(free_space.bearing_rad)], axis=1
-        )
+        ends = floor_ends(free_space.bearing_rad, np.minimum(free_space.range_m, _FAR_M))
         self._newest = _OldView(t_s, self._pose.transform(ends))
         range_m = self._ranges(free_space)
         range_m.flags.writeable = False

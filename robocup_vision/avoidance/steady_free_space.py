@@ -69,7 +69,7 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
     step = float(bearing[1] - bearing[0]) if len(bearing) > 1 else math.tau
     is_ring = abs(step * len(bearing) - math.tau) < 1e-6
     half = math.pi / len(bearing) if is_ring else step / 2
-    ends = np.concatenate([_ends(bearing[finite] + turn, reach[finite]) for turn in (-half, 0.0, half)])
+    ends = np.concatenate([floor_ends(bearing[finite] + turn, reach[finite]) for turn in (-half, 0.0, half)])
     moved = motion.inverse().transform(ends)
     turned, away = np.arctan2(moved[:, 1], moved[:, 0]), np.hypot(moved[:, 0], moved[:, 1])
     # a nearer obstacle hides a farther one; interpolation between the two would not
@@ -90,5 +90,6 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
     return FreeSpace(bearing, seen)
 
 
-def _ends(bearing_rad: FloatArray, range_m: FloatArray) -> FloatArray:
+def floor_ends(bearing_rad: FloatArray, range_m: FloatArray) -> FloatArray:
+    """Return the points (J, 2) where the floor ends in each direction, robot frame."""
     return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=1)

@@ -88,6 +88,10 @@ class PinholeCamera:
         """Return this camera as the neck holds it now; None: unknown."""
         return replace(self, pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
 
+    def sway_std_rad(self, usual_rad: float) -> float:
+        """Return the standard deviation of tilt and roll while the robot moves: the file's, or else the usual one."""
+        return usual_rad if self.roll_std_rad is None else self.roll_std_rad
+
     @property
     def camera_in_robot(self) -> Pose2:
         """The camera's foot on the floor and the heading of its axis, robot frame; an unknown pan counts as 0."""

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.model_edges.tables import FloatArray, Int64Array, UInt8Array
 
 GRID = 24  # places along each image axis at which the carpet is looked at
@@ -81,7 +81,9 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
     top = min(max(horizon_row + 2, 1), height - 12)
     tones = np.zeros((TONES + 2, TONES + 2), dtype=np.int64)
     rough = np.zeros(64, dtype=np.int64)
-    total = 0
+    lit = np.empty((GRID * GRID, 3))
+    cells = np.empty((GRID * GRID, 2), dtype=np.int64)
+    total, count = 0, variable(0)
     for i in range(GRID):
         y = top + (height - 2 - top) * i // (GRID - 1)
         for j in range(GRID):
@@ -92,23 +94,19 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
             total += 1
             light = b + g + r
             if light > 60.0:
-                tones[1 + int(b / light * (TONES - 1)), 1 + int(r / light * (TONES - 1))] += 1
+                lit[count, 0], lit[count, 1], lit[count, 2] = b, g, r
+                cells[count, 0] = 1 + int(b / light * (TONES - 1))
+                cells[count, 1] = 1 + int(r / light * (TONES - 1))
+                tones[cells[count, 0], cells[count, 1]] += 1
+                count += 1
     bi, bj = _commonest(tones, total)
     sums = np.zeros(3)
     number = 0
-    for i in range(GRID):
-        y = top + (height - 2 - top) * i // (GRID - 1)
-        for j in range(GRID):
-            x = 2 + (width - 5) * j // (GRID - 1)
-            b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
-            light = b + g + r
-            if light > 60.0:
-                i0, j0 = 1 + int(b / light * (TONES - 1)), 1 + int(r / light * (TONES - 1))
-                if abs(i0 - bi) <= 1 and abs(j0 - bj) <= 1:
-                    sums[0] += b
-                    sums[1] += g
-                    sums[2] += r
-                    number += 1
+    for k in range(count):
+        if abs(cells[k, 0] - bi) <= 1 and abs(cells[k, 1] - bj) <= 1:
+            number += 1
+            for c in range(3):
+                sums[c] += lit[k, c]
     for c in range(3):
         carpet[c] = sums[c] / max(number, 1)
     half, k = 0, 0

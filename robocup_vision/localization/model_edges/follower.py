@@ -171,7 +171,7 @@ class EdgeFollower:
         self._fit = Fit(
             np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(13)
         )
-        sway = self.settings.sway_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
+        sway = camera.sway_std_rad(self.settings.sway_std_rad)
         self.sway_std_rad = sway
         focal_std = camera.focal_std_px / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         at_rest = [camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m, 0.0]
@@ -202,6 +202,12 @@ class EdgeFollower:
     def pose(self) -> Pose2:
         """The camera's pose by the last fit, whether it was accepted or not."""
         return Pose2(*self._fit.unknowns[:3].tolist())
+
+    @property
+    def tilt_roll_std_rad(self) -> tuple[float, float]:
+        """Standard deviations of the camera's tilt and roll, as the last frames told them."""
+        tilt, roll = np.sqrt(self._sway[1, :2]).tolist()
+        return tilt, roll
 
     @property
     def state(self) -> FollowerState:

@@ -89,7 +89,7 @@ class EdgeLocalizer:
         )
         measurement = answer.measurement.seen_from(back)
         points = points or self.follower.edge_points()
-        sway_std_rad = tuple(np.sqrt(self.follower.state.sway[1, :2]).tolist())
+        sway_std_rad = self.follower.tilt_roll_std_rad
         return Localization(answer.estimate.seen_from(back), oriented, None, measurement, points, sway_std_rad)
 
     def _follow(

@@ -44,7 +44,7 @@ class PinholeBallFinder(BallSearch):
 
     @property
     def _any_sway_rad(self) -> tuple[float, float]:
-        sway = self.settings.sway_std_rad if self.camera.roll_std_rad is None else self.camera.roll_std_rad
+        sway = self.camera.sway_std_rad(self.settings.sway_std_rad)
         return sway, sway
 
     def hold(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> None:

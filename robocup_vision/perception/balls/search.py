@@ -311,9 +311,9 @@ class BallSearch(ABC):
         covariance = (self.settings.center_std_px / visible_ratio) ** 2 * jacobian @ jacobian.T
         return Ball(x, y, read_only(covariance + self._place_covariance(x, y)), u, v, ratio)
 
-    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray | float:
+    @abstractmethod
+    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray:
         """Return what the camera's own errors add to the covariance (2, 2) of a ball's place, robot frame."""
-        return 0.0
 
     @abstractmethod
     def _on_plane(self, u: float, v: float) -> tuple[float, float]:
