@@ -10,6 +10,10 @@ player; no film, no report. Simulated seconds over the processor's seconds, in o
 nothing else runs on it; wall-clock seconds stand beside. The first second of play is left out, because colours are
 learnt and compiled code is loaded in it.
 
+Matches with forward cameras: `MatchPlan`, as `robocup-vision match --field F` plays, every disturbance that is on by
+default, without film and report: four robots on four_legged_2007 (208 x 160) and twelve on division B. Simulated
+seconds over the processor's, one thread, the first second left out.
+
 With the film: `run_match`, which writes film and report, 30 simulated seconds (--quick: 6, --full: 120), on the wall
 clock, since a thread of its own draws and encodes: the target needs two cores that nothing else uses. The same play
 without any files is run before and after it; their mean says what the machine gave meanwhile. Both times are on the
@@ -50,6 +54,8 @@ FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera(256, 220)
 MAX_BARE, MAX_NOISY = 6.0, 20.0
 MAX_FORWARD = {"four_legged_2007": 8.0, "spl_2020": 6.0}
 MIN_REAL_TIME = 2.0
+# players a side, and how many times real time
+FORWARD_MATCHES = (("four_legged_2007", 2, 2.0), ("ssl_division_b", 6, 0.7))
 MIN_WITH_FILM, MAX_FILM_MB = 3.0, 2.0
 
 
@@ -157,6 +163,25 @@ def measure_match(simulated_s: float, seed: int) -> bool:
     return ok
 
 
+def measure_forward_matches(simulated_s: float, seed: int) -> bool:
+    """Print how much faster than real time matches with forward cameras run; return whether they are fast enough."""
+    columns = ("forward cameras                  ", "times real time", "target", "verdict")
+    table = Table(columns, f"{simulated_s:g} s of play", name="real time, forward")
+    all_ok = True
+    for field_name, players, least in FORWARD_MATCHES:
+        match = MatchPlan(field_name, players=players, seconds=simulated_s + 1.0, seed=seed).begin()
+        for _ in match.play(1.0):
+            pass
+        began = process_time()
+        for _ in match.play(simulated_s):
+            pass
+        real_time = simulated_s / (process_time() - began)
+        ok = real_time >= least
+        all_ok &= ok
+        table.row(f"{field_name}, {2 * players} robots", f"{real_time:.2f}", f">= {least:g}", verdict(ok))
+    return all_ok
+
+
 def measure_film(simulated_s: float, seed: int) -> bool:
     """Print how fast a match with film and report is played, and the film's size; return whether both are reached."""
     plan = MatchPlan(seconds=simulated_s, seed=seed)
@@ -204,6 +229,7 @@ def main() -> None:
     all_ok = measure_rendering(frames, arguments.seed)
     all_ok &= measure_forward(frames, arguments.seed)
     all_ok &= measure_match(simulated_s, arguments.seed)
+    all_ok &= measure_forward_matches(5.0 if arguments.quick else 30.0, arguments.seed)
     all_ok &= measure_film(6.0 if arguments.quick else 120.0 if arguments.full else 30.0, arguments.seed)
     finish(arguments.check, all_ok)
 
