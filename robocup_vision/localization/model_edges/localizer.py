@@ -79,13 +79,14 @@ class EdgeLocalizer:
         if isinstance(answer, NotLocated):
             return Localization(answer, camera, edge_points=points or self.follower.edge_points())
         back = camera.camera_in_robot.inverse()
+        held = answer.camera
         oriented = replace(
             camera,
-            focal_px=answer.camera.focal_px,
-            height_m=answer.camera.height_m,
+            focal_px=held.focal_px,
+            height_m=held.height_m,
             pan_rad=camera.pan_rad or 0.0,
-            tilt_rad=answer.camera.tilt_rad,
-            roll_rad=answer.camera.roll_rad,
+            tilt_rad=held.tilt_rad,
+            roll_rad=held.roll_rad,
         )
         measurement = answer.measurement.seen_from(back)
         points = points or self.follower.edge_points()
