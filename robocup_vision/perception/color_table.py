@@ -40,6 +40,10 @@ LLR_PER_UNIT = 1.0 / 16
 LLR_CLIP = 4.0
 # what is white in a narrow view reaches over this ratio of its bearings, which one thing alone does not
 _MIN_WHITE_BEARINGS = 0.25
+# of the brightest level of a table: bins are of one width well below this part of it, and of equal ratios well above.
+# What is black differs from floor in the dark by a third in R/G and B/G, and bins are to be finer than that; the lit
+# floor's own spread is wider than its bins
+_EVEN_BELOW = 0.16
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +200,8 @@ def _learn_white(
 class ColorTable:
     """A table over packed colours, 5 + 6 + 5 bits scaled to the floor's brightness, so that a dark hall uses all bits.
 
+    Dark levels share a bin with fewer neighbours than bright ones: what a ratio of dark channels is hangs on a count.
+
     Parameters
     ----------
     colors : Colors
@@ -244,8 +250,9 @@ def build_color_table(colors: Colors) -> ColorTable:
     # three times the floor's brightness saturates: nothing that bright is floor
     green = floor.level * 4 / (2 + floor.red_ratio.max() + floor.blue_ratio.max())
     top = min(255.0, max(16.0, 3.2 * green))
-    values = np.arange(256)
-    bins = {bits: np.minimum(values * (1 << bits) / (top + 1), (1 << bits) - 1).astype(np.uint16) for bits in (5, 6)}
+    fine = _EVEN_BELOW * (top + 1)
+    along = np.log1p(np.arange(256) / fine) / math.log1p(1 / _EVEN_BELOW)
+    bins = {bits: np.minimum(along * (1 << bits), (1 << bits) - 1).astype(np.uint16) for bits in (5, 6)}
     packing = np.stack([bins[5] << 11, bins[6] << 5, bins[5]]).astype(np.uint16)
     llr = np.empty(1 << 16, dtype=np.int8)
     blue, green, red = _bin_colors(packing)

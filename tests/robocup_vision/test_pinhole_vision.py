@@ -200,7 +200,9 @@ def test_a_head_that_pans_sees_what_a_camera_mounted_at_that_pan_sees(field, met
     camera = PinholeCamera(
         (320, 240), (300.0, 300.0), (159.5, 119.5), 0.2, offset_m=offset_m, pan_rad=0.0, tilt_rad=-0.3
     )
-    pan_rad, robot = 0.6, Pose2(3.0, -1.2, 0.25)
+    # the wall is painted where the field has one: elsewhere, whether it tells another tilt hangs by a hair
+    before_wall = Pose2(field.walls[:, 0].max() - 2.4, -1.2, 0.0) if field.is_bounded else Pose2(3.0, -1.2, 0.25)
+    pan_rad, robot = 0.6, before_wall
     turned = dataclasses.replace(camera, pan_rad=pan_rad)
     ball = tuple(Pose2(*offset_m, pan_rad).transform((0.7, -0.1)))
     frame = painted(turned, field, robot, wall_at_m=2.4, ball=ball)

@@ -1,5 +1,6 @@
 """The colour table, white balance from the frame itself, and colors.toml with its one-line errors."""
 
+import math
 import re
 
 import cv2
@@ -102,6 +103,23 @@ def test_the_table_says_what_the_model_says(colors):
     exact = np.clip(colors.floor.log_likelihood_ratio(*np.array(centers)), -LLR_CLIP, LLR_CLIP)
     found = table.floor_llr[table.pack(samples)] * LLR_PER_UNIT
     np.testing.assert_allclose(found, exact, atol=0.5 * LLR_PER_UNIT + 1e-9)
+
+
+@pytest.mark.parametrize("level", [60.0, 130.0, 200.0])
+@pytest.mark.parametrize("darkness", [0.18, 0.25, 0.35])
+def test_a_black_board_is_no_floor_in_shadow(level, darkness):
+    """Neighbours of a colour that share its bin must not blur a third of its ratio to green away."""
+    red_ratio, blue_ratio = np.full(len(LEVELS), 0.6), np.full(len(LEVELS), 0.75)
+    floor = FloorColor(level, 1.0, red_ratio, blue_ratio, np.array([0.05, 0.05]))
+    white = PaintColor(1.0, 1.0)
+    table = build_color_table(Colors(floor, white, white, white, white))
+    # a count up or down is noise, and where the bins' bounds lie is luck
+    green = np.arange(math.ceil(level * darkness), math.ceil(1.2 * level * darkness) + 2)[:, None, None]
+    step = np.arange(-1, 2)
+    board = np.stack(np.broadcast_arrays(green + step[:, None], green, green + step), axis=-1).astype(np.uint8)
+    assert table.floor_llr[table.pack(board)].max() < 0
+    shadow = np.rint(green * np.array([0.75, 1.0, 0.6])).astype(np.uint8)
+    assert (table.floor_llr[table.pack(shadow)] > 0).mean() > 0.9
 
 
 @settings(deadline=None, max_examples=40)
