@@ -1,11 +1,13 @@
 """Planning in the match: a side that plans its ways, speeds, gaze and shots, and the same side without.
 
 Matches of 2 against 2 on ssl_2001, each played twice with one seed: by a side that plans against plain players, and by
-plain players against plain ones. "Contacts": times one of our robots came to touch another robot, ours or theirs.
-Differences are of matches with the same seed, with their standard error (SE). "fewer contacts": fewer by more than two
-standard errors; "no lower score": goals for less goals against, lower by no more than one.
+plain players against plain ones; then fewer of them on each league's field, as `robocup-vision match --field F` plays.
+"Contacts": times one of our robots came to touch another robot, ours or theirs. Differences are of matches with the
+same seed, with their standard error (SE). "fewer contacts": fewer by more than two standard errors; "no lower score":
+goals for less goals against, lower by no more than one. On a field planning is ahead, or behind, where goals for less
+goals against differ by more than two standard errors.
 
---full plays matches of 60 s.
+--full plays 40 matches of 60 s on every field.
 """
 
 from __future__ import annotations
@@ -18,13 +20,16 @@ import numpy as np
 
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
+from benchmarks.harness.pool import Pool, open_pool
+from robocup_vision.arrays import FloatArray
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches, play_plan
 from sim2d.players.catalog import player_factory
 
-# (matches, seconds each)
+# (matches, seconds each) on ssl_2001, and on each of the other fields
 QUICK, DEFAULT, FULL = (2, 6.0), (40, 20.0), (40, 60.0)
+ELSEWHERE_QUICK, ELSEWHERE, ELSEWHERE_FULL = (1, 1.0), (4, 30.0), FULL
+FIELDS = ("four_legged_2007", "ssl_division_b", "msl_18x12", "spl_2020")
 MAX_STUCK_S = 5.0
 
 
@@ -35,16 +40,18 @@ def figures_of(match: dict[str, Any]) -> tuple[float, float, float, float]:
     return sum(r["collisions"] for r in ours), goals_for, against, max(r["longest_stuck_s"] for r in ours)
 
 
-def main() -> None:
-    """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
-    matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
-    plans = plan_matches(MatchPlan(seconds=seconds, seed=arguments.seed), matches)
-    planning = [replace(plan, ours=player_factory("planning")) for plan in plans]
-    with open_pool(arguments) as pool:
-        results = list(pool.map(play_plan, [*plans, *planning]))
+def play_both(pool: Pool, plan: MatchPlan, matches: int) -> tuple[FloatArray, FloatArray, int]:
+    """Return the figures (matches, 4) of plain players and of those that plan, and how many players failed."""
+    plans = plan_matches(plan, matches)
+    planning = [replace(each, ours=player_factory("planning")) for each in plans]
+    results = list(pool.map(play_plan, [*plans, *planning]))
     without, with_ = (np.array([figures_of(m) for m in part]) for part in (results[:matches], results[matches:]))
-    stopped = sum(r["stopped_s"] is not None for m in results for r in m["robots"])
+    return without, with_, sum(r["stopped_s"] is not None for m in results for r in m["robots"])
+
+
+def measure_ssl_2001(pool: Pool, matches: int, seconds: float, seed: int) -> bool:
+    """Print contacts, goals and how long robots were stuck; return whether planning is better."""
+    without, with_, stopped = play_both(pool, MatchPlan(seconds=seconds, seed=seed), matches)
     per_minute = 60 / seconds
     table = Table(
         ("a minute, our side            ", "plain", col.measured("plans"), "difference", "SE", "target", "verdict"),
@@ -70,7 +77,38 @@ def main() -> None:
     cells = *stuck, stuck[1] - stuck[0], None, f"<= {MAX_STUCK_S:g}", verdict(is_free)
     table.row("longest stuck, s", *cells, kind=Kind.COUNT)
     table.row("players that failed", None, float(stopped), None, None, "0", verdict(not stopped), kind=Kind.COUNT)
-    finish(arguments.check, ok and is_free and not stopped)
+    return ok and is_free and not stopped
+
+
+def measure_elsewhere(pool: Pool, matches: int, seconds: float, seed: int) -> bool:
+    """Print who is ahead on the other fields; return whether planning is behind on none and ahead on two."""
+    columns = ("field           ", "plain", col.measured("plans"), "difference", "SE", col.count("failed"), "verdict")
+    title = f"Goals for less against a minute, {matches} matches of {seconds:g} s a field, each with and without"
+    table = Table(columns, title, name="fields")
+    places = []
+    for field_name in FIELDS:
+        without, with_, stopped = play_both(pool, MatchPlan(field_name, seconds=seconds, seed=seed), matches)
+        plain, plans = (60 / seconds * (part[:, 1] - part[:, 2]) for part in (without, with_))
+        change = plans - plain
+        error = float(change.std(ddof=1)) / math.sqrt(matches) if matches > 1 else math.inf
+        mean = float(change.mean())
+        places.append(0 if abs(mean) <= 2 * error else 1 if mean > 0 else -1)
+        place = ("behind", "even", "ahead")[places[-1] + 1]
+        cells = float(plain.mean()), float(plans.mean()), mean, error if matches > 1 else None
+        table.row(field_name, *cells, stopped, place if not stopped else "FAILED")
+        places[-1] = -1 if stopped else places[-1]
+    return min(places) >= 0 and sum(place > 0 for place in places) >= 2
+
+
+def main() -> None:
+    """Measure and print."""
+    arguments = parse_arguments(str(__doc__), pooled=True)
+    matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
+    elsewhere = ELSEWHERE_QUICK if arguments.quick else ELSEWHERE_FULL if arguments.full else ELSEWHERE
+    with open_pool(arguments) as pool:
+        ok = measure_ssl_2001(pool, matches, seconds, arguments.seed)
+        ok &= measure_elsewhere(pool, *elsewhere, arguments.seed)
+    finish(arguments.check, ok)
 
 
 if __name__ == "__main__":
