@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import wall_search
 from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.kernels.floor.hull import hull_moments
+from robocup_vision.localization.outline_lean import fit_lean
 from robocup_vision.perception.polar_view import PolarView
 
 Arbiter = Callable[[list[Pose2]], int | None]
@@ -210,6 +211,7 @@ class OutlineFitter:
         fit: _Fit | None = None
         if prior is not None:
             fit = self._fit(prior.array[None], radius_px, 1, self._scales(self.settings.prior_scales))
+            fit = self._as_it_leans(fit, radius_px)
         if fit is None or not self._is_good(fit, self.settings.max_cost_at_prior):
             guess = self.first_guess(radius_px)
             if guess is None:
@@ -335,6 +337,34 @@ class OutlineFitter:
             covariance,
         )
         return _Fit(cost, best.pose, covariance, ratio, rms, along, best.residual, best.predicted)
+
+    def _as_it_leans(self, fit: _Fit, radius_px: FloatArray) -> _Fit:
+        """Return the fit of a body that leans, as one that moves may; the fit itself where it stands upright."""
+        settings = self.settings
+        outline = self._outline(radius_px, self._scales(settings.prior_scales))
+        systematic = settings.systematic_px**2 * settings.systematic_bearings
+        found = fit_lean(fit.pose, self._scene, outline, self._unit_px, settings.few_groups, systematic)
+        if found is None:
+            return fit
+        known = found.residual_px[np.isfinite(found.residual_px)]
+        inlying = known[np.abs(known) < settings.inlier * self._unit_px]
+        # as `fit_walls` counts
+        loss = np.minimum((known / (2 * self._unit_px)) ** 2, np.where(known < 0, 1.0, 2.0)).sum()
+        seen = np.count_nonzero(radius_px > 0)
+        cost = float(loss + seen - len(known)) / seen
+        if cost >= fit.cost or not len(inlying):
+            return fit
+        return replace(
+            fit,
+            cost=cost,
+            pose=found.pose,
+            covariance=found.covariance,
+            inlier_ratio=len(inlying) / len(known),
+            rms_px=math.sqrt(float(np.mean(inlying**2))),
+            along_m=math.sqrt(float(np.linalg.eigvalsh(found.covariance[:2, :2])[-1])),
+            residual_px=found.residual_px,
+            predicted_px=found.predicted_px,
+        )
 
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
         if fit.inlier_ratio < self.settings.min_inlier_ratio:

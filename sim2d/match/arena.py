@@ -122,7 +122,7 @@ class Arena:
         """Return sways and late frames, none where a disturbance is off; make light drift, and draw true cameras."""
         on, robots = self.disturbances, range(2 * self.players)
         sways, late = [], []
-        if on.sway is not None and isinstance(self.camera, PinholeCamera):
+        if on.sway is not None:
             sways = [BodySway(on.sway, self.limits, np.random.default_rng([seed, _SWAY, k])) for k in robots]
         if on.latency is not None:
             late = [LateFrames(on.latency, np.random.default_rng([seed, _LATENCY, k])) for k in robots]

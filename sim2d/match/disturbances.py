@@ -49,7 +49,7 @@ class Disturbances:
     Parameters
     ----------
     sway : SwaySettings or None
-        Of bodies that carry a pinhole camera; a mirror camera is drawn upright.
+        Of bodies, which carry their cameras along.
     latency : LatencySettings or None
         Of frames.
     slip : Slip or None
@@ -104,7 +104,8 @@ class Disturbances:
 
 
 NONE = Disturbances()
-MIRRORS = Disturbances(messages=ChannelSettings())
+MIRRORS_ON_LEGS = Disturbances(LEGS_SWAY, messages=ChannelSettings())
+MIRRORS_ON_WHEELS = Disturbances(WHEELS_SWAY, messages=ChannelSettings())
 LEGS = Disturbances(
     LEGS_SWAY, LatencySettings(), Slip(), LightDriftSettings(), ShutterSettings(), messages=ChannelSettings()
 )
@@ -114,7 +115,7 @@ WHEELS = Disturbances(
 
 
 def disturbances_for(robot: RobotKind, camera: Camera) -> Disturbances:
-    """Return those of a kind of robot, legs or wheels; of messages alone with a mirror camera."""
+    """Return those of a kind of robot, legs or wheels; of bodies and messages alone with a mirror camera."""
     if isinstance(camera, OmniCamera):
-        return MIRRORS
+        return MIRRORS_ON_LEGS if robot.has_legs else MIRRORS_ON_WHEELS
     return LEGS if robot.has_legs else WHEELS

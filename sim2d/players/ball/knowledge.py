@@ -20,6 +20,8 @@ from sim2d.players.team_talk import TeamTalk
 
 # of a ball in the robot's mouth, along each axis
 _MOUTH_STD_M = 0.01
+# of a ball beyond the floor: its bearing is no better than a pixel of a small head's frame, its errors depend on others
+_MIN_BEARING_STD_RAD, _MAX_CORRELATION = 0.005, 0.99
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,9 +214,15 @@ class BallKnowledge:
         if nearer == 1.0:
             return ball.covariance
         # errors across the ray grow with the range, those along it with its square
-        along = np.array([mount.x_m, mount.y_m]) / max(range_m, 1e-9)
-        moved = nearer * (np.eye(2) + (nearer - 1.0) * np.outer(along, along))
-        return np.asarray(moved @ ball.covariance @ moved.T)
+        x, y = mount.x_m / max(range_m, 1e-9), mount.y_m / max(range_m, 1e-9)
+        on_ray = np.array([[x, -y], [y, x]])
+        (along, both), (_, across) = (on_ray.T @ ball.covariance @ on_ray).tolist()
+        # near the horizon a ball is so far off that rounding hides how well its bearing is known
+        across = max(nearer**2 * across, (_MIN_BEARING_STD_RAD * range_m) ** 2)
+        along = max(nearer**4 * along, across)
+        most = _MAX_CORRELATION * math.sqrt(along * across)
+        both = max(-most, min(most, nearer**3 * both))
+        return np.asarray(on_ray @ np.array([[along, both], [both, across]]) @ on_ray.T)
 
     def _update(self, place: Point, robot: PoseEstimate, mount: Pose2, covariance: FloatArray, t_s: float) -> None:
         if self._track is not None:

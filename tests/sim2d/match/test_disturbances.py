@@ -10,7 +10,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from sim2d.commands.match_options import add_match_options, match_plan
 from sim2d.match.arena import Arena
-from sim2d.match.disturbances import LEGS, MIRRORS, NAMES, NONE, WHEELS, disturbances_for
+from sim2d.match.disturbances import LEGS, MIRRORS_ON_LEGS, MIRRORS_ON_WHEELS, NAMES, NONE, WHEELS, disturbances_for
 from sim2d.match.setups import ROBOTS, camera_for
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import Command
@@ -30,13 +30,14 @@ def sensed(disturbances, seed=3, periods=12, camera=SMALL):
     return found
 
 
-def test_legs_have_all_of_them_and_a_mirror_camera_those_of_messages():
+def test_legs_have_all_of_them_and_a_mirror_camera_those_of_bodies_and_messages():
     assert disturbances_for(ROBOTS["four_legged"], SMALL) is LEGS
     assert disturbances_for(ROBOTS["small_size"], SMALL) is WHEELS
     for robot in ROBOTS.values():
-        assert disturbances_for(robot, sekimori_camera()) is MIRRORS
+        mirrors = MIRRORS_ON_LEGS if robot.has_legs else MIRRORS_ON_WHEELS
+        assert disturbances_for(robot, sekimori_camera()) is mirrors
     assert Arena(FIELD, 1, 0).disturbances is LEGS
-    assert Arena(load_field("ssl_2001"), 1, 0).disturbances is MIRRORS
+    assert Arena(load_field("ssl_2001"), 1, 0).disturbances is MIRRORS_ON_WHEELS
     assert isinstance(camera_for(FIELD), PinholeCamera)
 
 
@@ -79,6 +80,21 @@ def test_legs_odometry_is_some_ten_percent_off():
         true = arena.state.robots[0].pose
         ratios.append(way / math.hypot(true.x_m - start.x_m, true.y_m - start.y_m))
     assert 0.03 < np.std(ratios) < 0.12
+
+
+def test_a_mirror_camera_leans_while_its_robot_speeds_up():
+    field, camera = load_field("ssl_2001"), sekimori_camera()
+    shown = []
+    for on in (NONE, NONE.only(["sway"])):
+        arena = Arena(field, 1, 3, camera=camera, disturbances=on)
+        for _ in range(6):
+            frame = arena.senses()[0].frame.astype(int)
+            arena.step({0: Command(forward_mps=1.0)})
+        shown.append(frame)
+    # edges move, the plain carpet stays
+    off = np.abs(shown[0] - shown[1]).max(axis=2)
+    assert np.percentile(off, 99) > 40
+    assert np.percentile(off, 60) < 3
 
 
 def test_names_come_from_the_command_line():

@@ -152,3 +152,24 @@ def test_after_a_kick_off_nothing_is_known_of_before():
     assert locate(known, 1.5).place is None
     known.see(HERE, AHEAD, 1.55, (), 0.0)
     assert locate(known, 1.6).place is not None
+
+
+@pytest.mark.parametrize("range_m", [4.0, 1e3, 1e7, 1e9])
+@pytest.mark.parametrize("bearing_rad", [0.3, -0.85, 1.2])
+def test_a_ball_at_the_horizon_has_a_covariance(range_m, bearing_rad):
+    # as a head's camera has it: the error along the ray grows with the square of the range
+    turn = np.array([[math.cos(bearing_rad), -math.sin(bearing_rad)], [math.sin(bearing_rad), math.cos(bearing_rad)]])
+    along, across = 0.05 * range_m**2, 0.005 * range_m
+    covariance = turn @ np.diag([along**2, across**2]) @ turn.T
+    place = range_m * turn[:, 0]
+    known = knowledge(nods=NODS)
+    known.see(HERE, Ball(*place.tolist(), covariance, 0.0, 0.0), 1.0, (), 0.0)
+    x_m, y_m = known.sighting.x_m, known.sighting.y_m
+    assert abs(x_m) <= 3.0 + 1e-6
+    assert abs(y_m) <= 2.1 + 1e-6
+    values = np.linalg.eigvalsh(known.sighting.covariance)
+    away_m = math.hypot(x_m, y_m)
+    assert values[0] > 0
+    # what rounding leaves open may make it less sure, never surer
+    expected_m = math.hypot(0.05 * away_m**2, 0.01)
+    assert 0.9 * expected_m < math.sqrt(values[1]) < (1.1 if range_m < 1e8 else 3.0) * expected_m

@@ -1,0 +1,82 @@
+"""A leaning body's outline gives its pose and its lean; an upright one's is taken for upright."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import numbers
+
+from field_models import load_field
+from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.floor import OutlineFitter
+from robocup_vision.perception.polar_view import PolarView
+from sim2d.rendering.cameras import sekimori_camera
+
+FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
+VIEW = PolarView(CAMERA)
+FITTER = OutlineFitter(FIELD, CAMERA, VIEW)
+places = st.builds(Pose2, numbers(-1.1, 1.1), numbers(-0.55, 0.55), numbers(-3.1, 3.1))
+leans = st.tuples(numbers(-0.015, 0.015), numbers(-0.015, 0.015))
+
+
+def outline(pose, lean, noise):
+    """Image radius of the walls' feet from a leaning body: points of the walls, projected one by one."""
+    turn = camera_rotation(0.0, *lean)
+    parts = np.linspace(0.0, 1.0, 2000)[:, None]
+    feet = np.concatenate([(1 - parts) * wall[:2] + parts * wall[2:] for wall in FIELD.walls])
+    in_robot = pose.inverse().transform(feet)
+    # the body turns about its foot, which the camera's place turns with
+    in_body = np.concatenate([in_robot, np.zeros((len(in_robot), 1))], axis=1) @ turn
+    pixels = CAMERA.point_to_pixel(in_body)
+    radius = np.hypot(*(pixels - CAMERA.center_px).T)
+    bearing = np.mod(CAMERA.image_bearing_rad(pixels), math.tau)
+    bins = np.rint(bearing / (math.tau / VIEW.bearings)).astype(int) % VIEW.bearings
+    off = np.abs(np.mod(bearing - VIEW.bearing_rad[bins] + math.pi, math.tau) - math.pi)
+    found = np.full(VIEW.bearings, np.nan)
+    for k in range(VIEW.bearings):
+        here = np.flatnonzero((bins == k) & (off < 0.004) & np.isfinite(radius))
+        if len(here):
+            # of two walls the nearer one bounds the floor
+            found[k] = radius[here].min()
+    return found + noise
+
+
+@settings(deadline=None, max_examples=30)
+@given(places, leans, st.integers(0, 2**32 - 1))
+def test_a_leaning_body_knows_where_it_is(pose, lean, seed):
+    noise = np.random.default_rng(seed).normal(0, 0.1, VIEW.bearings)
+    estimate, _ = FITTER.locate(outline(pose, lean, noise), pose)
+    assert estimate
+    distance, angle = estimate.pose.error_to(pose, symmetric=True)
+    assert distance < 0.02
+    assert angle < math.radians(1.0)
+
+
+def test_a_lean_moves_a_fit_of_upright_bodies_by_centimetres():
+    pose, lean = Pose2(0.8, 0.2, 0.3), (0.012, 0.004)
+    radius = outline(pose, lean, 0.0)
+    level = FITTER._fit(pose.array[None], radius, 1, FITTER._scales((2.0,)))
+    assert math.dist(level.pose[:2], (pose.x_m, pose.y_m)) > 0.02
+    estimate, _ = FITTER.locate(radius, pose)
+    assert estimate.pose.error_to(pose)[0] < 0.005
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_upright_body_is_located_as_without_the_question(seed):
+    rng = np.random.default_rng(seed)
+    pose = Pose2(rng.uniform(-1, 1), rng.uniform(-0.5, 0.5), rng.uniform(-3, 3))
+    radius = outline(pose, (0.0, 0.0), rng.normal(0, 0.1, VIEW.bearings))
+    level = FITTER._fit(pose.array[None], radius, 1, FITTER._scales((2.0,)))
+    estimate, _ = FITTER.locate(radius, pose)
+    np.testing.assert_array_equal(estimate.pose.array, level.pose)
+
+
+def test_one_wall_alone_tells_no_lean():
+    pose, lean = Pose2(0.0, 0.2, math.pi / 2), (0.01, 0.0)
+    radius = outline(pose, lean, np.random.default_rng(0).normal(0, 0.1, VIEW.bearings))
+    radius[np.abs(np.mod(VIEW.bearing_rad + math.pi, math.tau) - math.pi) > 0.6] = np.nan
+    fit = FITTER._fit(pose.array[None], radius, 1, FITTER._scales((2.0,)))
+    assert FITTER._as_it_leans(fit, radius) is fit
