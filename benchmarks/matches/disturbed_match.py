@@ -3,8 +3,8 @@
 Two against two on four_legged_2007 with pinhole cameras and the built-in players; the same seeds for each row. "near":
 fraction of the control periods in which a robot's estimate is within 10 cm and 5 degrees of the truth. "lost": longest
 time without an estimate, or with one farther off, of any robot. "real time": simulated over processor seconds, one
-thread, players and pictures of four robots. Wrong camera files and knocks (wrong_camera_match.py) and lost messages
-are not among them. Such matches are what `robocup-vision match --field four_legged_2007 --disturb NAME` plays.
+thread, players and pictures of four robots. Knocks (wrong_camera_match.py) and lost messages are not among them. Such
+matches are what `robocup-vision match --field four_legged_2007 --disturb NAME` plays.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import cv2
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.worlds.failed_players import COLUMN, count_failed
 from sim2d.match.disturbances import LEGS, NONE, Disturbances
 from sim2d.match.run import MatchPlan
 
@@ -25,8 +26,8 @@ NEAR_M, NEAR_RAD = 0.10, math.radians(5.0)
 MIN_NEAR, MAX_LOST_S = 0.97, 0.7
 
 
-def play(plan: MatchPlan) -> tuple[int, int, float, float]:
-    """Play a match; return near periods, all periods, the longest time lost, and processor seconds."""
+def play(plan: MatchPlan) -> tuple[int, int, float, float, int]:
+    """Play a match; return near periods, all periods, longest time lost, processor seconds, and failed players."""
     match = plan.begin()
     began = process_time()
     near = periods = 0
@@ -37,8 +38,9 @@ def play(plan: MatchPlan) -> tuple[int, int, float, float]:
                 away_m, turned_rad = robot.status.pose.pose.error_to(truth.pose)
                 near += away_m < NEAR_M and turned_rad < NEAR_RAD
     spent = process_time() - began
-    figures = match.figures.robots
-    return near, periods, max(robot.longest_lost_s for robot in figures), spent
+    figures = match.figures
+    lost_s = max(robot.longest_lost_s for robot in figures.robots)
+    return near, periods, lost_s, spent, count_failed(figures)
 
 
 def main() -> None:
@@ -57,6 +59,7 @@ def main() -> None:
             col.rate("near %"),
             col.error("lost s", floor=0.5),
             "real time",
+            COLUMN,
             "verdict",
         ),
         f"{matches} matches of {seconds:g} s; near at least {100 * MIN_NEAR:g} %, lost at most {MAX_LOST_S:g} s",
@@ -71,13 +74,15 @@ def main() -> None:
         ]
         near = sum(one[0] for one in played) / sum(one[1] for one in played)
         lost_s = max(one[2] for one in played)
-        ok = near >= MIN_NEAR and lost_s <= MAX_LOST_S
+        failed = sum(one[4] for one in played)
+        ok = near >= MIN_NEAR and lost_s <= MAX_LOST_S and not failed
         all_ok &= ok
         table.row(
             name,
             percent(near),
             lost_s,
             f"{matches * seconds / sum(one[3] for one in played):.2f}",
+            failed,
             verdict(ok),
         )
     finish(arguments.check, all_ok)

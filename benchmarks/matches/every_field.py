@@ -20,6 +20,7 @@ import cv2
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.worlds.failed_players import COLUMN, count_failed
 from benchmarks.worlds.near_truth import BOUNDS
 from sim2d.match.run import MatchPlan
 from sim2d.report.moment import Moment
@@ -118,7 +119,7 @@ def play(case: Case, seconds: float, seed: int, played: Played) -> None:
     played.seconds += figures.seconds
     played.goals += sum(figures.score)
     played.contacts += sum(robot.collisions for robot in figures.robots)
-    played.stopped += sum(robot.stopped_s is not None for robot in figures.robots)
+    played.stopped += count_failed(figures)
 
 
 def main() -> None:
@@ -141,7 +142,7 @@ def main() -> None:
             col.rate("ball %"),
             "stands %",
             "real time",
-            col.count("players that failed"),
+            COLUMN,
             "verdict",
         ),
         f"{matches} matches of {seconds:g} s on each field",

@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.worlds.failed_players import COLUMN, count_failed
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from sim2d.match.disturbances import NONE
@@ -52,6 +53,7 @@ class Played:
 
     robots: list[RobotFigures] = field(default_factory=list)
     looks: int = 0
+    failed: int = 0
 
 
 def play(name: str, seed: int, seconds: float, played: Played) -> None:
@@ -65,7 +67,9 @@ def play(name: str, seed: int, seconds: float, played: Played) -> None:
     for moment in match.play(seconds):
         reasons = moment.robots[0].status.reasons
         played.looks += any(r.topic == "gaze" and r.choice == LOOKS[name] for r in reasons)
-    played.robots.append(match.figures.robots[0])
+    figures = match.figures
+    played.robots.append(figures.robots[0])
+    played.failed += count_failed(figures)
 
 
 def main() -> None:
@@ -80,6 +84,7 @@ def main() -> None:
             col.error("lost s", floor=0.5),
             "looks",
             "m driven",
+            COLUMN,
             "verdict",
         ),
         f"{matches} matches of {seconds:g} s, each by all; the verdict: no player failed",
@@ -92,7 +97,7 @@ def main() -> None:
         for index in range(matches):
             play(name, arguments.seed + index, seconds, played)
         robots = played.robots
-        ok = all(robot.stopped_s is None for robot in robots)
+        ok = not played.failed
         all_ok &= ok
         table.row(
             name,
@@ -100,6 +105,7 @@ def main() -> None:
             max(robot.longest_lost_s for robot in robots),
             played.looks,
             sum(robot.distance_m for robot in robots),
+            played.failed,
             verdict(ok),
         )
     finish(arguments.check, all_ok)

@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.pool import Pool, open_pool
+from benchmarks.worlds.failed_players import count_failed_in
 from robocup_vision.arrays import FloatArray
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches, play_plan
@@ -46,7 +47,7 @@ def play_both(pool: Pool, plan: MatchPlan, matches: int) -> tuple[FloatArray, Fl
     planning = [replace(each, ours=player_factory("planning")) for each in plans]
     results = list(pool.map(play_plan, [*plans, *planning]))
     without, with_ = (np.array([figures_of(m) for m in part]) for part in (results[:matches], results[matches:]))
-    return without, with_, sum(r["stopped_s"] is not None for m in results for r in m["robots"])
+    return without, with_, sum(map(count_failed_in, results))
 
 
 def measure_ssl_2001(pool: Pool, matches: int, seconds: float, seed: int) -> bool:

@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.pool import open_pool
+from benchmarks.worlds.failed_players import COLUMN, count_failed
 from field_models import load_field
 from sim2d.match.disturbances import disturbances_for
 from sim2d.match.run import MatchPlan
@@ -38,8 +39,8 @@ FIELDS = (("four_legged_2007", 3), ("ssl_2001", 2))
 TEAM = player_factory("team")
 
 
-def play(plan: MatchPlan) -> tuple[float, float]:
-    """Play a match; return the fraction of the periods with a known ball, and of those in which two fetch."""
+def play(plan: MatchPlan) -> tuple[float, float, int]:
+    """Play a match; return the fractions of periods with a known ball and with two that fetch, and failed players."""
     cv2.setNumThreads(0)
     match = plan.begin()
     known, two, periods, players = 0, 0, 0, match.arena.players
@@ -51,7 +52,7 @@ def play(plan: MatchPlan) -> tuple[float, float]:
         places = [robot.status.ball_in_field for robot in side]
         known += sum(place is not None and math.dist(place, (ball.x_m, ball.y_m)) < NEAR_M for place in places)
         two += sum(robot.status.intent in ("fetch", "get behind") for robot in side) > 1
-    return known / (periods * players), two / periods
+    return known / (periods * players), two / periods, count_failed(match.figures)
 
 
 def main() -> None:
@@ -72,7 +73,16 @@ def main() -> None:
             for loss in LOSSES:
                 rows[f"{100 * loss:.0f} % lost"] = [replace(plan, disturbances=lossy[loss]) for plan in plans]
             table = Table(
-                ("robots", col.rate("known %"), "ratio", "SE", col.measured("two fetch %"), "target", "verdict"),
+                (
+                    "robots",
+                    col.rate("known %"),
+                    "ratio",
+                    "SE",
+                    col.measured("two fetch %"),
+                    COLUMN,
+                    "target",
+                    "verdict",
+                ),
                 f"{field}, {matches} matches of {seconds:g} s, {players} against {players}",
                 name=f"known {field}",
                 samples=round(matches * seconds * 3),
@@ -88,10 +98,12 @@ def main() -> None:
                 error = float((known - ratio * alone).std() / max(alone.mean(), 1e-9)) / math.sqrt(matches)
                 is_asked = name.endswith("lost")
                 least = MIN_RATIO if field == "four_legged_2007" else 1.0
-                ok = ratio >= least
-                all_ok &= ok or not is_asked
-                cells = percent(float(known.mean())), ratio, error, percent(float(found[:, 1].mean()))
-                table.row(name, *cells, f">= {least:g}" if is_asked else "", verdict(ok) if is_asked else "")
+                failed = int(found[:, 2].sum())
+                ok = ratio >= least and not failed
+                is_told = is_asked or failed > 0
+                all_ok &= ok or not is_told
+                cells = percent(float(known.mean())), ratio, error, percent(float(found[:, 1].mean())), failed
+                table.row(name, *cells, f">= {least:g}" if is_asked else "", verdict(ok) if is_told else "")
     finish(arguments.check, all_ok)
 
 

@@ -104,18 +104,20 @@ class Disturbances:
 
 
 NONE = Disturbances()
-MIRRORS_ON_LEGS = Disturbances(LEGS_SWAY, messages=ChannelSettings())
-MIRRORS_ON_WHEELS = Disturbances(WHEELS_SWAY, messages=ChannelSettings())
-LEGS = Disturbances(
-    LEGS_SWAY, LatencySettings(), Slip(), LightDriftSettings(), ShutterSettings(), messages=ChannelSettings()
+MIRRORS_ON_LEGS = Disturbances(LEGS_SWAY, camera=CameraErrorSettings(), messages=ChannelSettings())
+MIRRORS_ON_WHEELS = replace(MIRRORS_ON_LEGS, sway=WHEELS_SWAY)
+LEGS = replace(
+    MIRRORS_ON_LEGS,
+    latency=LatencySettings(),
+    slip=Slip(),
+    drift=LightDriftSettings(),
+    shutter=ShutterSettings(),
 )
-WHEELS = Disturbances(
-    WHEELS_SWAY, LatencySettings(), None, LightDriftSettings(), ShutterSettings(), messages=ChannelSettings()
-)
+WHEELS = replace(LEGS, sway=WHEELS_SWAY, slip=None)
 
 
 def disturbances_for(robot: RobotKind, camera: Camera) -> Disturbances:
-    """Return those of a kind of robot, legs or wheels; of bodies and messages alone with a mirror camera."""
+    """Return those of a kind of robot, legs or wheels; of bodies, camera files and messages with a mirror camera."""
     if isinstance(camera, OmniCamera):
         return MIRRORS_ON_LEGS if robot.has_legs else MIRRORS_ON_WHEELS
     return LEGS if robot.has_legs else WHEELS

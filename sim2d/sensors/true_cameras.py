@@ -33,6 +33,8 @@ class CameraErrorSettings:
         Of its optical axis in the image, each way.
     tilt_rad, height_m : float
         Of its tilt and of its roll; of its height.
+    pan_rad : float
+        Of its pan: a neck's joint, or a camera on board that looks a little aside.
     """
 
     mirror_center_px: float = 1.5
@@ -42,6 +44,7 @@ class CameraErrorSettings:
     center_px: float = 3.0
     tilt_rad: float = math.radians(0.5)
     height_m: float = 0.005
+    pan_rad: float = math.radians(0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +91,7 @@ def draw_camera(
             floor_range=curve,
             tilt_rad=(tilt_x + error.mirror_tilt_rad * first, tilt_y + error.mirror_tilt_rad * second),
         )
+    aside = float(rng.standard_normal())
     focal_u, focal_v = camera.focal_px
     factor = 1 + error.focal_ratio * scale
     return replace(
@@ -95,6 +99,7 @@ def draw_camera(
         focal_px=(focal_u * factor, focal_v * factor),
         center_px=(center_u + error.center_px * u, center_v + error.center_px * v),
         height_m=camera.height_m + error.height_m * up,
+        pan_rad=(camera.pan_rad or 0.0) + error.pan_rad * aside,
         tilt_rad=(camera.tilt_rad or 0.0) + error.tilt_rad * first,
         roll_rad=(camera.roll_rad or 0.0) + error.tilt_rad * second,
     )

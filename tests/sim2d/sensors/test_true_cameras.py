@@ -23,9 +23,11 @@ ERROR = CameraErrorSettings()
 def test_forward_cameras_are_drawn_about_their_file():
     rng = np.random.default_rng(1)
     drawn = [draw_camera(FORWARD, ERROR, rng) for _ in range(400)]
-    values = np.array([(*c.center_px, c.focal_px[0], c.tilt_rad, c.roll_rad, c.height_m) for c in drawn])
-    assert values.std(axis=0) == pytest.approx([3.0, 3.0, 0.48, *[math.radians(0.5)] * 2, 0.005], rel=0.12)
-    about = np.array([25.5, 19.5, 48.0, -0.2, 0.0, 0.2])
+    values = np.array([(*c.center_px, c.focal_px[0], c.tilt_rad, c.roll_rad, c.height_m, c.pan_rad) for c in drawn])
+    assert values.std(axis=0) == pytest.approx(
+        [3.0, 3.0, 0.48, *[math.radians(0.5)] * 2, 0.005, math.radians(0.5)], rel=0.12
+    )
+    about = np.array([25.5, 19.5, 48.0, -0.2, 0.0, 0.2, 0.0])
     assert (np.abs(values.mean(axis=0) - about) < 4 * values.std(axis=0) / 20).all()
     assert all(c.focal_px[0] == c.focal_px[1] for c in drawn)
 
