@@ -113,7 +113,8 @@ LEGS = replace(
     drift=LightDriftSettings(),
     shutter=ShutterSettings(),
 )
-WHEELS = replace(LEGS, sway=WHEELS_SWAY, slip=None)
+# a camera low on board of a robot on a large field is not calibrated in time: such robots are lost for seconds
+WHEELS = replace(LEGS, sway=WHEELS_SWAY, slip=None, camera=None)
 
 
 def disturbances_for(robot: RobotKind, camera: Camera) -> Disturbances:
