@@ -19,9 +19,13 @@ DIRECTIONS = 24
 # directions of a first look, and how many of them must show carpet: half of the rim, and one may err
 _ROUGH, _MIN_ROUGH = 8, 3
 # columns of a found disc
-U, V, RADIUS, AGREE, INSIDE, WHITE, DARK, CARPET_LEVEL, AROUND, COLUMNS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+U, V, RADIUS, AGREE, INSIDE, WHITE, DARK, CARPET_LEVEL, AROUND, SHOWN, COLUMNS = range(11)
 # radii, in those of the disc, at which it is looked for carpet all around
 _AROUND = (2.0, 3.0)
+# sine of the angle below the level from which on a rim is the ball's underside: lit by the carpet it is green as well
+_UNDERSIDE = 0.5
+# from this ratio of their radii on two discs at one place are two answers
+_OTHER_SIZE = 1.3
 # weight of the blue: it says less than the red, for a white ball on carpet in warm light is yellow
 BLUE_WEIGHT = 0.15
 # added to the sum of the channels: the darker a pixel, the less its hue says
@@ -42,7 +46,7 @@ class DiscSearch(NamedTuple):
     min_inside, min_agree : float
         Of the samples within, those that are not carpet; of the directions shown, those that part ball from carpet.
     apart : float
-        Of two discs nearer than so many radii one is kept.
+        Of two discs of about one size, nearer than so many radii, one is kept.
     max_dark, min_dark : float
         Of the white, what a dark patch has at most; of the disc, what must be dark.
     """
@@ -109,7 +113,10 @@ def classify(
 def measure_disc(
     kinds: UInt8Array, directions: FloatArray, u: float, v: float, radius: float, search: DiscSearch
 ) -> tuple[int, int, float]:
-    """Return how many directions part ball from carpet at a rim, how many are shown, and the ratio of ball inside."""
+    """Return how many directions part ball from carpet at a rim, how many are shown, and the ratio of ball inside.
+
+    Where the underside is of the carpet's colour, it speaks neither for a ball nor against it.
+    """
     height, width = kinds.shape
     agree, shown, inside, count = 0, 0, 0, 0
     far = search.outer * radius + search.beyond_px
@@ -119,6 +126,8 @@ def measure_disc(
         if x < 0 or y < 0 or x >= width or y >= height:
             continue
         is_ball = kinds[y, x] == NEUTRAL
+        if s > _UNDERSIDE and kinds[y, x] == CARPET:
+            continue
         x, y = int(u + 0.5 * radius * c + 0.5), int(v + 0.5 * radius * s + 0.5)
         if 0 <= x < width and 0 <= y < height:
             inside += kinds[y, x] == NEUTRAL
@@ -203,7 +212,7 @@ def find_discs(
 def best_discs(
     kinds: UInt8Array, level: UInt8Array, directions: FloatArray, search: DiscSearch, found: FloatArray, out: FloatArray
 ) -> int:
-    """Keep the best of discs that lie over each other, fit place and size, measure the patches; return how many.
+    """Keep the best of like discs that lie over each other, fit place and size, measure patches; return how many.
 
     Parameters
     ----------
@@ -228,8 +237,11 @@ def best_discs(
         tried[n] = found[best, : RADIUS + 1]
         for m in range(len(score)):
             far = search.apart * max(found[m, RADIUS], tried[n, RADIUS])
-            if score[m] >= 0.0 and math.hypot(found[m, U] - tried[n, U], found[m, V] - tried[n, V]) < far:
-                score[m] = -1.0
+            # a ball and the line it touches look like a larger one: what its place says decides between them
+            size = max(found[m, RADIUS], tried[n, RADIUS]) / min(found[m, RADIUS], tried[n, RADIUS])
+            if score[m] >= 0.0 and size < _OTHER_SIZE:
+                if math.hypot(found[m, U] - tried[n, U], found[m, V] - tried[n, V]) < far:
+                    score[m] = -1.0
         rough = measure_patches(kinds, level, tried[n, U], tried[n, V], tried[n, RADIUS], search.max_dark)
         if rough[1] < search.min_dark:
             continue
@@ -257,6 +269,7 @@ def _refine(kinds: UInt8Array, directions: FloatArray, search: DiscSearch, start
                 if shown >= DIRECTIONS // 2 and agree / shown + inside > best + 1e-9:
                     best = agree / shown + inside
                     out[U], out[V], out[RADIUS], out[AGREE], out[INSIDE] = u, v, radius, agree / shown, inside
+                    out[SHOWN] = shown / len(directions)
 
 
 @compiled

@@ -48,7 +48,8 @@ class PatternedBallSettings:
     max_discs, max_kept, max_balls : int
         Discs that are found, weighed, and reported at most.
     rim_ratio, chance_rim_ratio, rim_signs : float
-        Of the directions at a rim, those that part ball from carpet, at a ball and elsewhere; independent ones.
+        Of the directions at a rim, those that part ball from carpet, at a ball and elsewhere; independent ones of a
+        whole rim.
     dark_ratio, dark_std, chance_dark_ratio, chance_any : float
         Of a disc, what is dark: mean and standard deviation at a ball, whose patches cover 28 % and fade with distance;
         mean elsewhere, and the ratio of discs elsewhere that have any.
@@ -79,7 +80,7 @@ class PatternedBallSettings:
     min_carpet_level: float = 0.3
     min_carpet_ratio: float = 0.5
     max_discs: int = 20000
-    max_kept: int = 40
+    max_kept: int = 80
     max_balls: int = 8
     rim_ratio: float = 0.85
     chance_rim_ratio: float = 0.45
@@ -178,20 +179,8 @@ class PatternedBallFinder:
             tilt = camera.tilt_rad
             ratios = [self._ratio(disc, tilt) for disc in discs]
         held = camera.with_orientation(camera.pan_rad or 0.0, tilt, camera.roll_rad or 0.0)
-        balls: list[Ball] = []
-        taken: list[_Disc] = []
-        for ratio, disc in sorted(zip(ratios, discs, strict=True), key=lambda one: -one[0]):
-            if ratio < needed or len(balls) == self.settings.max_balls:
-                break
-            if any(
-                math.hypot(disc.u_px - o.u_px, disc.v_px - o.v_px) < max(disc.radius_px, o.radius_px) for o in taken
-            ):
-                continue
-            ball = self._ball(disc, held, ratio)
-            if ball is not None:
-                balls.append(ball)
-                taken.append(disc)
-        return tuple(balls)
+        placed = (self._ball(disc, held, ratio) for ratio, disc in _apart(discs, ratios, needed))
+        return tuple([ball for ball in placed if ball is not None][: self.settings.max_balls])
 
     def _voted_tilt(self, discs: list[_Disc]) -> tuple[float, bool] | None:
         """Return the tilt that most speaks for, and whether one disc alone does; None if no disc may be a ball."""
@@ -199,8 +188,12 @@ class PatternedBallFinder:
         tilts = [disc.tilt_rad for disc in discs if disc.nats > 0]
         if not tilts:
             return None
-        best = max(tilts, key=lambda tilt: sum(max(self._ratio(disc, tilt), 0.0) for disc in discs))
-        clear = [disc for disc in discs if self._ratio(disc, best) >= needed]
+
+        def apart(tilt: float, least: float) -> list[tuple[float, _Disc]]:
+            return _apart(discs, [self._ratio(disc, tilt) for disc in discs], least)
+
+        best = max(tilts, key=lambda tilt: sum(ratio for ratio, _ in apart(tilt, 0.0)))
+        clear = [disc for _, disc in apart(best, needed)]
         if len(clear) < 2:
             return best, True
         weights = [disc.tilt_std_rad**-2 for disc in clear]
@@ -230,13 +223,18 @@ class PatternedBallFinder:
             self._kinds[self._mask > 0] = kernel.COLORED
         found = self._found[: kernel.find_discs(self._kinds, _DIRECTIONS, self._radii_px, settings.search, self._found)]
         count = kernel.best_discs(self._kinds, self._level, _DIRECTIONS, settings.search, found, self._kept)
-        return [self._weighed(row, camera) for row in self._kept[:count]]
+        # a disc may have shrunk below what is looked for when its place and size were fitted
+        return [
+            self._weighed(row, camera) for row in self._kept[:count] if row[kernel.RADIUS] >= settings.min_radius_px
+        ]
 
     def _weighed(self, row: FloatArray, camera: PinholeCamera) -> _Disc:
         settings = self.settings
-        u, v, radius, rim, _, white, dark, carpet, around = row.tolist()
-        nats = min(settings.rim_signs, settings.signs_per_px * radius) * _sign_nats(
-            rim, settings.rim_ratio, settings.chance_rim_ratio
+        u, v, radius, rim, _, white, dark, carpet, around, shown = row.tolist()
+        nats = (
+            shown
+            * min(settings.rim_signs, settings.signs_per_px * radius)
+            * _sign_nats(rim, settings.rim_ratio, settings.chance_rim_ratio)
         )
         nats += min(settings.around_signs, settings.signs_per_px * radius) * _sign_nats(
             around, settings.around_ratio, settings.chance_around_ratio
@@ -280,6 +278,18 @@ class PatternedBallFinder:
         turn = np.array([[away[0], -away[1]], [away[1], away[0]]])
         covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
         return Ball(x, y, covariance, disc.u_px, disc.v_px, ratio)
+
+
+def _apart(discs: list[_Disc], ratios: list[float], needed: float) -> list[tuple[float, _Disc]]:
+    """Return the discs of at least the needed ratio, the best first, of those that lie over each other the best."""
+    kept: list[tuple[float, _Disc]] = []
+    for ratio, disc in sorted(zip(ratios, discs, strict=True), key=lambda one: -one[0]):
+        if ratio < needed:
+            break
+        u, v, radius = disc.u_px, disc.v_px, disc.radius_px
+        if not any(math.hypot(u - o.u_px, v - o.v_px) < max(radius, o.radius_px) for _, o in kept):
+            kept.append((ratio, disc))
+    return kept
 
 
 def _sign_nats(ratio: float, expected: float, by_chance: float) -> float:
