@@ -56,7 +56,7 @@ def mirror_frames(seed: int, count: int) -> list[Any]:
     from sim2d.rendering.random_scenes import CONDITIONS, sample
 
     frames = []
-    for name in ("nominal", "crowd", "bad_day", "dark"):
+    for name in ("nominal", "crowd", "bad_day", "dark", "miscalibrated"):
         drawn = sample(load_field("ssl_2001"), sekimori_camera(), CONDITIONS[name], seed, count, supersample=2)
         frames += [(one.frame, one.pose) for one in drawn]
     return frames

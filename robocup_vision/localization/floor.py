@@ -19,7 +19,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor import wall_search
+from robocup_vision.kernels.floor import doubted_camera, wall_search
 from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.kernels.floor.hull import hull_moments
 from robocup_vision.localization.outline_lean import fit_lean
@@ -92,6 +92,12 @@ class OutlineSettings:
     systematic_px: float = 0.02
     systematic_bearings: int = 20
     few_groups: float = 1.7
+    edge_noise_px: float = 0.15
+    center_std_units: float = 0.5
+    tilt_std_rad: float = 0.004
+    min_doubt: float = 8.0
+    alike_bearings: float = 3.0
+    min_doubt_ratio: float = 0.65
     max_std_m: float = 0.05
     sliding_std_m: float = 0.008
 
@@ -209,9 +215,11 @@ class OutlineFitter:
             reason = f"the floor's edge is seen in only {known} of {len(radius_px)} directions"
             return NotLocated(reason), np.full(len(radius_px), np.nan)
         fit: _Fit | None = None
+        leaning: _Fit | None = None
         if prior is not None:
-            fit = self._fit(prior.array[None], radius_px, 1, self._scales(self.settings.prior_scales))
-            fit = self._as_it_leans(fit, radius_px)
+            upright = self._fit(prior.array[None], radius_px, 1, self._scales(self.settings.prior_scales))
+            fit = leaning = self._as_it_leans(upright, radius_px)
+            leaning = None if leaning is upright else leaning
         if fit is None or not self._is_good(fit, self.settings.max_cost_at_prior):
             guess = self.first_guess(radius_px)
             if guess is None:
@@ -223,7 +231,12 @@ class OutlineFitter:
         if fit is None:
             return NotLocated("several places explain the floor's edge equally well"), np.full(len(radius_px), np.nan)
         estimate = self._judge(fit)
-        return estimate, fit.predicted_px if estimate else np.full(len(radius_px), np.nan)
+        if isinstance(estimate, NotLocated):
+            return estimate, np.full(len(radius_px), np.nan)
+        # a lean explains what an error of the file would
+        if leaning is not None and fit is leaning:
+            return estimate, fit.predicted_px
+        return self._doubting_the_camera(estimate, fit.predicted_px, radius_px)
 
     def _is_good(self, fit: _Fit, good_cost: float) -> bool:
         """Whether a fit needs no search.
@@ -365,6 +378,41 @@ class OutlineFitter:
             residual_px=found.residual_px,
             predicted_px=found.predicted_px,
         )
+
+    @cached_property
+    def _doubt(self) -> doubted_camera.CameraDoubt:
+        s = self.settings
+        # without a viewpoint's height a tilt cannot be told
+        tilt_std_rad = s.tilt_std_rad if self.camera.height_m is not None else 1e-6
+        return doubted_camera.CameraDoubt(s.edge_noise_px, s.center_std_units * self._unit_px, tilt_std_rad)
+
+    def _doubting_the_camera(
+        self, estimate: PoseEstimate, predicted_px: FloatArray, radius_px: FloatArray
+    ) -> tuple[PoseEstimate, FloatArray]:
+        """Fit centre and tilt of the camera too where the outline contradicts its file; with the walls predicted.
+
+        Not where the outline does not fix the pose then.
+        """
+        s = self.settings
+        if estimate.inlier_ratio < s.min_doubt_ratio:
+            return estimate, predicted_px
+        outline = self._outline(radius_px, self._scales(()))
+        gain = doubted_camera.doubt_of_camera(estimate.pose.array, self._scene, outline, self._doubt)
+        if gain < s.min_doubt * s.alike_bearings:
+            return estimate, predicted_px
+        unknowns, covariance = np.zeros(doubted_camera.SIZE), np.empty((3, 3))
+        unknowns[:3] = estimate.pose.array
+        predicted, systematic = np.empty(len(radius_px)), s.systematic_px**2 * s.systematic_bearings
+        is_determined = doubted_camera.fit_with_camera(
+            unknowns, self._scene, outline, self._doubt, s.few_groups, systematic, predicted, covariance
+        )
+        x, y, theta = unknowns[:3].tolist()
+        (xx, xy, _), (_, yy, _), _ = covariance.tolist()
+        variance = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
+        if not is_determined or variance > s.sliding_std_m**2 or not self.field.is_on_floor(x, y):
+            return estimate, predicted_px
+        pose = Pose2(x, y, theta)
+        return replace(estimate, pose=pose, covariance=covariance, candidates=(pose, pose.half_turn())), predicted
 
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
         if fit.inlier_ratio < self.settings.min_inlier_ratio:

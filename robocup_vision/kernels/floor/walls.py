@@ -164,7 +164,7 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
 
 
 @compiled
-def _tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
+def tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
     """Image radius of an inverse range, and its derivative."""
     place = min(q / outline.q_step, outline.radius_of_q.shape[0] - 2 + 0.999)
     cell = int(place)
@@ -204,7 +204,7 @@ def _accumulate(
             cost += 1.0
             continue
         q = best_q[k]
-        predicted, slope = _tabulated(outline, q)
+        predicted, slope = tabulated(outline, q)
         turn = slope * (planes[w, 0, 1] * cos_b[k] - planes[w, 0, 0] * sin_b[k]) / predicted
         # the edge is oblique to the ray: what is uniform in the image is the distance along its normal
         oblique = 1.0 / math.sqrt(1.0 + turn * turn)

@@ -12,7 +12,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.floor import OutlineFitter
+from robocup_vision.localization.floor import OutlineFitter, OutlineSettings
 from robocup_vision.perception.polar_view import PolarView
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Scene
@@ -150,3 +150,40 @@ def test_other_fields(name):
     radius = camera.floor_range.radius_px(1.0 / range_m)
     estimate, _ = OutlineFitter(field, camera, view).locate(radius)
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05
+
+
+def off_outline(pose, rng):
+    """Outline of a camera whose centre is 0.7 px from where its file puts it, about that."""
+    range_m = BARE.free_range_m(pose, VIEW.bearing_rad)
+    radius = CAMERA.floor_range.radius_px(1.0 / range_m)
+    u = radius * np.cos(VIEW.bearing_rad) + 0.5
+    v = radius * np.sin(VIEW.bearing_rad) - 0.5
+    around = np.arctan2(v, u)
+    order = np.argsort(around)
+    seen = np.interp(VIEW.bearing_rad, around[order], np.hypot(u, v)[order], period=math.tau)
+    return seen + rng.normal(0, 0.1, len(seen))
+
+
+def test_a_centre_that_is_off_costs_less_where_the_outline_tells_it():
+    rng = np.random.default_rng(3)
+    trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(min_doubt=math.inf))
+    errors, nees = [], []
+    for _ in range(20):
+        pose = Pose2(*rng.uniform((-1.0, -0.5, -3.1), (1.0, 0.5, 3.1)).tolist())
+        radius = off_outline(pose, rng)
+        found = [fitter.locate(radius, pose)[0] for fitter in (trusting, FITTER)]
+        errors.append([one.pose.error_to(pose)[0] for one in found])
+        off = [one.pose.array - pose.array for one in found]
+        nees.append([e @ np.linalg.solve(one.covariance, e) for e, one in zip(off, found, strict=True)])
+    trusted, doubted = np.median(errors, axis=0)
+    assert doubted < 0.6 * trusted
+    assert np.median(nees, axis=0)[1] < 8.0 < np.median(nees, axis=0)[0]
+
+
+def test_an_outline_much_of_which_is_hidden_does_not_doubt_the_camera():
+    pose, rng = Pose2(0.3, -0.1, 0.5), np.random.default_rng(4)
+    radius = off_outline(pose, rng)
+    # two fifths of the bearings end at something nearer
+    radius[: int(0.4 * len(radius))] -= rng.uniform(6.0, 20.0, int(0.4 * len(radius)))
+    trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(min_doubt=math.inf))
+    assert FITTER.locate(radius, pose)[0].pose == trusting.locate(radius, pose)[0].pose

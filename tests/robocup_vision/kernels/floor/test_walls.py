@@ -22,6 +22,7 @@ from robocup_vision.kernels.floor.walls import (
     fit_walls,
     predict_walls,
     summarise_fit,
+    tabulated,
 )
 
 FIELD = load_field("ssl_2001")
@@ -102,6 +103,14 @@ def test_bank_scores_agree_with_numpy(seed):
         cost = np.where(np.isnan(off), np.nan, np.minimum(off, 12.0) / 12.0)
         expected = np.nanmean(cost, axis=1) if known.any() else np.zeros(4)
         np.testing.assert_allclose(out[:, shift], expected)
+
+
+@given(numbers(0.0, 9.9))
+def test_a_tabulated_radius_is_interpolated(q):
+    radius, slope = tabulated(FloorOutline(np.empty(0), Q_STEP, RADIUS_OF_Q, np.ones(1), 1.0), q)
+    assert radius == pytest.approx(np.interp(q, np.arange(1000) * Q_STEP, RADIUS_OF_Q))
+    cell = int(q / Q_STEP)
+    assert slope == pytest.approx((RADIUS_OF_Q[cell + 1] - RADIUS_OF_Q[cell]) / Q_STEP)
 
 
 def fit_twin(start, camera, radius, stride, scales, unit_px):

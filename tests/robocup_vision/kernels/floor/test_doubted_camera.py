@@ -1,0 +1,184 @@
+"""The fit of pose, centre and tilt against a plain NumPy twin, and against outlines of cameras that are off."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import PAPER_MIRROR, numbers
+
+from field_models import load_field
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor.doubted_camera import (
+    CameraDoubt,
+    DoubtedFit,
+    doubt_of_camera,
+    fit_with_camera,
+    gather_doubted,
+)
+from robocup_vision.kernels.floor.walls import (
+    FloorOutline,
+    WallFit,
+    WallPrediction,
+    WallScene,
+    fit_walls,
+    predict_walls,
+)
+
+FIELD = load_field("ssl_2001")
+COUNT = 160
+ANGLES = np.arange(COUNT) * math.tau / COUNT
+COS, SIN = np.cos(ANGLES), np.sin(ANGLES)
+Q_STEP = 0.01
+RADIUS_OF_Q = PAPER_MIRROR.radius_px(np.arange(1000) * Q_STEP)
+SCALES = np.array([2.0, 1.0])
+CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
+DOUBT = CameraDoubt(noise_px=0.15, center_std_px=0.5, tilt_std_rad=0.004)
+seeds = st.integers(0, 2**32 - 1)
+places = st.builds(Pose2, numbers(-1.2, 1.2), numbers(-0.6, 0.6), numbers(-3.1, 3.1))
+
+
+def scene(camera=CAMERA):
+    x, y, height = camera.viewpoint_m
+    to_camera = np.ascontiguousarray(camera.camera_to_robot.T)
+    return WallScene(FIELD.walls, float(x), float(y), float(height), to_camera, COS, SIN)
+
+
+def leaning(about_x, about_y):
+    return scene(replace(CAMERA, tilt_rad=(about_x, about_y)))
+
+
+def predict(pose, seen_by):
+    out = WallPrediction(np.empty(COUNT), np.empty(COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4, 3)))
+    predict_walls(pose, seen_by, out)
+    return out
+
+
+def radius_at(q):
+    return np.interp(q, np.arange(1000) * Q_STEP, RADIUS_OF_Q)
+
+
+def floor_of(radius):
+    return FloorOutline(radius, Q_STEP, RADIUS_OF_Q, SCALES, 1.0)
+
+
+def seen_outline(pose, center, tilt, rng=None, noise_px=0.0):
+    """Radius about the file's centre of the walls' feet, as a camera sees them that is off its file."""
+    fine = np.arange(8 * COUNT) * math.tau / (8 * COUNT)
+    seen_by = leaning(*tilt)._replace(cos_b=np.cos(fine), sin_b=np.sin(fine))
+    out = WallPrediction(np.empty(8 * COUNT), np.empty(8 * COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4, 3)))
+    predict_walls(pose.array, seen_by, out)
+    r = radius_at(out.q)
+    u, v = r * np.cos(fine) + center[0], r * np.sin(fine) + center[1]
+    around = np.unwrap(np.arctan2(v, u))
+    around, size = np.tile(around, 3), np.tile(np.hypot(u, v), 3)
+    around += np.repeat([-math.tau, 0.0, math.tau], 8 * COUNT)
+    order = np.argsort(around)
+    radius = np.interp(ANGLES, around[order], size[order])
+    return radius if rng is None else radius + rng.normal(0, noise_px, COUNT)
+
+
+def gather_twin(unknowns, radius):
+    """Return the normal equations by finite differences of what is predicted."""
+    pose, center, tilt = unknowns[:3], unknowns[3:5], unknowns[5:]
+
+    def predicted(x):
+        q, wall, _ = predict(x[:3], leaning(*x[5:]))
+        return radius_at(q), wall
+
+    at, wall = predicted(unknowns)
+    ahead, behind = (predict(pose, leaning(*tilt)._replace(cos_b=np.cos(b), sin_b=np.sin(b))) for b in _aside())
+    by_bearing = (radius_at(ahead.q) - radius_at(behind.q)) / 2e-6 / at
+    oblique = 1 / np.hypot(1, by_bearing)
+    columns = []
+    for j in range(7):
+        step = np.zeros(7)
+        step[j] = 1e-6
+        if j < 3 or j > 4:
+            columns.append((predicted(unknowns + step)[0] - predicted(unknowns - step)[0]) / 2e-6 * oblique)
+        elif j == 3:
+            columns.append(oblique * (COS + by_bearing * SIN))
+        else:
+            columns.append(oblique * (SIN - by_bearing * COS))
+    rows = np.stack(columns, axis=1)
+    e = (radius - at) * oblique - rows[:, 3:5] @ center
+    use = (wall >= 0) & (radius > 0)
+    e, rows = e[use], rows[use]
+    weight = 1 / (1 + np.where(e < 0, e, e / 3) ** 2) ** 2
+    pulls = rows * (weight * e)[:, None]
+    groups = pulls[: len(pulls) // 4 * 4].reshape(-1, 4, 7).sum(axis=1)
+    return (rows.T * weight) @ rows, groups.T @ groups, pulls.sum(axis=0), (weight * e**2).sum(), weight.sum()
+
+
+def _aside():
+    return ANGLES + 1e-6, ANGLES - 1e-6
+
+
+@settings(deadline=None, max_examples=25)
+@given(places, seeds)
+def test_normal_equations_agree_with_finite_differences(pose, seed):
+    rng = np.random.default_rng(seed)
+    unknowns = np.concatenate([pose.array, rng.normal(0, 0.4, 2), rng.normal(0, 0.004, 2)])
+    radius = seen_outline(pose, (0.3, -0.2), (0.003, -0.002), rng, 0.2)
+    radius[rng.random(COUNT) < 0.2] = np.nan
+    seen_by = leaning(*unknowns[5:])
+    fit = DoubtedFit(np.empty((7, 7)), np.empty((7, 7)), np.empty(7))
+    squares, total = gather_doubted(seen_by, floor_of(radius), predict(unknowns[:3], seen_by), *unknowns[3:5], fit)
+    information, scatter, pull, *sums = gather_twin(unknowns, radius)
+    # at a corner, and between cells of the table, a difference may see another wall or slope
+    scale = np.sqrt(np.diag(information))
+    both = np.outer(scale, scale)
+    np.testing.assert_allclose(np.tril(fit.information) / both, np.tril(information) / both, atol=0.05)
+    np.testing.assert_allclose(fit.pull / scale, pull / scale, atol=0.05 * np.sqrt(sums[0]) + 0.05)
+    np.testing.assert_allclose(fit.scatter / both, scatter / both, atol=0.1 * max(sums[0], 1.0))
+    np.testing.assert_allclose((squares, total), sums, rtol=0.05)
+
+
+def fit_pose(pose, radius):
+    """Return the pose by a fit that takes the file for true."""
+    best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(COUNT), np.empty(COUNT))
+    fit_walls(pose.array[None], scene(), floor_of(radius), 1, best)
+    return best.pose
+
+
+def fit_all(start, radius):
+    unknowns, predicted, covariance = np.concatenate([start, np.zeros(4)]), np.empty(COUNT), np.empty((3, 3))
+    assert fit_with_camera(unknowns, scene(), floor_of(radius), DOUBT, 1.7, 0.008, predicted, covariance)
+    return unknowns, predicted, covariance
+
+
+@settings(deadline=None, max_examples=25)
+@given(places, seeds)
+def test_a_camera_that_is_off_is_doubted_and_its_pose_mended(pose, seed):
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0, math.tau)
+    center, tilt = 0.7 * np.array([math.cos(angle), math.sin(angle)]), rng.normal(0, 0.003, 2)
+    radius = seen_outline(pose, center, tilt, rng, 0.1)
+    start = fit_pose(pose, radius)
+    unknowns, predicted, covariance = fit_all(start, radius)
+    assert doubt_of_camera(start, scene(), floor_of(radius), DOUBT) > 24
+    before, after = (math.hypot(*(x[:2] - pose.array[:2])) for x in (start, unknowns))
+    assert after < max(0.7 * before, 0.012)
+    assert (np.linalg.eigvalsh(covariance) > 0).all()
+    # walls are predicted where they are seen, not where the file puts them
+    assert np.median(np.abs(predicted - radius)) < 0.2
+
+
+@settings(deadline=None, max_examples=25)
+@given(places, seeds)
+def test_a_true_camera_is_not_doubted(pose, seed):
+    rng = np.random.default_rng(seed)
+    radius = seen_outline(pose, (0.0, 0.0), (0.0, 0.0), rng, 0.15)
+    # noise of the bearings alone explains so much once in ten thousand outlines
+    assert doubt_of_camera(fit_pose(pose, radius), scene(), floor_of(radius), DOUBT) < 24
+
+
+def test_an_outline_that_shows_nothing_doubts_nothing():
+    nothing = floor_of(np.full(COUNT, np.nan))
+    assert doubt_of_camera(np.zeros(3), scene(), nothing, DOUBT) == 0.0
+    outside = np.array([9.0, 9.0, 0.0])
+    unknowns = np.concatenate([outside, np.zeros(4)])
+    fit_with_camera(unknowns, scene(), nothing, DOUBT, 1.7, 0.008, np.empty(COUNT), np.empty((3, 3)))
+    np.testing.assert_allclose(unknowns[:3], outside)
