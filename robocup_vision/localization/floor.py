@@ -22,7 +22,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import doubted_camera, wall_search
 from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.kernels.floor.hull import hull_moments
-from robocup_vision.localization.outline_lean import fit_lean
+from robocup_vision.localization.outline_lean import fit_lean, leaning
 from robocup_vision.perception.polar_view import PolarView
 
 Arbiter = Callable[[list[Pose2]], int | None]
@@ -215,11 +215,9 @@ class OutlineFitter:
             reason = f"the floor's edge is seen in only {known} of {len(radius_px)} directions"
             return NotLocated(reason), np.full(len(radius_px), np.nan)
         fit: _Fit | None = None
-        leaning: _Fit | None = None
         if prior is not None:
-            upright = self._fit(prior.array[None], radius_px, 1, self._scales(self.settings.prior_scales))
-            fit = leaning = self._as_it_leans(upright, radius_px)
-            leaning = None if leaning is upright else leaning
+            fit = self._fit(prior.array[None], radius_px, 1, self._scales(self.settings.prior_scales))
+            fit = self._as_it_leans(fit, radius_px)
         if fit is None or not self._is_good(fit, self.settings.max_cost_at_prior):
             guess = self.first_guess(radius_px)
             if guess is None:
@@ -233,10 +231,7 @@ class OutlineFitter:
         estimate = self._judge(fit)
         if isinstance(estimate, NotLocated):
             return estimate, np.full(len(radius_px), np.nan)
-        # a lean explains what an error of the file would
-        if leaning is not None and fit is leaning:
-            return estimate, fit.predicted_px
-        return self._doubting_the_camera(estimate, fit.predicted_px, radius_px)
+        return self._doubting_the_camera(estimate, fit, radius_px)
 
     def _is_good(self, fit: _Fit, good_cost: float) -> bool:
         """Whether a fit needs no search.
@@ -377,6 +372,7 @@ class OutlineFitter:
             along_m=math.sqrt(float(np.linalg.eigvalsh(found.covariance[:2, :2])[-1])),
             residual_px=found.residual_px,
             predicted_px=found.predicted_px,
+            lean_rad=found.lean_rad,
         )
 
     @cached_property
@@ -387,7 +383,7 @@ class OutlineFitter:
         return doubted_camera.CameraDoubt(s.edge_noise_px, s.center_std_units * self._unit_px, tilt_std_rad)
 
     def _doubting_the_camera(
-        self, estimate: PoseEstimate, predicted_px: FloatArray, radius_px: FloatArray
+        self, estimate: PoseEstimate, fit: _Fit, radius_px: FloatArray
     ) -> tuple[PoseEstimate, FloatArray]:
         """Fit centre and tilt of the camera too where the outline contradicts its file; with the walls predicted.
 
@@ -395,22 +391,24 @@ class OutlineFitter:
         """
         s = self.settings
         if estimate.inlier_ratio < s.min_doubt_ratio:
-            return estimate, predicted_px
+            return estimate, fit.predicted_px
+        # what a lean explains is not the file's error
+        scene = leaning(self._scene, *fit.lean_rad) if any(fit.lean_rad) else self._scene
         outline = self._outline(radius_px, self._scales(()))
-        gain = doubted_camera.doubt_of_camera(estimate.pose.array, self._scene, outline, self._doubt)
+        gain = doubted_camera.doubt_of_camera(estimate.pose.array, scene, outline, self._doubt)
         if gain < s.min_doubt * s.alike_bearings:
-            return estimate, predicted_px
+            return estimate, fit.predicted_px
         unknowns, covariance = np.zeros(doubted_camera.SIZE), np.empty((3, 3))
         unknowns[:3] = estimate.pose.array
         predicted, systematic = np.empty(len(radius_px)), s.systematic_px**2 * s.systematic_bearings
         is_determined = doubted_camera.fit_with_camera(
-            unknowns, self._scene, outline, self._doubt, s.few_groups, systematic, predicted, covariance
+            unknowns, scene, outline, self._doubt, s.few_groups, systematic, predicted, covariance
         )
         x, y, theta = unknowns[:3].tolist()
         (xx, xy, _), (_, yy, _), _ = covariance.tolist()
         variance = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
         if not is_determined or variance > s.sliding_std_m**2 or not self.field.is_on_floor(x, y):
-            return estimate, predicted_px
+            return estimate, fit.predicted_px
         pose = Pose2(x, y, theta)
         return replace(estimate, pose=pose, covariance=covariance, candidates=(pose, pose.half_turn())), predicted
 
@@ -436,3 +434,4 @@ class _Fit:
     along_m: float
     residual_px: FloatArray
     predicted_px: FloatArray
+    lean_rad: tuple[float, float] = (0.0, 0.0)  # pitch and roll

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import PAPER_MIRROR, numbers
@@ -149,27 +150,33 @@ def fit_all(start, radius):
     return unknowns, predicted, covariance
 
 
-@settings(deadline=None, max_examples=25)
-@given(places, seeds)
-def test_a_camera_that_is_off_is_doubted_and_its_pose_mended(pose, seed):
-    rng = np.random.default_rng(seed)
-    angle = rng.uniform(0, math.tau)
-    center, tilt = 0.7 * np.array([math.cos(angle), math.sin(angle)]), rng.normal(0, 0.003, 2)
-    radius = seen_outline(pose, center, tilt, rng, 0.1)
-    start = fit_pose(pose, radius)
-    unknowns, predicted, covariance = fit_all(start, radius)
-    assert doubt_of_camera(start, scene(), floor_of(radius), DOUBT) > 24
-    before, after = (math.hypot(*(x[:2] - pose.array[:2])) for x in (start, unknowns))
-    assert after < max(0.7 * before, 0.012)
-    assert (np.linalg.eigvalsh(covariance) > 0).all()
-    # walls are predicted where they are seen, not where the file puts them
-    assert np.median(np.abs(predicted - radius)) < 0.2
+def test_a_camera_that_is_off_is_doubted_and_its_pose_mended():
+    rng = np.random.default_rng(8)
+    errors, nees, doubts = [], [], []
+    for _ in range(30):
+        pose = Pose2(*rng.uniform((-1.2, -0.6, -3.1), (1.2, 0.6, 3.1)).tolist())
+        angle = rng.uniform(0, math.tau)
+        center, tilt = 0.7 * np.array([math.cos(angle), math.sin(angle)]), rng.normal(0, 0.003, 2)
+        radius = seen_outline(pose, center, tilt, rng, 0.1)
+        start = fit_pose(pose, radius)
+        unknowns, predicted, covariance = fit_all(start, radius)
+        doubts.append(doubt_of_camera(start, scene(), floor_of(radius), DOUBT))
+        errors.append([math.hypot(*(x[:2] - pose.array[:2])) for x in (start, unknowns)])
+        off = unknowns[:3] - pose.array
+        nees.append(off @ np.linalg.solve(covariance, off))
+        # walls are predicted where they are seen, not where the file puts them
+        assert np.median(np.abs(predicted - radius)) < 0.2
+    before, after = np.median(errors, axis=0)
+    assert after < 0.5 * before
+    assert np.mean(np.array(doubts) > 24) > 0.9
+    # of three dimensions: 2.4 in the median
+    assert 0.5 < np.median(nees) < 7.0
 
 
-@settings(deadline=None, max_examples=25)
-@given(places, seeds)
-def test_a_true_camera_is_not_doubted(pose, seed):
+@pytest.mark.parametrize("seed", range(20))
+def test_a_true_camera_is_not_doubted(seed):
     rng = np.random.default_rng(seed)
+    pose = Pose2(*rng.uniform((-1.2, -0.6, -3.1), (1.2, 0.6, 3.1)).tolist())
     radius = seen_outline(pose, (0.0, 0.0), (0.0, 0.0), rng, 0.15)
     # noise of the bearings alone explains so much once in ten thousand outlines
     assert doubt_of_camera(fit_pose(pose, radius), scene(), floor_of(radius), DOUBT) < 24
