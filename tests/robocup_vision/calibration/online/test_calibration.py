@@ -38,7 +38,8 @@ def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera
     for one in [*walk, *walk]:
         view = vision.look(one.frame)
         errors.append(view.pose.pose.error_to(one.pose, symmetric=True)[0])
-    assert np.median(errors[:6]) > 4e-3
+    # fitting centre and tilt in each frame leaves this much
+    assert np.median(errors[:6]) > 3e-3
     assert np.median(errors[-12:]) < 2.5e-3
     assert vision.camera is online.camera is view.camera is not paper_camera
     np.testing.assert_allclose(vision.camera.center_px, true_camera.center_px, atol=0.3)
