@@ -120,12 +120,12 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
 
 
 @compiled(fastmath=True, error_model="numpy")
-def is_carpet(b: float, g: float, r: float, carpet: FloatArray) -> bool:
-    """Return whether a colour is the carpet's, somewhat brighter or darker."""
+def is_carpet(b: float, g: float, r: float, carpet: FloatArray, noise_ratio: float = 1.0) -> bool:
+    """Return whether a colour is the carpet's, somewhat brighter or darker; its noise is so much of a pixel's."""
     light, known = b + g + r, carpet[0] + carpet[1] + carpet[2]
     if light < 0.45 * known or light > 1.6 * known or light < 1.0 or known < 1.0:
         return False
-    slack = 0.05 + 2.0 * carpet[3] / light
+    slack = 0.05 + 2.0 * noise_ratio * carpet[3] / light
     return bool(abs(b / light - carpet[0] / known) < slack and abs(r / light - carpet[2] / known) < slack)
 
 

@@ -53,3 +53,12 @@ def test_somebody_near_does_not_hide_the_carpet_s_colour_while_some_of_it_is_in_
     carpet = np.zeros(5)
     carpet_look(np.clip(picture, 0, 255).astype(np.uint8), 0, carpet)
     np.testing.assert_allclose(carpet[:3], CARPET if is_green else 36.0, atol=8.0)
+
+
+def test_a_mean_of_pixels_is_held_to_its_own_noise():
+    carpet = np.array([42.0, 110.0, 38.0, 3.2, 0.5])
+    dark_robot = (31.0, 33.0, 29.0)
+    # a pixel so dark may be shaded carpet; nine of them are a robot
+    assert is_carpet(*dark_robot, carpet)
+    assert not is_carpet(*dark_robot, carpet, 1.0 / 3.0)
+    assert is_carpet(25.0, 66.0, 23.0, carpet, 1.0 / 3.0)
