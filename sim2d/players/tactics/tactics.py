@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from field_models.field import Field
 from sim2d.players.ball.memory import BallMemorySettings
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.ball_holder import BallHolder, BallHolderSettings
 from sim2d.players.tactics.fetch import Fetch, FetchSettings
 from sim2d.players.tactics.field_player import FieldPlayer, FieldPlayerSettings
@@ -48,8 +47,7 @@ class Tactics:
     """Decides for one player, by its number and its situation; a halt or time-out is not asked of it.
 
     Number 0 keeps the goal where there are others. Who of the others fetches the ball is agreed by messages where there
-    are any; else number 1 does, and further ones take it only in their own strip of the field; there
-    number 1 leaves it to them once a robot has reached it.
+    are any; else number 1 does, and further ones take it only in their own strip of the field.
 
     Parameters
     ----------
@@ -87,7 +85,6 @@ class Tactics:
         self._fetch = Fetch(team, settings.fetch)
         self._keeper = Keeper(team, self._fetch, settings.keeper, ball)
         self._field_player = FieldPlayer(team, number, players, settings.field_player)
-        self._taken_m = ball.taken_reaches * team.reach_m
         self._fetches = number < 2 or settings.fetches_in_strip
         self._restart = Restart(
             team,
@@ -119,15 +116,6 @@ class Tactics:
             if now.role.role == "fetch":
                 return self._fetch.decide(now, now.ball)
             return self._field_player.support(now, now.ball)
-        if self._leaves_to_others(now, now.ball):
+        if not self._fetches or (self._number >= 2 and not self._field_player.is_in_own_strip(now.ball)):
             return self._field_player.support(now, now.ball)
         return self._fetch.decide(now, now.ball)
-
-    def _leaves_to_others(self, now: Situation, ball: Point) -> bool:
-        """Whether others are to fetch a ball; number 1 leaves one in another's strip that some robot has reached."""
-        if not self._fetches:
-            return True
-        if self._players <= 2 or self._field_player.is_in_own_strip(ball):
-            return False
-        reached_m = min(self._taken_m, math.dist(now.place, ball))
-        return self._number >= 2 or any(math.dist(other, ball) < reached_m for other in now.obstacles)

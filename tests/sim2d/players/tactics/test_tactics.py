@@ -216,17 +216,3 @@ def test_those_that_search_together_begin_at_different_corners():
     targets = {decide(ball=None, role=ChosenRole("search", place, 3)).target for place in range(3)}
     assert len(targets) == 3
     assert decide(ball=None, role=ChosenRole("search")).target == decide(ball=None).target
-
-
-def test_number_one_leaves_a_ball_in_anothers_strip_that_a_robot_has_reached():
-    aside, at_the_ball = (0.3, 0.6), ((0.35, 0.62),)
-    assert decide(1, 4, ball=aside).intent == "fetch"
-    assert decide(1, 4, ball=aside, obstacles=at_the_ball).intent == "support"
-    # one that is farther from the ball than itself takes nothing
-    assert decide(1, 4, ball=aside, obstacles=((0.7, 0.6),)).intent == "fetch"
-    own = next(
-        y for y in (-0.6, 0.0, 0.6) if decide(1, 4, ball=(0.3, y), obstacles=((0.35, y + 0.02),)).intent == "fetch"
-    )
-    assert decide(2, 4, ball=(0.3, own), obstacles=()).intent == "support"
-    # without a third field player nobody else would go
-    assert decide(1, 2, ball=aside, obstacles=at_the_ball).intent == "fetch"
