@@ -324,7 +324,7 @@ class PinholePipeline(FramePipeline):
         """Sample the floor, once more where the feet of walls that the pose predicts say how the camera is tilted."""
         samples = self._sample(frame, floor.view, timings)
         # a tilt that the pose came with is better than what walls say of it
-        has_own_tilt = not self.camera.known_orientation or floor.sway_std_rad is not None
+        has_own_tilt = not self.camera.known_orientation
         if not pose or has_own_tilt or not self.field.is_bounded or samples.table is None:
             return floor, samples
         tilt = tilt_by_walls(floor.view, samples.edge_px, self.field.walls, pose, floor.camera)
