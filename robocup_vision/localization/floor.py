@@ -15,7 +15,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -37,9 +37,9 @@ class OutlineSettings:
 
     Parameters
     ----------
-    scales, coarse_scales, prior_scales, refine_scales : tuple of float
-        Widths of the redescending weights, units: from the first guess down to the edges' own accuracy, from a search
-        over the whole field, from a prior, and from what that search found.
+    scales, rough_scales, coarse_scales, prior_scales, refine_scales : tuple of float
+        Widths of the redescending weights, units: from the first guess down to the edges' own accuracy, from all
+        starts of a search over the whole field, from the likely ones, from a prior, and from what that search found.
     last_scale_px : float
         Width of the weights in the last step.
     inlier : float
@@ -56,6 +56,8 @@ class OutlineSettings:
     bank_bearings, bank_starts, bank_width : int, int, float
         Bearings that outlines are compared at over the whole field, how many places go on, and where a difference is
         truncated, units.
+    likely_starts : int
+        How many starts of a search go on to `coarse_scales`.
     refined : int
         How many of those are fitted to the end.
     rival_cost, equal_cost : float
@@ -71,7 +73,9 @@ class OutlineSettings:
     """
 
     scales: tuple[float, ...] = (8.0, 5.0, 3.0, 2.0, 1.0)
-    coarse_scales: tuple[float, ...] = (8.0, 6.0, 4.0, 2.0)
+    rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
+    likely_starts: int = 24
+    coarse_scales: tuple[float, ...] = (2.0,)
     prior_scales: tuple[float, ...] = (2.0,)
     refine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
     last_scale_px: float = 1.0
@@ -167,6 +171,11 @@ class OutlineFitter:
         walls = np.ascontiguousarray(self.field.walls)
         return kernels.WallScene(walls, float(x), float(y), float(height), to_camera, self._cos, self._sin)
 
+    @cached_property
+    def _coarse_scene(self) -> kernels.WallScene:
+        """The scene with every second bearing."""
+        return self._scene._replace(cos_b=self._cos[::2].copy(), sin_b=self._sin[::2].copy())
+
     def _outline(self, radius_px: FloatArray, scales: FloatArray) -> kernels.FloorOutline:
         return kernels.FloorOutline(radius_px, *self._radius_of_q, scales, self._unit_px)
 
@@ -254,9 +263,11 @@ class OutlineFitter:
         None where several places explain the outline equally well.
         """
         starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
-        poses, costs = np.empty_like(starts), np.empty(len(starts))
-        outline = self._outline(radius_px, self._scales(self.settings.coarse_scales))
-        wall_search.fit_each(starts, self._scene, outline, 2, poses, costs)
+        half_px, settings = radius_px[::2].copy(), self.settings
+        wide = np.array([unit * self._unit_px for unit in settings.rough_scales])
+        poses, costs = self._fit_coarsely(starts, half_px, wide)
+        likely = poses[np.argsort(costs)[: settings.likely_starts]]
+        poses, costs = self._fit_coarsely(likely, half_px, self._scales(settings.coarse_scales))
         fits = [fit]
         tried = np.empty((self.settings.refined, 3))
         scales = self._scales(self.settings.refine_scales)
@@ -281,6 +292,14 @@ class OutlineFitter:
             return rivals[chosen]
         return None if rivals[1].cost < rivals[0].cost + self.settings.equal_cost else rivals[0]
 
+    def _fit_coarsely(
+        self, starts: FloatArray, half_px: FloatArray, scales: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Fit each of the starts (N, 3) to every second bearing's radius; return poses (N, 3) and costs (N,)."""
+        poses, costs = np.empty_like(starts), np.empty(len(starts))
+        wall_search.fit_each(starts, self._coarse_scene, self._outline(half_px, scales), 1, poses, costs)
+        return poses, costs
+
     def _slides(self, pose: FloatArray) -> FloatArray:
         low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
         along = [np.array([x, pose[1], pose[2]]) for x in np.linspace(low[0], high[0], 15)[1:-1]]
@@ -296,7 +315,7 @@ class OutlineFitter:
         return np.array([*(unit * self._unit_px for unit in units), self.settings.last_scale_px])
 
     @cached_property
-    def _bank(self) -> tuple[FloatArray, FloatArray]:
+    def _bank(self) -> tuple[FloatArray, Float32Array]:
         spacing = float(np.ptp(self.field.floor_polygon, axis=0).min()) / 15
         low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
         # half the places do: the outline of the other half is the same, turned
@@ -308,25 +327,31 @@ class OutlineFitter:
         q, wall = np.empty(len(bearings)), np.empty(len(bearings), dtype=np.int64)
         out = kernels.WallPrediction(q, wall, np.empty((len(walls), 4, 3)))
         scene = self._scene._replace(cos_b=np.cos(bearings), sin_b=np.sin(bearings))
-        profiles = np.empty((len(places), len(bearings)))
+        profiles = np.empty((len(places), len(bearings)), dtype=np.float32)
         for place, profile in zip(places, profiles, strict=True):
             kernels.predict_walls(np.array([*place, 0.0]), scene, out)
             profile[:] = np.interp(q, np.arange(len(self._radius_of_q[1])) * self._radius_of_q[0], self._radius_of_q[1])
+        # clockwise, as `score_bank` takes them
+        profiles = np.roll(profiles[:, ::-1], 1, axis=1)
         return places, np.hstack([profiles, profiles])
 
     def _search(self, radius_px: FloatArray) -> FloatArray:
         """Poses (N, 3) whose expected outline is most like the measured one, over the whole field and all headings."""
-        places, profiles = self._bank
-        count = self.settings.bank_bearings
+        (places, profiles), settings = self._bank, self.settings
+        count = settings.bank_bearings
         nearest = np.rint(np.arange(count) * (len(radius_px) / count)).astype(int) % len(radius_px)
         radius = radius_px[nearest]
-        weight = np.isfinite(radius) / max(np.count_nonzero(np.isfinite(radius)), 1)
-        cost = np.empty((len(places), count))
-        wall_search.score_bank(profiles, np.nan_to_num(radius), weight, self.settings.bank_width * self._unit_px, cost)
-        most = min(10 * self.settings.bank_starts, cost.size)
+        known = np.isfinite(radius)
+        weight = (known / max(np.count_nonzero(known), 1)).astype(np.float32)
+        cost, width_px = (
+            np.empty((len(places), count), dtype=np.float32),
+            np.float32(settings.bank_width * self._unit_px),
+        )
+        wall_search.score_bank(profiles, np.nan_to_num(radius).astype(np.float32), weight, width_px, cost)
+        most = min(10 * settings.bank_starts, cost.size)
         best = np.argpartition(cost, most - 1, axis=None)[:most]
         best = best[np.argsort(cost.ravel()[best])]
-        starts = np.empty((self.settings.bank_starts, 3))
+        starts = np.empty((settings.bank_starts, 3))
         return starts[: wall_search.spread_starts(places, best, count, 0.15, starts)]
 
     def _fit(self, starts: FloatArray, radius_px: FloatArray, stride: int, scales: FloatArray) -> _Fit:

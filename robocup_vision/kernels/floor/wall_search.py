@@ -6,37 +6,42 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.floor.walls import FloorOutline, WallFit, WallScene, fit_walls
 
 
-@compiled(fastmath={"reassoc", "contract"})
-def score_bank(bank: FloatArray, radius: FloatArray, weight: FloatArray, width_px: float, out: FloatArray) -> None:
+@compiled(fastmath={"contract"})
+def score_bank(
+    bank: Float32Array, radius: Float32Array, weight: Float32Array, width_px: np.float32, out: Float32Array
+) -> None:
     """Compare a measured outline with the outlines expected at many places, at every heading.
 
     Parameters
     ----------
-    bank : (P, 2 B) float64
-        Expected image radius at B evenly spaced bearings, for heading 0, twice over.
-    radius : (B,) float64
-        Measured image radius; any finite number where there is none.
-    weight : (B,) float64
+    bank : (P, 2 B) float32
+        Expected image radius at B evenly spaced bearings from 0 on clockwise, for heading 0, twice over.
+    radius : (B,) float32
+        Measured image radius, bearings from 0 on counter-clockwise; any finite number where there is none.
+    weight : (B,) float32
         One over the number of measured bearings where there is one, 0 elsewhere.
-    width_px : float
+    width_px : float32
         Differences beyond this count as this.
-    out : (P, B) float64
+    out : (P, B) float32
         Filled with the mean cost, 0 to 1, of place p with the heading of minus shift times the bearings' step.
     """
     count = radius.shape[0]
+    part = weight / width_px
     for p in range(bank.shape[0]):
+        row = out[p]
         for shift in range(count):
-            first = count - shift
-            cost = 0.0
-            for b in range(count):
-                cost += weight[b] * min(abs(radius[b] - bank[p, first + b]), width_px)
-            out[p, shift] = cost / width_px
+            row[shift] = np.float32(0.0)
+        # headings side by side: the processor adds eight at once
+        for b in range(count):
+            expected = bank[p, count - b : 2 * count - b]
+            for shift in range(count):
+                row[shift] += part[b] * min(abs(radius[b] - expected[shift]), width_px)
 
 
 @compiled
