@@ -22,13 +22,14 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import doubted_camera, wall_search
 from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.kernels.floor.hull import hull_moments
-from robocup_vision.localization.outline_lean import fit_lean, leaning
+from robocup_vision.localization.outline_lean import LeanSettings, fit_lean, leaning
 from robocup_vision.perception.polar_view import PolarView
 
 Arbiter = Callable[[list[Pose2]], int | None]
 
 # a pixel of the paper's 256 x 220 image is this fraction of the usable radius
 _UNITS = 86.0
+_SURE_PX = 1e-6  # how well a centre is known that is not doubted
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,8 @@ class OutlineSettings:
         Error of the camera file, which no image shows, common to so many bearings (an eighth of the circle).
     few_groups : float
         Factor on the covariance: a sandwich covariance from some forty groups of bearings comes out low.
+    lean : LeanSettings
+        Of bodies that sway, near a prior.
     max_std_m : float
         A pose more uncertain than this is refused.
     sliding_std_m : float
@@ -97,6 +100,7 @@ class OutlineSettings:
     systematic_bearings: int = 20
     few_groups: float = 1.7
     edge_noise_px: float = 0.15
+    lean: LeanSettings = LeanSettings()
     center_std_units: float = 0.5
     tilt_std_rad: float = 0.004
     min_doubt: float = 8.0
@@ -374,9 +378,14 @@ class OutlineFitter:
     def _as_it_leans(self, fit: _Fit, radius_px: FloatArray) -> _Fit:
         """Return the fit of a body that leans, as one that moves may; the fit itself where it stands upright."""
         settings = self.settings
+        # most bodies stand upright most of the time: then one look does
+        sway = doubted_camera.CameraDoubt(settings.edge_noise_px, _SURE_PX, settings.lean.sway_std_rad)
+        outline = self._outline(radius_px, self._scales(()))
+        if doubted_camera.doubt_of_camera(fit.pose, self._scene, outline, sway) < settings.lean.gate:
+            return fit
         outline = self._outline(radius_px, self._scales(settings.prior_scales))
         systematic = settings.systematic_px**2 * settings.systematic_bearings
-        found = fit_lean(fit.pose, self._scene, outline, self._unit_px, settings.few_groups, systematic)
+        found = fit_lean(fit.pose, self._scene, outline, self._unit_px, settings.few_groups, systematic, settings.lean)
         if found is None:
             return fit
         known = found.residual_px[np.isfinite(found.residual_px)]

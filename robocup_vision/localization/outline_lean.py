@@ -31,8 +31,6 @@ class LeanSettings:
         Gauss-Newton steps.
     gate : float
         Squared Mahalanobis distance from upright of a lean that is one: 99.9 % for two dimensions.
-    hint : float
-        The same of the first step, by the residuals' own scatter as if each erred alone: a lower one is none.
     group : int
         Neighbouring bearings whose errors are taken to be one.
     """
@@ -40,7 +38,6 @@ class LeanSettings:
     sway_std_rad: float = 0.01
     steps: int = 2
     gate: float = 13.8
-    hint: float = 13.8
     group: int = 4
 
 
@@ -119,9 +116,6 @@ def fit_lean(
         if step == settings.steps:
             break
         state = state + inverse @ (j.T @ (w * e) - prior @ np.array([0.0, 0.0, 0.0, *state[_LEAN]]))
-        # most bodies stand upright most of the time: then one look does
-        if step == 0 and _is_upright(state[_LEAN], settings.hint * noise_px2 * inverse[_LEAN, _LEAN]):
-            return None
     pulls = np.where(used[:, None], np.nan_to_num(weight * residual)[:, None] * np.nan_to_num(jacobian), 0.0)
     whole = len(pulls) // settings.group * settings.group
     groups = pulls[:whole].reshape(-1, settings.group, 5).sum(axis=1)
