@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from copy import copy
 from time import perf_counter
 
 import numpy as np
@@ -31,17 +31,21 @@ class OmniPipeline(FramePipeline):
 
     def __init__(self, field: Field, camera: OmniCamera, options: FrameOptions) -> None:
         super().__init__(field, camera.size_px, options)
-        mask, method, directions = self._mask, options.method, options.directions
+        self._look_by(camera)
+        self._warm_up()
+
+    def _look_by(self, camera: OmniCamera) -> None:
+        """Make all parts that depend on the camera."""
+        field, mask, method, directions = self.field, self._mask, self._options.method, self._options.directions
         self.camera = camera
         # whole cells: as many bearings a direction as come nearest to the usual number from above
         bearings = directions * -(-BEARINGS // max(directions, 1))
         self.polar = PolarView(camera, bearings, mask)
-        self.grid = FreeSpaceGrid(self.polar, directions, options.rings)
+        self.grid = FreeSpaceGrid(self.polar, directions, self._options.rings)
         self._outline_rules = self._make_rules()
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
         self._ball_finder = MirrorBallFinder(field, camera, mask)
         self._nothing = read_only(np.full(bearings, np.nan))
-        self._warm_up()
 
     def _make_rules(self) -> outline.OutlineRules:
         """Return where this camera's samples lie, and what counts as floor and as line."""
@@ -65,11 +69,9 @@ class OmniPipeline(FramePipeline):
         )
 
     def with_camera(self, camera: OmniCamera) -> OmniPipeline:
-        """Return a pipeline of the same settings and colours with another calibration of its camera."""
-        other = OmniPipeline(self.field, camera, replace(self._options, colors=None))
-        other._color_memory, other._last_pose = self._color_memory, self._last_pose
-        other._has_warned, other._carried = self._has_warned, self._carried
-        other._channel_order = self._channel_order
+        """Return a pipeline of the same settings and colours with another calibration of its camera, compiled."""
+        other = copy(self)
+        other._look_by(camera)
         return other
 
     def forget(self) -> None:

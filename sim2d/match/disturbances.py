@@ -104,21 +104,15 @@ class Disturbances:
 
 
 NONE = Disturbances()
-MIRRORS_ON_LEGS = Disturbances(LEGS_SWAY, camera=CameraErrorSettings(), messages=ChannelSettings())
+MIRRORS_ON_LEGS = Disturbances(LEGS_SWAY, messages=ChannelSettings())
 MIRRORS_ON_WHEELS = replace(MIRRORS_ON_LEGS, sway=WHEELS_SWAY)
-LEGS = replace(
-    MIRRORS_ON_LEGS,
-    latency=LatencySettings(),
-    slip=Slip(),
-    drift=LightDriftSettings(),
-    shutter=ShutterSettings(),
-)
-# a camera low on board of a robot on a large field is not calibrated in time: such robots are lost for seconds
-WHEELS = replace(LEGS, sway=WHEELS_SWAY, slip=None, camera=None)
+WHEELS = replace(MIRRORS_ON_WHEELS, latency=LatencySettings(), drift=LightDriftSettings(), shutter=ShutterSettings())
+# on wheels wrong camera files are an option: on a large field robots are lost for seconds until they are calibrated
+LEGS = replace(WHEELS, sway=LEGS_SWAY, slip=Slip(), camera=CameraErrorSettings())
 
 
 def disturbances_for(robot: RobotKind, camera: Camera) -> Disturbances:
-    """Return those of a kind of robot, legs or wheels; of bodies, camera files and messages with a mirror camera."""
+    """Return those of a kind of robot, legs or wheels; of bodies and messages alone with a mirror camera."""
     if isinstance(camera, OmniCamera):
         return MIRRORS_ON_LEGS if robot.has_legs else MIRRORS_ON_WHEELS
     return LEGS if robot.has_legs else WHEELS

@@ -34,7 +34,8 @@ class CameraErrorSettings:
     tilt_rad, height_m : float
         Of its tilt and of its roll; of its height.
     pan_rad : float
-        Of its pan: a neck's joint, or a camera on board that looks a little aside.
+        Of its pan: a neck's joint, or a camera on board that looks a little aside. None by default: frames do not tell
+        it from the robot's own heading, and nothing estimates it yet.
     """
 
     mirror_center_px: float = 1.5
@@ -44,7 +45,7 @@ class CameraErrorSettings:
     center_px: float = 3.0
     tilt_rad: float = math.radians(0.5)
     height_m: float = 0.005
-    pan_rad: float = math.radians(0.5)
+    pan_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ def test_legs_have_all_of_them_and_a_mirror_camera_those_of_bodies_and_messages(
     assert Arena(load_field("ssl_2001"), 1, 0).disturbances is MIRRORS_ON_WHEELS
     assert isinstance(camera_for(FIELD), PinholeCamera)
     assert set(NAMES) - set(LEGS.names) == {"knock"}
-    assert MIRRORS_ON_WHEELS.names == ("sway", "camera", "messages")
+    assert MIRRORS_ON_WHEELS.names == ("sway", "messages")
     assert "camera" not in WHEELS.names
 
 
