@@ -1,6 +1,7 @@
 """True cameras lie about their files as far as their settings say, and a knock moves them once."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +23,9 @@ ERROR = CameraErrorSettings()
 
 def test_forward_cameras_are_drawn_about_their_file():
     rng = np.random.default_rng(1)
-    drawn = [draw_camera(FORWARD, ERROR, rng) for _ in range(400)]
+    assert draw_camera(FORWARD, ERROR, rng).pan_rad == 0.0
+    panned = replace(ERROR, pan_rad=math.radians(0.5))
+    drawn = [draw_camera(FORWARD, panned, rng) for _ in range(400)]
     values = np.array([(*c.center_px, c.focal_px[0], c.tilt_rad, c.roll_rad, c.height_m, c.pan_rad) for c in drawn])
     assert values.std(axis=0) == pytest.approx(
         [3.0, 3.0, 0.48, *[math.radians(0.5)] * 2, 0.005, math.radians(0.5)], rel=0.12
