@@ -15,6 +15,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.mapping import EgoMotion, ViewMotion, ViewMotionSettings
 from robocup_vision.vision import Vision
 from sim2d.match.arena import Arena
+from sim2d.match.disturbances import NONE
 from sim2d.robot_link import Command
 
 ROOT = Path(__file__).parents[3]
@@ -23,9 +24,9 @@ FRAMES = 20
 
 @pytest.fixture(scope="module")
 def drive():
-    """Return views, what the wheels report, and the true poses of a robot that drives and turns, 30 frames a second."""
+    """Return views, what the wheels report, and the true poses of an upright robot that drives and turns."""
     field = load_field("ssl_2001")
-    arena = Arena(field, players=1, seed=5)
+    arena = Arena(field, players=1, seed=5, disturbances=NONE)
     vision = Vision(field, arena.camera)
     views, odometry, truth = [], [], []
     for _ in range(FRAMES):

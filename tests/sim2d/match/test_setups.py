@@ -96,7 +96,7 @@ def test_a_plan_takes_names_and_is_played_as_the_table_says():
     match = MatchPlan("ssl_2001", 1, 0.1, camera="ers7", robot="four_legged", ours=Sleeper, theirs=Sleeper).begin()
     arena = match.arena
     assert arena.limits == ROBOTS["four_legged"].limits
-    assert arena.disturbances.names == ("sway", "latency", "slip", "drift", "shutter", "messages")
+    assert arena.disturbances.names == ("sway", "latency", "slip", "drift", "shutter", "camera", "messages")
     assert match_json("ssl_2001", 1, 0, match.figures, disturbances=["sway"])["disturbances"] == ["sway"]
 
 
