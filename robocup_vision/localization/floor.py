@@ -67,8 +67,17 @@ class OutlineSettings:
         Error of the camera file, which no image shows, common to so many bearings (an eighth of the circle).
     few_groups : float
         Factor on the covariance: a sandwich covariance from some forty groups of bearings comes out low.
+    edge_noise_px : float
+        Standard deviation of a bearing's edge.
     lean : LeanSettings
         Of bodies that sway, near a prior.
+    center_std_units, tilt_std_rad : float
+        Of centre and tilt in a camera file that is doubted.
+    min_doubt, alike_bearings : float
+        Gain per independent bearing by which another centre and tilt must explain the outline better, and how many
+        neighbouring bearings err alike.
+    min_doubt_ratio : float
+        A file is doubted only where so much of the outline agrees.
     max_std_m : float
         A pose more uncertain than this is refused.
     sliding_std_m : float
@@ -268,7 +277,7 @@ class OutlineFitter:
         """
         starts = np.vstack([self._search(radius_px), self._slides(fit.pose)])
         half_px, settings = radius_px[::2].copy(), self.settings
-        wide = np.array([unit * self._unit_px for unit in settings.rough_scales])
+        wide = np.array(settings.rough_scales) * self._unit_px
         poses, costs = self._fit_coarsely(starts, half_px, wide)
         likely = poses[np.argsort(costs)[: settings.likely_starts]]
         poses, costs = self._fit_coarsely(likely, half_px, self._scales(settings.coarse_scales))
@@ -347,10 +356,8 @@ class OutlineFitter:
         radius = radius_px[nearest]
         known = np.isfinite(radius)
         weight = (known / max(np.count_nonzero(known), 1)).astype(np.float32)
-        cost, width_px = (
-            np.empty((len(places), count), dtype=np.float32),
-            np.float32(settings.bank_width * self._unit_px),
-        )
+        cost = np.empty((len(places), count), dtype=np.float32)
+        width_px = np.float32(settings.bank_width * self._unit_px)
         wall_search.score_bank(profiles, np.nan_to_num(radius).astype(np.float32), weight, width_px, cost)
         most = min(10 * settings.bank_starts, cost.size)
         best = np.argpartition(cost, most - 1, axis=None)[:most]
@@ -369,7 +376,7 @@ class OutlineFitter:
             stride,
             settings.inlier * self._unit_px,
             settings.few_groups,
-            settings.systematic_px**2 * settings.systematic_bearings,
+            self._systematic_px2,
             best,
             covariance,
         )
@@ -379,13 +386,13 @@ class OutlineFitter:
         """Return the fit of a body that leans, as one that moves may; the fit itself where it stands upright."""
         settings = self.settings
         # most bodies stand upright most of the time: then one look does
-        sway = doubted_camera.CameraDoubt(settings.edge_noise_px, _SURE_PX, settings.lean.sway_std_rad)
         outline = self._outline(radius_px, self._scales(()))
-        if doubted_camera.doubt_of_camera(fit.pose, self._scene, outline, sway) < settings.lean.gate:
+        if doubted_camera.doubt_of_camera(fit.pose, self._scene, outline, self._sway) < settings.lean.gate:
             return fit
         outline = self._outline(radius_px, self._scales(settings.prior_scales))
-        systematic = settings.systematic_px**2 * settings.systematic_bearings
-        found = fit_lean(fit.pose, self._scene, outline, self._unit_px, settings.few_groups, systematic, settings.lean)
+        found = fit_lean(
+            fit.pose, self._scene, outline, self._unit_px, settings.few_groups, self._systematic_px2, settings.lean
+        )
         if found is None:
             return fit
         known = found.residual_px[np.isfinite(found.residual_px)]
@@ -408,6 +415,15 @@ class OutlineFitter:
             predicted_px=found.predicted_px,
             lean_rad=found.lean_rad,
         )
+
+    @cached_property
+    def _systematic_px2(self) -> float:
+        return self.settings.systematic_px**2 * self.settings.systematic_bearings
+
+    @cached_property
+    def _sway(self) -> doubted_camera.CameraDoubt:
+        """A body that may lean, whose camera is as its file says."""
+        return doubted_camera.CameraDoubt(self.settings.edge_noise_px, _SURE_PX, self.settings.lean.sway_std_rad)
 
     @cached_property
     def _doubt(self) -> doubted_camera.CameraDoubt:
@@ -434,9 +450,9 @@ class OutlineFitter:
             return estimate, fit.predicted_px
         unknowns, covariance = np.zeros(doubted_camera.SIZE), np.empty((3, 3))
         unknowns[:3] = estimate.pose.array
-        predicted, systematic = np.empty(len(radius_px)), s.systematic_px**2 * s.systematic_bearings
+        predicted = np.empty(len(radius_px))
         is_determined = doubted_camera.fit_with_camera(
-            unknowns, scene, outline, self._doubt, s.few_groups, systematic, predicted, covariance
+            unknowns, scene, outline, self._doubt, s.few_groups, self._systematic_px2, predicted, covariance
         )
         x, y, theta = unknowns[:3].tolist()
         (xx, xy, _), (_, yy, _), _ = covariance.tolist()
