@@ -64,6 +64,7 @@ class _FieldFile(StrictStruct):
     center_line: bool = True
     goal_to_goal_line: bool = False
     outer_lines: bool = True
+    half: bool = False
     center_circle_radius_m: Length | None = None
     goal_area: _Area | None = None
     penalty_area: _Area | None = None
@@ -168,7 +169,7 @@ def _check(path: Path, f: _FieldFile) -> None:
 
 
 def _derive(f: _FieldFile) -> Field:
-    goals = () if f.goal is None else (_goal(f, f.goal, +1), _goal(f, f.goal, -1))
+    goals = () if f.goal is None else tuple(_goal(f, f.goal, side) for side in ((1,) if f.half else (1, -1)))
     return Field(
         name=f.name,
         source=f.source,
@@ -178,7 +179,9 @@ def _derive(f: _FieldFile) -> Field:
         lines=_frozen(_lines(f), 4),
         arcs=_frozen(_arcs(f), 5),
         goals=goals,
-        beacons=tuple(Beacon(b.x_m, b.y_m, b.radius_m, b.height_m, b.colors) for b in f.beacons),
+        beacons=tuple(
+            Beacon(b.x_m, b.y_m, b.radius_m, b.height_m, b.colors) for b in f.beacons if b.x_m >= 0 or not f.half
+        ),
         boundary=f.boundary.kind,
         floor_polygon=_frozen(_floor_polygon(f), 2),
         wall_height_m=f.boundary.height_m,
@@ -187,6 +190,7 @@ def _derive(f: _FieldFile) -> Field:
         robot_radius_m=f.robot_radius_m,
         ball_radius_m=f.ball_radius_m,
         ball_patches=f.ball_patches,
+        is_half=f.half,
     )
 
 
@@ -223,13 +227,20 @@ def _lines(f: _FieldFile) -> list[list[float]]:
                     [front, -half, front, half],
                     [front, half, side * x, half],
                 ]
-    return rows
+    return rows if not f.half else _lines_of_half(rows)
+
+
+def _lines_of_half(rows: list[list[float]]) -> list[list[float]]:
+    """Return what lies at x >= 0 of lines, rows x0, y0, x1, y1, that run along an axis."""
+    there = [row for row in rows if max(row[0], row[2]) > 0 or row[0] == row[2] == 0]
+    return [[max(x0, 0.0), y0, max(x1, 0.0), y1] for x0, y0, x1, y1 in there]
 
 
 def _arcs(f: _FieldFile) -> list[list[float]]:
     rows = []
     if f.center_circle_radius_m is not None:
-        rows.append([0.0, 0.0, f.center_circle_radius_m, 0.0, math.tau])
+        start, sweep = (-math.pi / 2, math.pi) if f.half else (0.0, math.tau)
+        rows.append([0.0, 0.0, f.center_circle_radius_m, start, sweep])
     if f.penalty_arc is not None:
         center, radius = f.penalty_arc.center_x_m, f.penalty_arc.radius_m
         # only the part outside the penalty area is painted
@@ -241,7 +252,8 @@ def _arcs(f: _FieldFile) -> list[list[float]]:
     if f.corner_arc_radius_m is not None:
         for sx, sy, start in ((1, 1, math.pi), (-1, 1, -math.pi / 2), (-1, -1, 0.0), (1, -1, math.pi / 2)):
             rows.append([sx * f.length_m / 2, sy * f.width_m / 2, f.corner_arc_radius_m, start, math.pi / 2])
-    return rows
+    # an arc but the centre circle lies on one side
+    return [row for row in rows if row[0] >= 0 or not f.half]
 
 
 def _penalty_front_x_m(f: _FieldFile) -> float:
@@ -250,8 +262,11 @@ def _penalty_front_x_m(f: _FieldFile) -> float:
 
 def _floor_polygon(f: _FieldFile) -> list[list[float]]:
     x, y = f.length_m / 2 + f.boundary.margin_m, f.width_m / 2 + f.boundary.margin_m
+    closed_x = -f.boundary.margin_m if f.half else -x
     if f.goal is None or f.goal.kind != "recess":
-        return [[x, -y], [x, y], [-x, y], [-x, -y]]
+        return [[x, -y], [x, y], [closed_x, y], [closed_x, -y]]
     back, half = x + f.goal.depth_m, f.goal.width_m / 2
     positive_side = np.array([[x, -y], [x, -half], [back, -half], [back, half], [x, half], [x, y]])
+    if f.half:
+        return [*positive_side.tolist(), [closed_x, y], [closed_x, -y]]
     return [*positive_side.tolist(), *(-positive_side).tolist()]

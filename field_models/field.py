@@ -117,7 +117,7 @@ class Field:
     arcs : (M, 5) float64
         Curved lines as centre x, y, radius (metres), start and signed sweep (radians).
     goals : tuple of Goal
-        The goal at +x first.
+        The goal at +x first; half a field has no other.
     beacons : tuple of Beacon
         Upright landmarks, possibly none.
     boundary : {"walls", "boards", "carpet"}
@@ -134,6 +134,9 @@ class Field:
         Name of a colour.
     ball_patches : str
         Name of the colour of the ball's dark patches; "": it has none.
+    is_half : bool
+        Whether only the half x >= 0 is there, as in a laboratory too small for the whole: its lines, its goal, its
+        beacons. The floor ends as far behind the centre line as behind the others.
     """
 
     name: str
@@ -154,6 +157,7 @@ class Field:
     ball_radius_m: float
     line_color: str = field(default="white")
     ball_patches: str = ""
+    is_half: bool = False
 
     @property
     def is_bounded(self) -> bool:
@@ -162,7 +166,9 @@ class Field:
 
     @property
     def halves_differ(self) -> bool:
-        """Whether an upright thing separates the field's halves: goals or beacons of different colours."""
+        """Whether a pose is told from its half turn: by goals or beacons of two colours, or as one half is missing."""
+        if self.is_half:
+            return True
         if len({goal.color for goal in self.goals}) > 1:
             return True
         turned = {(-b.x_m, -b.y_m, b.colors) for b in self.beacons}

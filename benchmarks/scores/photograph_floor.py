@@ -1,21 +1,19 @@
 """Free floor in photographs against the boards around a small-size carpet.
 
-The frames are those whose pose is known; the boards stand where the field file says, and one more across the carpet
-(`CLOSED_X_M`), for only one half of the field existed. A bearing counts where the foot of its board lies in the picture
-at the known pose; "past": the free range ends over 15 % beyond the board, "short": over 15 % before it, which other
-robots and balls cause, too. Most robots move, so that the known pose is that of another moment. A camera 17 cm high
-that is half a degree off sees a board 3 m away 15 % off.
+The frames are those whose pose is known; the boards stand where the field file says, around one half of a field. A
+bearing counts where the foot of its board lies in the picture at the known pose; "past": the free range ends over 15 %
+beyond the board, "short": over 15 % before it, which other robots and balls cause, too. Most robots move, so that the
+known pose is that of another moment. A camera 17 cm high that is half a degree off sees a board 3 m away 15 % off.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.scores.photograph_rows import REAL, PhotographRow, drawn_prior, known_poses, photographs
+from benchmarks.scores.photograph_rows import ONBOARD_FIELD, REAL, PhotographRow, drawn_prior, known_poses, photographs
 from field_models import load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.arrays import FloatArray
@@ -23,7 +21,6 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 
 SEED, PRIORS = 20010305, 3
-CLOSED_X_M = -0.3
 TOLERANCE, MAX_PAST, MAX_SHORT = 0.15, 0.08, 0.05
 
 
@@ -42,10 +39,7 @@ def free_floor(method: str | None, *, with_prior: bool) -> PhotographRow | None:
     """Look at the frames, with priors about the known poses or without."""
     if not (REAL / "onboard_ssl_more").is_dir():
         return None
-    field = load_field(REAL / "onboard_ssl_more" / "field.toml")
-    polygon = np.maximum(field.floor_polygon, (CLOSED_X_M, -math.inf))
-    # the carpet as it lay
-    field = replace(field, floor_polygon=polygon)
+    field = load_field(ONBOARD_FIELD)
     rng = np.random.default_rng(SEED)
     past = short = bearings = looks = located = 0
     for folder in ("onboard_ssl", "onboard_ssl_more"):
@@ -59,7 +53,7 @@ def free_floor(method: str | None, *, with_prior: bool) -> PhotographRow | None:
                 view = vision.look(frame, prior=drawn_prior(truths[name], rng) if with_prior else None)
                 assert isinstance(view.camera, PinholeCamera)
                 angle, width_px = view.free_space.bearing_rad, camera.size_px[0]
-                board = boards_m(polygon, truths[name], angle)
+                board = boards_m(field.floor_polygon, truths[name], angle)
                 foot = view.camera.floor_to_pixel(board[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
                 shown = ((foot >= 0) & (foot < (width_px, camera.size_px[1]))).all(axis=1)
                 ratio = view.free_space.range_m[shown] / board[shown]

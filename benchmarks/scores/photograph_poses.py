@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from benchmarks.scores.photograph_rows import (
+    ONBOARD_FIELD,
     PRIOR_STD,
     REAL,
     PhotographRow,
@@ -49,6 +50,8 @@ SINGLE = (
 
 
 def _field_of(folder: str) -> Field:
+    if folder == "onboard_ssl_more":
+        return load_field(ONBOARD_FIELD)
     own = REAL / folder / "field.toml"
     return load_field(own if own.is_file() else "msl_6x4")
 

@@ -20,6 +20,8 @@ from robocup_vision.files.pose_table import read_poses
 from robocup_vision.geometry import Pose2
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
+# of the small-size robot: one half of it, in a laboratory
+ONBOARD_FIELD = Path(__file__).resolve().parents[2] / "tests" / "data" / "onboard_ssl_half_field.toml"
 # of the priors that are drawn: x, y (m), heading (rad)
 PRIOR_STD = np.array([0.1, 0.1, math.radians(5.0)])
 

@@ -158,6 +158,9 @@ def colors_for(field: Field, floor: FloorColor, white: PaintColor) -> Colors:
         return PaintColor(red / green * white.red_ratio, blue / green * white.blue_ratio)
 
     goals = [under_this_light(goal.color) for goal in field.goals] or [white, white]
+    if field.is_half:
+        # the goal that is not there
+        goals = goals[:1] * 2
     return Colors(floor, white, under_this_light(field.ball_color), *goals)
 
 

@@ -172,6 +172,8 @@ def setup_for(
     FileError
         If a camera file is missing or wrong.
     """
+    if field.is_half:
+        raise ArgumentError(f"a match needs a whole field, and of '{field.name}' there is half")
     usual = _BY_FIELD.get(field.name)
     if usual is None:
         usual = _BY_FIELD["four_legged_2007" if any(g.kind == "posts" for g in field.goals) else "ssl_2001"]

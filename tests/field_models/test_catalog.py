@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -301,3 +302,25 @@ def test_a_field_file_may_leave_out_its_source(tmp_path):
         'format = 1\nname = "bare"\nlength_m = 3.0\nwidth_m = 2.0\nline_width_m = 0.05\n[boundary]\nkind = "carpet"\n'
     )
     assert load_field(path).source == ""
+
+
+@pytest.mark.parametrize("name", field_names())
+def test_half_a_field_is_what_lies_at_positive_x_of_the_whole(name: str, write: Write):
+    text = (files("field_models") / "fields" / f"{name}.toml").read_text(encoding="utf-8")
+    whole, half = load_field(name), load_field(write(text.replace("format = 1", "format = 1\nhalf = true", 1)))
+    assert half.is_half
+    assert not whole.is_half
+    assert half.halves_differ
+    assert half.goals == whole.goals[:1]
+    assert half.beacons == tuple(beacon for beacon in whole.beacons if beacon.x_m >= 0)
+    points = whole.line_points(0.1)
+    there, cut = points[points[:, 0] > 0.02], half.line_points(0.1)
+    assert cut[:, 0].min() >= -1e-9
+    for some, others in ((there, cut), (cut, points)):
+        away = np.sqrt(((some[:, None] - others[None]) ** 2).sum(axis=-1).min(axis=1)) if len(some) else np.zeros(1)
+        assert away.max() < 0.051
+    margin = whole.floor_polygon[:, 1].max() - whole.width_m / 2
+    assert half.floor_polygon[:, 0].min() == pytest.approx(-margin)
+    inside = whole.floor_polygon[:, 0] > 0
+    np.testing.assert_allclose(half.floor_polygon[: inside.sum()], whole.floor_polygon[inside])
+    np.testing.assert_allclose(np.sort(half.floor_polygon[-2:, 1]), (-1, 1) * np.array(whole.width_m / 2 + margin))

@@ -156,7 +156,7 @@ class EdgeFinder:
         """
         s, follower = self.settings, self.follower
         places = self._places(frame, proposals)
-        if follower.field.halves_differ:
+        if follower.field.halves_differ and not follower.field.is_half:
             # lines alone look alike from both halves, whichever of them was proposed
             for pose in [one.half_turn() for one in places[: s.turned]]:
                 if not any(self._is_same(pose, other) for other in places):

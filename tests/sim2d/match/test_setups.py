@@ -125,3 +125,13 @@ def test_every_field_plays_two_seconds_and_the_same_seed_plays_the_same_match(na
         assert not any(robot.stopped for robot in moment.robots)
     assert all(robot.lost_ratio < 0.5 for robot in match.figures.robots)
     assert sum(robot.lost_ratio for robot in match.figures.robots) < 0.1 * len(match.figures.robots)
+
+
+def test_a_match_is_not_played_on_half_a_field(tmp_path):
+    path = tmp_path / "half.toml"
+    path.write_text(
+        'format = 1\nname = "room"\nlength_m = 6.0\nwidth_m = 4.0\nline_width_m = 0.05\nhalf = true\n'
+        '[boundary]\nkind = "carpet"\n'
+    )
+    with pytest.raises(ArgumentError, match="a match needs a whole field, and of 'room' there is half"):
+        setup_for(load_field(path))
