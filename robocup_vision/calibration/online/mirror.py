@@ -68,6 +68,7 @@ class MirrorEvidence:
         self.knock_std[SCALE] = 0.0
         self.reach = np.full(self._model.size, 6.0 * mirror.curve_std)
         self.reach[CENTER], self.reach[TILT] = settings.max_center_px, settings.max_tilt_rad
+        self._own = np.array([POSE_PRECISION] * 3 + [mirror.sway_std_rad**-2] * 2)
         self._warm_up(camera)
 
     def vector(self, camera: OmniCamera) -> FloatArray:
@@ -102,10 +103,13 @@ class MirrorEvidence:
         vector, pose = start.copy(), view.pose.pose.array.copy()
         before: FloatArray = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         free = np.ones(size, dtype=bool)
-        own = np.full(3, POSE_PRECISION)
+        # a body leans about its foot: seen from there as a tilt and a shift, and the pose takes up the shift
+        own, pull, lean = self._own, np.zeros(len(self._own)), np.zeros(2)
         for gate in (*settings.gates_px, 0.0):
             residual, by_camera, by_pose, is_known = joint.linearise(self._model, vector, pose[None], free)
-            rows = known(is_known, Residuals(residual, by_camera, by_pose, group))
+            by_frame = np.hstack([by_pose, by_camera[:, TILT]])
+            residual = residual + by_camera[:, TILT] @ lean
+            rows = known(is_known, Residuals(residual, by_camera, by_frame, group))
             spread = spread_px(rows.residual_px[np.abs(rows.residual_px) < settings.gates_px[-1] * self._px], 0.0)
             alone_px = max(spread, settings.alone_px * self._px)
             weight = tukey_weights(rows.residual_px, gate * self._px or 4.0 * alone_px)
@@ -113,13 +117,15 @@ class MirrorEvidence:
             information, gradient = normal_equations(rows, weight, noise)
             if gate == 0.0:
                 break
-            step = gauss_newton_step(information, gradient, (before, before @ (mean - vector)), (own, np.zeros(3)))
+            step = gauss_newton_step(information, gradient, (before, before @ (mean - vector)), (own, pull))
             vector += step[:size]
-            pose += step[size:]
+            pose += step[size : size + 3]
+            lean += step[size + 3 :]
+            pull[3:] = -own[3:] * lean
         agreeing = int(np.count_nonzero(weight))
         if not enough_agree(agreeing, len(points.pixels), settings.min_points, settings.min_agreeing_ratio):
             return None
-        return Evidence(vector, *marginal(information, gradient, size, own, np.zeros(3)))
+        return Evidence(vector, *marginal(information, gradient, size, own, pull))
 
     def _points(self, frame: UInt8Array, view: View) -> Points | None:
         most = self._settings.max_points

@@ -18,6 +18,9 @@ class MirrorCalibrationSettings:
     center_std_px, tilt_std_rad, curve_std : float
         Standard deviations of what a camera file says: each coordinate of the centre, the tilt about either axis, and
         the logarithm of the curve's magnification. A mirror camera's file says none of them.
+    sway_std_rad : float
+        How far a body leans either way: what one frame shows of the tilt is no nearer to the mirror's own. Half of what
+        full braking leans wheels by; a wider one hides knocks, a narrower one takes leans for knocks.
     max_points : int
         Points of each kind that are used of a frame: neighbours err together.
     min_points : int
@@ -36,6 +39,7 @@ class MirrorCalibrationSettings:
     center_std_px: float = 1.5
     tilt_std_rad: float = math.radians(0.3)
     curve_std: float = 0.02
+    sway_std_rad: float = 0.005
     max_points: int = 80
     min_points: int = 40
     min_agreeing_ratio: float = 0.5
