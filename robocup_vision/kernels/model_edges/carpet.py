@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from robocup_vision.arrays import BoolArray
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.model_edges.tables import FloatArray, Int64Array, UInt8Array
 
@@ -127,6 +128,19 @@ def is_carpet(b: float, g: float, r: float, carpet: FloatArray, noise_ratio: flo
         return False
     slack = 0.05 + 2.0 * noise_ratio * carpet[3] / light
     return bool(abs(b / light - carpet[0] / known) < slack and abs(r / light - carpet[2] / known) < slack)
+
+
+def carpet_mask(image: UInt8Array, carpet: FloatArray) -> BoolArray:
+    """Return (H, W) bool: which pixels of an image are carpet; the same as `is_carpet`, of whole arrays."""
+    light, known = image.sum(axis=-1, dtype=np.float64), float(carpet[:3].sum())
+    if known < 1.0:
+        return np.zeros(light.shape, dtype=np.bool_)
+    level = np.maximum(light, 1.0)
+    slack = 0.05 + 2.0 * carpet[3] / level
+    is_lit = (light >= max(0.45 * known, 1.0)) & (light <= 1.6 * known)
+    is_blue = np.abs(image[..., 0] / level - carpet[0] / known) < slack
+    is_red = np.abs(image[..., 2] / level - carpet[2] / known) < slack
+    return np.asarray(is_lit & is_blue & is_red)
 
 
 @compiled(fastmath=True, error_model="numpy")

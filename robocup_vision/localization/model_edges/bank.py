@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from field_models import COLOR_NAMES, Field
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges.find import Bank
 from robocup_vision.localization.model_edges.field_edges import MIN_CHROMA
@@ -39,10 +39,7 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
     headings = np.linspace(0.0, math.tau, count, endpoint=False)
     origin = np.array([-field.length_m / 2 - _MARGIN_M, -field.width_m / 2 - _MARGIN_M])
     shape = (round(-2 * origin[1] / _CELL_M) + 1, round(-2 * origin[0] / _CELL_M) + 1)
-    away = np.full(shape, 255, dtype=np.uint8)
-    cells = np.rint((field.line_points(_CELL_M / 2) - origin) / _CELL_M).astype(np.intp)
-    away[cells[:, 1], cells[:, 0]] = 0
-    distance = np.asarray(cv2.distanceTransform(away, cv2.DIST_L2, 5), dtype=np.float32) * np.float32(_CELL_M)
+    distance = _distances(field.line_points(_CELL_M / 2), origin, shape)
     items: list[list[float]] = []
     item_paint: list[int] = []
     paints: list[FloatArray] = []
@@ -69,7 +66,7 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
     return Bank(
         np.ascontiguousarray(places),
         headings,
-        np.asarray(np.minimum(distance, _CUT_OFF_M), dtype=np.float32),
+        distance,
         origin,
         _CELL_M,
         np.array(items, dtype=np.float64).reshape(-1, 5),
@@ -77,3 +74,23 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
         np.array(paints, dtype=np.float64).reshape(-1, 3),
         math.atan(width / 2 / camera.focal_px[0]),
     )
+
+
+def with_walls(bank: Bank, field: Field) -> Bank:
+    """Return a bank of the same poses, with distances from all that bounds the floor, and no uprights."""
+    steps = [
+        np.linspace(row[:2], row[2:], 2 + math.ceil(2 * math.dist(row[:2], row[2:]) / _CELL_M)) for row in field.walls
+    ]
+    distance = _distances(np.vstack(steps), bank.origin_m, bank.distance_m.shape)
+    nothing = np.zeros(0, dtype=np.int64)
+    return bank._replace(distance_m=distance, items=np.zeros((0, 5)), item_paint=nothing, paints=np.zeros((0, 3)))
+
+
+def _distances(points_m: FloatArray, origin_m: FloatArray, shape: tuple[int, ...]) -> Float32Array:
+    """Distances, metres, of cells from points (N, 2), cut off; points beside the table are left out."""
+    away = np.full(shape, 255, dtype=np.uint8)
+    column, row = np.rint((points_m - origin_m) / _CELL_M).astype(np.intp).T
+    inside = (row >= 0) & (column >= 0) & (row < shape[0]) & (column < shape[1])
+    away[row[inside], column[inside]] = 0
+    distance = np.asarray(cv2.distanceTransform(away, cv2.DIST_L2, 5), dtype=np.float32) * np.float32(_CELL_M)
+    return np.asarray(np.minimum(distance, _CUT_OFF_M), dtype=np.float32)

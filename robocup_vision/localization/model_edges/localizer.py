@@ -19,6 +19,7 @@ from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.second_look import SecondLook
 from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.localization.model_edges.wide_finder import WideFinder
 
 # between frames without times
 _USUAL_STEP_S = 1 / 30
@@ -39,6 +40,7 @@ class EdgeLocalizer:
         self.follower = EdgeFollower(field, camera, settings)
         self._second_look = SecondLook(field, camera, self.follower.settings)
         self._finder: EdgeFinder | None = None
+        self._wide_finder: WideFinder | None = None
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._last_s: float | None = None
@@ -50,7 +52,7 @@ class EdgeLocalizer:
         other.follower = self.follower.with_camera(camera)
         other._second_look = SecondLook(self.follower.field, camera, self.follower.settings)
         other._finder = None if self._finder is None else self._finder.with_follower(other.follower)
-        other._goal = None
+        other._goal = other._wide_finder = None
         return other
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
@@ -76,6 +78,11 @@ class EdgeLocalizer:
             if isinstance(by_goal, Localization):
                 return by_goal
             answer = answer if by_goal is None else by_goal
+        if isinstance(answer, NotLocated) and prior is None and WideFinder.serves(*self._whose):
+            found = self._made_wide_finder().find(evidence.frame)
+            if found:
+                answer, points = found, self._made_wide_finder().edge_points()
+                self.follower.state = self._made_wide_finder().follower.state
         if isinstance(answer, NotLocated):
             return Localization(answer, camera, edge_points=points or self.follower.edge_points())
         back = camera.camera_in_robot.inverse()
@@ -119,6 +126,15 @@ class EdgeLocalizer:
         if self._finder is None:
             self._finder = EdgeFinder(self.follower)
         return self._finder
+
+    def _made_wide_finder(self) -> WideFinder:
+        if self._wide_finder is None:
+            self._wide_finder = WideFinder(*self._whose)
+        return self._wide_finder
+
+    @property
+    def _whose(self) -> tuple[Field, PinholeCamera, EdgeSettings]:
+        return self.follower.field, self.follower.camera, self.follower.settings
 
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
         """Search for a goal: its pose fitted by all edges where they confirm it, else by the goal alone.

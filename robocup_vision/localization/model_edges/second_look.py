@@ -55,7 +55,7 @@ class SecondLook:
         for factor in self._factors:
             follower = self._made_follower(factor)
             follower.state = before
-            answer = follower.follow(_copy(frame, follower.camera.size_px), prior, dt_s)
+            answer = follower.follow(copy_of(frame, follower.camera.size_px), prior, dt_s)
             if answer:
                 self._last = follower
                 residual_px = factor * answer.estimate.residual_px
@@ -77,18 +77,18 @@ class SecondLook:
 
     def _made_follower(self, factor: int) -> EdgeFollower:
         if factor not in self._followers:
-            self._followers[factor] = EdgeFollower(self._field, _smaller(self._camera, factor), self._settings)
+            self._followers[factor] = EdgeFollower(self._field, smaller_camera(self._camera, factor), self._settings)
         return self._followers[factor]
 
 
-def _copy(frame: UInt8Array, size_px: tuple[int, int]) -> UInt8Array:
+def copy_of(frame: UInt8Array, size_px: tuple[int, int]) -> UInt8Array:
     """Return a copy of a frame in another size, or the frame itself if it has that size."""
     if frame.shape[1::-1] == size_px:
         return frame
     return np.asarray(cv2.resize(frame, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def _smaller(camera: PinholeCamera, factor: int) -> PinholeCamera:
+def smaller_camera(camera: PinholeCamera, factor: int) -> PinholeCamera:
     """Return the camera whose frames are this many times smaller."""
     size_px = (camera.size_px[0] // factor, camera.size_px[1] // factor)
     across, down = camera.size_px[0] / size_px[0], camera.size_px[1] / size_px[1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.model_edges.carpet import carpet_look, is_carpet, is_paint
+from robocup_vision.kernels.model_edges.carpet import carpet_look, carpet_mask, is_carpet, is_paint
 
 CARPET = np.array([45.0, 125.0, 42.0])
 
@@ -62,3 +62,17 @@ def test_a_mean_of_pixels_is_held_to_its_own_noise():
     assert is_carpet(*dark_robot, carpet)
     assert not is_carpet(*dark_robot, carpet, 1.0 / 3.0)
     assert is_carpet(25.0, 66.0, 23.0, carpet, 1.0 / 3.0)
+
+
+@pytest.mark.parametrize("noise", [0.8, 6.0])
+def test_the_mask_of_an_image_says_of_each_pixel_what_is_carpet_says(noise):
+    rng = np.random.default_rng(3)
+    carpet = np.array([*CARPET, noise, 0.5])
+    near = CARPET * rng.uniform(0.3, 2.0, (40, 60, 1)) + rng.normal(0.0, 8.0, (40, 60, 3))
+    image = np.clip(near, 0, 255).astype(np.uint8)
+    image[0] = 0
+    mask = carpet_mask(image, carpet)
+    expected = [[is_carpet(*map(float, pixel), carpet) for pixel in row] for row in image]
+    np.testing.assert_array_equal(mask, expected)
+    assert 0.1 < mask.mean() < 0.9
+    assert not carpet_mask(image, np.zeros(5)).any()

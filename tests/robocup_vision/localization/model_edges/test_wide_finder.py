@@ -1,0 +1,124 @@
+"""Poses found without a prior in a smaller copy of the frame, by boards and lines of any width."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from field_models import load_field
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.model_edges.finder import EdgeFinder
+from robocup_vision.localization.model_edges.follower import EdgeFollower
+from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.localization.model_edges.wide_finder import WideFinder, smallest_copy
+from robocup_vision.vision import Vision
+from sim2d.rendering.motion_blur import motion_blur
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Scene
+
+HALF = load_field(Path(__file__).parents[3] / "data" / "onboard_ssl_half_field.toml")
+CAMERA = PinholeCamera(
+    size_px=(640, 480),
+    focal_px=(642.0, 642.0),
+    center_px=(322.8, 239.8),
+    height_m=0.17,
+    offset_m=(0.09, 0.0),
+    tilt_rad=-0.29,
+    roll_rad=0.0,
+)
+CORNER, PENALTY_AREA = Pose2(2.9, 1.7, 0.6), Pose2(2.9, 2.3, -1.5)
+
+
+@dataclass(frozen=True)
+class Blurred:
+    """A frame of a robot that turns: lines twice as wide as the field file says, tilt and roll a little off."""
+
+    frame: np.ndarray
+    pose: Pose2
+
+    @property
+    def camera_pose(self):
+        """The camera's own."""
+        return self.pose.compose(CAMERA.camera_in_robot)
+
+
+@pytest.fixture(scope="module", params=[CORNER, PENALTY_AREA], ids=["corner", "penalty_area"])
+def blurred(request):
+    held = CAMERA.with_orientation(0.0, CAMERA.tilt_rad + 0.008, -0.006)
+    light = render_pinhole(held, Scene(replace(HALF, line_width_m=0.05)), request.param, supersample=4)
+    return Blurred(motion_blur(np.clip(light, 0, 255).astype(np.uint8), 9.0, 3.0), request.param)
+
+
+def off_m(candidates, truth):
+    return min(one.error_to(truth)[0] for one in candidates)
+
+
+def test_a_blurred_frame_of_wide_lines_is_located_among_the_corners_that_look_alike(blurred):
+    assert not EdgeFinder(EdgeFollower(HALF, CAMERA)).find(blurred.frame)
+    answer = WideFinder(HALF, CAMERA, EdgeSettings()).find(blurred.frame)
+    assert answer
+    candidates = answer.estimate.candidates
+    assert off_m(candidates, blurred.camera_pose) < 0.05
+    assert len(candidates) == (4 if blurred.pose == CORNER else 1)
+    assert answer.camera.size_px == CAMERA.size_px
+    assert answer.camera.focal_px == CAMERA.focal_px
+
+
+def test_vision_takes_it_where_nothing_else_is_known_of_the_pose(blurred):
+    view = Vision(HALF, CAMERA).look(blurred.frame)
+    assert view.pose
+    assert off_m(view.pose.candidates, blurred.pose) < 0.05
+    pixels = view.edge_points.pixels
+    assert pixels[:, 0].max() > 0.6 * CAMERA.size_px[0]
+
+
+def test_a_picture_of_noise_is_not_located():
+    rng = np.random.default_rng(5)
+    finder = WideFinder(HALF, CAMERA, EdgeSettings())
+    assert not finder.find(rng.integers(0, 255, (480, 640, 3), dtype=np.uint8))
+    assert not finder.find(np.full((480, 640, 3), (50, 130, 45), dtype=np.uint8))
+
+
+def test_it_serves_fields_with_boards_and_frames_that_have_smaller_copies():
+    edges = EdgeSettings()
+    assert WideFinder.serves(HALF, CAMERA, edges)
+    assert not WideFinder.serves(load_field("spl_2020"), CAMERA, edges)
+    small = replace(CAMERA, size_px=(208, 160), center_px=(103.5, 79.5))
+    assert not WideFinder.serves(HALF, small, edges)
+    assert [smallest_copy(one, edges) for one in (CAMERA, small)] == [3, 1]
+
+
+FINDERS = [WideFinder(load_field("ssl_division_b"), CAMERA, EdgeSettings()), WideFinder(HALF, CAMERA, EdgeSettings())]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(FINDERS),
+    st.floats(0.05, 0.95),
+    st.floats(0.05, 0.95),
+    st.floats(-math.pi, math.pi),
+)
+def test_what_looks_like_a_pose_sees_a_corner_of_the_floor_where_the_pose_does(finder, along, across, heading):
+    polygon = finder.follower.field.floor_polygon
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    pose = Pose2(*(low + (along, across) * (high - low)).tolist(), heading)
+    seen = pose.inverse().transform(polygon)
+    # the camera sees a corner ahead, or else the half turn of the floor is the only like
+    half_view = math.atan(CAMERA.size_px[0] / 2 / CAMERA.focal_px[0])
+    bearing = np.abs(np.arctan2(seen[:, 1], seen[:, 0]))
+    assume(np.abs(bearing - half_view).min() > 0.01)
+    ahead = seen[bearing < half_view]
+    for like in finder._likes(pose):
+        assert finder.follower.field.is_on_floor(like.x_m, like.y_m)
+        shown = like.inverse().transform(polygon)
+        if len(ahead):
+            nearest = ahead[np.hypot(*ahead.T).argmin()]
+            assert np.hypot(*(shown - nearest).T).min() < 1e-9
+        # a turn by a quarter: the walls run along the same directions
+        quarter = (like.theta_rad - heading) / (math.pi / 2)
+        assert quarter == pytest.approx(round(quarter), abs=1e-9)
