@@ -56,6 +56,8 @@ class LineSupportSettings:
         So many samples of plain floor where the pose puts lines speak against it, where no lines are seen.
     near_widths : float
         So near to a line's middle, in line widths, a point is on it.
+    clear_ratio : float
+        Of several poses, one is chosen whose lines are so many times nearer to the samples than those of any other.
     """
 
     sure_inlier_ratio: float = 0.8
@@ -75,6 +77,7 @@ class LineSupportSettings:
     max_bare_samples: int = 15
     min_bare_samples: int = 10
     near_widths: float = 1.2
+    clear_ratio: float = 2.0
 
 
 class LineSupport:
@@ -148,6 +151,24 @@ class LineSupport:
                 and len(row) - on_lines <= settings.max_bare_samples
             )
         return is_outline_enough and not self._lacks_lines(estimate, marks)
+
+    def choose(self, poses: list[Pose2], marks: UInt8Array) -> int | None:
+        """Return the index of the pose whose lines clearly run best through the samples marked as line; else None.
+
+        Parameters
+        ----------
+        poses : list of Pose2
+            Two or more that explain the outline about equally well.
+        marks : (K, M) uint8
+            As `supports` takes them.
+        """
+        row, column = np.nonzero(marks == LINE)
+        if len(row) < self._settings.min_samples:
+            return None
+        floor_m = self._view.floor_m[row, column]
+        loss = np.array([self._map.rough_distance_m(pose.transform(floor_m)).mean() for pose in poses])
+        best, second = np.argsort(loss)[:2]
+        return int(best) if self._settings.clear_ratio * loss[best] < loss[second] else None
 
     def _lacks_lines(self, estimate: PoseEstimate, marks: UInt8Array) -> bool:
         """Whether plain floor shows where the pose puts lines."""

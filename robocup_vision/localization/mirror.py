@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from field_models.field import Field
@@ -71,8 +73,7 @@ class MirrorLocalizer:
         colors = evidence.table.colors
         reason = ""
         if self._outline is not None:
-            lines = self._lines
-            arbiter = None if lines is None else (lambda poses: lines.choose(frame, poses))
+            arbiter = None if self._lines is None else partial(self._choose, self._lines, evidence)
             estimate, walls = self._outline.locate(evidence.edge_px, start, arbiter)
             if isinstance(estimate, PoseEstimate):
                 if self._is_supported(estimate, evidence):
@@ -102,6 +103,13 @@ class MirrorLocalizer:
         # where the search contradicts the expected pose, the frames that follow are searched, too: they decide
         self._searched_s = t_s if found and (start is None or lines.is_near(found, start)) else None
         return found
+
+    def _choose(self, lines: LinePoseEstimator, evidence: FrameEvidence, poses: list[Pose2]) -> int | None:
+        """Return the index of the pose that the lines confirm; points to a fraction of a pixel only where needed."""
+        chosen = None
+        if self._support is not None and evidence.marks is not None:
+            chosen = self._support.choose(poses, evidence.marks)
+        return lines.choose(evidence.frame, poses) if chosen is None else chosen
 
     def _is_supported(self, estimate: PoseEstimate, evidence: FrameEvidence) -> bool:
         if self._support is None or evidence.marks is None:

@@ -1,7 +1,7 @@
-"""Compiled loops that fit a camera's centre and tilt together with the pose, where the floor's outline asks for it.
+"""Compiled loops that fit how a camera looks together with the pose: its centre and tilt, or the lean of its body.
 
-A centre half a pixel off its file moves a far wall by centimetres, and the pose with it. It bends the outline in a way
-that no pose does: what is left over after the fit of the pose tells of it.
+A centre half a pixel off its file moves a far wall by centimetres, and the pose with it; so does a body that leans by
+half a degree. They bend the outline in a way that no pose does: what the fit of the pose leaves over tells of them.
 """
 
 from __future__ import annotations
@@ -16,25 +16,28 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.floor.walls import FloorOutline, WallPrediction, WallScene, predict_walls, tabulated
 
-SIZE = 7  # x, y, theta; centre of the image along bearing 0 and a quarter turn on, pixels; tilt about the same axes
+SIZE = 7  # x, y, theta; centre of the image along bearing 0 and a quarter turn on, pixels; turns about x and y
 STEPS = 4
 LEAST_NOISE = 0.3  # of what is said of a bearing: exact outlines have errors of the tables
 
 
 class CameraDoubt(NamedTuple):
-    """What may be wrong with a camera file.
+    """How a camera may look otherwise than its file says.
 
     Parameters
     ----------
     noise_px : float
         Standard deviation of a bearing's edge.
-    center_std_px, tilt_std_rad : float
-        Of centre and tilt in a file that is doubted.
+    center_std_px, turn_std_rad : float
+        Of the centre, and of turns about the robot's x and y axes.
+    turns_body : bool
+        Whether the body turns about its foot and carries the camera along, or the camera turns by itself.
     """
 
     noise_px: float
     center_std_px: float
-    tilt_std_rad: float
+    turn_std_rad: float
+    turns_body: bool
 
 
 class DoubtedFit(NamedTuple):
@@ -55,30 +58,36 @@ class DoubtedFit(NamedTuple):
 
 @compiled
 def gather_doubted(
+    unknowns: FloatArray,
     scene: WallScene,
     outline: FloorOutline,
     prediction: WallPrediction,
-    center_u: float,
-    center_v: float,
+    turns_body: bool,
     fit: DoubtedFit,
 ) -> tuple[float, float]:
-    """Add up the normal equations of pose, centre and tilt; returns the sums of w e^2 and of w.
+    """Add up the normal equations of pose, centre and turns; returns the sums of w e^2 and of w.
 
     Parameters
     ----------
+    unknowns : (7,) float64
+        Where the fit stands, as in `fit_with_camera`.
     scene, outline : WallScene, FloorOutline
-        As in `fit_walls`; the last of the scales counts.
+        The scene is turned already. Of the outline's scales the last counts.
     prediction : WallPrediction
-        From the pose, by the scene's tilt.
-    center_u, center_v : float
-        Where the centre is by now, pixels from where the file puts it.
+        From this pose and scene.
+    turns_body : bool
+        As in `CameraDoubt`.
     fit : DoubtedFit
         Result.
     """
     best_q, best_wall, planes = prediction
     cos_b, sin_b, radius, height = scene.cos_b, scene.sin_b, outline.radius, scene.height
+    to_camera = scene.robot_to_camera
     information, scatter, pull = fit.information, fit.scatter, fit.pull
     scale = outline.scales[outline.scales.shape[0] - 1]
+    cos_t, sin_t = math.cos(unknowns[2]), math.sin(unknowns[2])
+    # a body that turns moves the viewpoint, as a pose does: about x to the right, about y ahead
+    lever = height if turns_body else 0.0
     jacobian, group = np.empty(SIZE), np.zeros(SIZE)
     for i in range(SIZE):
         pull[i] = 0.0
@@ -96,14 +105,19 @@ def gather_doubted(
         turn = slope * (aside * c - along * s) / predicted
         oblique = 1.0 / math.sqrt(1.0 + turn * turn)
         by_u, by_v = oblique * (c + turn * s), oblique * (s - turn * c)
-        e = (radius[k] - predicted) * oblique - by_u * center_u - by_v * center_v
+        e = (radius[k] - predicted) * oblique - by_u * unknowns[3] - by_v * unknowns[4]
         by_q = slope * oblique
         for p in range(3):
             jacobian[p] = by_q * (planes[w, p + 1, 0] * c + planes[w, p + 1, 1] * s - q * planes[w, p + 1, 2])
         jacobian[3], jacobian[4] = by_u, by_v
         # a turn t of the camera takes a plane's normal n to n - t x n
-        jacobian[5] = by_q * (s / height + q * height * aside)
-        jacobian[6] = -by_q * (c / height + q * height * along)
+        by_t0 = by_q * (s / height + q * height * aside)
+        by_t1 = -by_q * (c / height + q * height * along)
+        by_t2 = by_q * (aside * c - along * s)
+        by_ahead, by_left = cos_t * jacobian[0] + sin_t * jacobian[1], cos_t * jacobian[1] - sin_t * jacobian[0]
+        for i in range(2):
+            by_turn = to_camera[0, i] * by_t0 + to_camera[1, i] * by_t1 + to_camera[2, i] * by_t2
+            jacobian[5 + i] = by_turn + (-lever * by_left if i == 0 else lever * by_ahead)
         ratio = e / scale if e < 0 else e / (3.0 * scale)
         weight = 1.0 / (1.0 + ratio * ratio) ** 2
         squares += weight * e * e
@@ -126,48 +140,23 @@ def gather_doubted(
 
 
 @compiled
-def _add_prior(doubt: CameraDoubt, fit: DoubtedFit, system: FloatArray, size: int) -> None:
-    """Write the leading (size, size) block of the information, lower triangle, with that of the file."""
-    variance = doubt.noise_px**2
-    for i in range(size):
+def _add_prior(doubt: CameraDoubt, fit: DoubtedFit, system: FloatArray) -> None:
+    """Write the information, lower triangle, with that of the file."""
+    for i in range(SIZE):
         for j in range(i + 1):
             system[i, j] = fit.information[i, j]
         if i >= 3:
-            std = doubt.center_std_px if i < 5 else doubt.tilt_std_rad
-            system[i, i] += variance / (std * std)
+            std = doubt.center_std_px if i < 5 else doubt.turn_std_rad
+            system[i, i] += (doubt.noise_px / std) ** 2
         else:
             system[i, i] += 1e-6
 
 
 @compiled
-def doubt_of_camera(pose: FloatArray, scene: WallScene, outline: FloorOutline, doubt: CameraDoubt) -> float:
-    """Tell by how much another centre and tilt would explain an outline better, at the pose fitted without them.
-
-    Parameters
-    ----------
-    pose : (3,) float64
-        x, y, theta, as `fit_walls` left it.
-    scene, outline : WallScene, FloorOutline
-        What it was fitted to.
-    doubt : CameraDoubt
-        What may be wrong.
-
-    Returns
-    -------
-    float
-        Decrease of the weighted sum of squares in one step, over the mean square that is left.
-    """
-    count = scene.cos_b.shape[0]
-    prediction = WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
-    fit = DoubtedFit(np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE))
-    system, step = np.empty((SIZE, SIZE)), np.empty(SIZE)
-    predict_walls(pose, scene, prediction)
-    squares, total = gather_doubted(scene, outline, prediction, 0.0, 0.0, fit)
-    if not total > SIZE:
-        return 0.0
-    _add_prior(doubt, fit, system, SIZE)
-    for i in range(SIZE):
-        step[i] = fit.pull[i]
+def _gain(doubt: CameraDoubt, fit: DoubtedFit, system: FloatArray, squares: float, total: float) -> float:
+    """Return what one step away from the file gains, see `doubts_of_camera`; `system` (7, 7) is for work."""
+    step = fit.pull.copy()
+    _add_prior(doubt, fit, system)
     if not factor(system, SIZE):
         return 0.0
     # the leading block's factor is the factor's leading block
@@ -183,20 +172,54 @@ def doubt_of_camera(pose: FloatArray, scene: WallScene, outline: FloorOutline, d
 
 
 @compiled
-def _leaned(scene: WallScene, about_u: float, about_v: float) -> WallScene:
-    """Return the scene seen by a camera turned by small angles about its axes."""
-    turned = np.empty((3, 3))
-    cu, su, cv, sv = math.cos(about_u), math.sin(about_u), math.cos(about_v), math.sin(about_v)
-    for j in range(3):
-        # Rx(u)^T Ry(v)^T
-        first, second, third = scene.robot_to_camera[0, j], scene.robot_to_camera[1, j], scene.robot_to_camera[2, j]
-        turned[0, j] = cv * first - sv * third
-        up = sv * first + cv * third
-        turned[1, j] = cu * second + su * up
-        turned[2, j] = -su * second + cu * up
-    return WallScene(
-        scene.walls, scene.offset_x, scene.offset_y, scene.height, turned, scene.cos_b, scene.sin_b
-    )  # fmt: skip
+def doubts_of_camera(
+    pose: FloatArray, scene: WallScene, outline: FloorOutline, lean: CameraDoubt, file: CameraDoubt
+) -> tuple[float, float]:
+    """Tell by how much a lean, or another centre and tilt, would explain an outline better.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        x, y, theta, as `fit_walls` left it.
+    scene, outline : WallScene, FloorOutline
+        What it was fitted to.
+    lean, file : CameraDoubt
+        What may be. A body's turn and a camera's gain the same: the pose makes up for the viewpoint.
+
+    Returns
+    -------
+    (float, float)
+        For each: decrease of the weighted sum of squares in one step, over the mean square that is left.
+    """
+    count = scene.cos_b.shape[0]
+    prediction = WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
+    fit = DoubtedFit(np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE))
+    unknowns, system = np.zeros(SIZE), np.empty((SIZE, SIZE))
+    for i in range(3):
+        unknowns[i] = pose[i]
+    predict_walls(pose, scene, prediction)
+    squares, total = gather_doubted(unknowns, scene, outline, prediction, False, fit)
+    if not total > SIZE:
+        return 0.0, 0.0
+    return _gain(lean, fit, system, squares, total), _gain(file, fit, system, squares, total)
+
+
+@compiled
+def turned_scene(scene: WallScene, about_x: float, about_y: float, turns_body: bool) -> WallScene:
+    """Return the scene of a camera, or a body, turned about the robot's x axis, ahead, and then its y axis, left."""
+    to_camera, turned = scene.robot_to_camera, np.empty((3, 3))
+    cx, sx, cy, sy = math.cos(about_x), math.sin(about_x), math.cos(about_y), math.sin(about_y)
+    for i in range(3):
+        ahead, left, up = to_camera[i, 0], to_camera[i, 1], to_camera[i, 2]
+        raised = sx * left + cx * up
+        turned[i, 0] = cy * ahead + sy * raised
+        turned[i, 1] = cx * left - sx * up
+        turned[i, 2] = cy * raised - sy * ahead
+    x, y, height = scene.offset_x, scene.offset_y, scene.height
+    if turns_body:
+        x, y = cy * x + sy * (sx * y + cx * height), cx * y - sx * height
+    # inverse ranges are those of the upright camera's height
+    return WallScene(scene.walls, x, y, height, turned, scene.cos_b, scene.sin_b)
 
 
 @compiled
@@ -207,74 +230,108 @@ def fit_with_camera(
     doubt: CameraDoubt,
     inflate: float,
     systematic: float,
+    residual: FloatArray,
     predicted: FloatArray,
     covariance: FloatArray,
-) -> bool:
-    """Fit pose, centre and tilt to an outline; what the camera file says is a prior.
+) -> float:
+    """Fit pose, centre and turns to an outline; what the camera file says is a prior.
 
     Parameters
     ----------
     unknowns : (7,) float64
         In: a pose near by, then zeros. Out: x, y, theta; centre along bearing 0 and a quarter turn on, pixels from
-        where the file puts it; tilt about the same axes, radians beyond the file's.
+        where the file puts it; turns about the robot's x and y axes, radians beyond the file's.
     scene, outline : WallScene, FloorOutline
         What is fitted to what.
     doubt : CameraDoubt
         The prior.
     inflate, systematic : float
         As in `summarise_fit`.
-    predicted : (K,) float64
-        Result: image radius of the nearest wall's foot about the file's centre, NaN where none.
-    covariance : (3, 3) float64
-        Result: of x, y, theta.
+    residual, predicted : (K,) float64
+        Result: as in `WallFit`, about the file's centre.
+    covariance : (7, 7) float64
+        Result: of the unknowns.
 
     Returns
     -------
-    bool
-        False where the outline does not determine the unknowns.
+    float
+        Truncated mean cost, as `fit_walls` returns it; infinite where the outline does not determine the unknowns.
     """
     count = scene.cos_b.shape[0]
     prediction = WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
     fit = DoubtedFit(np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE))
     system, step = np.empty((SIZE, SIZE)), np.empty(SIZE)
     for turn in range(STEPS + 1):
-        predict_walls(unknowns[:3], _leaned(scene, unknowns[5], unknowns[6]), prediction)
-        gather_doubted(scene, outline, prediction, unknowns[3], unknowns[4], fit)
-        _add_prior(doubt, fit, system, SIZE)
+        turned = turned_scene(scene, unknowns[5], unknowns[6], doubt.turns_body)
+        predict_walls(unknowns[:3], turned, prediction)
+        gather_doubted(unknowns, turned, outline, prediction, doubt.turns_body, fit)
+        _add_prior(doubt, fit, system)
         for i in range(SIZE):
             step[i] = fit.pull[i]
             if i >= 3:
                 step[i] -= (system[i, i] - fit.information[i, i]) * unknowns[i]
         if not factor(system, SIZE):
-            return False
+            return math.inf
         if turn == STEPS:
             break
         substitute(system, SIZE, step)
         for i in range(SIZE):
             unknowns[i] += step[i]
-    # the sandwich covariance of all unknowns; the pose's block of it
-    columns = np.empty((3, SIZE))
-    for i in range(3):
-        for j in range(SIZE):
-            columns[i, j] = 1.0 if i == j else 0.0
-        substitute(system, SIZE, columns[i])
-    for i in range(3):
-        for j in range(3):
-            total = 0.0
-            for p in range(SIZE):
-                for q in range(SIZE):
-                    known = fit.information[max(p, q), min(p, q)]
-                    middle = inflate * fit.scatter[p, q] + systematic * known
-                    if p == q and p >= 3:
-                        std = doubt.center_std_px if p < 5 else doubt.tilt_std_rad
-                        middle += (doubt.noise_px**2 / std) ** 2
-                    total += columns[i, p] * middle * columns[j, q]
-            covariance[i, j] = total
-    for k in range(count):
-        predicted[k] = np.nan
-        if prediction.wall[k] >= 0:
-            w, c, s = prediction.wall[k], scene.cos_b[k], scene.sin_b[k]
-            at, slope = tabulated(outline, prediction.q[k])
-            turned = slope * (prediction.planes[w, 0, 1] * c - prediction.planes[w, 0, 0] * s) / at
-            predicted[k] = at + unknowns[3] * (c + turned * s) + unknowns[4] * (s - turned * c)
-    return True
+    _sandwich(doubt, fit, system, inflate, systematic, covariance)
+    return _compare(unknowns, scene, outline, prediction, residual, predicted)
+
+
+@compiled
+def _sandwich(
+    doubt: CameraDoubt, fit: DoubtedFit, system: FloatArray, inflate: float, systematic: float, out: FloatArray
+) -> None:
+    """Write the sandwich covariance (7, 7) of all unknowns, by the factor of the system."""
+    middle, half, column = np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE)
+    for p in range(SIZE):
+        for q in range(SIZE):
+            middle[p, q] = inflate * fit.scatter[p, q] + systematic * fit.information[max(p, q), min(p, q)]
+        if p >= 3:
+            std = doubt.center_std_px if p < 5 else doubt.turn_std_rad
+            middle[p, p] += (doubt.noise_px**2 / std) ** 2
+    for p in range(SIZE):
+        for q in range(SIZE):
+            column[q] = middle[p, q]
+        substitute(system, SIZE, column)
+        for q in range(SIZE):
+            half[q, p] = column[q]
+    for p in range(SIZE):
+        for q in range(SIZE):
+            column[q] = half[p, q]
+        substitute(system, SIZE, column)
+        for q in range(SIZE):
+            out[p, q] = column[q]
+
+
+@compiled
+def _compare(
+    unknowns: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
+    prediction: WallPrediction,
+    residual: FloatArray,
+    predicted: FloatArray,
+) -> float:
+    """Write what is predicted, and what the outline differs by; returns the truncated mean cost."""
+    cost, used = 0.0, 0
+    for k in range(scene.cos_b.shape[0]):
+        residual[k], predicted[k] = np.nan, np.nan
+        seen, w = outline.radius[k] > 0, prediction.wall[k]
+        if seen:
+            used += 1
+        if w < 0:
+            cost += 1.0 if seen else 0.0
+            continue
+        c, s = scene.cos_b[k], scene.sin_b[k]
+        at, slope = tabulated(outline, prediction.q[k])
+        turn = slope * (prediction.planes[w, 0, 1] * c - prediction.planes[w, 0, 0] * s) / at
+        predicted[k] = at + unknowns[3] * (c + turn * s) + unknowns[4] * (s - turn * c)
+        if seen:
+            e = (outline.radius[k] - predicted[k]) / math.sqrt(1.0 + turn * turn)
+            residual[k] = e
+            cost += min(1.0 if e < 0 else 2.0, (0.5 * e / outline.unit_px) ** 2)
+    return cost / max(used, 1)

@@ -100,11 +100,23 @@ def spread_starts(places: FloatArray, best: Int64Array, bearings: int, apart: fl
 
 
 @compiled
+def spread_poses(poses: FloatArray, apart: float, out: FloatArray) -> int:
+    """Take the best poses (N, 3), which come first, that are apart from those taken before; see `spread_starts`."""
+    count = 0
+    for n in range(poses.shape[0]):
+        if count == out.shape[0]:
+            break
+        if is_apart(poses[n], out[:count], apart):
+            copy_vector(poses[n], out[count])
+            count += 1
+    return count
+
+
+@compiled
 def fit_each(
     poses: FloatArray,
     scene: WallScene,
     outline: FloorOutline,
-    stride: int,
     out_poses: FloatArray,
     out_costs: FloatArray,
 ) -> None:
@@ -112,5 +124,5 @@ def fit_each(
     count = scene.cos_b.shape[0]
     best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(count), np.empty(count))
     for n in range(poses.shape[0]):
-        out_costs[n] = fit_walls(poses[n : n + 1], scene, outline, stride, best)
+        out_costs[n] = fit_walls(poses[n : n + 1], scene, outline, best)
         copy_vector(best.pose, out_poses[n])

@@ -114,11 +114,16 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
     count = cos_b.shape[0]
     per_rad = count / (2 * math.pi)
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    end = np.empty((2, 4, 3))
+    end, at = np.empty((2, 4, 3)), np.empty(2)
     best_q[:] = 0.0
     best_wall[:] = -1
     for w in range(walls.shape[0]):
-        for e in range(2):
+        # walls go around the floor: most begin where the one before ends
+        is_joined = w > 0 and walls[w, 0] == walls[w - 1, 2] and walls[w, 1] == walls[w - 1, 3]
+        if is_joined:
+            at[0] = at[1]
+            copy_matrix(end[1], end[0])
+        for e in range(1 if is_joined else 0, 2):
             dx, dy = walls[w, 2 * e] - pose[0], walls[w, 2 * e + 1] - pose[1]
             x, y = c * dx + s * dy, -s * dx + c * dy
             for i in range(3):
@@ -127,6 +132,7 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
                 end[e, 1, i] = -t0 * c + t1 * s
                 end[e, 2, i] = -t0 * s - t1 * c
                 end[e, 3, i] = t0 * y - t1 * x
+            at[e] = math.atan2(end[e, 0, 1], end[e, 0, 0])
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
             planes[w, 0, i] = end[0, 0, j] * end[1, 0, k] - end[0, 0, k] * end[1, 0, j]
@@ -141,13 +147,13 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
         nz = planes[w, 0, 2]
         if abs(nz) < 1e-12:
             continue
+        per_nz, per_height = 1.0 / nz, 1.0 / (nz * height)
         for p in range(4):
-            planes[w, p, 0] /= nz * height
-            planes[w, p, 1] /= nz * height
-            planes[w, p, 2] /= nz
+            planes[w, p, 0] *= per_height
+            planes[w, p, 1] *= per_height
+            planes[w, p, 2] *= per_nz
         along, aside = planes[w, 0, 0], planes[w, 0, 1]
-        first = math.atan2(end[0, 0, 1], end[0, 0, 0])
-        span = math.atan2(end[1, 0, 1], end[1, 0, 0]) - first
+        first, span = at[0], at[1] - at[0]
         span -= 2 * math.pi * math.floor(span / (2 * math.pi) + 0.5)
         if span < 0:
             first, span = first + span, -span
@@ -166,10 +172,12 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
 @compiled
 def tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
     """Image radius of an inverse range, and its derivative."""
-    place = min(q / outline.q_step, outline.radius_of_q.shape[0] - 2 + 0.999)
-    cell = int(place)
-    slope = (outline.radius_of_q[cell + 1] - outline.radius_of_q[cell]) / outline.q_step
-    return outline.radius_of_q[cell] + (q - cell * outline.q_step) * slope, slope
+    per_q = 1.0 / outline.q_step
+    place = q * per_q
+    # beyond the table its last cell goes on
+    cell = np.uint32(min(place, outline.radius_of_q.shape[0] - 2 + 0.999))
+    step = outline.radius_of_q[cell + 1] - outline.radius_of_q[cell]
+    return outline.radius_of_q[cell] + (place - cell) * step, step * per_q
 
 
 @compiled
@@ -186,13 +194,14 @@ def _accumulate(
 
     Fills `information`, `scatter` and `residual` of the fit, and `pull` (3,), the sum of w e J.
     """
-    a, scatter, residual = fit.information, fit.scatter, fit.residual
+    residual = fit.residual
     best_q, best_wall, planes = prediction
     cos_b, sin_b, radius, unit_px = scene.cos_b, scene.sin_b, outline.radius, outline.unit_px
-    jacobian, group = np.empty(3), np.zeros(3)
-    a[:] = 0.0
-    pull[:] = 0.0
-    scatter[:] = 0.0
+    per_scale, per_two_units = 1.0 / scale, 0.5 / unit_px
+    # written out: sums in arrays would be stored and loaded at each bearing, twice the time
+    a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    s00, s01, s02, s11, s12, s22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    p0, p1, p2, g0, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     cost, used, in_group = 0.0, 0, 0
     for k in range(0, cos_b.shape[0], stride):
         residual[k] = np.nan
@@ -203,34 +212,56 @@ def _accumulate(
         if w < 0:
             cost += 1.0
             continue
-        q = best_q[k]
+        q, c, s = best_q[k], cos_b[k], sin_b[k]
         predicted, slope = tabulated(outline, q)
-        turn = slope * (planes[w, 0, 1] * cos_b[k] - planes[w, 0, 0] * sin_b[k]) / predicted
+        turn = slope * (planes[w, 0, 1] * c - planes[w, 0, 0] * s) / predicted
         # the edge is oblique to the ray: what is uniform in the image is the distance along its normal
         oblique = 1.0 / math.sqrt(1.0 + turn * turn)
         e = (radius[k] - predicted) * oblique
         residual[k] = e
-        for p in range(3):
-            d = planes[w, p + 1, 0] * cos_b[k] + planes[w, p + 1, 1] * sin_b[k]
-            jacobian[p] = slope * (d - q * planes[w, p + 1, 2]) * oblique
+        by_q = slope * oblique
+        j0 = by_q * (planes[w, 1, 0] * c + planes[w, 1, 1] * s - q * planes[w, 1, 2])
+        j1 = by_q * (planes[w, 2, 0] * c + planes[w, 2, 1] * s - q * planes[w, 2, 2])
+        j2 = by_q * (planes[w, 3, 0] * c + planes[w, 3, 1] * s - q * planes[w, 3, 2])
         # an obstacle hides floor, so an edge nearer than the wall says little; floor beyond a wall cannot be
-        ratio = e / scale if e < 0 else e / (3.0 * scale)
-        weight = 1.0 / (1.0 + ratio * ratio) ** 2
-        loss = (e / (2.0 * unit_px)) ** 2
-        cost += min(1.0, loss) if e < 0 else min(2.0, loss)
-        for i in range(3):
-            pull[i] += weight * e * jacobian[i]
-            group[i] += weight * e * jacobian[i]
-            for j in range(3):
-                a[i, j] += weight * jacobian[i] * jacobian[j]
+        ratio = e * (per_scale if e < 0 else per_scale / 3.0)
+        agreement = 1.0 / (1.0 + ratio * ratio)
+        weight = agreement * agreement
+        cost += min(1.0 if e < 0 else 2.0, (e * per_two_units) ** 2)
+        w0, w1, w2 = weight * j0, weight * j1, weight * j2
+        a00 += w0 * j0
+        a01 += w0 * j1
+        a02 += w0 * j2
+        a11 += w1 * j1
+        a12 += w1 * j2
+        a22 += w2 * j2
+        p0 += w0 * e
+        p1 += w1 * e
+        p2 += w2 * e
+        g0 += w0 * e
+        g1 += w1 * e
+        g2 += w2 * e
         in_group += 1
         if in_group == 4:
-            for i in range(3):
-                for j in range(3):
-                    scatter[i, j] += group[i] * group[j]
-            group[:] = 0.0
-            in_group = 0
+            s00 += g0 * g0
+            s01 += g0 * g1
+            s02 += g0 * g2
+            s11 += g1 * g1
+            s12 += g1 * g2
+            s22 += g2 * g2
+            g0, g1, g2, in_group = 0.0, 0.0, 0.0, 0
+    _write_symmetric(fit.information, a00, a01, a02, a11, a12, a22)
+    _write_symmetric(fit.scatter, s00, s01, s02, s11, s12, s22)
+    pull[0], pull[1], pull[2] = p0, p1, p2
     return cost / max(used, 1)
+
+
+@compiled
+def _write_symmetric(out: FloatArray, m00: float, m01: float, m02: float, m11: float, m12: float, m22: float) -> None:
+    """Fill a symmetric matrix (3, 3) from its upper triangle."""
+    out[0, 0], out[0, 1], out[0, 2] = m00, m01, m02
+    out[1, 0], out[1, 1], out[1, 2] = m01, m11, m12
+    out[2, 0], out[2, 1], out[2, 2] = m02, m12, m22
 
 
 @compiled
@@ -243,14 +274,11 @@ def _keep(outline: FloorOutline, prediction: WallPrediction, fit: WallFit, best:
     for k in range(best.predicted.shape[0]):
         best.predicted[k] = np.nan
         if prediction.wall[k] >= 0:
-            place = min(prediction.q[k] / outline.q_step, outline.radius_of_q.shape[0] - 2 + 0.999)
-            cell = int(place)
-            step = outline.radius_of_q[cell + 1] - outline.radius_of_q[cell]
-            best.predicted[k] = outline.radius_of_q[cell] + (place - cell) * step
+            best.predicted[k] = tabulated(outline, prediction.q[k])[0]
 
 
 @compiled
-def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, stride: int, best: WallFit) -> float:
+def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, best: WallFit) -> float:
     """Fit poses to a measured floor outline by Gauss-Newton on the image radius, with annealed redescending weights.
 
     Parameters
@@ -259,8 +287,6 @@ def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, stride
         Starts; the one that ends with the least truncated cost wins.
     scene, outline : WallScene, FloorOutline
         What is fitted to what.
-    stride : int
-        Use every stride-th bearing.
     best : WallFit
         Result: the winner.
 
@@ -281,8 +307,8 @@ def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, stride
             scale = outline.scales[min(iteration, iterations - 1)]
             predict_walls(fit.pose, scene, prediction)
             # far from the end every second bearing does
-            coarse = 2 if stride == 1 and not final and scale > 2.5 * outline.unit_px else 1
-            cost = _accumulate(scene, outline, prediction, stride * coarse, scale, fit, pull)
+            stride = 2 if not final and scale > 2.5 * outline.unit_px else 1
+            cost = _accumulate(scene, outline, prediction, stride, scale, fit, pull)
             if final:
                 if cost < best_cost:
                     best_cost = cost
@@ -357,7 +383,6 @@ def fit_and_summarise(
     poses: FloatArray,
     scene: WallScene,
     outline: FloorOutline,
-    stride: int,
     inlier_px: float,
     inflate: float,
     systematic: float,
@@ -365,7 +390,7 @@ def fit_and_summarise(
     covariance: FloatArray,
 ) -> FitSummary:
     """Join `fit_walls` and `summarise_fit`, with their arguments, in one call; fills `best` and covariance (3, 3)."""
-    cost = fit_walls(poses, scene, outline, stride, best)
+    cost = fit_walls(poses, scene, outline, best)
     ratio, rms, along = summarise_fit(
         best.residual, inlier_px, best.information, best.scatter, inflate, systematic, covariance
     )

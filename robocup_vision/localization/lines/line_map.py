@@ -85,7 +85,7 @@ class LineMap:
         ix = np.clip(np.where(inside, x, 0).astype(int), 0, columns - 2)
         iy = np.clip(np.where(inside, y, 0).astype(int), 0, rows - 2)
         fx, fy = x - ix, y - iy
-        t = self.table.astype(np.float64)
+        t = self.table
         near = t[iy, ix] * (1 - fx) + t[iy, ix + 1] * fx
         far = t[iy + 1, ix] * (1 - fx) + t[iy + 1, ix + 1] * fx
         return np.where(inside, (near * (1 - fy) + far * fy) * self.truncate_m / 255, self.truncate_m)

@@ -13,6 +13,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.floor import OutlineFitter, OutlineSettings
+from robocup_vision.localization.outline_camera import OutlineCameraSettings
 from robocup_vision.perception.polar_view import PolarView
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Scene
@@ -166,7 +167,7 @@ def off_outline(pose, rng):
 
 def test_a_centre_that_is_off_costs_less_where_the_outline_tells_it():
     rng = np.random.default_rng(3)
-    trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(min_doubt=math.inf))
+    trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(camera=OutlineCameraSettings(min_gain=math.inf)))
     errors, nees = [], []
     for _ in range(20):
         pose = Pose2(*rng.uniform((-1.0, -0.5, -3.1), (1.0, 0.5, 3.1)).tolist())
@@ -189,5 +190,5 @@ def test_an_outline_much_of_which_is_hidden_does_not_doubt_the_camera():
     radius = off_outline(pose, rng)
     # two fifths of the bearings end at something nearer
     radius[: int(0.4 * len(radius))] -= rng.uniform(6.0, 20.0, int(0.4 * len(radius)))
-    trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(min_doubt=math.inf))
+    trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(camera=OutlineCameraSettings(min_gain=math.inf)))
     assert FITTER.locate(radius, pose)[0].pose == trusting.locate(radius, pose)[0].pose

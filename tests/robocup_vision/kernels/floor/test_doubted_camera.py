@@ -11,13 +11,15 @@ from strategies import PAPER_MIRROR, numbers
 
 from field_models import load_field
 from robocup_vision.camera import OmniCamera
+from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.doubted_camera import (
     CameraDoubt,
     DoubtedFit,
-    doubt_of_camera,
+    doubts_of_camera,
     fit_with_camera,
     gather_doubted,
+    turned_scene,
 )
 from robocup_vision.kernels.floor.walls import (
     FloorOutline,
@@ -36,7 +38,9 @@ Q_STEP = 0.01
 RADIUS_OF_Q = PAPER_MIRROR.radius_px(np.arange(1000) * Q_STEP)
 SCALES = np.array([2.0, 1.0])
 CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
-DOUBT = CameraDoubt(noise_px=0.15, center_std_px=0.5, tilt_std_rad=0.004)
+TILTED = replace(CAMERA, tilt_rad=(0.02, -0.03), offset_m=(0.03, -0.02))
+DOUBT = CameraDoubt(noise_px=0.15, center_std_px=0.5, turn_std_rad=0.004, turns_body=False)
+LEAN = CameraDoubt(noise_px=0.15, center_std_px=1e-6, turn_std_rad=0.01, turns_body=True)
 seeds = st.integers(0, 2**32 - 1)
 places = st.builds(Pose2, numbers(-1.2, 1.2), numbers(-0.6, 0.6), numbers(-3.1, 3.1))
 
@@ -81,16 +85,16 @@ def seen_outline(pose, center, tilt, rng=None, noise_px=0.0):
     return radius if rng is None else radius + rng.normal(0, noise_px, COUNT)
 
 
-def gather_twin(unknowns, radius):
+def gather_twin(unknowns, radius, turned):
     """Return the normal equations by finite differences of what is predicted."""
     pose, center, tilt = unknowns[:3], unknowns[3:5], unknowns[5:]
 
     def predicted(x):
-        q, wall, _ = predict(x[:3], leaning(*x[5:]))
+        q, wall, _ = predict(x[:3], turned(*x[5:]))
         return radius_at(q), wall
 
     at, wall = predicted(unknowns)
-    ahead, behind = (predict(pose, leaning(*tilt)._replace(cos_b=np.cos(b), sin_b=np.sin(b))) for b in _aside())
+    ahead, behind = (predict(pose, turned(*tilt)._replace(cos_b=np.cos(b), sin_b=np.sin(b))) for b in _aside())
     by_bearing = (radius_at(ahead.q) - radius_at(behind.q)) / 2e-6 / at
     oblique = 1 / np.hypot(1, by_bearing)
     columns = []
@@ -117,17 +121,39 @@ def _aside():
     return ANGLES + 1e-6, ANGLES - 1e-6
 
 
+def body_that_turns(about_x, about_y):
+    """Return the walls as a camera sees them that a turned body carries, by matrices."""
+    turn = camera_rotation(0.0, -about_y, about_x)
+    seen_by = scene(TILTED)
+    x, y, _ = turn @ (seen_by.offset_x, seen_by.offset_y, seen_by.height)
+    return seen_by._replace(
+        offset_x=x, offset_y=y, robot_to_camera=np.ascontiguousarray(seen_by.robot_to_camera @ turn.T)
+    )
+
+
+@given(numbers(-0.1, 0.1), numbers(-0.1, 0.1))
+def test_turned_scenes_agree_with_matrices(about_x, about_y):
+    found, expected = turned_scene(scene(TILTED), about_x, about_y, True), body_that_turns(about_x, about_y)
+    np.testing.assert_allclose(found.robot_to_camera, expected.robot_to_camera, atol=1e-12)
+    np.testing.assert_allclose(found[1:4], expected[1:4], atol=1e-12)
+    by_itself = turned_scene(scene(), about_x, about_y, False)
+    np.testing.assert_allclose(by_itself.robot_to_camera, leaning(about_x, about_y).robot_to_camera, atol=1e-12)
+    np.testing.assert_allclose(by_itself[1:4], scene()[1:4])
+
+
+@pytest.mark.parametrize(("turned", "turns_body"), [(leaning, False), (body_that_turns, True)])
 @settings(deadline=None, max_examples=25)
 @given(places, seeds)
-def test_normal_equations_agree_with_finite_differences(pose, seed):
+def test_normal_equations_agree_with_finite_differences(turned, turns_body, pose, seed):
     rng = np.random.default_rng(seed)
     unknowns = np.concatenate([pose.array, rng.normal(0, 0.4, 2), rng.normal(0, 0.004, 2)])
     radius = seen_outline(pose, (0.3, -0.2), (0.003, -0.002), rng, 0.2)
     radius[rng.random(COUNT) < 0.2] = np.nan
-    seen_by = leaning(*unknowns[5:])
+    seen_by = turned(*unknowns[5:])
     fit = DoubtedFit(np.empty((7, 7)), np.empty((7, 7)), np.empty(7))
-    squares, total = gather_doubted(seen_by, floor_of(radius), predict(unknowns[:3], seen_by), *unknowns[3:5], fit)
-    information, scatter, pull, *sums = gather_twin(unknowns, radius)
+    prediction = predict(unknowns[:3], seen_by)
+    squares, total = gather_doubted(unknowns, seen_by, floor_of(radius), prediction, turns_body, fit)
+    information, scatter, pull, *sums = gather_twin(unknowns, radius, turned)
     # at a corner, and between cells of the table, a difference may see another wall or slope
     scale = np.sqrt(np.diag(information))
     both = np.outer(scale, scale)
@@ -140,14 +166,19 @@ def test_normal_equations_agree_with_finite_differences(pose, seed):
 def fit_pose(pose, radius):
     """Return the pose by a fit that takes the file for true."""
     best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(COUNT), np.empty(COUNT))
-    fit_walls(pose.array[None], scene(), floor_of(radius), 1, best)
+    fit_walls(pose.array[None], scene(), floor_of(radius), best)
     return best.pose
 
 
 def fit_all(start, radius):
-    unknowns, predicted, covariance = np.concatenate([start, np.zeros(4)]), np.empty(COUNT), np.empty((3, 3))
-    assert fit_with_camera(unknowns, scene(), floor_of(radius), DOUBT, 1.7, 0.008, predicted, covariance)
-    return unknowns, predicted, covariance
+    unknowns, covariance = np.concatenate([start, np.zeros(4)]), np.empty((7, 7))
+    residual, predicted = np.empty((2, COUNT))
+    cost = fit_with_camera(unknowns, scene(), floor_of(radius), DOUBT, 1.7, 0.008, residual, predicted, covariance)
+    # a cost is that of its residuals, as `fit_walls` counts
+    known = residual[np.isfinite(residual)]
+    assert cost == pytest.approx(np.minimum((known / 2) ** 2, np.where(known < 0, 1, 2)).sum() / np.sum(radius > 0))
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-9)
+    return unknowns, predicted, covariance[:3, :3]
 
 
 def test_a_camera_that_is_off_is_doubted_and_its_pose_mended():
@@ -160,7 +191,7 @@ def test_a_camera_that_is_off_is_doubted_and_its_pose_mended():
         radius = seen_outline(pose, center, tilt, rng, 0.1)
         start = fit_pose(pose, radius)
         unknowns, predicted, covariance = fit_all(start, radius)
-        doubts.append(doubt_of_camera(start, scene(), floor_of(radius), DOUBT))
+        doubts.append(doubts_of_camera(start, scene(), floor_of(radius), LEAN, DOUBT)[1])
         errors.append([math.hypot(*(x[:2] - pose.array[:2])) for x in (start, unknowns)])
         off = unknowns[:3] - pose.array
         nees.append(off @ np.linalg.solve(covariance, off))
@@ -179,13 +210,13 @@ def test_a_true_camera_is_not_doubted(seed):
     pose = Pose2(*rng.uniform((-1.2, -0.6, -3.1), (1.2, 0.6, 3.1)).tolist())
     radius = seen_outline(pose, (0.0, 0.0), (0.0, 0.0), rng, 0.15)
     # noise of the bearings alone explains so much once in ten thousand outlines
-    assert doubt_of_camera(fit_pose(pose, radius), scene(), floor_of(radius), DOUBT) < 24
+    assert max(doubts_of_camera(fit_pose(pose, radius), scene(), floor_of(radius), LEAN, DOUBT)) < 24
 
 
 def test_an_outline_that_shows_nothing_doubts_nothing():
     nothing = floor_of(np.full(COUNT, np.nan))
-    assert doubt_of_camera(np.zeros(3), scene(), nothing, DOUBT) == 0.0
+    assert doubts_of_camera(np.zeros(3), scene(), nothing, LEAN, DOUBT) == (0.0, 0.0)
     outside = np.array([9.0, 9.0, 0.0])
     unknowns = np.concatenate([outside, np.zeros(4)])
-    fit_with_camera(unknowns, scene(), nothing, DOUBT, 1.7, 0.008, np.empty(COUNT), np.empty((3, 3)))
+    fit_with_camera(unknowns, scene(), nothing, DOUBT, 1.7, 0.008, *np.empty((2, COUNT)), np.empty((7, 7)))
     np.testing.assert_allclose(unknowns[:3], outside)

@@ -12,7 +12,7 @@ from field_models import load_field
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.hull import hull_moments, hull_radius, star_moments
-from robocup_vision.kernels.floor.wall_search import fit_each, is_apart, score_bank, spread_starts
+from robocup_vision.kernels.floor.wall_search import fit_each, is_apart, score_bank, spread_poses, spread_starts
 from robocup_vision.kernels.floor.walls import (
     FloorOutline,
     WallFit,
@@ -117,12 +117,12 @@ def test_a_tabulated_radius_is_interpolated(q):
     assert slope == pytest.approx((RADIUS_OF_Q[cell + 1] - RADIUS_OF_Q[cell]) / Q_STEP)
 
 
-def fit_twin(start, camera, radius, stride, scales, unit_px):
+def fit_twin(start, camera, radius, scales, unit_px):
     pose = start.copy()
     for turn in range(len(scales) + 1):
         scale = scales[min(turn, len(scales) - 1)]
-        coarse = 2 if stride == 1 and turn < len(scales) and scale > 2.5 * unit_px else 1
-        use = np.arange(COUNT)[:: stride * coarse]
+        stride = 2 if turn < len(scales) and scale > 2.5 * unit_px else 1
+        use = np.arange(COUNT)[::stride]
         use = use[radius[use] > 0]
         q, wall, planes = predict(pose, camera)
         met = use[wall[use] >= 0]
@@ -163,9 +163,9 @@ def outline(pose, rng, noise_px=0.2, hidden=0.2):
     return radius
 
 
-def fit(starts, radius, stride, scales):
+def fit(starts, radius, scales):
     out = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(COUNT, np.nan), np.empty(COUNT))
-    cost = fit_walls(starts, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), stride, out)
+    cost = fit_walls(starts, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), out)
     return cost, *out
 
 
@@ -175,8 +175,8 @@ def test_fit_agrees_with_numpy(pose, seed):
     rng = np.random.default_rng(seed)
     radius, scales = outline(pose, rng), np.array([8.0, 5.0, 3.0, 2.0, 1.0])
     start = pose.array + rng.normal(0, (0.05, 0.05, 0.05))
-    cost, found, information, scatter, residual, predicted = fit(start[None], radius, 1, scales)
-    twin = fit_twin(start, CAMERA, radius, 1, scales, 1.0)
+    cost, found, information, scatter, residual, predicted = fit(start[None], radius, scales)
+    twin = fit_twin(start, CAMERA, radius, scales, 1.0)
     np.testing.assert_allclose(found, twin[1], atol=1e-6)
     assert cost == pytest.approx(twin[0], abs=1e-5)
     np.testing.assert_allclose(information, twin[2], rtol=1e-3, atol=1e-2 * np.abs(twin[2]).max())
@@ -190,7 +190,7 @@ def test_fit_agrees_with_numpy(pose, seed):
 def test_fit_finds_the_pose_an_outline_was_made_from(pose, seed):
     rng = np.random.default_rng(seed)
     start = pose.array + rng.normal(0, (0.02, 0.02, 0.03))
-    _, found, *_ = fit(start[None], outline(pose, rng, 0.05), 1, np.array([8.0, 5.0, 3.0, 2.0, 1.0, 1.0]))
+    _, found, *_ = fit(start[None], outline(pose, rng, 0.05), np.array([8.0, 5.0, 3.0, 2.0, 1.0, 1.0]))
     distance, angle = Pose2(*found).error_to(pose)
     assert distance < 0.005
     assert angle < 0.01
@@ -201,9 +201,9 @@ def test_the_best_of_several_starts_wins():
     pose = Pose2(0.3, -0.2, 0.7)
     starts = np.array([[-1.0, 0.5, 2.0], [0.35, -0.15, 0.75], [1.0, 0.0, -2.0]])
     radius, scales = outline(pose, rng), np.array([8.0, 4.0, 2.0, 1.0])
-    alone = [fit(start[None], radius, 3, scales) for start in starts]
+    alone = [fit(start[None], radius, scales) for start in starts]
     best = min(alone, key=lambda found: found[0])
-    cost, found, *_ = fit(starts, radius, 3, scales)
+    cost, found, *_ = fit(starts, radius, scales)
     assert cost == best[0]
     np.testing.assert_array_equal(found, best[1])
     assert Pose2(*found).error_to(pose)[0] < 0.01
@@ -214,9 +214,9 @@ def test_each_start_is_fitted_by_itself():
     radius, scales = outline(Pose2(-0.4, 0.2, 2.0), rng), np.array([8.0, 4.0, 2.0])
     starts = rng.normal(0, 0.3, (5, 3))
     poses, costs = np.empty((5, 3)), np.empty(5)
-    fit_each(starts, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), 3, poses, costs)
+    fit_each(starts, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), poses, costs)
     for start, pose, cost in zip(starts, poses, costs, strict=True):
-        alone = fit(start[None], radius, 3, scales)
+        alone = fit(start[None], radius, scales)
         assert cost == alone[0]
         np.testing.assert_array_equal(pose, alone[1])
 
@@ -255,12 +255,24 @@ def test_starts_are_the_best_that_are_apart(seed):
     np.testing.assert_allclose(out[:count], expected)
 
 
+@given(places, seeds)
+def test_spread_poses_are_the_best_that_are_apart(pose, seed):
+    poses = pose.array + np.random.default_rng(seed).normal(0, 0.2, (40, 3))
+    out = np.full((8, 3), np.nan)
+    count = spread_poses(poses, 0.3, out)
+    expected: list[np.ndarray] = []
+    for found in poses:
+        if len(expected) < 8 and differ(found, expected, 0.3):
+            expected.append(found)
+    np.testing.assert_array_equal(out[:count], expected)
+
+
 def test_a_fit_from_nowhere_still_says_how_bad_it_is():
     radius = outline(Pose2(0.0, 0.0, 0.0), np.random.default_rng(2))
-    nan = fit(np.full((1, 3), np.nan), radius, 1, np.array([2.0, 1.0]))
+    nan = fit(np.full((1, 3), np.nan), radius, np.array([2.0, 1.0]))
     assert nan[0] == 1.0  # no wall is met: every bearing counts in full
     assert np.isnan(nan[4]).all()
-    nothing = fit(np.zeros((1, 3)), np.full(COUNT, np.nan), 1, np.array([2.0, 1.0]))
+    nothing = fit(np.zeros((1, 3)), np.full(COUNT, np.nan), np.array([2.0, 1.0]))
     assert nothing[0] == 0.0
     np.testing.assert_array_equal(nothing[1], np.zeros(3))
 
@@ -291,12 +303,12 @@ def test_a_fit_and_its_summary_are_the_same_in_one_call(pose, seed):
     rng = np.random.default_rng(seed)
     radius, scales = outline(pose, rng), np.array([3.0, 1.0])
     start = (pose.array + rng.normal(0, (0.02, 0.02, 0.02)))[None]
-    cost, *expected = fit(start, radius, 1, scales)
+    cost, *expected = fit(start, radius, scales)
     covariance, out_covariance = np.empty((2, 3, 3))
     summary = summarise_fit(expected[3], 1.5, expected[1], expected[2], 1.7, 0.008, covariance)
     out = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(COUNT, np.nan), np.empty(COUNT))
     floor = FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0)
-    found = fit_and_summarise(start, geometry(CAMERA), floor, 1, 1.5, 1.7, 0.008, out, out_covariance)
+    found = fit_and_summarise(start, geometry(CAMERA), floor, 1.5, 1.7, 0.008, out, out_covariance)
     assert found == (cost, *summary)
     for array, one_by_one in zip((*out, out_covariance), (*expected, covariance), strict=True):
         np.testing.assert_array_equal(array, one_by_one)

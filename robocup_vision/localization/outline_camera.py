@@ -1,0 +1,155 @@
+"""What an outline tells besides the pose: that the body leans, or that centre and tilt are not as in the camera's file.
+
+A degree of lean moves a wall's foot that is seen 2 m away from 0.2 m above the floor by a third of a metre. Where the
+walls of both sides and of an end are in view, the lean is told apart from every motion: it turns them against each
+other. So is a centre or a tilt that is off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor import doubted_camera as kernels
+from robocup_vision.kernels.floor.walls import FloorOutline, WallScene
+from robocup_vision.localization.outline_model import OutlineFit, OutlineModel, largest_std_m
+
+# how well a centre or a tilt is known that is not doubted
+_SURE_PX, _SURE_RAD = 1e-6, 1e-6
+_POSE, _LEAN = slice(0, 3), slice(5, 7)
+
+
+@dataclass(frozen=True, slots=True)
+class OutlineCameraSettings:
+    """When an outline's camera leans, or is doubted; "units" are 1/86 of the usable image radius.
+
+    Parameters
+    ----------
+    sway_std_rad : float
+        Standard deviation of pitch and roll of a body that moves, as in `lines.nearby`.
+    lean_gate : float
+        Squared Mahalanobis distance from upright of a lean that is one: 99.9 % for two dimensions.
+    center_std_units, tilt_std_rad : float
+        Of centre and tilt in a camera file that is doubted.
+    min_gain, alike_bearings : float
+        Gain per independent bearing by which another centre and tilt must explain the outline better, and how many
+        neighbouring bearings err alike.
+    min_inlier_ratio : float
+        A file is doubted only where so much of the outline agrees.
+    """
+
+    sway_std_rad: float = 0.01
+    lean_gate: float = 13.8
+    center_std_units: float = 0.5
+    tilt_std_rad: float = 0.004
+    min_gain: float = 8.0
+    alike_bearings: float = 3.0
+    min_inlier_ratio: float = 0.65
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineCamera:
+    """Asks an outline whether its camera looks otherwise than the file says, and fits that where it does.
+
+    Parameters
+    ----------
+    model : OutlineModel
+        What the outline is compared with.
+    settings : OutlineCameraSettings
+        When to ask, and what to believe.
+    """
+
+    model: OutlineModel
+    settings: OutlineCameraSettings
+
+    def leaned(self, fit: OutlineFit, radius_px: FloatArray) -> OutlineFit:
+        """Return the fit of a body that leans, as one that moves may; the fit itself where it stands upright.
+
+        Parameters
+        ----------
+        fit : OutlineFit
+            Of an upright body.
+        radius_px : (K,) float64
+            The outline.
+        """
+        model, gate = self.model, self.settings.lean_gate
+        # most bodies stand upright most of the time: then one look does
+        by_lean, by_file = self._gains(fit, radius_px)
+        if by_lean < gate:
+            return replace(fit, file_gain=by_file)
+        outline = model.outline(radius_px, np.array([model.unit_px]))
+        cost, unknowns, covariance, residual, predicted = self._fit(fit.pose, model.scene, outline, self._sway)
+        if not cost < fit.cost or _is_within(unknowns[_LEAN], gate * covariance[_LEAN, _LEAN]):
+            return fit
+        ratio, rms = model.summary(residual)
+        own = covariance[_POSE, _POSE]
+        lean = tuple(unknowns[_LEAN].tolist())
+        return OutlineFit(unknowns[_POSE], own, cost, ratio, rms, largest_std_m(own), residual, predicted, lean)
+
+    def corrected(
+        self, estimate: PoseEstimate, fit: OutlineFit, radius_px: FloatArray, max_std_m: float
+    ) -> tuple[PoseEstimate, FloatArray]:
+        """Fit centre and tilt of the camera too where the outline contradicts its file; with the walls predicted.
+
+        Not where the outline does not fix the pose then, to `max_std_m`.
+        """
+        model, settings = self.model, self.settings
+        if estimate.inlier_ratio < settings.min_inlier_ratio:
+            return estimate, fit.predicted_px
+        gain = self._gains(fit, radius_px)[1] if fit.file_gain is None else fit.file_gain
+        if gain < settings.min_gain * settings.alike_bearings:
+            return estimate, fit.predicted_px
+        outline = model.outline(radius_px, model.scales(()))
+        cost, unknowns, covariance, _, predicted = self._fit(fit.pose, self._scene(fit), outline, self._file)
+        x, y, theta = unknowns[_POSE].tolist()
+        own = covariance[_POSE, _POSE]
+        if not math.isfinite(cost) or largest_std_m(own) > max_std_m or not model.field.is_on_floor(x, y):
+            return estimate, fit.predicted_px
+        pose = Pose2(x, y, theta)
+        return replace(estimate, pose=pose, covariance=own, candidates=(pose, pose.half_turn())), predicted
+
+    def _scene(self, fit: OutlineFit) -> WallScene:
+        """Return the walls as the body of a fit sees them: what a lean explains is not the file's error."""
+        return kernels.turned_scene(self.model.scene, *fit.lean_rad, True) if any(fit.lean_rad) else self.model.scene
+
+    def _gains(self, fit: OutlineFit, radius_px: FloatArray) -> tuple[float, float]:
+        """Return what a lean, and what another centre and tilt, would explain beyond a fit."""
+        outline = self.model.outline(radius_px, self.model.scales(()))
+        return kernels.doubts_of_camera(fit.pose, self._scene(fit), outline, self._sway, self._file)
+
+    def _fit(
+        self, pose: FloatArray, scene: WallScene, outline: FloorOutline, doubt: kernels.CameraDoubt
+    ) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return cost, unknowns (7,), their covariance (7, 7), residuals (K,) and the walls (K,) predicted."""
+        noise, count = self.model.noise, len(outline.radius)
+        unknowns, covariance = np.zeros(kernels.SIZE), np.empty((kernels.SIZE, kernels.SIZE))
+        residual, predicted = np.empty(count), np.empty(count)
+        unknowns[_POSE] = pose
+        cost = kernels.fit_with_camera(
+            unknowns, scene, outline, doubt, noise.few_groups, noise.systematic_px2, residual, predicted, covariance
+        )
+        return cost, unknowns, covariance, residual, predicted
+
+    @cached_property
+    def _sway(self) -> kernels.CameraDoubt:
+        """A body that may lean, whose camera is as its file says."""
+        return kernels.CameraDoubt(self.model.noise.edge_px, _SURE_PX, self.settings.sway_std_rad, True)
+
+    @cached_property
+    def _file(self) -> kernels.CameraDoubt:
+        settings, model = self.settings, self.model
+        # without a viewpoint's height a tilt cannot be told
+        tilt_std_rad = settings.tilt_std_rad if model.camera.height_m is not None else _SURE_RAD
+        center_std_px = settings.center_std_units * model.unit_px
+        return kernels.CameraDoubt(model.noise.edge_px, center_std_px, tilt_std_rad, False)
+
+
+def _is_within(vector: FloatArray, bound: FloatArray) -> bool:
+    """Whether a vector (2,) lies within the ellipse of a matrix (2, 2)."""
+    return float(vector @ np.linalg.solve(bound, vector)) < 1.0

@@ -1,0 +1,191 @@
+"""What a floor's outline is compared with: the field's walls, the camera's curve and the scales of the comparison.
+
+The fit, the search and the checks of the camera share it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.kernels.floor import walls as kernels
+from robocup_vision.perception.polar_view import PolarView
+
+# a pixel of the paper's 256 x 220 image is this fraction of the usable radius
+_UNITS = 86.0
+
+
+@dataclass(frozen=True, slots=True)
+class OutlineNoise:
+    """How a measured outline errs; "units" are 1/86 of the usable image radius.
+
+    Parameters
+    ----------
+    edge_px : float
+        Standard deviation of a bearing's edge.
+    systematic_px, systematic_bearings : float, int
+        Error of the camera file, which no image shows, common to so many bearings (an eighth of the circle).
+    few_groups : float
+        Factor on the covariance: a sandwich covariance from some forty groups of bearings comes out low.
+    last_scale_px : float
+        Width of the weights in the last step of a fit.
+    inlier : float
+        Residual of an inlier, units.
+    """
+
+    edge_px: float = 0.15
+    systematic_px: float = 0.02
+    systematic_bearings: int = 20
+    few_groups: float = 1.7
+    last_scale_px: float = 1.0
+    inlier: float = 1.5
+
+    @property
+    def systematic_px2(self) -> float:
+        """As `summarise_fit` takes it."""
+        return self.systematic_px**2 * self.systematic_bearings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutlineFit:
+    """A pose fitted to an outline.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        x, y, theta.
+    covariance : (3, 3) float64
+        Of the pose.
+    cost : float
+        Truncated mean cost, 0 (all fits) to 1 (nothing fits).
+    inlier_ratio, rms_px : float
+        Bearings that agree, of those that show an edge and a wall, and their root mean square residual.
+    along_m : float
+        Largest standard deviation of the position.
+    residual_px, predicted_px : (K,) float64
+        As in `WallFit`.
+    lean_rad : (float, float)
+        Turns of the body about x, ahead, and y, left, about its foot.
+    file_gain : float or None
+        What another centre and tilt of the camera would explain, see `doubts_of_camera`; None where not asked yet.
+    """
+
+    pose: FloatArray
+    covariance: FloatArray
+    cost: float
+    inlier_ratio: float
+    rms_px: float
+    along_m: float
+    residual_px: FloatArray
+    predicted_px: FloatArray
+    lean_rad: tuple[float, float] = (0.0, 0.0)
+    file_gain: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineModel:
+    """Walls, camera and bearings of an outline, as the compiled loops take them.
+
+    Parameters
+    ----------
+    field : Field
+        Its floor is bounded by walls or boards.
+    camera : OmniCamera
+        The camera.
+    view : PolarView
+        Defines the bearings.
+    noise : OutlineNoise
+        Of the outline.
+    """
+
+    field: Field
+    camera: OmniCamera
+    view: PolarView
+    noise: OutlineNoise
+
+    @cached_property
+    def unit_px(self) -> float:
+        """A pixel of the paper's image."""
+        inner, outer = self.camera.usable_radius_px
+        return max(1.0, (outer - inner) / _UNITS)
+
+    @cached_property
+    def scene(self) -> kernels.WallScene:
+        """The walls as the camera sees them."""
+        x, y, height = self.camera.viewpoint_m
+        to_camera = np.ascontiguousarray(self.camera.camera_to_robot.T)
+        walls = np.ascontiguousarray(self.field.walls)
+        cos, sin = np.cos(self.view.bearing_rad), np.sin(self.view.bearing_rad)
+        return kernels.WallScene(walls, float(x), float(y), float(height), to_camera, cos, sin)
+
+    @cached_property
+    def half_scene(self) -> kernels.WallScene:
+        """The scene with every second bearing."""
+        return self.scene._replace(cos_b=self.scene.cos_b[::2].copy(), sin_b=self.scene.sin_b[::2].copy())
+
+    @cached_property
+    def radius_of_q(self) -> tuple[float, FloatArray]:
+        """Step of the inverse range, and image radius (Q,) tabulated over it."""
+        inner, outer = self.camera.usable_radius_px
+        top = float(self.camera.floor_range.inverse_range_per_m(inner))
+        q = np.linspace(0.0, top, 1024)
+        radius = self.camera.floor_range.radius_px(q)
+        # a table does not reach the horizon: beyond its last range nothing is seen
+        return float(q[1]), np.where(np.isfinite(radius), radius, outer)
+
+    @cached_property
+    def q_of_radius(self) -> tuple[float, float, FloatArray]:
+        """Least image radius, its step, and inverse range (R,) tabulated over it."""
+        inner, outer = self.camera.usable_radius_px
+        radius = np.linspace(inner, outer, 512)
+        q = self.camera.floor_range.inverse_range_per_m(radius)
+        # nothing on the field is farther away than its own length
+        nearest = 1.2 * float(np.ptp(self.field.floor_polygon, axis=0).max())
+        return inner, float(radius[1] - radius[0]), np.maximum(np.nan_to_num(q), 1.0 / nearest)
+
+    def scales(self, units: tuple[float, ...]) -> FloatArray:
+        """Return widths of the weights, pixels, down to the edges' own accuracy."""
+        return np.array([*(unit * self.unit_px for unit in units), self.noise.last_scale_px])
+
+    def outline(self, radius_px: FloatArray, scales: FloatArray) -> kernels.FloorOutline:
+        """Return an outline (K,) with the widths of its weights, pixels."""
+        return kernels.FloorOutline(radius_px, *self.radius_of_q, scales, self.unit_px)
+
+    def fit(self, start: FloatArray, radius_px: FloatArray, scales: FloatArray) -> OutlineFit:
+        """Fit an upright body's pose, from a start (3,), to an outline (K,)."""
+        noise, count = self.noise, len(radius_px)
+        best = kernels.WallFit(
+            np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(count, np.nan), np.full(count, np.nan)
+        )
+        covariance = np.empty((3, 3))
+        cost, ratio, rms, along = kernels.fit_and_summarise(
+            start[None],
+            self.scene,
+            self.outline(radius_px, scales),
+            noise.inlier * self.unit_px,
+            noise.few_groups,
+            noise.systematic_px2,
+            best,
+            covariance,
+        )
+        return OutlineFit(best.pose, covariance, cost, ratio, rms, along, best.residual, best.predicted)
+
+    def summary(self, residual_px: FloatArray) -> tuple[float, float]:
+        """Return the ratio of inliers among residuals (K,), and their root mean square, pixels."""
+        known = residual_px[np.isfinite(residual_px)]
+        inlying = known[np.abs(known) < self.noise.inlier * self.unit_px]
+        if not len(inlying):
+            return 0.0, 0.0
+        return len(inlying) / len(known), math.sqrt(float(np.mean(inlying**2)))
+
+
+def largest_std_m(covariance: FloatArray) -> float:
+    """Return the largest standard deviation of a position, of a covariance (3, 3) of x, y, theta."""
+    (xx, xy, _), (_, yy, _), _ = covariance.tolist()
+    return math.sqrt(max(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy), 0.0))
