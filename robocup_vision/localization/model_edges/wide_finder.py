@@ -208,7 +208,8 @@ class WideFinder(EdgeFinder):
         first = runs.argmax(axis=0)
         # carpet up to the horizon ends at no board
         ends = (first > 0) & runs.any(axis=0)
-        return np.column_stack([columns, top + first - 0.5, np.zeros(len(columns))])[ends].astype(np.float64)
+        pixels = np.column_stack([columns, top + first - 0.5, np.zeros(len(columns))])
+        return np.asarray(pixels[ends], dtype=np.float64)
 
     def _walls_off(self, poses: FloatArray, slopes: FloatArray, pixel_rad: float) -> FloatArray:
         """(M,) float64: ends of the carpet that lie off the walls by each of the poses (M, 5), each up to 1."""
