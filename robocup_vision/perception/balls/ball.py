@@ -93,6 +93,9 @@ class BallSettings:
         is less green costs the second. The greyest carpet of the photographs has 1.5 times the first.
     center_std_px : float
         Of the blob's centre.
+    min_upright_step, upright_spreads, upright_nats : float
+        Of a pinhole camera: something upright goes on above a blob, or below it, where what is as wide as it differs
+        from what lies to both sides by so many levels, and by so many times what differs in it; what that costs.
     """
 
     evidence: BallEvidence = field(default_factory=BallEvidence)
@@ -124,3 +127,6 @@ class BallSettings:
     green_scale: float = 0.025
     green_nats: float = 2.0
     center_std_px: float = 0.3
+    min_upright_step: float = 15.0
+    upright_spreads: float = 2.0
+    upright_nats: float = -2.5

@@ -11,9 +11,14 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor import free_floor
+from robocup_vision.kernels.floor.ball import ACROSS, ALONG, U, V
 from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.search import BallSearch
+from robocup_vision.perception.color_table import ColorTable
 from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
+
+# above and below a blob, in half sizes and pixels from its middle: beyond its rim and blur; and so far aside
+_ABOVE_RATIO, _BESIDE_RATIO, _BEYOND_PX = 1.35, 1.35, 2.0
 
 
 class PinholeBallFinder(BallSearch):
@@ -151,6 +156,38 @@ class PinholeBallFinder(BallSearch):
         in_robot = moves @ axes.T
         return np.asarray(in_robot.T @ in_robot)
 
+    def _upright_evidence(self, frame: UInt8Array, blob: FloatArray, table: ColorTable) -> float:
+        """See `BallSearch._upright_evidence`: a band of a beacon or post has the next band above, and below.
+
+        Such a band is as wide as the blob, of one colour, and another than what lies to both sides. A ball has floor at
+        its foot; a line that runs towards it is narrower, one across it goes on to both sides.
+        """
+        settings = self.settings
+        up = -np.array(self._down)
+        aside = np.array([up[1], -up[0]])
+        # glare and shade leave a part of a ball its colour: what goes on must go on beyond the whole of it
+        place = round(float(np.hypot(*(blob[[U, V]] - self._axis_px))))
+        along, across = (
+            max(float(blob[k]), float(s[place])) for k, s in zip((ALONG, ACROSS), self._sizes_px, strict=True)
+        )
+        within = across * np.array([-0.5, 0.0, 0.5])
+        beside = (_BESIDE_RATIO * across + _BEYOND_PX) * np.array([-1.0, 1.0])
+        offsets = np.concatenate([within, beside])[:, None] * aside
+        nats = 0.0
+        for way in (1.0, -1.0):
+            middle = blob[[U, V]] + way * (_ABOVE_RATIO * along + _BEYOND_PX) * up
+            colors = _means_at(frame, middle + offsets)
+            if colors is None:
+                continue
+            inner, outer = colors[:3], colors[3:]
+            if (table.floor_llr[table.pack(np.rint(inner).astype(np.uint8))] > 0).any():
+                continue
+            mean = inner.mean(axis=0)
+            spread, apart = (np.abs(some - mean).max(axis=1) for some in (inner, outer))
+            if apart.min() > settings.min_upright_step + settings.upright_spreads * spread.max():
+                nats += settings.upright_nats
+        return nats
+
     def clear(self, ball: Ball, view: FloorView, marks: UInt8Array) -> None:
         """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
         bearing, radius = view.from_pixel((ball.u_px, ball.v_px))
@@ -162,3 +199,14 @@ class PinholeBallFinder(BallSearch):
         half_px = 1.5 * along + view.step_px + 1.5
         half_rows = (1.5 * across + 1.5) / row_px + 1
         free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)
+
+
+def _means_at(frame: UInt8Array, pixels: FloatArray) -> FloatArray | None:
+    """(N, 3) float64: mean colours of three by three pixels around some (N, 2); None where one lies outside."""
+    u, v = np.rint(pixels).astype(np.intp).T
+    height, width = frame.shape[:2]
+    if min(u.min(), v.min()) < 1 or u.max() > width - 2 or v.max() > height - 2:
+        return None
+    return np.array(
+        [frame[y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3).mean(axis=0) for x, y in zip(u, v, strict=True)]
+    )

@@ -201,6 +201,8 @@ class BallSearch(ABC):
             if self._blobs[n, kernel.CUT] and ratios[n] >= needed:
                 ratios[n] += self._cut_evidence(self._blobs[n])
             if ratios[n] >= needed:
+                ratios[n] += self._upright_evidence(frame, self._blobs[n], table)
+            if ratios[n] >= needed:
                 places.append((u, v, half_px))
                 found.append(self._ball_at(self._blobs[n, :2], ratios[n]))
         # glare leaves a part of a ball its colour: it moves by its own size
@@ -274,6 +276,10 @@ class BallSearch(ABC):
             density = math.exp(-0.5 * off * off) / (std * math.sqrt(math.tau))
             nats += math.log((1 - evidence.outlier_ratio) * density * evidence.shape_span + evidence.outlier_ratio)
         return nats
+
+    def _upright_evidence(self, frame: UInt8Array, blob: FloatArray, table: ColorTable) -> float:
+        """Weigh whether a blob is a part of something upright that goes on above or below it: nats, 0 or less."""
+        return 0.0
 
     def _whole(self, blob_px: FloatArray) -> tuple[FloatArray, float, FloatArray]:
         """Centre (2,) of the whole ball whose part in the picture has this centre, and its visible ratio.

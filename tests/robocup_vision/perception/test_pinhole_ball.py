@@ -1,7 +1,9 @@
 """A ball in a pinhole camera's frame is placed by the camera as it was held, with what that leaves open."""
 
 import math
+from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -83,3 +85,36 @@ def test_a_nodding_robot_knows_where_the_ball_is(nod_deg):
     assert math.hypot(*error) < 0.04
     assert error @ np.linalg.solve(view.balls[0].covariance, error) < 9.0
     assert np.sqrt(np.linalg.eigvalsh(view.balls[0].covariance)[-1]) < 0.1
+
+
+YELLOW = replace(FIELD, ball_color="yellow")
+
+
+def seen(scene, pose, nod_rad=0.0, cast_bgr=(1.0, 1.0, 1.0)):
+    """Balls in a frame of a camera that is blurred a little, and has noise."""
+    held = CAMERA.with_orientation(0.0, CAMERA.tilt_rad + nod_rad, 0.0)
+    rendered = cv2.GaussianBlur(render_pinhole(held, scene, pose, supersample=4), (0, 0), 0.7)
+    noise = np.random.default_rng(4).normal(0.0, 2.0, rendered.shape)
+    frame = np.clip(rendered * np.array(cast_bgr) + noise, 0, 255).astype(np.uint8)
+    return Vision(YELLOW, CAMERA).look(frame).balls
+
+
+@pytest.mark.parametrize("away_m", [1.8, 2.2, 2.6, 3.0])
+def test_the_band_of_a_beacon_is_no_ball_of_its_colour(away_m):
+    beacon = next(one for one in YELLOW.beacons if one.colors == ("white", "yellow", "pink"))
+    heading = math.atan2(beacon.y_m, beacon.x_m)
+    pose = Pose2(beacon.x_m - away_m * math.cos(heading), beacon.y_m - away_m * math.sin(heading), heading + 0.1)
+    # nodded up by so much, the band lies where a ball could
+    assert seen(Scene(YELLOW), pose, 0.03, (0.9, 1.1, 1.1)) == ()
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.6, math.pi / 2], ids=["across", "askew", "along"])
+@pytest.mark.parametrize("away_m", [0.5, 0.9, 1.3])
+def test_a_ball_on_a_line_is_a_ball(heading, away_m):
+    # the centre line runs along y
+    on_line = Ball(0.0, 0.9, YELLOW.ball_radius_m, COLOR_NAMES["yellow"])
+    pose = Pose2(-away_m * math.cos(heading), 0.9 - away_m * math.sin(heading), heading)
+    balls = seen(Scene(YELLOW, ball=on_line), pose)
+    assert len(balls) == 1
+    # of the robot, whose camera is held as its file says
+    assert math.hypot(balls[0].x_m - away_m, balls[0].y_m) < 0.06 * away_m + 0.02
