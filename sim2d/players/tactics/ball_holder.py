@@ -9,7 +9,7 @@ from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.planning.shots.shot_planner import ShotPlan
 from sim2d.players.plan import Plan, Point, Situation
 from sim2d.players.tactics.team_field import TeamField, direction_rad, distance_to_segment_m, offset
-from sim2d.robot_link import Reason
+from sim2d.robot_link import Reason, RobotLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,9 @@ class BallHolderSettings:
         Places in the goal's mouth that are tried, odd so that the middle is one.
     clear_ball_radii : float
         An obstacle whose rim is nearer to the shot's line than this less two, in ball radii, stops it.
-    range_widths : float
-        A kick is likely to score within so many goal widths.
+    reaction_s : float
+        A keeper starts so long after the kick. A kick is likely to score from where the ball is at a post before a
+        keeper that stood in the middle: slow kicks from afar are its balls.
     max_aim_rad, min_aim_rad : float
         A kick may miss the aim by half the goal's angle, but by no more and no less than this.
     pressed_radii : float
@@ -44,7 +45,7 @@ class BallHolderSettings:
 
     places: int = 7
     clear_ball_radii: float = 3.5
-    range_widths: float = 3.0
+    reaction_s: float = 0.3
     max_aim_rad: float = 0.35
     min_aim_rad: float = 0.06
     pressed_radii: float = 3.0
@@ -66,16 +67,19 @@ class BallHolder:
     ----------
     team : TeamField
         The field.
-    kick_speed_mps : float
-        Of a shot.
+    limits : RobotLimits
+        Of all robots.
     is_keeper : bool
         A keeper clears the ball under pressure and shoots from any distance.
     settings : BallHolderSettings
         See there.
     """
 
-    def __init__(self, team: TeamField, kick_speed_mps: float, is_keeper: bool, settings: BallHolderSettings) -> None:
-        self._team, self._kick_speed_mps, self._is_keeper, self._settings = team, kick_speed_mps, is_keeper, settings
+    def __init__(self, team: TeamField, limits: RobotLimits, is_keeper: bool, settings: BallHolderSettings) -> None:
+        self._team, self._is_keeper, self._settings = team, is_keeper, settings
+        self._kick_speed_mps = limits.kick_speed_mps
+        way_m = max(team.goal_half_m - team.ball_radius_m - team.reach_m, 0.0)
+        self._range_m = limits.kick_speed_mps * (settings.reaction_s + dash_s(way_m, limits))
 
     def decide(self, now: Situation) -> Plan:
         """Turn the ball to the opponent's goal; kick it there, or where nobody stands."""
@@ -92,7 +96,7 @@ class BallHolder:
         off = abs(wrap_angle(wanted - pose.theta_rad))
         away, goal_half = math.dist(ball, target), self._team.goal_half_m
         is_aimed = off < min(settings.max_aim_rad, max(settings.min_aim_rad, 0.5 * goal_half / max(away, 1e-6)))
-        in_range = away < settings.range_widths * 2 * goal_half or self._is_keeper
+        in_range = away < self._range_m or self._is_keeper
         if is_aimed and ((is_open and in_range) or now.held_s > settings.max_held_s):
             return self._kick("shoot", ball, wanted)
         if now.held_s > settings.clear_after_s:
@@ -142,3 +146,12 @@ class BallHolder:
         back = pose.compose(Pose2(-settings.draw_back_m, 0.0, 0.0))
         place = team.inside((back.x_m, back.y_m))
         return Plan("draw back", place, pose.theta_rad, dribble=True, close=True, holding=True, why=why)
+
+
+def dash_s(way_m: float, limits: RobotLimits) -> float:
+    """Return the time in which a robot that stood drives so far."""
+    speed, acceleration = limits.speed_mps, limits.acceleration_mps2
+    faster_m = speed**2 / (2 * acceleration)
+    if way_m < faster_m:
+        return math.sqrt(2 * way_m / acceleration)
+    return speed / acceleration + (way_m - faster_m) / speed

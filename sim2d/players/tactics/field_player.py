@@ -15,8 +15,9 @@ class FieldPlayerSettings:
 
     Attributes
     ----------
-    behind_ball_m : float
-        A supporter stays so far behind the ball, so that a lost ball is still before it.
+    behind_ball_reaches : float
+        A supporter stays so many reaches behind the ball: a lost ball is still before it, and two robots that fight for
+        the ball have room.
     support_limits : (float, float)
         Least x as a part of half the length (negative: own half), greatest x in metres.
     other_side_part : float
@@ -32,7 +33,7 @@ class FieldPlayerSettings:
         It turns on the way, so that a camera with a narrow view looks everywhere.
     """
 
-    behind_ball_m: float = 0.3
+    behind_ball_reaches: float = 4.0
     support_limits: tuple[float, float] = (-0.4, 0.3)
     other_side_part: float = 0.5
     wait_part: float = 0.3
@@ -68,29 +69,37 @@ class FieldPlayer:
 
     def support(self, now: Situation, ball: Point) -> Plan:
         """Follow the ball in the own strip."""
-        settings, half_width_m = self._settings, self._team.half_width_m
+        settings = self._settings
         low, high_m = settings.support_limits
-        x = min(max(ball[0] - settings.behind_ball_m, low * self._team.half_length_m), high_m)
-        if now.role is None or not now.role.is_agreed:
-            strips = max(self._players - 1, 1)
-            y = half_width_m * ((2 * self._number - 1) / strips - 1)
-        elif now.role.places > 1:
-            y = half_width_m * ((2 * now.role.place + 1) / now.role.places - 1)
-        else:
+        x = min(
+            max(ball[0] - settings.behind_ball_reaches * self._team.reach_m, low * self._team.half_length_m), high_m
+        )
+        y, places = self._own_strip(now)
+        if places == 1 and now.role is not None and now.role.is_agreed:
             y = -settings.other_side_part * ball[1]
         return self._face(now, "support", (x, y), ball)
 
     def leave_to_keeper(self, now: Situation, ball: Point) -> Plan:
         """Wait before the own goal, moving aside and back so that the way of a kick does not stay blocked."""
         team, part = self._team, self._settings.wait_part
-        target = (-part * team.half_length_m, part * team.half_width_m * math.sin(0.5 * now.t_s))
+        y, places = self._own_strip(now)
+        # beside each other
+        way_m = min(part * team.half_width_m, max(team.half_width_m / places - team.robot_radius_m, 0.0))
+        target = (-part * team.half_length_m, y + way_m * math.sin(0.5 * now.t_s))
         return self._face(now, "leave it to the keeper", target, ball)
+
+    def _own_strip(self, now: Situation) -> tuple[float, int]:
+        """Return the middle of the player's own strip, and how many strips there are."""
+        place, places = max(self._number - 1, 0), max(self._players - 1, 1)
+        if now.role is not None and now.role.is_agreed:
+            place, places = now.role.place, now.role.places
+        return self._team.half_width_m * ((2 * place + 1) / places - 1), places
 
     def search(self, now: Situation) -> Plan:
         """Go round the field's middle, to look behind whatever hides the ball."""
         settings = self._settings
         # those that search together begin at different corners
-        first = 0 if now.role is None else now.role.place
+        first = max(self._number - 1, 0) if now.role is None else now.role.place
         corner = (int(now.t_s / settings.search_corner_s) + first) % 4
         part = settings.search_part
         x = (part, -part, -part, part)[corner] * self._team.half_length_m

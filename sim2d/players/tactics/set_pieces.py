@@ -74,7 +74,11 @@ class KickOff:
         self._is_taker = number == min(1, players - 1)
 
     def decide(self, now: Situation) -> Plan:
-        """Go to the kick-off place; who takes the kick waits right behind the ball."""
+        """Go home straight, then to the kick-off place; who takes the kick waits right behind the ball."""
+        if now.place[0] > 0.0:
+            # places lie side by side near the middle: those that went there at once would meet before it
+            home = (self._place.x_m, now.place[1])
+            return Plan("kick-off", self._team.inside(home), direction_rad(home, (0.0, 0.0)), avoid_ball=True)
         x = -self._behind_reaches * self._team.reach_m if now.own_turn and self._is_taker else self._place.x_m
         target = (x, self._place.y_m)
         return Plan("kick-off", target, direction_rad(target, (0.0, 0.0)), avoid_ball=True)

@@ -81,7 +81,7 @@ class Tactics:
         self._number, self._players = number, players
         team = TeamField(field, limits, settings.wall_clearance_m)
         self._kick_off = KickOff(field, team, number, players, settings.kick_off_reaches)
-        self._ball_holder = BallHolder(team, limits.kick_speed_mps, self.is_keeper, settings.ball_holder)
+        self._ball_holder = BallHolder(team, limits, self.is_keeper, settings.ball_holder)
         self._fetch = Fetch(team, settings.fetch)
         self._keeper = Keeper(team, self._fetch, settings.keeper, ball)
         self._field_player = FieldPlayer(team, number, players, settings.field_player)

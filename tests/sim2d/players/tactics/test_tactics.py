@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -13,7 +14,9 @@ from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning import ShotPlan
 from robocup_vision.team.roles import ChosenRole
+from sim2d.match.setups import setup_for
 from sim2d.players.plan import Situation
+from sim2d.players.tactics.ball_holder import dash_s
 from sim2d.players.tactics.tactics import Tactics, TacticsSettings
 from sim2d.robot_link import RobotLimits
 
@@ -57,6 +60,29 @@ def test_a_held_ball_is_shot_where_the_way_is_free_and_turned_otherwise():
     late = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True, held_s=3.5, obstacles=wall_of_robots)
     assert late.kick_mps > 0.0
     assert decide(pose=Pose2(-0.6, 0.6, 2.5), in_mouth=True, held_s=5.0).intent == "clear"
+
+
+def test_a_shot_is_taken_from_where_the_ball_is_at_a_post_before_a_keeper():
+    field, limits = load_field("four_legged_2007"), setup_for(load_field("four_legged_2007")).robot.limits
+    tactics = Tactics(field, limits, 1, 4)
+
+    def shoots(way_m):
+        pose = Pose2(field.length_m / 2 - way_m - limits.radius_m - field.ball_radius_m, 0.0, 0.0)
+        return tactics.decide(Situation(pose, (pose.x_m, 0.0), (0.0, 0.0), True, 0.0, (), "play", False, 5.0)).kick_mps
+
+    # the keeper reacts within 0.3 s, gets to 0.5 m/s in another half, and has 0.11 m left to the ball at the post
+    assert shoots(1.5 * (0.3 + 0.5 + 0.22) - 0.02) > 0.0
+    assert shoots(1.5 * (0.3 + 0.5 + 0.22) + 0.02) == 0.0
+
+
+@given(st.floats(0.01, 3.0), st.floats(0.2, 3.0), st.floats(0.2, 3.0))
+def test_a_dash_gets_as_far_as_speed_and_acceleration_allow(way_m, speed_mps, acceleration_mps2):
+    limits = RobotLimits(speed_mps, acceleration_mps2)
+    step_s, gone_m, now_mps, t_s = 1e-3, 0.0, 0.0, 0.0
+    while gone_m < way_m:
+        now_mps = min(now_mps + acceleration_mps2 * step_s, speed_mps)
+        gone_m, t_s = gone_m + now_mps * step_s, t_s + step_s
+    assert dash_s(way_m, limits) == pytest.approx(t_s, abs=3e-3)
 
 
 def planned(action, place=(0.6, 0.0), heading_rad=0.0, chance=0.8):
@@ -117,6 +143,23 @@ def test_at_a_kick_off_everybody_is_in_the_own_half_and_outside_the_circle_but_f
         assert math.hypot(*plan.target) > 0.25 + LIMITS.radius_m
         assert plan.target[0] < 0
     assert math.hypot(*decide(1, 3, phase="kick_off", own_turn=True).target) < 0.25
+
+
+@given(st.integers(1, 3), st.floats(0.01, 1.3), st.floats(-0.7, 0.7))
+def test_for_a_kick_off_everybody_goes_home_straight_and_then_to_its_place(number, x, y):
+    away = decide(number, 4, pose=Pose2(x, y, 0.0), phase="kick_off")
+    assert away.target[0] < 0.0
+    assert away.target[1] == pytest.approx(y, abs=0.1)
+    home = decide(number, 4, pose=Pose2(-x, y, 0.0), phase="kick_off")
+    assert home.target == decide(number, 4, phase="kick_off").target
+
+
+@given(st.floats(0.0, 100.0))
+def test_those_that_leave_the_ball_to_the_keeper_wait_beside_each_other(t_s):
+    waiting = [decide(number, 4, ball=(-1.2, 0.0), t_s=t_s) for number in (1, 2, 3)]
+    assert {plan.intent for plan in waiting} == {"leave it to the keeper"}
+    across = [plan.target[1] for plan in waiting]
+    assert min(b - a for a, b in pairwise(across)) > 2 * LIMITS.radius_m
 
 
 places = st.tuples(st.floats(-1.3, 1.3), st.floats(-0.7, 0.7))
@@ -216,3 +259,17 @@ def test_those_that_search_together_begin_at_different_corners():
     targets = {decide(ball=None, role=ChosenRole("search", place, 3)).target for place in range(3)}
     assert len(targets) == 3
     assert decide(ball=None, role=ChosenRole("search")).target == decide(ball=None).target
+    # those that do not speak, too
+    assert len({decide(number, 4, ball=None).target for number in (1, 2, 3)}) == 3
+
+
+def test_a_supporter_leaves_room_for_two_that_fight_for_the_ball():
+    plan = decide(2, 3, ball=(0.1, -0.4), role=ChosenRole("support", 1, 2, is_agreed=True))
+    assert plan.intent == "support"
+    assert 0.1 - plan.target[0] == pytest.approx(4 * (LIMITS.radius_m + FIELD.ball_radius_m))
+
+
+def test_who_is_not_near_the_ball_yet_touches_nobody_on_its_way_round():
+    assert decide(pose=Pose2(0.2, 0.0, math.pi)).close
+    far = decide(pose=Pose2(0.5, 0.0, math.pi))
+    assert (far.intent, far.close) == ("get behind", False)
