@@ -149,8 +149,11 @@ class MirrorBallFinder(BallSearch):
         cell = int(place)
         down = fall[cell] + (place - cell) * (fall[cell + 1] - fall[cell])
         bearing = math.atan2(dv if self.camera.mirrored else -dv, du) + self.camera.heading_rad
-        ray = (math.cos(bearing), math.sin(bearing), -down)
-        x, y, z = (row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2] for row in turn)
+        along, aside = math.cos(bearing), math.sin(bearing)
+        # written out: a ball takes five of these
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn
+        x, y = xx * along + xy * aside - xz * down, yx * along + yy * aside - yz * down
+        z = zx * along + zy * aside - zz * down
         fallen = z0 - self.radius_m * (z0 / self._height_m)
         scale = fallen / max(-z, 1e-9)
         return x0 + scale * x, y0 + scale * y
