@@ -66,21 +66,30 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
     finite = np.isfinite(reach)
     if not finite.any():
         return free_space
+    known, ranges = (bearing, reach) if finite.all() else (bearing[finite], reach[finite])
     step = float(bearing[1] - bearing[0]) if len(bearing) > 1 else math.tau
     is_ring = abs(step * len(bearing) - math.tau) < 1e-6
     half = math.pi / len(bearing) if is_ring else step / 2
-    ends = np.concatenate([floor_ends(bearing[finite] + turn, reach[finite]) for turn in (-half, 0.0, half)])
-    moved = motion.inverse().transform(ends)
-    turned, away = np.arctan2(moved[:, 1], moved[:, 0]), np.hypot(moved[:, 0], moved[:, 1])
+    # ends of each direction's floor at its middle and both sides, in the order of their bearings
+    ends = (known[:, None] + (np.array([-half, 0.0, half]) - motion.theta_rad)).ravel()
+    start, ranges = motion.inverse(), np.repeat(ranges, 3)
+    ahead, left = ranges * np.cos(ends) + start.x_m, ranges * np.sin(ends) + start.y_m
+    turned, away = np.arctan2(left, ahead), np.hypot(ahead, left)
     # a nearer obstacle hides a farther one; interpolation between the two would not
     if is_ring:
-        order = np.argsort(turned)
-        seen = np.interp(bearing, turned[order], away[order], period=math.tau)
+        # from one end before the first bearing to one beyond the last
+        around = bearing[0] + np.remainder(turned - bearing[0], math.tau)
+        order = np.argsort(around, kind="stable")
+        order = np.concatenate([order[-1:], order, order[:1]])
+        around = around[order]
+        around[0] -= math.tau
+        around[-1] += math.tau
+        seen = np.interp(bearing, around, away[order])
         index = np.rint((turned - bearing[0]) / (2 * half)).astype(int) % len(bearing)
     else:
         middle = float(bearing.mean())
         turned = middle + np.remainder(turned - middle + math.pi, math.tau) - math.pi
-        order = np.argsort(turned)
+        order = np.argsort(turned, kind="stable")
         seen = np.interp(bearing, turned[order], away[order], left=0.0, right=0.0)
         index = np.rint((turned - bearing[0]) / step).astype(int)
         is_shown = (index >= 0) & (index < len(bearing))
