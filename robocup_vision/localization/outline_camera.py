@@ -151,5 +151,6 @@ class OutlineCamera:
 
 
 def _is_within(vector: FloatArray, bound: FloatArray) -> bool:
-    """Whether a vector (2,) lies within the ellipse of a matrix (2, 2)."""
-    return float(vector @ np.linalg.solve(bound, vector)) < 1.0
+    """Whether a vector (2,) lies within the ellipse of a positive definite matrix (2, 2)."""
+    (x, y), ((xx, xy), (_, yy)) = vector.tolist(), bound.tolist()
+    return bool(yy * x * x - 2.0 * xy * x * y + xx * y * y < xx * yy - xy * xy)
