@@ -41,7 +41,7 @@ from sim2d.rendering.random_scenes import CONDITIONS, sample  # noqa: E402
 
 FIELD, CARPET_FIELD = load_field("ssl_2001"), load_field("msl_6x4")
 # greatest ratio without a prior, with one
-TARGETS = {(256, 220): (5.0, 4.0), (640, 480): (1.2, 1.0)}
+TARGETS = {(256, 220): (4.0, 3.5), (640, 480): (1.0, 0.85)}
 MAX_SEARCH_MS, MAX_CONSTRUCTION_S = 150.0, 1.0
 PRIOR_STD = (0.01, 0.01, math.radians(1.0))
 VELOCITY_MPS, GOAL_BEARING_RAD = (0.2, 0.1), 0.3
