@@ -103,12 +103,13 @@ class EdgeLocalizer:
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate
     ) -> tuple[FollowedCamera | NotLocated, EdgePoints | None]:
-        """Follow by the frame, or else by a second look; with the edges where that located the camera."""
+        """Follow by the frame, or by a second look that tells more; with the edges where that located the camera."""
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
         answer = self.follower.follow(evidence.frame, near, dt_s)
-        if answer:
+        may_compare = WideFinder.serves(*self._whose)
+        if answer and not (may_compare and answer.evidence.position_std_m >= self.follower.settings.open_m):
             return answer, None
-        again = self._second_look.follow(evidence.frame, near, dt_s, before)
+        again = self._second_look.follow(evidence.frame, near, dt_s, before, answer, may_compare=may_compare)
         if not again:
             return answer, None
         self.follower.state = self._second_look.state

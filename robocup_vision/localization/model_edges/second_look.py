@@ -1,4 +1,4 @@
-"""Looks at a frame again that confirms no pose: for lines of other widths, and in smaller copies.
+"""Looks at a frame again that confirms no pose, or next to none: for lines of other widths, and in smaller copies.
 
 A line may be two tapes side by side, or worn. A blurred one is a slope as wide as the blur, and no edge at the frame's
 own size: a search of a few pixels sees too little of the step, and takes what it borders on for another thing than
@@ -7,6 +7,7 @@ carpet. In a copy that is so many times smaller the blur is as many times shorte
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import cv2
@@ -37,7 +38,14 @@ class SecondLook:
         self._last: EdgeFollower | None = None
 
     def follow(
-        self, frame: UInt8Array, prior: PoseEstimate, dt_s: float, before: FollowerState
+        self,
+        frame: UInt8Array,
+        prior: PoseEstimate,
+        dt_s: float,
+        before: FollowerState,
+        first: FollowedCamera | NotLocated = NotLocated("not asked for"),
+        *,
+        may_compare: bool = False,
     ) -> FollowedCamera | NotLocated:
         """Locate the camera by the frame, or by the largest copy of it that confirms a pose.
 
@@ -51,17 +59,27 @@ class SecondLook:
             Time since the last frame.
         before : FollowerState
             Of the follower of whole frames, before it saw this one.
+        first : FollowedCamera or NotLocated
+            Of the first look: an answer must leave the position clearly less open.
+        may_compare : bool
+            Whether smaller copies are asked, too, while what confirms a pose leaves the position open.
         """
+        settings = self._settings
+        answer: FollowedCamera | NotLocated = NotLocated("no second look at the frame confirms a pose")
+        open_m = settings.less_open * first.evidence.position_std_m if first else math.inf
         for factor in self._factors:
             follower = self._made_follower(factor)
             follower.state = before
-            answer = follower.follow(copy_of(frame, follower.camera.size_px), prior, dt_s)
-            if answer:
-                self._last = follower
-                residual_px = factor * answer.estimate.residual_px
-                estimate = replace(answer.estimate, residual_px=residual_px)
-                return replace(answer, estimate=estimate, file_camera=self._camera)
-        return NotLocated("no second look at the frame confirms a pose")
+            found = follower.follow(copy_of(frame, follower.camera.size_px), prior, dt_s)
+            if not found or found.evidence.position_std_m >= open_m:
+                continue
+            self._last = follower
+            residual_px = factor * found.estimate.residual_px
+            answer = replace(found, estimate=replace(found.estimate, residual_px=residual_px), file_camera=self._camera)
+            open_m = settings.less_open * found.evidence.position_std_m
+            if not may_compare or found.evidence.position_std_m < settings.open_m:
+                break
+        return answer
 
     @property
     def state(self) -> FollowerState:

@@ -93,6 +93,10 @@ class EdgeSettings:
     # a frame that confirms nothing is looked at again so many times smaller, for it may be blurred; at least this wide
     copy_factors: tuple[int, ...] = (1, 2, 3)
     min_copy_px: int = 200
+    # an answer that leaves the position open by so much, by the frame alone, is looked for again where walls or boards
+    # bound the field: their feet, in such copies, lie beside the lines; and by how much the second must be better
+    open_m: float = 0.1
+    less_open: float = 0.7
     # a search by the bank that found nothing is not repeated so soon: frames so close together show the same
     search_again_s: float = 0.1
     # of the prior where only a pose is given

@@ -11,9 +11,12 @@ from hypothesis import strategies as st
 
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower
+from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.localization.model_edges.wide_finder import WideFinder, smallest_copy
 from robocup_vision.vision import Vision
@@ -49,9 +52,13 @@ class Blurred:
 
 @pytest.fixture(scope="module", params=[CORNER, PENALTY_AREA], ids=["corner", "penalty_area"])
 def blurred(request):
+    return Blurred(frame_at(request.param, (9.0, 3.0)), request.param)
+
+
+def frame_at(pose, blur_px):
     held = CAMERA.with_orientation(0.0, CAMERA.tilt_rad + 0.008, -0.006)
-    light = render_pinhole(held, Scene(replace(HALF, line_width_m=0.05)), request.param, supersample=4)
-    return Blurred(motion_blur(np.clip(light, 0, 255).astype(np.uint8), 9.0, 3.0), request.param)
+    light = render_pinhole(held, Scene(replace(HALF, line_width_m=0.05)), pose, supersample=4)
+    return motion_blur(np.clip(light, 0, 255).astype(np.uint8), *blur_px)
 
 
 def off_m(candidates, truth):
@@ -75,6 +82,24 @@ def test_vision_takes_it_where_nothing_else_is_known_of_the_pose(blurred):
     assert off_m(view.pose.candidates, blurred.pose) < 0.05
     pixels = view.edge_points.pixels
     assert pixels[:, 0].max() > 0.6 * CAMERA.size_px[0]
+
+
+@pytest.mark.parametrize(
+    ("pose", "blur_px"), [(Pose2(0.9, -1.5, -2.0), (9.0, 3.0)), (Pose2(0.8, 1.8, 0.0), (4.0, 4.0))]
+)
+def test_what_leaves_the_position_open_is_looked_at_in_smaller_copies_beside_boards(pose, blur_px):
+    frame = frame_at(pose, blur_px)
+    std = np.array([0.1, 0.1, math.radians(5.0)])
+    prior = PoseEstimate(pose.compose(Pose2(0.08, -0.06, 0.05)), np.diag(std**2), 1.0, 0.0)
+    evidence = FrameEvidence(frame, CAMERA, None, None, np.empty(0), np.empty(0, dtype=np.int64))
+    once = EdgeLocalizer(HALF, CAMERA, settings=EdgeSettings(open_m=math.inf)).locate(evidence, prior)
+    again = EdgeLocalizer(HALF, CAMERA).locate(evidence, prior)
+    assert once.pose
+    assert again.pose
+    assert again.pose.pose.error_to(pose)[0] < 0.5 * once.pose.pose.error_to(pose)[0]
+    assert again.pose.pose.error_to(pose)[0] < 0.03
+    # the measurement, too, is that of the copy
+    assert np.trace(again.measurement.covariance) < np.trace(once.measurement.covariance)
 
 
 def test_a_picture_of_noise_is_not_located():
