@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.model_edges.find import Bank, upright_mismatch
@@ -35,6 +35,8 @@ class Alignment(NamedTuple):
         Angle of one pixel.
     gates_px : (G,) float64
         Scale of the robust weight in each step; the last one is that of the score too.
+    sights : (S, 8) float64
+        Beacons and posts, as `sightings.sightings` returns them; their bearings and sizes are weighed as line points.
     """
 
     slopes: FloatArray
@@ -44,56 +46,151 @@ class Alignment(NamedTuple):
     std: FloatArray
     pixel_rad: float
     gates_px: FloatArray
+    sights: FloatArray
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _weigh_points(
+    slopes: FloatArray,
+    distance_m: Float32Array,
+    grid: tuple[float, float, float],
+    camera: tuple[float, float, float, float],
+    pose: FloatArray,
+    gate2: float,
+    system: FloatArray,
+    step: FloatArray,
+) -> float:
+    """Add the line points' normal equations to `system` (lower half) and `step`, and return how many are off.
+
+    Parameters
+    ----------
+    slopes : (N, 2) float64
+        See `Alignment`.
+    distance_m : (R, C) float32
+        From the nearest line.
+    grid : (float, float, float)
+        x and y of cell (0, 0)'s middle, and a cell's side.
+    camera : (float, float, float, float)
+        Tilt and roll at rest, height, angle of a pixel.
+    pose : (5,) float64
+        See `align`.
+    gate2 : float
+        Square of the robust weight's scale, pixels.
+    system, step : (5, 5), (5,) float64
+        Added to.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    ct, st = math.cos(camera[0] + pose[3]), math.sin(camera[0] + pose[3])
+    cr, sr = math.cos(camera[1] + pose[4]), math.sin(camera[1] + pose[4])
+    height, pixel = camera[2], camera[3]
+    inverse, cell2 = 1.0 / grid[2], grid[2] * grid[2]
+    px, py = (pose[0] - grid[0]) * inverse + 0.5, (pose[1] - grid[1]) * inverse + 0.5
+    last_column, last_row = distance_m.shape[1] - 2, distance_m.shape[0] - 2
+    far2 = FAR * FAR / gate2
+    total = 0.0
+    s00, s10, s11, s20, s21, s22, s30, s31 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    s32, s33, s40, s41, s42, s43, s44 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    t0, t1, t2, t3, t4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for n in range(slopes.shape[0]):
+        a, b = slopes[n, 0], slopes[n, 1]
+        left = cr * a - sr * b
+        over = sr * a + cr * b
+        ahead, up = ct - st * over, st + ct * over
+        if up > -0.01:
+            total += far2 / (1.0 + far2)
+            continue
+        scale = -height / up
+        x, y = ahead * scale, left * scale
+        column, line = int(px + (c * x - s * y) * inverse), int(py + (s * x + c * y) * inverse)
+        if column < 1 or line < 1 or column > last_column or line > last_row:
+            total += far2 / (1.0 + far2)
+            continue
+        u, v = np.uintp(column), np.uintp(line)
+        one_cell = np.uintp(1)
+        gx = 0.5 * inverse * (distance_m[v, u + one_cell] - distance_m[v, u - one_cell])
+        gy = 0.5 * inverse * (distance_m[v + one_cell, u] - distance_m[v - one_cell, u])
+        # the same in the robot's frame
+        rx, ry = c * gx + s * gy, c * gy - s * gx
+        # one pixel up and one aside on the floor
+        away2 = x * x + y * y
+        slant2 = away2 + height * height
+        along, across = rx * x + ry * y, ry * x - rx * y
+        upward2 = pixel * pixel * slant2 * slant2 / (height * height)
+        aside2 = pixel * pixel * slant2
+        one = 1.0 / math.sqrt((along * along * upward2 + across * across * aside2) / away2 + cell2)
+        off = distance_m[v, u] * one
+        share = 1.0 / (1.0 + off * off / gate2)
+        total += 1.0 - share
+        weight = share * share
+        factor2 = height / (up * up)
+        r0, r1, r2 = gx * one, gy * one, (ry * x - rx * y) * one
+        r3 = (rx * (up * up + ahead * ahead) + ry * left * ahead) * factor2 * one
+        d_ahead, d_left, d_up = -st * left, -over, ct * left
+        r4 = -(rx * (d_ahead * up - ahead * d_up) + ry * (d_left * up - left * d_up)) * factor2 * one
+        w0, w1, w2, w3, w4 = weight * r0, weight * r1, weight * r2, weight * r3, weight * r4
+        s00 += w0 * r0
+        s10 += w1 * r0
+        s11 += w1 * r1
+        s20 += w2 * r0
+        s21 += w2 * r1
+        s22 += w2 * r2
+        s30 += w3 * r0
+        s31 += w3 * r1
+        s32 += w3 * r2
+        s33 += w3 * r3
+        s40 += w4 * r0
+        s41 += w4 * r1
+        s42 += w4 * r2
+        s43 += w4 * r3
+        s44 += w4 * r4
+        t0 += w0 * off
+        t1 += w1 * off
+        t2 += w2 * off
+        t3 += w3 * off
+        t4 += w4 * off
+    system[0, 0] += s00
+    system[1, 0] += s10
+    system[1, 1] += s11
+    system[2, 0] += s20
+    system[2, 1] += s21
+    system[2, 2] += s22
+    system[3, 0] += s30
+    system[3, 1] += s31
+    system[3, 2] += s32
+    system[3, 3] += s33
+    system[4, 0] += s40
+    system[4, 1] += s41
+    system[4, 2] += s42
+    system[4, 3] += s43
+    system[4, 4] += s44
+    step[0] -= t0
+    step[1] -= t1
+    step[2] -= t2
+    step[3] -= t3
+    step[4] -= t4
+    return total
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
-def _residual(
-    bank: Bank, how: Alignment, pose: FloatArray, turned: FloatArray, n: int, row: FloatArray
-) -> tuple[float, bool]:
-    """Distance of a line point from the nearest line in pixels of the picture, and its derivatives."""
-    c, s, ct, st, cr, sr = turned[0], turned[1], turned[2], turned[3], turned[4], turned[5]
-    a, b = how.slopes[n, 0], how.slopes[n, 1]
-    left = cr * a - sr * b
-    over = sr * a + cr * b
-    ahead, up = ct - st * over, st + ct * over
-    if up > -0.01:
-        return FAR, False
-    scale = -how.height_m / up
-    x, y = ahead * scale, left * scale
-    away2 = x * x + y * y
-    fx, fy = pose[0] + c * x - s * y, pose[1] + s * x + c * y
-    inverse = 1.0 / bank.cell_m
-    column = int((fx - bank.origin_m[0]) * inverse + 0.5)
-    line = int((fy - bank.origin_m[1]) * inverse + 0.5)
-    if column < 1 or line < 1 or column > bank.distance_m.shape[1] - 2 or line > bank.distance_m.shape[0] - 2:
-        return FAR, False
-    away = float(bank.distance_m[line, column])
-    gx = 0.5 * inverse * (bank.distance_m[line, column + 1] - bank.distance_m[line, column - 1])
-    gy = 0.5 * inverse * (bank.distance_m[line + 1, column] - bank.distance_m[line - 1, column])
-    # the same in the robot's frame
-    rx, ry = c * gx + s * gy, c * gy - s * gx
-    # one pixel up and one aside on the floor
-    distance = math.sqrt(away2)
-    along = (rx * x + ry * y) / distance
-    across = (ry * x - rx * y) / distance
-    slant2 = away2 + how.height_m * how.height_m
-    upward = how.pixel_rad * slant2 / how.height_m
-    aside = how.pixel_rad * math.sqrt(slant2)
-    one = math.sqrt((along * upward) ** 2 + (across * aside) ** 2 + bank.cell_m * bank.cell_m)
-    row[0], row[1] = gx / one, gy / one
-    row[2] = (rx * -y + ry * x) / one
-    factor2 = how.height_m / (up * up)
-    row[3] = (rx * (up * up + ahead * ahead) + ry * left * ahead) * factor2 / one
-    d_ahead, d_left, d_up = -st * left, -over, ct * left
-    row[4] = -(rx * (d_ahead * up - ahead * d_up) + ry * (d_left * up - left * d_up)) * factor2 / one
-    return away / one, True
-
-
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def _turned(how: Alignment, pose: FloatArray, out: FloatArray) -> None:
-    out[0], out[1] = math.cos(pose[2]), math.sin(pose[2])
-    out[2], out[3] = math.cos(how.tilt_rad + pose[3]), math.sin(how.tilt_rad + pose[3])
-    out[4], out[5] = math.cos(how.roll_rad + pose[4]), math.sin(how.roll_rad + pose[4])
+def _sight(how: Alignment, pose: FloatArray, n: int, rows: FloatArray) -> tuple[float, float]:
+    """Bearing and size of a sighting less what a pose predicts, both in pixels, and their derivatives (2, 5)."""
+    sights = how.sights
+    best, dx, dy = 9.0, 0.0, 0.0
+    for k in range(2):
+        ex, ey = sights[n, 2 * k] - pose[0], sights[n, 2 * k + 1] - pose[1]
+        turn = math.atan2(ey, ex) - pose[2] - sights[n, 4]
+        turn -= math.tau * math.floor((turn + math.pi) / math.tau)
+        if abs(turn) < abs(best):
+            best, dx, dy = turn, ex, ey
+    away2 = max(dx * dx + dy * dy, 0.01)
+    away = math.sqrt(away2)
+    size = sights[n, 5] / (how.pixel_rad * away * math.cos(sights[n, 4]))
+    for j in range(SIZE):
+        rows[0, j], rows[1, j] = 0.0, 0.0
+    rows[0, 0], rows[0, 1] = dy / (away2 * how.pixel_rad), -dx / (away2 * how.pixel_rad)
+    rows[0, 2] = -1.0 / how.pixel_rad
+    rows[1, 0], rows[1, 1] = size * dx / away2, size * dy / away2
+    return best / how.pixel_rad, size - sights[n, 6]
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -116,45 +213,43 @@ def align(bank: Bank, how: Alignment, start: FloatArray, pose: FloatArray) -> fl
     float
         Points that are off, each up to 1, and half of the squared distance of tilt and roll from rest.
     """
-    number = how.slopes.shape[0]
     for j in range(SIZE):
         pose[j] = start[j] if j < 3 else 0.0
-    row, turned = np.zeros(SIZE), np.empty(6)
-    system, step = np.empty((SIZE, SIZE)), np.empty(SIZE)
-    for turn in range(how.gates_px.shape[0]):
-        gate2 = how.gates_px[turn] ** 2
-        _turned(how, pose, turned)
+    rows, system, step = np.zeros((2, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE)
+    grid = (bank.origin_m[0], bank.origin_m[1], bank.cell_m)
+    camera = (how.tilt_rad, how.roll_rad, how.height_m, how.pixel_rad)
+    turns = how.gates_px.shape[0]
+    cost = 0.0
+    for turn in range(turns + 1):
+        # the last turn gives the cost alone
+        gate2 = how.gates_px[min(turn, turns - 1)] ** 2
         for i in range(SIZE):
             at = pose[i] - (start[i] if i < 3 else 0.0)
             for j in range(SIZE):
                 system[i, j] = 0.0
             system[i, i] = 1.0 / (how.std[i] * how.std[i])
             step[i] = -at * system[i, i]
-        for n in range(number):
-            off, counts = _residual(bank, how, pose, turned, n, row)
-            if not counts:
-                continue
-            weight = 1.0 / (1.0 + off * off / gate2) ** 2
-            for i in range(SIZE):
-                part = weight * row[i]
-                step[i] -= part * off
-                for j in range(i + 1):
-                    system[i, j] += part * row[j]
+        cost = 0.5 * ((pose[3] / how.std[3]) ** 2 + (pose[4] / how.std[4]) ** 2)
+        cost += _weigh_points(how.slopes, bank.distance_m, grid, camera, pose, gate2, system, step)
+        for n in range(how.sights.shape[0]):
+            aside, larger = _sight(how, pose, n, rows)
+            for k in range(2):
+                off = aside if k == 0 else larger
+                share = 1.0 / (1.0 + off * off / gate2)
+                cost += how.sights[n, 7] * (1.0 - share)
+                weight = how.sights[n, 7] * share * share
+                for i in range(SIZE):
+                    step[i] -= weight * rows[k, i] * off
+                    for j in range(i + 1):
+                        system[i, j] += weight * rows[k, i] * rows[k, j]
         for i in range(SIZE):
             for j in range(i):
                 system[j, i] = system[i, j]
-        if not factor(system, SIZE):
+        if turn == turns or not factor(system, SIZE):
             break
         substitute(system, SIZE, step)
         for i in range(SIZE):
             pose[i] += step[i]
-    gate2 = how.gates_px[how.gates_px.shape[0] - 1] ** 2
-    _turned(how, pose, turned)
-    cost = 0.5 * ((pose[3] / how.std[3]) ** 2 + (pose[4] / how.std[4]) ** 2)
-    for n in range(number):
-        off, _ = _residual(bank, how, pose, turned, n, row)
-        square = off * off / gate2
-        cost += square / (1.0 + square)
     return float(cost)
 
 

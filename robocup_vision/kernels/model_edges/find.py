@@ -218,7 +218,8 @@ def score_bank(
     seen : (K, BINS + 1) float64
         As `upright_bins` returns.
     upright_weight : float
-        Of a bearing bin that is wrong, in line points.
+        Of a bearing bin that is wrong, in line points; 0 where uprights are to say nothing: a heading's neighbour is
+        farther away than a beacon is wide.
     scores : (P, H) float64
         Result.
     """
@@ -252,8 +253,9 @@ def score_bank(
                     cost += min(d * d, 1.0)
                 else:
                     cost += 1.0
-            wrong = _mismatch(bank, seen, total, low, high, bank.headings[j])
-            scores[i, j] = cost * (number / max(first, 1)) + upright_weight * wrong
+            scores[i, j] = cost * (number / max(first, 1))
+            if upright_weight > 0.0:
+                scores[i, j] += upright_weight * _mismatch(bank, seen, total, low, high, bank.headings[j])
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -167,27 +167,32 @@ def _emit(
     return count
 
 
+@compiled(fastmath=True, error_model="numpy", inline="always")
+def _seen_from(frame: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return a point of the field along the camera's axes: ahead, left, up."""
+    dx, dy, dz = x - frame[9], y - frame[10], z - frame[11]
+    return (
+        frame[0] * dx + frame[3] * dy + frame[6] * dz,
+        frame[1] * dx + frame[4] * dy + frame[7] * dz,
+        frame[2] * dx + frame[5] * dy + frame[8] * dz,
+    )
+
+
 @compiled(fastmath=True, error_model="numpy")
 def _clip(frame: FloatArray, lens: FloatArray, ends: FloatArray, part: FloatArray) -> float:
     """Clip a segment (6,) to what the camera sees; part takes the ends' fractions, depths; returns the length in px."""
-    c = np.empty((2, 3))
-    for e in range(2):
-        dx, dy, dz = ends[3 * e] - frame[9], ends[3 * e + 1] - frame[10], ends[3 * e + 2] - frame[11]
-        for j in range(3):
-            c[e, j] = frame[j] * dx + frame[3 + j] * dy + frame[6 + j] * dz
+    a0, a1, a2 = _seen_from(frame, ends[0], ends[1], ends[2])
+    b0, b1, b2 = _seen_from(frame, ends[3], ends[4], ends[5])
     low, high = 0.0, 1.0
-    # planes of the view: n . c >= 0
-    for k in range(5):
-        if k == 0:
-            f0, f1 = c[0, 0] - NEAR_M, c[1, 0] - NEAR_M
-        elif k == 1:
-            f0, f1 = lens[16] * c[0, 0] + c[0, 1], lens[16] * c[1, 0] + c[1, 1]
-        elif k == 2:
-            f0, f1 = lens[16] * c[0, 0] - c[0, 1], lens[16] * c[1, 0] - c[1, 1]
-        elif k == 3:
-            f0, f1 = lens[17] * c[0, 0] + c[0, 2], lens[17] * c[1, 0] + c[1, 2]
-        else:
-            f0, f1 = lens[17] * c[0, 0] - c[0, 2], lens[17] * c[1, 0] - c[1, 2]
+    # planes of the view: what lies inside is positive
+    wide, tall = lens[16], lens[17]
+    for f0, f1 in (
+        (a0 - NEAR_M, b0 - NEAR_M),
+        (wide * a0 + a1, wide * b0 + b1),
+        (wide * a0 - a1, wide * b0 - b1),
+        (tall * a0 + a2, tall * b0 + b2),
+        (tall * a0 - a2, tall * b0 - b2),
+    ):
         if f0 < 0.0 and f1 < 0.0:
             return 0.0
         if f0 < 0.0:
@@ -196,10 +201,9 @@ def _clip(frame: FloatArray, lens: FloatArray, ends: FloatArray, part: FloatArra
             high = min(high, f0 / (f0 - f1))
     if high <= low:
         return 0.0
-    d0 = c[0, 0] + low * (c[1, 0] - c[0, 0])
-    d1 = c[0, 0] + high * (c[1, 0] - c[0, 0])
-    du = (c[0, 1] + high * (c[1, 1] - c[0, 1])) / d1 - (c[0, 1] + low * (c[1, 1] - c[0, 1])) / d0
-    dv = (c[0, 2] + high * (c[1, 2] - c[0, 2])) / d1 - (c[0, 2] + low * (c[1, 2] - c[0, 2])) / d0
+    d0, d1 = a0 + low * (b0 - a0), a0 + high * (b0 - a0)
+    du = (a1 + high * (b1 - a1)) / d1 - (a1 + low * (b1 - a1)) / d0
+    dv = (a2 + high * (b2 - a2)) / d1 - (a2 + low * (b2 - a2)) / d0
     part[0], part[1], part[2], part[3] = low, high, d0, d1
     return math.sqrt((frame[12] * du) ** 2 + (frame[13] * dv) ** 2)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import cv2
@@ -11,11 +12,14 @@ from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges.find import Bank
+from robocup_vision.kernels.model_edges.sightings import Uprights
 from robocup_vision.localization.model_edges.field_edges import MIN_CHROMA
 
 _CELL_M = 0.04
 _MARGIN_M = 0.6  # of the table of distances beyond the outer lines
 _CUT_OFF_M = 1.2
+# in line points: of bearing and size of a beacon, and of a post
+_BEACON_WEIGHT, _POST_WEIGHT = 8.0, 2.0
 
 
 def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_step_rad: float) -> Bank:
@@ -94,3 +98,74 @@ def _distances(points_m: FloatArray, origin_m: FloatArray, shape: tuple[int, ...
     away[row[inside], column[inside]] = 0
     distance = np.asarray(cv2.distanceTransform(away, cv2.DIST_L2, 5), dtype=np.float32) * np.float32(_CELL_M)
     return np.asarray(np.minimum(distance, _CUT_OFF_M), dtype=np.float32)
+
+
+def prepare_uprights(field: Field, bank: Bank) -> Uprights:
+    """Prepare what `kernels.model_edges.sightings` looks for: coloured posts, and beacons of two coloured bands.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    bank : Bank
+        Of the field.
+    """
+    places: list[list[float]] = []
+    paint: list[list[int]] = []
+    sizes: list[list[float]] = []
+
+    def index(name: str) -> int:
+        color = np.array(COLOR_NAMES[name], dtype=np.float64)
+        if np.ptp(color) < MIN_CHROMA:
+            return -1
+        return int(np.argmax(bank.paints @ (color - color.mean())))
+
+    for beacon in field.beacons:
+        for lower, upper in itertools.pairwise(beacon.colors):
+            if index(lower) >= 0 and index(upper) >= 0:
+                places.append([beacon.x_m, beacon.y_m] * 2)
+                paint.append([index(upper), index(lower)])
+                sizes.append([2 * beacon.height_m / len(beacon.colors), 2 * beacon.radius_m, _BEACON_WEIGHT])
+    for goal in field.goals:
+        if goal.kind == "posts" and index(goal.color) >= 0:
+            half = goal.width_m / 2
+            places.append([goal.line_x_m, -half, goal.line_x_m, half])
+            paint.append([index(goal.color), -1])
+            sizes.append([goal.height_m + goal.post_radius_m, 2 * goal.post_radius_m, _POST_WEIGHT])
+    size = np.array(sizes, dtype=np.float64).reshape(-1, 3)
+    return Uprights(
+        bank.paints,
+        np.array(places, dtype=np.float64).reshape(-1, 4),
+        np.array(paint, dtype=np.int64).reshape(-1, 2),
+        np.ascontiguousarray(size[:, 0]),
+        np.ascontiguousarray(size[:, 1]),
+        np.ascontiguousarray(size[:, 2]),
+    )
+
+
+def around(sights: FloatArray, focal_px: float, field: Field, step_m: float) -> FloatArray:
+    """Poses (N, 3) from which each of some beacons and posts lies at its bearing and looks as large as it does.
+
+    Parameters
+    ----------
+    sights : (S, 8) float64
+        As `kernels.model_edges.sightings.sightings` returns them.
+    focal_px : float
+        Of the camera.
+    field : Field
+        The poses are on it.
+    step_m : float
+        Between neighbouring poses about the same place.
+    """
+    half_x, half_y = field.length_m / 2 + 0.2, field.width_m / 2 + 0.2
+    found = [np.empty((0, 3))]
+    for row in sights:
+        bearing, size_m, size_px = row[4:7]
+        away_m = size_m * focal_px / (size_px * math.cos(bearing))
+        angle = np.linspace(0.0, math.tau, max(8, math.ceil(math.tau * away_m / step_m)), endpoint=False)
+        for x, y in dict.fromkeys([(row[0], row[1]), (row[2], row[3])]):
+            there = np.stack(
+                [x + away_m * np.cos(angle), y + away_m * np.sin(angle), angle + math.pi - bearing], axis=1
+            )
+            found.append(there[(np.abs(there[:, 0]) < half_x) & (np.abs(there[:, 1]) < half_y)])
+    return np.concatenate(found)

@@ -16,9 +16,10 @@ from robocup_vision.kernels.model_edges.align import Alignment, align_all, slope
 from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
 from robocup_vision.kernels.model_edges.follow import brightness
+from robocup_vision.kernels.model_edges.sightings import MAX_SIGHTINGS, NOD_RAD, SIGHT, Horizon, sightings
 from robocup_vision.kernels.model_edges.tables import HEIGHT, ROLL, TILT, UNKNOWNS
 from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
-from robocup_vision.localization.model_edges.bank import prepare_bank
+from robocup_vision.localization.model_edges.bank import around, prepare_bank, prepare_uprights
 from robocup_vision.localization.model_edges.candidates import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
@@ -36,6 +37,16 @@ class FinderSettings:
     aligned: int = 200
     fitted: int = 12
     weighed: int = 6
+    # most proposals by beacons and posts, metres between them along a circle about one
+    around: int = 400
+    step_m: float = 0.2
+    # all are aligned in so many steps; so many of them, the likeliest, in all steps
+    first_steps: int = 3
+    likely: int = 30
+    # in line points: what is off by more than the best and so much is not fitted
+    behind: float = 10.0
+    # as a logarithm: what its first fit says to be less likely than the best by more is not weighed
+    unlikelier: float = 10.0
     # of these, so many of the likeliest with their half turns too, where the halves of the field differ
     turned: int = 2
     # how far apart two proposals are at least; two answers nearer than that are one
@@ -85,7 +96,10 @@ class EdgeFinder:
         self._rows = np.zeros((s.points, 3))
         self._points = np.zeros((600, 3))
         self._starts = np.zeros((s.aligned, 4))
-        self._aligned, self._costs = np.zeros((s.aligned, 5)), np.zeros(s.aligned)
+        most = s.aligned + s.around
+        self._aligned, self._costs = np.zeros((most, 5)), np.zeros(most)
+        self._uprights = prepare_uprights(field, self._bank)
+        self._sights = np.zeros((MAX_SIGHTINGS, SIGHT))
         sway = follower.sway_std_rad
         self._near = np.array([s.near_m, s.near_m, s.near_rad, sway, sway])
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
@@ -111,18 +125,28 @@ class EdgeFinder:
         count = line_points(frame, lens, p, carpet, look, self._points)
         upright_bins(frame, lens, horizon, self._bank.paints, self._bank.half_view_rad, seen)
         number = floor_places(self._points, count, lens, tilt, roll, camera.height_m, s.max_range_m, self._rows)
+        level = Horizon(horizon, camera.height_m, NOD_RAD * camera.focal_px[1])
+        many = sightings(frame, lens, level, seen, self._bank.half_view_rad, self._uprights, self._sights)
+        sights = self._sights[:many]
         if number < 3 and seen[:, -1].sum() < 2:
             return []
-        score_bank(self._bank, self._rows, number, seen, s.upright_weight, self._scores)
+        score_bank(self._bank, self._rows, number, seen, 0.0, self._scores)
         apart = np.array([s.apart_m, s.apart_rad])
         kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
         pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px)
-        poses, costs = self._aligned[:kept], self._costs[:kept]
-        align_all(self._bank, how, seen, s.upright_weight, self._starts[:kept, :3], poses, costs)
+        how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px, sights)
+        starts = np.concatenate([self._starts[:kept, :3], around(sights, camera.focal_px[0], follower.field, s.step_m)])
+        starts = starts[: len(self._aligned)]
+        roughly = how._replace(gates_px=self._gates_px[: s.first_steps])
+        poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
+        align_all(self._bank, roughly, seen, s.upright_weight, starts, poses, costs)
+        starts = starts[np.argsort(costs)[: s.likely]]
+        poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
+        align_all(self._bank, how, seen, s.upright_weight, starts, poses, costs)
         chosen: list[Pose2] = []
-        for index in np.argsort(costs).tolist():
+        order = np.argsort(costs)
+        for index in order[costs[order] <= costs[order[:1]].sum() + s.behind].tolist():
             pose = Pose2(*poses[index, :3].tolist())
             if not any(self._is_same(pose, other) for other in chosen):
                 chosen.append(pose)
@@ -196,8 +220,8 @@ class EdgeFinder:
                 ends.append((log_weight(evidence, s.candidates), end))
         ends.sort(key=lambda one: -one[0])
         places: list[Pose2] = []
-        for _, pose in ends:
-            if not any(self._is_same(pose, other) for other in places):
+        for weight, pose in ends:
+            if weight > ends[0][0] - s.unlikelier and not any(self._is_same(pose, other) for other in places):
                 places.append(pose)
         return places[: s.weighed]
 

@@ -21,6 +21,7 @@ from robocup_vision.kernels.model_edges.align import Alignment, align_all, slope
 from robocup_vision.kernels.model_edges.carpet import carpet_look, carpet_mask
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
 from robocup_vision.kernels.model_edges.follow import brightness
+from robocup_vision.kernels.model_edges.sightings import SIGHT
 from robocup_vision.kernels.model_edges.tables import HEIGHT, ROLL, TILT, UNKNOWNS
 from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
 from robocup_vision.localization.model_edges.bank import with_walls
@@ -31,6 +32,7 @@ from robocup_vision.localization.model_edges.second_look import copy_of, smaller
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 _QUARTER_RAD = math.pi / 2
+_NO_SIGHTS = np.zeros((0, SIGHT))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,7 @@ class WideFinder(EdgeFinder):
         kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
         pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px)
+        how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px, _NO_SIGHTS)
         poses, costs = self._aligned[:kept], self._costs[:kept]
         align_all(self._bank, how, self._seen, s.upright_weight, self._starts[:kept, :3], poses, costs)
         costs = costs + wide.wall_weight * self._walls_off(

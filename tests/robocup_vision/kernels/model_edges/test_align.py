@@ -17,6 +17,14 @@ CAMERA = PinholeCamera(
 )
 STD = np.array([0.12, 0.12, 0.06, 0.02, 0.02])
 GATES_PX = np.array([20.0, 10.0, 5.0, 3.0, 3.0])
+NONE = np.zeros((0, 8))
+# of the beacon and the goal that a camera at (-0.6, 0.3, 2.9) may see, about as it sees them
+SIGHTS = np.array(
+    [
+        [-1.35, 1.95, -1.35, 1.95, -0.9, 0.267, 24.0, 8.0],
+        [-2.7, -0.45, -2.7, 0.45, 0.2, 0.5, 20.0, 2.0],
+    ]
+)
 
 
 @pytest.fixture(scope="module")
@@ -80,23 +88,45 @@ def plain_residuals(bank, how, pose):
     return off, rows, counts
 
 
+def plain_sights(how, pose):
+    """Bearings and sizes of sightings less those predicted, in pixels."""
+    off = []
+    for x0, y0, x1, y1, bearing, size_m, size_px, _ in how.sights:
+        turns = []
+        for x, y in ((x0, y0), (x1, y1)):
+            turn = math.remainder(math.atan2(y - pose[1], x - pose[0]) - pose[2] - bearing, math.tau)
+            away = math.hypot(x - pose[0], y - pose[1])
+            turns.append((turn / how.pixel_rad, size_m / (how.pixel_rad * away * math.cos(bearing)) - size_px))
+        off.extend(min(turns, key=lambda one: abs(one[0])))
+    return np.array(off)
+
+
 def plain_align(bank, how, start):
     center = np.array([*start, 0.0, 0.0])
+    weights = np.repeat(how.sights[:, 7], 2)
     pose = center.copy()
     for gate in how.gates_px:
         off, rows, counts = plain_residuals(bank, how, pose)
         weight = np.where(counts, 1.0 / (1.0 + (off / gate) ** 2) ** 2, 0.0)
         system = np.diag(1.0 / how.std**2) + (rows * weight[:, None]).T @ rows
-        pose = pose + np.linalg.solve(system, -(pose - center) / how.std**2 - rows.T @ (weight * off))
+        aside, steps = plain_sights(how, pose), 1e-6 * np.eye(5)
+        slopes = [(plain_sights(how, pose + one) - plain_sights(how, pose - one)) / 2e-6 for one in steps]
+        by, heavy = np.array(slopes).T.reshape(-1, 5), weights / (1.0 + (aside / gate) ** 2) ** 2
+        system += (by * heavy[:, None]).T @ by
+        gradient = rows.T @ (weight * off) + by.T @ (heavy * aside)
+        pose = pose + np.linalg.solve(system, -(pose - center) / how.std**2 - gradient)
     off, _, _ = plain_residuals(bank, how, pose)
     square = (off / how.gates_px[-1]) ** 2
-    return pose, 0.5 * ((pose[3:] / how.std[3:]) ** 2).sum() + (square / (1.0 + square)).sum()
+    seen = (plain_sights(how, pose) / how.gates_px[-1]) ** 2
+    cost = (square / (1.0 + square)).sum() + (weights * seen / (1.0 + seen)).sum()
+    return pose, 0.5 * ((pose[3:] / how.std[3:]) ** 2).sum() + cost
 
 
-def test_one_pose_is_moved_as_by_the_plain_twin(bank):
+@pytest.mark.parametrize("sights", [NONE, SIGHTS])
+def test_one_pose_is_moved_as_by_the_plain_twin(bank, sights):
     rng = np.random.default_rng(3)
     truth = Pose2(-0.6, 0.3, 2.9)
-    how = Alignment(lined(CAMERA, truth, rng, 12), -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX[:2])
+    how = Alignment(lined(CAMERA, truth, rng, 12), -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX[:2], sights)
     for _ in range(3):
         start = truth.array + rng.normal(0.0, (0.1, 0.1, 0.05))
         pose = np.zeros(5)
@@ -110,7 +140,7 @@ def test_a_nod_is_made_good_and_the_right_pose_costs_least(bank):
     rng = np.random.default_rng(4)
     truth = Pose2(-1.2, 0.6, 2.2)
     nodding = CAMERA.with_orientation(0.0, -0.17 + 0.02, 0.03)
-    how = Alignment(lined(nodding, truth, rng, 90), -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX)
+    how = Alignment(lined(nodding, truth, rng, 90), -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX, NONE)
     starts = truth.array + np.array([(0.08, -0.06, 0.03), (0.9, 0.2, 0.4), (1.7, -1.0, -1.2)])
     poses, costs = np.zeros((3, 5)), np.zeros(3)
     seen = np.zeros((len(bank.paints), BINS + 1))
@@ -128,7 +158,7 @@ def test_a_nod_is_made_good_and_the_right_pose_costs_least(bank):
 
 def test_points_beside_the_field_count_as_off(bank):
     slopes = np.array([[0.0, 0.5], [0.0, -0.3]])
-    how = Alignment(slopes, -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX)
+    how = Alignment(slopes, -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX, NONE)
     pose = np.zeros(5)
     # far beside the field, one above the horizon and one on the floor
     assert align(bank, how, np.array([9.0, 9.0, 0.0]), pose) == pytest.approx(2.0, abs=1e-3)

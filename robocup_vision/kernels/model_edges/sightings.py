@@ -1,0 +1,202 @@
+"""Coloured beacons and posts found in a picture without a prior: which, at what bearing, and how large they look.
+
+Their bearing and their size in pixels put a camera on a circle about them. Neither depends on how the body nods.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.kernels.model_edges.find import BINS
+
+SIGHT = 8  # columns of a sighting
+MIN_RUN_PX = 3
+BLUR_PX = 3  # of a colour that is neither of two bands, between them
+MAX_SIGHTINGS = 12
+CUT = 1e4  # of a height that the picture's border cuts
+NOD_RAD = 0.06  # by which a foot may be off: of a body that walks, three standard deviations
+
+
+class Uprights(NamedTuple):
+    """Prepared once for a field.
+
+    Parameters
+    ----------
+    paints : (K, 3) float64
+        Unit vectors of their colour, blue, green, red, less grey.
+    places : (N, 4) float64
+        x0, y0, x1, y1: where each stands; a post of a goal stands at the one or the other.
+    paint : (N, 2) int64
+        Which paint its upper and its lower band show; of a post the lower is -1.
+    height_m : (N,) float64
+        Of its bands together, or of a post.
+    width_m : (N,) float64
+        Of its cylinder.
+    weight : (N,) float64
+        What it counts for: two bands are seldom anything else, a post's colour often is.
+    """
+
+    paints: FloatArray
+    places: FloatArray
+    paint: Int64Array
+    height_m: FloatArray
+    width_m: FloatArray
+    weight: FloatArray
+
+
+class Horizon(NamedTuple):
+    """Row of the horizon at rest, the camera's height (m), and by how many pixels the body's nod may shift a foot."""
+
+    row: float
+    height_m: float
+    slack_px: float
+
+
+@compiled(error_model="numpy", inline="always")
+def _paint_of(image: UInt8Array, v: int, u: int, paints: FloatArray) -> int:
+    """Which paint a pixel shows, -1 for none; as `find.upright_bins` tells it."""
+    b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
+    grey = (b + g + r) / 3.0
+    b, g, r = b - grey, g - grey, r - grey
+    size = math.sqrt(b * b + g * g + r * r)
+    if size <= 0.35 * grey + 10.0:
+        return -1
+    for k in range(paints.shape[0]):
+        if b * paints[k, 0] + g * paints[k, 1] + r * paints[k, 2] > 0.93 * size:
+            return k
+    return -1
+
+
+@compiled(error_model="numpy")
+def _sizes(
+    image: UInt8Array,
+    u: int,
+    top: int,
+    bottom: int,
+    horizon: Horizon,
+    uprights: Uprights,
+    sizes: FloatArray,
+    column: int,
+) -> None:
+    """Height in pixels at which each upright shows in one column of the picture: 0 where it does not, `CUT` if cut."""
+    number = uprights.paint.shape[0]
+    upper, upper_begin, upper_end = -1, -9, -9
+    paint, begin = -1, top
+    for v in range(top, bottom + 1):
+        now = _paint_of(image, v, u, uprights.paints) if v < bottom else -1
+        if now == paint and v < bottom:
+            continue
+        if paint >= 0 and v - begin >= MIN_RUN_PX:
+            for n in range(number):
+                size = 0.0
+                if uprights.paint[n, 1] < 0:
+                    if uprights.paint[n, 0] == paint:
+                        size = float(v - begin)
+                        below = v - horizon.row
+                        if begin == top:
+                            size = CUT if below > horizon.slack_px else 0.0
+                        elif abs(below - size * horizon.height_m / uprights.height_m[n]) > horizon.slack_px:
+                            size = 0.0
+                elif uprights.paint[n, 0] == upper and uprights.paint[n, 1] == paint:
+                    above, below = upper_end - upper_begin, v - begin
+                    if begin - upper_end <= BLUR_PX:
+                        if upper_begin == top:
+                            size = CUT
+                        elif above <= 2 * below and below <= 2 * above:
+                            size = float(v - upper_begin)
+                sizes[n, column] = max(sizes[n, column], size)
+            upper, upper_begin, upper_end = paint, begin, v
+        paint, begin = now, v
+
+
+@compiled(error_model="numpy")
+def sightings(
+    image: UInt8Array,
+    lens: FloatArray,
+    horizon: Horizon,
+    seen: FloatArray,
+    half_view_rad: float,
+    uprights: Uprights,
+    out: FloatArray,
+) -> int:
+    """Find the beacons and posts that a picture seems to show.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    lens : (18,) float64
+        See `prediction.predict`.
+    horizon : Horizon
+        Of the camera.
+    seen : (K, BINS + 1) float64
+        As `find.upright_bins` returns: bins that show no paint are not looked at.
+    half_view_rad : float
+        See `find.Bank`.
+    uprights : Uprights
+        What may be seen.
+    out : (S, 8) float64
+        Result: x0, y0, x1, y1 of where it may stand, bearing (rad, positive to the left), its size (m), how large it
+        looks (pixels), and its weight.
+
+    Returns
+    -------
+    int
+        How many.
+    """
+    height, width = image.shape[0], image.shape[1]
+    top = max(int(horizon.row - 0.45 * height), 0)
+    bottom = height
+    number = uprights.paint.shape[0]
+    sizes = np.zeros((number, BINS))
+    columns = np.zeros(BINS, np.int64)
+    for i in range(BINS):
+        bearing = half_view_rad * (1.0 - 2.0 * (i + 0.5) / BINS)
+        columns[i] = int(round(lens[2] - lens[0] * math.tan(bearing)))
+        shows = False
+        for k in range(seen.shape[0]):
+            if seen[k, i + 1] > seen[k, i]:
+                shows = True
+        if shows and 0 <= columns[i] < width:
+            _sizes(image, columns[i], top, bottom, horizon, uprights, sizes, i)
+    per_bin_px = 2.0 * half_view_rad / BINS * lens[0]
+    count = variable(0)
+    for n in range(number):
+        i = variable(0)
+        while i < BINS:
+            if sizes[n, i] == 0.0:
+                i += 1
+                continue
+            # bins of one thing look about equally tall; a goal's bar is thinner than its posts are tall
+            begin, tallest = i, sizes[n, i]
+            while i < BINS and sizes[n, i] > 0.6 * tallest:
+                tallest = max(tallest, sizes[n, i])
+                i += 1
+            first, last = begin, i
+            while first < last and sizes[n, first] < 0.6 * tallest:
+                first += 1
+            total = 0.0
+            for j in range(first, last):
+                total += sizes[n, j]
+            size, size_m = total / (last - first), uprights.height_m[n]
+            wide_px = (last - first) * per_bin_px
+            if tallest == CUT:
+                # its width tells how near it is, where it is all in the picture
+                if wide_px < 2 * MIN_RUN_PX or first == 0 or last == BINS:
+                    continue
+                size, size_m = wide_px, uprights.width_m[n]
+            expected_px = size * uprights.width_m[n] / size_m
+            if size < 2 * MIN_RUN_PX or wide_px > 2.5 * expected_px + 2.0 * per_bin_px or wide_px < 0.4 * expected_px:
+                continue
+            if count < out.shape[0]:
+                for j in range(4):
+                    out[count, j] = uprights.places[n, j]
+                out[count, 4] = half_view_rad * (1.0 - (first + last) / BINS)
+                out[count, 5], out[count, 6], out[count, 7] = size_m, size, uprights.weight[n]
+                count += 1
+    return count

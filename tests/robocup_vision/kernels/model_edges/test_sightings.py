@@ -1,0 +1,168 @@
+"""Beacons and posts found in a picture against a plain twin, and the poses that they propose."""
+
+import math
+from itertools import groupby
+
+import numpy as np
+import pytest
+
+from field_models import COLOR_NAMES, load_field
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.find import BINS, upright_bins
+from robocup_vision.kernels.model_edges.sightings import BLUR_PX, CUT, MIN_RUN_PX, NOD_RAD, SIGHT, Horizon, sightings
+from robocup_vision.localization.model_edges.bank import around, prepare_bank, prepare_uprights
+from robocup_vision.localization.model_edges.field_edges import lens_table
+
+FIELD = load_field("four_legged_2007")
+CAMERA = PinholeCamera(
+    (208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, pan_rad=0.0, tilt_rad=-0.17, roll_rad=0.0, roll_std_rad=0.02
+)
+BANK = prepare_bank(FIELD, CAMERA, 0.8, 0.5)
+UPRIGHTS = prepare_uprights(FIELD, BANK)
+HORIZON = Horizon(79.5 - 192.0 * math.tan(0.17), 0.185, NOD_RAD * 192.0)
+
+
+def drawn(pose, nod_px=0):
+    """Picture of the beacons and posts of the field as upright rectangles, and its paints by bearing."""
+    image = np.full((160, 208, 3), (50, 110, 45), dtype=np.uint8)
+    image[: int(HORIZON.row) + nod_px] = 120
+    things = [(b.x_m, b.y_m, b.radius_m, b.height_m, b.colors) for b in FIELD.beacons]
+    for goal in FIELD.goals:
+        for side in (-1, 1):
+            top_m = goal.height_m + goal.post_radius_m
+            things.append((goal.line_x_m, side * goal.width_m / 2, goal.post_radius_m, top_m, (goal.color,)))
+    for x, y, radius, height_m, colors in things:
+        ahead, left = pose.inverse().transform(np.array([[x, y]]))[0]
+        if ahead < 0.2:
+            continue
+        u, half = 103.5 - 192.0 * left / ahead, 192.0 * radius / math.hypot(ahead, left)
+        columns = slice(max(round(u - half), 0), max(round(u + half), 0))
+        rows = [
+            max(round(HORIZON.row + nod_px + 192.0 * (0.185 - z) / ahead), 0)
+            for z in np.linspace(0.0, height_m, len(colors) + 1)
+        ]
+        for foot, head, name in zip(rows[:-1], rows[1:], colors, strict=True):
+            image[head:foot, columns] = COLOR_NAMES[name]
+    seen = np.zeros((len(BANK.paints), BINS + 1))
+    upright_bins(image, lens_table(CAMERA), HORIZON.row, BANK.paints, BANK.half_view_rad, seen)
+    return image, seen
+
+
+def found(image, seen):
+    out = np.zeros((12, SIGHT))
+    count = sightings(image, lens_table(CAMERA), HORIZON, seen, BANK.half_view_rad, UPRIGHTS, out)
+    return out[:count]
+
+
+def plain_heights(column, top):
+    """Height at which each upright shows in one column of pixels (N, 3), from row `top` on."""
+    chroma = column - column.mean(axis=1, keepdims=True)
+    size = np.linalg.norm(chroma, axis=1)
+    like = chroma @ UPRIGHTS.paints.T > 0.93 * size[:, None]
+    paint = np.where((size > 0.35 * column.mean(axis=1) + 10.0) & like.any(axis=1), like.argmax(axis=1), -1)
+    runs, at = [], 0
+    for name, group in groupby(paint.tolist()):
+        length = len(list(group))
+        if name >= 0 and length >= MIN_RUN_PX:
+            runs.append((name, top + at, top + at + length))
+        at += length
+    heights = np.zeros(len(UPRIGHTS.paint))
+    for index, (name, begin, end) in enumerate(runs):
+        for n, (upper, lower) in enumerate(UPRIGHTS.paint):
+            height = 0.0
+            if lower < 0 and upper == name:
+                low, share = end - HORIZON.row, HORIZON.height_m / UPRIGHTS.height_m[n]
+                if begin == top:
+                    height = CUT if low > HORIZON.slack_px else 0.0
+                elif abs(low - (end - begin) * share) <= HORIZON.slack_px:
+                    height = end - begin
+            elif index and lower == name and upper == runs[index - 1][0] and begin - runs[index - 1][2] <= BLUR_PX:
+                above, below = runs[index - 1][2] - runs[index - 1][1], end - begin
+                if runs[index - 1][1] == top:
+                    height = CUT
+                elif above <= 2 * below and below <= 2 * above:
+                    height = end - runs[index - 1][1]
+            heights[n] = max(heights[n], height)
+    return heights
+
+
+def plain_sightings(image, seen):
+    top = max(int(HORIZON.row - 0.45 * 160), 0)
+    heights = np.zeros((BINS, len(UPRIGHTS.paint)))
+    for i in range(BINS):
+        bearing = BANK.half_view_rad * (1 - 2 * (i + 0.5) / BINS)
+        u = round(103.5 - 192.0 * math.tan(bearing))
+        if (np.diff(seen)[:, i] > 0).any() and 0 <= u < 208:
+            heights[i] = plain_heights(image[top:, u].astype(float), top)
+    wide, rows = 2 * BANK.half_view_rad / BINS * 192.0, []
+    for n in range(len(UPRIGHTS.paint)):
+        i = 0
+        while i < BINS:
+            if not heights[i, n]:
+                i += 1
+                continue
+            begin, tallest = i, heights[i, n]
+            while i < BINS and heights[i, n] > 0.6 * tallest:
+                tallest = max(tallest, heights[i, n])
+                i += 1
+            first = next(j for j in range(begin, i) if heights[j, n] >= 0.6 * tallest)
+            size_m, size = UPRIGHTS.height_m[n], heights[first:i, n].mean()
+            if tallest == CUT:
+                if (i - first) * wide < 2 * MIN_RUN_PX or first == 0 or i == BINS:
+                    continue
+                size_m, size = UPRIGHTS.width_m[n], (i - first) * wide
+            expected = size * UPRIGHTS.width_m[n] / size_m
+            if size >= 2 * MIN_RUN_PX and 0.4 * expected <= (i - first) * wide <= 2.5 * expected + 2 * wide:
+                bearing = BANK.half_view_rad * (1 - (first + i) / BINS)
+                rows.append([*UPRIGHTS.places[n], bearing, size_m, size, UPRIGHTS.weight[n]])
+    return np.array(rows).reshape(-1, SIGHT)[:12]
+
+
+POSES = [
+    Pose2(0.2, 0.6, 0.85),
+    Pose2(-0.9, 1.2, 2.1),
+    Pose2(1.0, 0.1, 0.0),
+    Pose2(-2.0, -0.3, 3.1),
+    Pose2(2.2, -0.2, -0.5),
+]
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_sightings_are_the_plain_ones(pose):
+    rng = np.random.default_rng(2)
+    image, seen = drawn(pose)
+    image = np.clip(image + rng.normal(0.0, 6.0, image.shape), 0, 255).astype(np.uint8)
+    # things of the same paints that are neither
+    image[60:75, 20:60], image[10:30, 150:154] = COLOR_NAMES["yellow"], COLOR_NAMES["cyan"]
+    upright_bins(image, lens_table(CAMERA), HORIZON.row, BANK.paints, BANK.half_view_rad, seen)
+    expected = plain_sightings(image, seen)
+    assert len(expected) > 0
+    np.testing.assert_allclose(found(image, seen), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("nod_px", [-5, 0, 5])
+def test_a_beacon_is_seen_where_and_as_large_as_it_is(nod_px):
+    pose, beacon = POSES[0], FIELD.beacons[0]
+    image, seen = drawn(pose, nod_px)
+    [row] = [row for row in found(image, seen) if row[7] > 4.0]
+    ahead, left = pose.inverse().transform(np.array([[beacon.x_m, beacon.y_m]]))[0]
+    assert tuple(row[:4]) == (beacon.x_m, beacon.y_m) * 2
+    assert row[4] == pytest.approx(math.atan2(left, ahead), abs=2.0 / 192.0)
+    assert row[6] == pytest.approx(192.0 * 2 / 3 * beacon.height_m / ahead, abs=1.5)
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_what_is_seen_proposes_a_pose_near_the_true_one(pose):
+    image, seen = drawn(pose)
+    proposed = around(found(image, seen), 192.0, FIELD, 0.2)
+    away = np.hypot(proposed[:, 0] - pose.x_m, proposed[:, 1] - pose.y_m)
+    turn = np.abs([math.remainder(theta - pose.theta_rad, math.tau) for theta in proposed[:, 2]])
+    assert ((away < 0.25) & (turn < math.radians(8.0))).any()
+    assert (np.abs(proposed[:, :2]) <= (FIELD.length_m / 2 + 0.2, FIELD.width_m / 2 + 0.2)).all()
+
+
+def test_nothing_is_proposed_where_nothing_is_seen():
+    assert around(np.zeros((0, SIGHT)), 192.0, FIELD, 0.2).shape == (0, 3)
+    white = load_field("spl_2020")
+    assert len(prepare_uprights(white, prepare_bank(white, CAMERA, 2.0, 1.0)).paint) == 0
