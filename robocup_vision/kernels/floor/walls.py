@@ -12,6 +12,8 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
 from robocup_vision.kernels.algebra.three import adjugate_3x3, solve_3x3
 
+Vector = tuple[float, float, float]
+
 
 class WallScene(NamedTuple):
     """Walls of a field and the camera on its robot.
@@ -103,57 +105,70 @@ class WallFit(NamedTuple):
 
 
 @compiled
+def _cross(a: Vector, b: Vector) -> Vector:
+    """Cross product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def _in_camera(x_m: float, y_m: float, pose: FloatArray, c: float, s: float, scene: WallScene) -> Vector:
+    """Return a point of the field's floor in the camera frame; c and s belong to the robot's heading."""
+    turn, dx, dy = scene.robot_to_camera, x_m - pose[0], y_m - pose[1]
+    x, y, z = c * dx + s * dy - scene.offset_x, -s * dx + c * dy - scene.offset_y, -scene.height
+    return (
+        turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z,
+        turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z,
+        turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z,
+    )
+
+
+@compiled
 def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> None:
     """Inverse range at which each bearing meets the nearest wall's foot, from a pose (3,) x, y, theta of the robot.
 
     A wall's foot and the viewpoint span a plane with normal n; the ray (cos, sin, -q h) of a bearing lies in it where
     q = (n_x cos + n_y sin) / (h n_z): walls are straight in q, whatever the mirror and its tilt.
     """
-    walls, offset_x, offset_y, height, robot_to_camera, cos_b, sin_b = scene
+    walls, offset_x, offset_y, height, turn, cos_b, sin_b = scene
     best_q, best_wall, planes = out
     count = cos_b.shape[0]
     per_rad = count / (2 * math.pi)
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    end, at = np.empty((2, 4, 3)), np.empty(2)
     best_q[:] = 0.0
     best_wall[:] = -1
+    # an end e of a wall moves by x and y alike for all ends, by theta as (e x up) and what the viewpoint's place adds
+    by_pose = np.empty((3, 3))
+    for i in range(3):
+        by_pose[0, i] = -turn[i, 0] * c + turn[i, 1] * s
+        by_pose[1, i] = -turn[i, 0] * s - turn[i, 1] * c
+        by_pose[2, i] = turn[i, 0] * offset_y - turn[i, 1] * offset_x
+    up = turn[0, 2], turn[1, 2], turn[2, 2]
+    end, end_at = (0.0, 0.0, 0.0), 0.0
     for w in range(walls.shape[0]):
         # walls go around the floor: most begin where the one before ends
-        is_joined = w > 0 and walls[w, 0] == walls[w - 1, 2] and walls[w, 1] == walls[w - 1, 3]
-        if is_joined:
-            at[0] = at[1]
-            copy_matrix(end[1], end[0])
-        for e in range(1 if is_joined else 0, 2):
-            dx, dy = walls[w, 2 * e] - pose[0], walls[w, 2 * e + 1] - pose[1]
-            x, y = c * dx + s * dy, -s * dx + c * dy
-            for i in range(3):
-                t0, t1, t2 = robot_to_camera[i, 0], robot_to_camera[i, 1], robot_to_camera[i, 2]
-                end[e, 0, i] = t0 * (x - offset_x) + t1 * (y - offset_y) - t2 * height
-                end[e, 1, i] = -t0 * c + t1 * s
-                end[e, 2, i] = -t0 * s - t1 * c
-                end[e, 3, i] = t0 * y - t1 * x
-            at[e] = math.atan2(end[e, 0, 1], end[e, 0, 0])
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            planes[w, 0, i] = end[0, 0, j] * end[1, 0, k] - end[0, 0, k] * end[1, 0, j]
-            for p in range(1, 4):
-                planes[w, p, i] = (
-                    end[0, p, j] * end[1, 0, k]
-                    + end[0, 0, j] * end[1, p, k]
-                    - end[0, p, k] * end[1, 0, j]
-                    - end[0, 0, k] * end[1, p, j]
-                )
-        # scaled so that a bearing's q needs no division
-        nz = planes[w, 0, 2]
-        if abs(nz) < 1e-12:
+        start, start_at = end, end_at
+        if w == 0 or walls[w, 0] != walls[w - 1, 2] or walls[w, 1] != walls[w - 1, 3]:
+            start = _in_camera(walls[w, 0], walls[w, 1], pose, c, s, scene)
+            start_at = math.atan2(start[1], start[0])
+        end = _in_camera(walls[w, 2], walls[w, 3], pose, c, s, scene)
+        end_at = math.atan2(end[1], end[0])
+        wall = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+        normal = _cross(start, wall)
+        if abs(normal[2]) < 1e-12:
             continue
-        per_nz, per_height = 1.0 / nz, 1.0 / (nz * height)
-        for p in range(4):
-            planes[w, p, 0] *= per_height
-            planes[w, p, 1] *= per_height
-            planes[w, p, 2] *= per_nz
+        # scaled so that a bearing's q needs no division
+        per_nz = 1.0 / normal[2]
+        per_height = per_nz / height
+        planes[w, 0, 0], planes[w, 0, 1], planes[w, 0, 2] = normal[0] * per_height, normal[1] * per_height, 1.0
+        turned = _cross(normal, up)
+        for p in range(3):
+            moved = _cross((by_pose[p, 0], by_pose[p, 1], by_pose[p, 2]), wall)
+            if p == 2:
+                moved = moved[0] + turned[0], moved[1] + turned[1], moved[2] + turned[2]
+            planes[w, p + 1, 0], planes[w, p + 1, 1] = moved[0] * per_height, moved[1] * per_height
+            planes[w, p + 1, 2] = moved[2] * per_nz
         along, aside = planes[w, 0, 0], planes[w, 0, 1]
-        first, span = at[0], at[1] - at[0]
+        first, span = start_at, end_at - start_at
         span -= 2 * math.pi * math.floor(span / (2 * math.pi) + 0.5)
         if span < 0:
             first, span = first + span, -span
