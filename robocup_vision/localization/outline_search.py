@@ -45,7 +45,7 @@ class OutlineSearchSettings:
     start_apart: float = 0.15
     fit_apart: float = 0.03
     rival_apart: float = 0.05
-    rough_scales: tuple[float, ...] = (7.0, 4.0)
+    rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
     coarse_scales: tuple[float, ...] = (2.0,)
     fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
     likely: int = 24
