@@ -167,8 +167,13 @@ class Field:
     @property
     def halves_differ(self) -> bool:
         """Whether a pose is told from its half turn: by goals or beacons of two colours, or as one half is missing."""
+        return self.is_half or self.shows_half
+
+    @property
+    def shows_half(self) -> bool:
+        """Whether both halves are there, and goals or beacons of two colours show which one it is."""
         if self.is_half:
-            return True
+            return False
         if len({goal.color for goal in self.goals}) > 1:
             return True
         turned = {(-b.x_m, -b.y_m, b.colors) for b in self.beacons}

@@ -165,8 +165,7 @@ class LineSupport:
         row, column = np.nonzero(marks == LINE)
         if len(row) < self._settings.min_samples:
             return None
-        floor_m = self._view.floor_m[row, column]
-        loss = np.array([self._map.rough_distance_m(pose.transform(floor_m)).mean() for pose in poses])
+        loss = self._map.rough_losses_m(poses, self._view.floor_m[row, column])
         best, second = np.argsort(loss)[:2]
         return int(best) if self._settings.clear_ratio * loss[best] < loss[second] else None
 

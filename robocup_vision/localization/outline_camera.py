@@ -7,7 +7,6 @@ other. So is a centre or a tilt that is off.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,8 +16,8 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import doubted_camera as kernels
-from robocup_vision.kernels.floor.walls import FloorOutline, WallScene
-from robocup_vision.localization.outline_model import OutlineFit, OutlineModel, largest_std_m
+from robocup_vision.kernels.floor.walls import FitSummary, FloorOutline, WallScene
+from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 
 # how well a centre or a tilt is known that is not doubted
 _SURE_PX, _SURE_RAD = 1e-6, 1e-6
@@ -81,16 +80,15 @@ class OutlineCamera:
         model, gate = self.model, self.settings.lean_gate
         # most bodies stand upright most of the time: then one look does
         by_lean, by_file = self._gains(fit, radius_px)
+        upright = replace(fit, file_gain=by_file)
         if by_lean < gate:
-            return replace(fit, file_gain=by_file)
+            return upright
         outline = model.outline(radius_px, np.array([model.unit_px]))
-        cost, unknowns, covariance, residual, predicted = self._fit(fit.pose, model.scene, outline, self._sway)
-        if not cost < fit.cost or _is_within(unknowns[_LEAN], gate * covariance[_LEAN, _LEAN]):
-            return fit
-        ratio, rms = model.summary(residual)
-        own = covariance[_POSE, _POSE]
+        summary, unknowns, covariance, residual, predicted = self._fit(fit.pose, model.scene, outline, self._sway)
+        if not summary.cost < fit.cost or _is_within(unknowns[_LEAN], gate * covariance[_LEAN, _LEAN]):
+            return upright
         lean = tuple(unknowns[_LEAN].tolist())
-        return OutlineFit(unknowns[_POSE], own, cost, ratio, rms, largest_std_m(own), residual, predicted, lean)
+        return OutlineFit(unknowns[_POSE], covariance[_POSE, _POSE], *summary, residual, predicted, lean)
 
     def corrected(
         self, estimate: PoseEstimate, fit: OutlineFit, radius_px: FloatArray, max_std_m: float
@@ -106,10 +104,10 @@ class OutlineCamera:
         if gain < settings.min_gain * settings.alike_bearings:
             return estimate, fit.predicted_px
         outline = model.outline(radius_px, model.scales(()))
-        cost, unknowns, covariance, _, predicted = self._fit(fit.pose, self._scene(fit), outline, self._file)
+        summary, unknowns, covariance, _, predicted = self._fit(fit.pose, self._scene(fit), outline, self._file)
         x, y, theta = unknowns[_POSE].tolist()
         own = covariance[_POSE, _POSE]
-        if not math.isfinite(cost) or largest_std_m(own) > max_std_m or not model.field.is_on_floor(x, y):
+        if not summary.along_m <= max_std_m or not model.field.is_on_floor(x, y):
             return estimate, fit.predicted_px
         pose = Pose2(x, y, theta)
         return replace(estimate, pose=pose, covariance=own, candidates=(pose, pose.half_turn())), predicted
@@ -125,16 +123,16 @@ class OutlineCamera:
 
     def _fit(
         self, pose: FloatArray, scene: WallScene, outline: FloorOutline, doubt: kernels.CameraDoubt
-    ) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return cost, unknowns (7,), their covariance (7, 7), residuals (K,) and the walls (K,) predicted."""
+    ) -> tuple[FitSummary, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return the fit's summary, unknowns (7,), their covariance (7, 7), residuals and predicted walls (K,)."""
         noise, count = self.model.noise, len(outline.radius)
         unknowns, covariance = np.zeros(kernels.SIZE), np.empty((kernels.SIZE, kernels.SIZE))
         residual, predicted = np.empty(count), np.empty(count)
         unknowns[_POSE] = pose
-        cost = kernels.fit_with_camera(
-            unknowns, scene, outline, doubt, noise.few_groups, noise.systematic_px2, residual, predicted, covariance
-        )
-        return cost, unknowns, covariance, residual, predicted
+        inlier_px = noise.inlier * self.model.unit_px
+        rules = inlier_px, noise.few_groups, noise.systematic_px2
+        summary = kernels.fit_with_camera(unknowns, scene, outline, doubt, *rules, residual, predicted, covariance)
+        return summary, unknowns, covariance, residual, predicted
 
     @cached_property
     def _sway(self) -> kernels.CameraDoubt:

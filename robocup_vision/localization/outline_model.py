@@ -5,7 +5,6 @@ The fit, the search and the checks of the camera share it.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -164,7 +163,7 @@ class OutlineModel:
             np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(count, np.nan), np.full(count, np.nan)
         )
         covariance = np.empty((3, 3))
-        cost, ratio, rms, along = kernels.fit_and_summarise(
+        summary = kernels.fit_and_summarise(
             start[None],
             self.scene,
             self.outline(radius_px, scales),
@@ -174,18 +173,4 @@ class OutlineModel:
             best,
             covariance,
         )
-        return OutlineFit(best.pose, covariance, cost, ratio, rms, along, best.residual, best.predicted)
-
-    def summary(self, residual_px: FloatArray) -> tuple[float, float]:
-        """Return the ratio of inliers among residuals (K,), and their root mean square, pixels."""
-        known = residual_px[np.isfinite(residual_px)]
-        inlying = known[np.abs(known) < self.noise.inlier * self.unit_px]
-        if not len(inlying):
-            return 0.0, 0.0
-        return len(inlying) / len(known), math.sqrt(float(np.mean(inlying**2)))
-
-
-def largest_std_m(covariance: FloatArray) -> float:
-    """Return the largest standard deviation of a position, of a covariance (3, 3) of x, y, theta."""
-    (xx, xy, _), (_, yy, _), _ = covariance.tolist()
-    return math.sqrt(max(0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy), 0.0))
+        return OutlineFit(best.pose, covariance, *summary, best.residual, best.predicted)

@@ -188,7 +188,7 @@ class FramePipeline:
 
         No pose where that is told; both halves where it is suspected.
         """
-        if not pose or not self.field.halves_differ or self.field.is_half:
+        if not pose or not self.field.shows_half:
             return pose
         reason = self._channel_order.reason
         if reason:

@@ -14,7 +14,18 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
-from robocup_vision.kernels.floor.walls import FloorOutline, WallPrediction, WallScene, predict_walls, tabulated
+from robocup_vision.kernels.floor.walls import (
+    FitSummary,
+    FloorOutline,
+    WallPrediction,
+    WallScene,
+    agreement,
+    inliers_of,
+    position_std_m,
+    predict_walls,
+    tabulated,
+    truncated_loss,
+)
 
 SIZE = 7  # x, y, theta; centre of the image along bearing 0 and a quarter turn on, pixels; turns about x and y
 STEPS = 4
@@ -84,7 +95,7 @@ def gather_doubted(
     cos_b, sin_b, radius, height = scene.cos_b, scene.sin_b, outline.radius, scene.height
     to_camera = scene.robot_to_camera
     information, scatter, pull = fit.information, fit.scatter, fit.pull
-    scale = outline.scales[outline.scales.shape[0] - 1]
+    per_scale = 1.0 / outline.scales[outline.scales.shape[0] - 1]
     cos_t, sin_t = math.cos(unknowns[2]), math.sin(unknowns[2])
     # a body that turns moves the viewpoint, as a pose does: about x to the right, about y ahead
     lever = height if turns_body else 0.0
@@ -118,8 +129,7 @@ def gather_doubted(
         for i in range(2):
             by_turn = to_camera[0, i] * by_t0 + to_camera[1, i] * by_t1 + to_camera[2, i] * by_t2
             jacobian[5 + i] = by_turn + (-lever * by_left if i == 0 else lever * by_ahead)
-        ratio = e / scale if e < 0 else e / (3.0 * scale)
-        weight = 1.0 / (1.0 + ratio * ratio) ** 2
+        weight = agreement(e, per_scale)
         squares += weight * e * e
         total += weight
         for i in range(SIZE):
@@ -140,16 +150,20 @@ def gather_doubted(
 
 
 @compiled
+def _file_information(doubt: CameraDoubt, i: int) -> float:
+    """Return the information that the file has of an unknown, in bearings; next to none of the pose."""
+    if i < 3:
+        return 1e-6
+    return (doubt.noise_px / (doubt.center_std_px if i < 5 else doubt.turn_std_rad)) ** 2
+
+
+@compiled
 def _add_prior(doubt: CameraDoubt, fit: DoubtedFit, system: FloatArray) -> None:
     """Write the information, lower triangle, with that of the file."""
     for i in range(SIZE):
         for j in range(i + 1):
             system[i, j] = fit.information[i, j]
-        if i >= 3:
-            std = doubt.center_std_px if i < 5 else doubt.turn_std_rad
-            system[i, i] += (doubt.noise_px / std) ** 2
-        else:
-            system[i, i] += 1e-6
+        system[i, i] += _file_information(doubt, i)
 
 
 @compiled
@@ -228,12 +242,13 @@ def fit_with_camera(
     scene: WallScene,
     outline: FloorOutline,
     doubt: CameraDoubt,
+    inlier_px: float,
     inflate: float,
     systematic: float,
     residual: FloatArray,
     predicted: FloatArray,
     covariance: FloatArray,
-) -> float:
+) -> FitSummary:
     """Fit pose, centre and turns to an outline; what the camera file says is a prior.
 
     Parameters
@@ -245,7 +260,7 @@ def fit_with_camera(
         What is fitted to what.
     doubt : CameraDoubt
         The prior.
-    inflate, systematic : float
+    inlier_px, inflate, systematic : float
         As in `summarise_fit`.
     residual, predicted : (K,) float64
         Result: as in `WallFit`, about the file's centre.
@@ -254,8 +269,8 @@ def fit_with_camera(
 
     Returns
     -------
-    float
-        Truncated mean cost, as `fit_walls` returns it; infinite where the outline does not determine the unknowns.
+    FitSummary
+        Of the fit; its cost and standard deviation are infinite where the outline does not determine the unknowns.
     """
     count = scene.cos_b.shape[0]
     prediction = WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
@@ -269,16 +284,18 @@ def fit_with_camera(
         for i in range(SIZE):
             step[i] = fit.pull[i]
             if i >= 3:
-                step[i] -= (system[i, i] - fit.information[i, i]) * unknowns[i]
+                step[i] -= _file_information(doubt, i) * unknowns[i]
         if not factor(system, SIZE):
-            return math.inf
+            return FitSummary(math.inf, 0.0, 0.0, math.inf)
         if turn == STEPS:
             break
         substitute(system, SIZE, step)
         for i in range(SIZE):
             unknowns[i] += step[i]
     _sandwich(doubt, fit, system, inflate, systematic, covariance)
-    return _compare(unknowns, scene, outline, prediction, residual, predicted)
+    cost = _compare(unknowns, scene, outline, prediction, residual, predicted)
+    ratio, rms = inliers_of(residual, inlier_px)
+    return FitSummary(cost, ratio, rms, position_std_m(covariance))
 
 
 @compiled
@@ -286,25 +303,19 @@ def _sandwich(
     doubt: CameraDoubt, fit: DoubtedFit, system: FloatArray, inflate: float, systematic: float, out: FloatArray
 ) -> None:
     """Write the sandwich covariance (7, 7) of all unknowns, by the factor of the system."""
-    middle, half, column = np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE)
+    middle = np.empty((SIZE, SIZE))
     for p in range(SIZE):
         for q in range(SIZE):
             middle[p, q] = inflate * fit.scatter[p, q] + systematic * fit.information[max(p, q), min(p, q)]
         if p >= 3:
-            std = doubt.center_std_px if p < 5 else doubt.turn_std_rad
-            middle[p, p] += (doubt.noise_px**2 / std) ** 2
+            middle[p, p] += doubt.noise_px**2 * _file_information(doubt, p)
+    # both are symmetric: rows do for columns
+    for p in range(SIZE):
+        substitute(system, SIZE, middle[p])
     for p in range(SIZE):
         for q in range(SIZE):
-            column[q] = middle[p, q]
-        substitute(system, SIZE, column)
-        for q in range(SIZE):
-            half[q, p] = column[q]
-    for p in range(SIZE):
-        for q in range(SIZE):
-            column[q] = half[p, q]
-        substitute(system, SIZE, column)
-        for q in range(SIZE):
-            out[p, q] = column[q]
+            out[p, q] = middle[q, p]
+        substitute(system, SIZE, out[p])
 
 
 @compiled
@@ -333,5 +344,5 @@ def _compare(
         if seen:
             e = (outline.radius[k] - predicted[k]) / math.sqrt(1.0 + turn * turn)
             residual[k] = e
-            cost += min(1.0 if e < 0 else 2.0, (0.5 * e / outline.unit_px) ** 2)
+            cost += truncated_loss(e, 0.5 / outline.unit_px)
     return cost / max(used, 1)

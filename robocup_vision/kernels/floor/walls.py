@@ -196,6 +196,20 @@ def tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
 
 
 @compiled
+def agreement(e: float, per_scale: float) -> float:
+    """Weight of a residual: an edge nearer than the wall says little, for obstacles hide floor; beyond it none is."""
+    ratio = e * (per_scale if e < 0 else per_scale / 3.0)
+    share = 1.0 / (1.0 + ratio * ratio)
+    return share * share
+
+
+@compiled
+def truncated_loss(e: float, per_two_units: float) -> float:
+    """Cost of a residual: up to 1, and up to 2 where floor shows beyond a wall."""
+    return min(1.0 if e < 0 else 2.0, (e * per_two_units) ** 2)
+
+
+@compiled
 def _accumulate(
     scene: WallScene,
     outline: FloorOutline,
@@ -238,11 +252,8 @@ def _accumulate(
         j0 = by_q * (planes[w, 1, 0] * c + planes[w, 1, 1] * s - q * planes[w, 1, 2])
         j1 = by_q * (planes[w, 2, 0] * c + planes[w, 2, 1] * s - q * planes[w, 2, 2])
         j2 = by_q * (planes[w, 3, 0] * c + planes[w, 3, 1] * s - q * planes[w, 3, 2])
-        # an obstacle hides floor, so an edge nearer than the wall says little; floor beyond a wall cannot be
-        ratio = e * (per_scale if e < 0 else per_scale / 3.0)
-        agreement = 1.0 / (1.0 + ratio * ratio)
-        weight = agreement * agreement
-        cost += min(1.0 if e < 0 else 2.0, (e * per_two_units) ** 2)
+        weight = agreement(e, per_scale)
+        cost += truncated_loss(e, per_two_units)
         w0, w1, w2 = weight * j0, weight * j1, weight * j2
         a00 += w0 * j0
         a01 += w0 * j1
@@ -342,6 +353,28 @@ def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, best: 
 
 
 @compiled
+def inliers_of(residual: FloatArray, inlier_px: float) -> tuple[float, float]:
+    """Ratio of inliers among the residuals (K,) that are known, and their root mean square."""
+    used, inliers, squares = 0, 0, 0.0
+    for k in range(residual.shape[0]):
+        e = residual[k]
+        if e == e:
+            used += 1
+            if abs(e) < inlier_px:
+                inliers += 1
+                squares += e * e
+    return inliers / max(used, 1), math.sqrt(squares / max(inliers, 1))
+
+
+@compiled
+def position_std_m(covariance: FloatArray) -> float:
+    """Largest standard deviation of the position, of a covariance of x, y and more."""
+    mean = 0.5 * (covariance[0, 0] + covariance[1, 1])
+    half = math.sqrt((0.5 * (covariance[0, 0] - covariance[1, 1])) ** 2 + covariance[0, 1] ** 2)
+    return math.sqrt(mean + half)
+
+
+@compiled
 def summarise_fit(
     residual: FloatArray,
     inlier_px: float,
@@ -356,16 +389,7 @@ def summarise_fit(
     Fills out (3, 3) with the sandwich covariance A^-1 (inflate S + systematic A) A^-1 of the information A and the
     scatter S. The standard deviation is infinite where A is singular.
     """
-    used, inliers, squares = 0, 0, 0.0
-    for k in range(residual.shape[0]):
-        e = residual[k]
-        if e == e:
-            used += 1
-            if abs(e) < inlier_px:
-                inliers += 1
-                squares += e * e
-    ratio = inliers / max(used, 1)
-    rms = math.sqrt(squares / max(inliers, 1))
+    ratio, rms = inliers_of(residual, inlier_px)
     a = information
     inverse = np.empty((3, 3))
     det = adjugate_3x3(a, inverse)
@@ -379,9 +403,7 @@ def summarise_fit(
                 for q in range(3):
                     total += inflate * inverse[i, p] * scatter[p, q] * inverse[q, j]
             out[i, j] = total
-    mean = 0.5 * (out[0, 0] + out[1, 1])
-    half = math.sqrt((0.5 * (out[0, 0] - out[1, 1])) ** 2 + out[0, 1] ** 2)
-    return ratio, rms, math.sqrt(mean + half)
+    return ratio, rms, position_std_m(out)
 
 
 class FitSummary(NamedTuple):

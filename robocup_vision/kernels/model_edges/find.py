@@ -14,6 +14,7 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Arr
 from robocup_vision.compiling.loops import compiled, variable
 
 BINS = 96  # of bearing across the picture
+LIKENESS = 0.93  # cosine between a colour and the paint that it is
 FIRST_POINTS = 14
 
 
@@ -53,6 +54,22 @@ class Bank(NamedTuple):
     half_view_rad: float
 
 
+@compiled(error_model="numpy", inline="always")
+def chroma(image: UInt8Array, v: int, u: int) -> tuple[float, float, float, float]:
+    """Colour of a pixel less grey, blue, green, red, and its length: 0 where it is next to grey."""
+    b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
+    grey = (b + g + r) / 3.0
+    b, g, r = b - grey, g - grey, r - grey
+    size = math.sqrt(b * b + g * g + r * r)
+    return b, g, r, size if size > 0.35 * grey + 10.0 else 0.0
+
+
+@compiled(error_model="numpy", inline="always")
+def column_of(i: int, bank_half: float, lens: FloatArray) -> int:
+    """Column of the picture in the middle of a bin of bearings."""
+    return int(round(lens[2] - lens[0] * math.tan(bank_half * (1.0 - 2.0 * (i + 0.5) / BINS))))
+
+
 @compiled(error_model="numpy")
 def upright_bins(
     image: UInt8Array, lens: FloatArray, horizon_row: float, paints: FloatArray, bank_half: float, seen: FloatArray
@@ -81,17 +98,13 @@ def upright_bins(
     for k in range(paints.shape[0]):
         seen[k, 0] = 0.0
         for i in range(BINS):
-            bearing = bank_half * (1.0 - 2.0 * (i + 0.5) / BINS)
-            u = int(round(lens[2] - lens[0] * math.tan(bearing)))
+            u = column_of(i, bank_half, lens)
             run, best = 0, 0
             if 0 <= u < width:
                 for v in range(top, bottom, step):
-                    b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
-                    grey = (b + g + r) / 3.0
-                    b, g, r = b - grey, g - grey, r - grey
-                    size = math.sqrt(b * b + g * g + r * r)
+                    b, g, r, size = chroma(image, v, u)
                     like = b * paints[k, 0] + g * paints[k, 1] + r * paints[k, 2]
-                    if size > 0.35 * grey + 10.0 and like > 0.93 * size:
+                    if size > 0.0 and like > LIKENESS * size:
                         run += 1
                         best = max(best, run)
                     else:

@@ -5,14 +5,13 @@ Their bearing and their size in pixels put a camera on a circle about them. Neit
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.model_edges.find import BINS
+from robocup_vision.kernels.model_edges.find import BINS, LIKENESS, chroma, column_of
 
 SIGHT = 8  # columns of a sighting
 MIN_RUN_PX = 3
@@ -59,15 +58,12 @@ class Horizon(NamedTuple):
 
 @compiled(error_model="numpy", inline="always")
 def _paint_of(image: UInt8Array, v: int, u: int, paints: FloatArray) -> int:
-    """Which paint a pixel shows, -1 for none; as `find.upright_bins` tells it."""
-    b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
-    grey = (b + g + r) / 3.0
-    b, g, r = b - grey, g - grey, r - grey
-    size = math.sqrt(b * b + g * g + r * r)
-    if size <= 0.35 * grey + 10.0:
+    """Which paint a pixel shows, -1 for none."""
+    b, g, r, size = chroma(image, v, u)
+    if size == 0.0:
         return -1
     for k in range(paints.shape[0]):
-        if b * paints[k, 0] + g * paints[k, 1] + r * paints[k, 2] > 0.93 * size:
+        if b * paints[k, 0] + g * paints[k, 1] + r * paints[k, 2] > LIKENESS * size:
             return k
     return -1
 
@@ -156,8 +152,7 @@ def sightings(
     sizes = np.zeros((number, BINS))
     columns = np.zeros(BINS, np.int64)
     for i in range(BINS):
-        bearing = half_view_rad * (1.0 - 2.0 * (i + 0.5) / BINS)
-        columns[i] = int(round(lens[2] - lens[0] * math.tan(bearing)))
+        columns[i] = column_of(i, half_view_rad, lens)
         shows = False
         for k in range(seen.shape[0]):
             if seen[k, i + 1] > seen[k, i]:

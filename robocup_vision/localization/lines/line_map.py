@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.lines.lines import nearest_lines
 
 
@@ -89,6 +90,10 @@ class LineMap:
         near = t[iy, ix] * (1 - fx) + t[iy, ix + 1] * fx
         far = t[iy + 1, ix] * (1 - fx) + t[iy + 1, ix + 1] * fx
         return np.where(inside, (near * (1 - fy) + far * fy) * self.truncate_m / 255, self.truncate_m)
+
+    def rough_losses_m(self, poses: list[Pose2], floor_m: FloatArray) -> FloatArray:
+        """Mean of `rough_distance_m` of points (N, 2) in the robot's frame, by each of some poses."""
+        return np.array([self.rough_distance_m(pose.transform(floor_m)).mean() for pose in poses])
 
     def nearest(self, points_m: npt.ArrayLike) -> NearestLine:
         """Exact nearest lines of field points (N, 2), metres."""

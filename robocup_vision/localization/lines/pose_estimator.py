@@ -221,7 +221,7 @@ class LinePoseEstimator:
         points = self.finder.find(frame)
         if len(points) < self.settings.search.min_points:
             return None
-        loss = [float(self.line_map.rough_distance_m(pose.transform(points.floor_m)).mean()) for pose in poses]
+        loss = self.line_map.rough_losses_m(poses, points.floor_m)
         best = int(np.argmin(loss))
         return best if self.settings.clear_ratio * loss[best] < loss[0] else None
 

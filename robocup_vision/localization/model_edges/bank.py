@@ -35,7 +35,7 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
         Between neighbouring poses.
     """
     half_x, half_y = field.length_m / 2 + 0.2, field.width_m / 2 + 0.2
-    low_x = -half_x if field.halves_differ and not field.is_half else 0.0
+    low_x = -half_x if field.shows_half else 0.0
     columns = np.arange(low_x + spacing_m / 2, half_x, spacing_m)
     rows = np.arange(-half_y + spacing_m / 2, half_y, spacing_m)
     places = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)

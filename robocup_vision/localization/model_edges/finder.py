@@ -144,13 +144,17 @@ class EdgeFinder:
         starts = starts[np.argsort(costs)[: s.likely]]
         poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
         align_all(self._bank, how, seen, s.upright_weight, starts, poses, costs)
-        chosen: list[Pose2] = []
         order = np.argsort(costs)
-        for index in order[costs[order] <= costs[order[:1]].sum() + s.behind].tolist():
-            pose = Pose2(*poses[index, :3].tolist())
+        likely = order[costs[order] <= costs[order[:1]].sum() + s.behind]
+        return self._first_apart((Pose2(*poses[index, :3].tolist()) for index in likely.tolist()), s.fitted)
+
+    def _first_apart(self, poses: Iterable[Pose2], count: int) -> list[Pose2]:
+        """Return the first of some poses that are not what one before them is; up to so many."""
+        chosen: list[Pose2] = []
+        for pose in poses:
             if not any(self._is_same(pose, other) for other in chosen):
                 chosen.append(pose)
-                if len(chosen) == s.fitted:
+                if len(chosen) == count:
                     break
         return chosen
 
@@ -180,7 +184,7 @@ class EdgeFinder:
         """
         s, follower = self.settings, self.follower
         places = self._places(frame, proposals)
-        if follower.field.halves_differ and not follower.field.is_half:
+        if follower.field.shows_half:
             # lines alone look alike from both halves, whichever of them was proposed
             for pose in [one.half_turn() for one in places[: s.turned]]:
                 if not any(self._is_same(pose, other) for other in places):
@@ -219,11 +223,7 @@ class EdgeFinder:
                 end = answer.measurement.pose if answer else follower.pose
                 ends.append((log_weight(evidence, s.candidates), end))
         ends.sort(key=lambda one: -one[0])
-        places: list[Pose2] = []
-        for weight, pose in ends:
-            if weight > ends[0][0] - s.unlikelier and not any(self._is_same(pose, other) for other in places):
-                places.append(pose)
-        return places[: s.weighed]
+        return self._first_apart((pose for weight, pose in ends if weight > ends[0][0] - s.unlikelier), s.weighed)
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         """Fit one pose by the frame alone: fit again from where the frame points to, as a proposal is no evidence."""

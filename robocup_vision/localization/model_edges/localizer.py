@@ -41,6 +41,7 @@ class EdgeLocalizer:
         self._second_look = SecondLook(field, camera, self.follower.settings)
         self._finder: EdgeFinder | None = None
         self._wide_finder: WideFinder | None = None
+        self._has_copies = WideFinder.serves(*self._whose)
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._last_s: float | None = None
@@ -78,7 +79,7 @@ class EdgeLocalizer:
             if isinstance(by_goal, Localization):
                 return by_goal
             answer = answer if by_goal is None else by_goal
-        if isinstance(answer, NotLocated) and prior is None and WideFinder.serves(*self._whose):
+        if isinstance(answer, NotLocated) and prior is None and self._has_copies:
             found = self._made_wide_finder().find(evidence.frame)
             if found:
                 answer, points = found, self._made_wide_finder().edge_points()
@@ -106,10 +107,9 @@ class EdgeLocalizer:
         """Follow by the frame, or by a second look that tells more; with the edges where that located the camera."""
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
         answer = self.follower.follow(evidence.frame, near, dt_s)
-        may_compare = WideFinder.serves(*self._whose)
-        if answer and not (may_compare and answer.evidence.position_std_m >= self.follower.settings.open_m):
+        if answer and not (self._has_copies and answer.evidence.position_std_m >= self.follower.settings.open_m):
             return answer, None
-        again = self._second_look.follow(evidence.frame, near, dt_s, before, answer, may_compare=may_compare)
+        again = self._second_look.follow(evidence.frame, near, dt_s, before, answer, may_compare=self._has_copies)
         if not again:
             return answer, None
         self.follower.state = self._second_look.state

@@ -8,6 +8,7 @@ is often one corner of four: several candidates are the answer.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -142,22 +143,13 @@ class WideFinder(EdgeFinder):
         costs = costs + wide.wall_weight * self._walls_off(
             poses, slopes_of(self._wall_rows[:walls], tilt, roll, camera.height_m), pixel_rad
         )
-        return self._first_apart([Pose2(*poses[k, :3].tolist()) for k in np.argsort(costs)], s.fitted)
+        return self._first_apart((Pose2(*poses[k, :3].tolist()) for k in np.argsort(costs)), s.fitted)
 
-    def _places(self, frame: UInt8Array, proposals: list[Pose2]) -> list[Pose2]:  # type: ignore[override]
+    def _places(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> list[Pose2]:
         """Poses that the fits of proposals end at, and what looks like the likeliest at the floor's other corners."""
         places = super()._places(frame, proposals)
         repeated = [like for pose in places[: self._wide.repeated] for like in self._likes(pose)]
         return self._first_apart([*places, *repeated], len(places) + len(repeated))
-
-    def _first_apart(self, poses: list[Pose2], count: int) -> list[Pose2]:
-        chosen: list[Pose2] = []
-        for pose in poses:
-            if not any(self._is_same(pose, other) for other in chosen):
-                chosen.append(pose)
-                if len(chosen) == count:
-                    break
-        return chosen
 
     def _likes(self, pose: Pose2) -> list[Pose2]:
         """Poses at which the other corners of the floor lie as the nearest corner ahead does; those on the floor."""

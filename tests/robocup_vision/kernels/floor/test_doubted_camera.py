@@ -173,10 +173,18 @@ def fit_pose(pose, radius):
 def fit_all(start, radius):
     unknowns, covariance = np.concatenate([start, np.zeros(4)]), np.empty((7, 7))
     residual, predicted = np.empty((2, COUNT))
-    cost = fit_with_camera(unknowns, scene(), floor_of(radius), DOUBT, 1.7, 0.008, residual, predicted, covariance)
+    summary = fit_with_camera(
+        unknowns, scene(), floor_of(radius), DOUBT, 1.5, 1.7, 0.008, residual, predicted, covariance
+    )
     # a cost is that of its residuals, as `fit_walls` counts
     known = residual[np.isfinite(residual)]
-    assert cost == pytest.approx(np.minimum((known / 2) ** 2, np.where(known < 0, 1, 2)).sum() / np.sum(radius > 0))
+    inlying = known[np.abs(known) < 1.5]
+    assert summary.inlier_ratio == len(inlying) / len(known)
+    assert summary.rms_px == pytest.approx(np.sqrt(np.mean(inlying**2)))
+    assert summary.along_m == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[1]))
+    assert summary.cost == pytest.approx(
+        np.minimum((known / 2) ** 2, np.where(known < 0, 1, 2)).sum() / np.sum(radius > 0)
+    )
     np.testing.assert_allclose(covariance, covariance.T, atol=1e-9)
     return unknowns, predicted, covariance[:3, :3]
 
@@ -218,5 +226,5 @@ def test_an_outline_that_shows_nothing_doubts_nothing():
     assert doubts_of_camera(np.zeros(3), scene(), nothing, LEAN, DOUBT) == (0.0, 0.0)
     outside = np.array([9.0, 9.0, 0.0])
     unknowns = np.concatenate([outside, np.zeros(4)])
-    fit_with_camera(unknowns, scene(), nothing, DOUBT, 1.7, 0.008, *np.empty((2, COUNT)), np.empty((7, 7)))
+    fit_with_camera(unknowns, scene(), nothing, DOUBT, 1.5, 1.7, 0.008, *np.empty((2, COUNT)), np.empty((7, 7)))
     np.testing.assert_allclose(unknowns[:3], outside)
