@@ -18,11 +18,15 @@ from robocup_vision.kernels.floor.walls import (
     WallFit,
     WallPrediction,
     WallScene,
+    agreement,
     fit_and_summarise,
     fit_walls,
+    inliers_of,
+    position_std_m,
     predict_walls,
     summarise_fit,
     tabulated,
+    truncated_loss,
 )
 
 FIELD = load_field("ssl_2001")
@@ -334,3 +338,26 @@ def test_hull_moments_are_those_of_the_hull_on_the_floor(pose, seed):
     assert found[0] == known
     np.testing.assert_allclose(found[1:], expected, rtol=1e-3, atol=1e-3)
     assert hull_moments(COS, SIN, np.full(COUNT, np.nan), first, step, q) == (0, 0.0, 0.0, 0.0)
+
+
+@given(numbers(-20.0, 20.0), numbers(0.1, 5.0))
+def test_floor_beyond_a_wall_weighs_and_costs_more_than_an_obstacle_before_it(e, scale):
+    width = scale if e < 0 else 3 * scale
+    assert agreement(e, 1 / scale) == pytest.approx((1 + (e / width) ** 2) ** -2)
+    assert truncated_loss(e, 0.5 / scale) == pytest.approx(min(1 if e < 0 else 2, (e / (2 * scale)) ** 2))
+    assert agreement(abs(e), 1 / scale) >= agreement(-abs(e), 1 / scale)
+    assert truncated_loss(abs(e), 0.5 / scale) >= truncated_loss(-abs(e), 0.5 / scale)
+
+
+@given(seeds)
+def test_inliers_and_position_agree_with_numpy(seed):
+    rng = np.random.default_rng(seed)
+    residual = rng.normal(0, 2, 50)
+    residual[rng.random(50) < 0.3] = np.nan
+    known = residual[np.isfinite(residual)]
+    inlying = known[np.abs(known) < 1.5]
+    ratio, rms = inliers_of(residual, 1.5)
+    assert ratio == pytest.approx(len(inlying) / max(len(known), 1))
+    assert rms == pytest.approx(math.sqrt((inlying**2).sum() / max(len(inlying), 1)))
+    root = rng.normal(size=(7, 7))
+    assert position_std_m(root @ root.T) == pytest.approx(np.sqrt(np.linalg.eigvalsh((root @ root.T)[:2, :2])[1]))

@@ -11,6 +11,8 @@ from robocup_vision.kernels.model_edges.find import (
     FIRST_POINTS,
     Bank,
     best_poses,
+    chroma,
+    column_of,
     floor_places,
     score_bank,
     upright_bins,
@@ -146,3 +148,16 @@ def test_scores_and_best_poses_are_the_plain_ones(bank, number):
             expected.append((*pose, full[i, j]))
     assert kept == min(len(expected), 5)
     np.testing.assert_allclose(out[:kept], expected[:kept], atol=1e-6)
+
+
+def test_a_bin_lies_where_its_bearing_is_seen():
+    lens = lens_table(CAMERA)
+    bearing = HALF_VIEW_RAD * (1.0 - 2.0 * (np.arange(BINS) + 0.5) / BINS)
+    columns = [column_of(i, HALF_VIEW_RAD, lens) for i in range(BINS)]
+    np.testing.assert_array_equal(columns, np.rint(51.5 - 96.0 * np.tan(bearing)))
+
+
+def test_colour_is_what_is_left_without_grey():
+    image = np.array([[[30, 60, 210], [100, 104, 98]]], dtype=np.uint8)
+    np.testing.assert_allclose(chroma(image, 0, 0), (-70.0, -40.0, 110.0, math.sqrt(70**2 + 40**2 + 110**2)))
+    assert chroma(image, 0, 1)[3] == 0.0
