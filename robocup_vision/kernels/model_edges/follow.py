@@ -106,7 +106,14 @@ def _moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
 
 @compiled(fastmath=True, error_model="numpy")
 def _refine(
-    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, z: FloatArray
+    image: UInt8Array,
+    scene: Scene,
+    prior: Prior,
+    settings: FollowSettings,
+    spacing_px: float,
+    room: Room,
+    fit: Fit,
+    z: FloatArray,
 ) -> tuple[int, int, float, bool]:
     """Predict and search anew near a fit and fit again, until it stays; z is about the prior's mean, in and out."""
     count, inliers, rms = 0, 0, 0.0
@@ -118,7 +125,7 @@ def _refine(
             origin[j] = -z[j]
             step[j] = 0.0
         _moved(prior, z, here)
-        count = predict(scene.field, scene.lens, here, settings.spacing_px, room.samples)
+        count = predict(scene.field, scene.lens, here, spacing_px, room.samples)
         whiten(room.samples, count, prior.root, room.rows)
         for n in range(count):
             room.reach_px[n] = again
@@ -228,6 +235,8 @@ def follow(
     count = predict(scene.field, lens, prior.mean, settings.coarse_spacing_px, coarse.samples)
     if count < 3:
         return False
+    # where much is in view, samples farther apart tell as much
+    spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * count / settings.ample_samples)
     whiten(coarse.samples, count, prior.root, coarse.rows)
     reaches(coarse.rows, count, settings, coarse.reach_px)
     search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, coarse, count)
@@ -253,7 +262,7 @@ def follow(
             robust_fit(coarse, count, settings, gates, origin, modes[k])
         for j in range(UNKNOWNS):
             z[j] = modes[best if again else k, j]
-        clear, worth = _assess(image, scene, prior, settings, room, fit, z)
+        clear, worth = _assess(image, scene, prior, settings, spacing_px, room, fit, z)
         if worth > best_worth:
             best, best_worth = k, worth
             if clear:
@@ -266,7 +275,14 @@ def follow(
 
 @compiled(fastmath=True, error_model="numpy")
 def _assess(
-    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, z: FloatArray
+    image: UInt8Array,
+    scene: Scene,
+    prior: Prior,
+    settings: FollowSettings,
+    spacing_px: float,
+    room: Room,
+    fit: Fit,
+    z: FloatArray,
 ) -> tuple[bool, float]:
     """Refine a mode and weigh what speaks for it.
 
@@ -276,7 +292,7 @@ def _assess(
         Whether no other mode needs a look, and what the mode is worth among others; -1e9 if it cannot be fitted.
     """
     figures = fit.figures
-    count, inliers, rms, ok = _refine(image, scene, prior, settings, room, fit, z)
+    count, inliers, rms, ok = _refine(image, scene, prior, settings, spacing_px, room, fit, z)
     if not ok:
         return False, -1e9
     step = np.empty(UNKNOWNS)
@@ -287,7 +303,7 @@ def _assess(
     least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * brightness(fit.carpet)
     look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, settings.point_stride)
     number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, room.points)
-    right = explained(room, number, count, step, settings)
+    right = explained(room, number, count, step, spacing_px, settings.gate_px)
     far = 0.0
     for j in range(UNKNOWNS):
         far += z[j] * z[j]

@@ -25,6 +25,7 @@ from robocup_vision.kernels.model_edges.tables import (
 NEAR_M = 0.05
 RING_POINTS = 5
 THIN_PX = 4.0
+Triple = tuple[float, float, float]
 MIN_RADIUS_PX = 12.0  # of a curve: three times what is read on both sides of a thin line
 
 
@@ -61,30 +62,36 @@ def distorted(lens: FloatArray, a: float, b: float) -> tuple[float, float, float
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
+def _turned(frame: FloatArray, x: float, y: float, z: float) -> Triple:
+    """Return a vector of the field along the camera's axes: ahead, left, up."""
+    return (
+        frame[0] * x + frame[3] * y + frame[6] * z,
+        frame[1] * x + frame[4] * y + frame[7] * z,
+        frame[2] * x + frame[5] * y + frame[8] * z,
+    )
+
+
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _emit(
     frame: FloatArray,
     lens: FloatArray,
     channels: FloatArray,
-    place: FloatArray,
-    row: FloatArray,
+    at: Triple,
+    along: Triple,
+    inside: Triple,
+    rows: FloatArray,
+    n: int,
     out: Samples,
     count: int,
 ) -> int:
-    """Add a sample; returns the new count.
+    """Add a sample of edge rows[n], as one of `FieldEdges.segments`; returns the new count.
 
-    place (6,) is the point and its edge's direction; row (14,) as one of `FieldEdges.segments`, its ends left out.
+    Its place as seen from the camera, the edge's direction and that of its inside are along the camera's axes.
     """
-    x, y, z, tx, ty, tz = place[0], place[1], place[2], place[3], place[4], place[5]
-    ix, iy, iz, width_m = row[6], row[7], row[8], row[9]
-    channel = int(row[10])
-    if count >= out.width_px.shape[0] - 1:
+    room = out.width_px.shape[0] - 1
+    depth, left, up = at
+    if count >= room or depth < NEAR_M:
         return count
-    dx, dy, dz = x - frame[9], y - frame[10], z - frame[11]
-    depth = frame[0] * dx + frame[3] * dy + frame[6] * dz
-    if depth < NEAR_M:
-        return count
-    left = frame[1] * dx + frame[4] * dy + frame[7] * dz
-    up = frame[2] * dx + frame[5] * dy + frame[8] * dz
     inv = 1.0 / depth
     a, b = -left * inv, -up * inv
     if a * a + b * b > lens[15]:
@@ -94,153 +101,142 @@ def _emit(
     u, v = lens[2] + fu * xd, lens[3] + fv * yd
     if not (u >= 2.0 and v >= 2.0 and u <= lens[4] - 3.0 and v <= lens[5] - 3.0):
         return count
-    # derivative of the slopes by a shift of the point along the camera's axes, then along the field's
-    uc0, uc1, uc2 = -(xa * a + xb * b) * inv * fu, -xa * inv * fu, -xb * inv * fu
-    vc0, vc1, vc2 = -(ya * a + yb * b) * inv * fv, -ya * inv * fv, -yb * inv * fv
-    ux = uc0 * frame[0] + uc1 * frame[1] + uc2 * frame[2]
-    uy = uc0 * frame[3] + uc1 * frame[4] + uc2 * frame[5]
-    uz = uc0 * frame[6] + uc1 * frame[7] + uc2 * frame[8]
-    vx = vc0 * frame[0] + vc1 * frame[1] + vc2 * frame[2]
-    vy = vc0 * frame[3] + vc1 * frame[4] + vc2 * frame[5]
-    vz = vc0 * frame[6] + vc1 * frame[7] + vc2 * frame[8]
-    du, dv = ux * tx + uy * ty + uz * tz, vx * tx + vy * ty + vz * tz
-    length = math.sqrt(du * du + dv * dv)
-    if length < 1e-9:
+    # derivative of the pixel by a shift of the point
+    fu, fv = fu * inv, fv * inv
+    u0, u1, u2 = -(xa * a + xb * b) * fu, -xa * fu, -xb * fu
+    v0, v1, v2 = -(ya * a + yb * b) * fv, -ya * fv, -yb * fv
+    du = u0 * along[0] + u1 * along[1] + u2 * along[2]
+    dv = v0 * along[0] + v1 * along[1] + v2 * along[2]
+    length2 = du * du + dv * dv
+    if length2 < 1e-18:
         return count
-    nu, nv = -dv / length, du / length
-    inside = nu * (ux * ix + uy * iy + uz * iz) + nv * (vx * ix + vy * iy + vz * iz)
-    if inside < 0.0:
-        nu, nv, inside = -nu, -nv, -inside
-    width_px = width_m * inside
-    edges = 1
-    kind = EDGE
-    if row[13] > 0.0:
-        if width_px < THIN_PX:
-            kind = RIDGE
-        else:
-            edges = 2
-    jx, jy, jz = nu * ux + nv * vx, nu * uy + nv * vy, nu * uz + nv * vz
-    by_heading = jx * dy - jy * dx
+    scale = 1.0 / math.sqrt(length2)
+    nu, nv = -dv * scale, du * scale
+    j0, j1, j2 = nu * u0 + nv * v0, nu * u1 + nv * v1, nu * u2 + nv * v2
+    into = j0 * inside[0] + j1 * inside[1] + j2 * inside[2]
+    if into < 0.0:
+        nu, nv, into, j0, j1, j2 = -nu, -nv, -into, -j0, -j1, -j2
+    width_m, channel = rows[n, 9], int(rows[n, 10])
+    width_px = width_m * into
+    is_line = rows[n, 13] > 0.0
+    is_wide = is_line and width_px >= THIN_PX
+    # along the field's axes
+    dx = frame[0] * depth + frame[1] * left + frame[2] * up
+    dy = frame[3] * depth + frame[4] * left + frame[5] * up
+    dz = frame[6] * depth + frame[7] * left + frame[8] * up
+    jx = frame[0] * j0 + frame[1] * j1 + frame[2] * j2
+    jy = frame[3] * j0 + frame[4] * j1 + frame[5] * j2
+    jz = frame[6] * j0 + frame[7] * j1 + frame[8] * j2
     # about the axis (-sin, cos, 0), by minus the tilt
     s, c = frame[14], frame[15]
-    by_tilt = jx * (c * dz) + jy * (s * dz) + jz * (-s * dy - c * dx)
-    by_roll = (nu * uc1 + nv * vc1) * up - (nu * uc2 + nv * vc2) * left
+    by_heading = jx * dy - jy * dx
+    by_tilt = (jx * c + jy * s) * dz - jz * (s * dy + c * dx)
+    by_roll = j1 * up - j2 * left
+    by_focal = nu * (u - lens[2]) + nv * (v - lens[3])
     # a line that is a ridge when narrow has two edges when wide, each with its own inside
-    for k in range(edges):
-        side = 0.0 if edges == 1 else 1.0 - 2.0 * k
-        if count >= out.width_px.shape[0] - 1:
+    for k in range(2 if is_wide else 1):
+        if count >= room:
             return count
-        # the near edge of a line lies half a width against the direction of its inside
-        half = 0.5 * width_m * side
+        turn, half = 1.0 - 2.0 * k, 0.0
         eu, ev = u, v
-        if side != 0.0:
-            ex, ey, ez = dx - ix * half, dy - iy * half, dz - iz * half
-            ahead = frame[0] * ex + frame[3] * ey + frame[6] * ez
+        if is_wide:
+            # the near edge of a line lies half a width against the direction of its inside
+            half = 0.5 * width_m * turn
+            ahead = depth - half * inside[0]
             if ahead < NEAR_M:
                 continue
-            across = -(frame[1] * ex + frame[4] * ey + frame[7] * ez) / ahead
-            down = -(frame[2] * ex + frame[5] * ey + frame[8] * ez) / ahead
+            across, down = (half * inside[1] - left) / ahead, (half * inside[2] - up) / ahead
             across, down, _, _, _, _ = distorted(lens, across, down)
-            eu, ev = lens[2] + fu * across, lens[3] + fv * down
-        if not (eu >= 2.0 and ev >= 2.0 and eu <= lens[4] - 3.0 and ev <= lens[5] - 3.0):
-            continue
-        turn = -1.0 if side < 0 else 1.0
-        out.point_m[count, 0], out.point_m[count, 1], out.point_m[count, 2] = (
-            x - ix * half,
-            y - iy * half,
-            z - iz * half,
-        )
-        out.uv[count, 0], out.uv[count, 1] = eu, ev
-        out.normal[count, 0], out.normal[count, 1] = turn * nu, turn * nv
-        out.jacobian[count, 0], out.jacobian[count, 1], out.jacobian[count, 5] = -turn * jx, -turn * jy, -turn * jz
-        out.jacobian[count, 2] = turn * by_heading
-        out.jacobian[count, 3] = turn * by_tilt
-        out.jacobian[count, 4] = turn * by_roll
-        out.jacobian[count, 6] = turn * (nu * (u - lens[2]) + nv * (v - lens[3]))
-        out.width_px[count] = width_px
-        out.expected[count] = channels[channel, 3]
-        out.channel[count] = channel
-        out.feature[count] = int(row[11]) + k
-        out.kind[count] = kind
-        out.place[count] = int(row[12])
+            eu, ev = lens[2] + frame[12] * across, lens[3] + frame[13] * down
+            if not (eu >= 2.0 and ev >= 2.0 and eu <= lens[4] - 3.0 and ev <= lens[5] - 3.0):
+                continue
+        i, m = np.uintp(count), np.uintp(n)
+        out.point_m[i, 0] = frame[9] + dx - half * rows[m, 6]
+        out.point_m[i, 1] = frame[10] + dy - half * rows[m, 7]
+        out.point_m[i, 2] = frame[11] + dz - half * rows[m, 8]
+        out.uv[i, 0], out.uv[i, 1] = eu, ev
+        out.normal[i, 0], out.normal[i, 1] = turn * nu, turn * nv
+        out.jacobian[i, 0], out.jacobian[i, 1], out.jacobian[i, 5] = -turn * jx, -turn * jy, -turn * jz
+        out.jacobian[i, 2] = turn * by_heading
+        out.jacobian[i, 3] = turn * by_tilt
+        out.jacobian[i, 4] = turn * by_roll
+        out.jacobian[i, 6] = turn * by_focal
+        out.width_px[i] = width_px
+        out.expected[i] = channels[channel, 3]
+        out.channel[i] = channel
+        out.feature[i] = int(rows[m, 11]) + k
+        out.kind[i] = RIDGE if is_line and not is_wide else EDGE
+        out.place[i] = int(rows[m, 12])
         count += 1
     return count
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
-def _seen_from(frame: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return a point of the field along the camera's axes: ahead, left, up."""
-    dx, dy, dz = x - frame[9], y - frame[10], z - frame[11]
-    return (
-        frame[0] * dx + frame[3] * dy + frame[6] * dz,
-        frame[1] * dx + frame[4] * dy + frame[7] * dz,
-        frame[2] * dx + frame[5] * dy + frame[8] * dz,
-    )
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _clip(frame: FloatArray, lens: FloatArray, ends: FloatArray, part: FloatArray) -> float:
-    """Clip a segment (6,) to what the camera sees; part takes the ends' fractions, depths; returns the length in px."""
-    a0, a1, a2 = _seen_from(frame, ends[0], ends[1], ends[2])
-    b0, b1, b2 = _seen_from(frame, ends[3], ends[4], ends[5])
+def _clip(frame: FloatArray, lens: FloatArray, a: Triple, b: Triple) -> Triple:
+    """Clip a segment to what the camera sees, its ends along the camera's axes: fractions, and the length in px."""
     low, high = 0.0, 1.0
     # planes of the view: what lies inside is positive
     wide, tall = lens[16], lens[17]
     for f0, f1 in (
-        (a0 - NEAR_M, b0 - NEAR_M),
-        (wide * a0 + a1, wide * b0 + b1),
-        (wide * a0 - a1, wide * b0 - b1),
-        (tall * a0 + a2, tall * b0 + b2),
-        (tall * a0 - a2, tall * b0 - b2),
+        (a[0] - NEAR_M, b[0] - NEAR_M),
+        (wide * a[0] + a[1], wide * b[0] + b[1]),
+        (wide * a[0] - a[1], wide * b[0] - b[1]),
+        (tall * a[0] + a[2], tall * b[0] + b[2]),
+        (tall * a[0] - a[2], tall * b[0] - b[2]),
     ):
         if f0 < 0.0 and f1 < 0.0:
-            return 0.0
+            return 0.0, 0.0, 0.0
         if f0 < 0.0:
             low = max(low, f0 / (f0 - f1))
         elif f1 < 0.0:
             high = min(high, f0 / (f0 - f1))
     if high <= low:
-        return 0.0
-    d0, d1 = a0 + low * (b0 - a0), a0 + high * (b0 - a0)
-    du = (a1 + high * (b1 - a1)) / d1 - (a1 + low * (b1 - a1)) / d0
-    dv = (a2 + high * (b2 - a2)) / d1 - (a2 + low * (b2 - a2)) / d0
-    part[0], part[1], part[2], part[3] = low, high, d0, d1
-    return math.sqrt((frame[12] * du) ** 2 + (frame[13] * dv) ** 2)
+        return 0.0, 0.0, 0.0
+    d0, d1 = 1.0 / (a[0] + low * (b[0] - a[0])), 1.0 / (a[0] + high * (b[0] - a[0]))
+    du = (a[1] + high * (b[1] - a[1])) * d1 - (a[1] + low * (b[1] - a[1])) * d0
+    dv = (a[2] + high * (b[2] - a[2])) * d1 - (a[2] + low * (b[2] - a[2])) * d0
+    return low, high, math.sqrt((frame[12] * du) ** 2 + (frame[13] * dv) ** 2)
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _segment(
+def _segments(
     frame: FloatArray,
     lens: FloatArray,
     channels: FloatArray,
-    row: FloatArray,
+    rows: FloatArray,
+    number: int,
     spacing_px: float,
-    room: FloatArray,
     out: Samples,
-    count: int,
 ) -> int:
-    """Sample a straight edge (14,) evenly in the image; room is (10,)."""
-    part, place = room[:4], room[4:]
-    length = _clip(frame, lens, row, part)
-    if length < 2.0:
-        return count
-    number = max(int(length / spacing_px), 1)
-    tx, ty, tz = row[3] - row[0], row[4] - row[1], row[5] - row[2]
-    for k in range(number):
-        t = (k + 0.5) / number
-        # evenly in the image: fractions are weighted with the other end's depth
-        s = t * part[2] / ((1.0 - t) * part[3] + t * part[2])
-        s = part[0] + s * (part[1] - part[0])
-        place[0], place[1], place[2] = row[0] + s * tx, row[1] + s * ty, row[2] + s * tz
-        place[3], place[4], place[5] = tx, ty, tz
-        count = _emit(frame, lens, channels, place, row, out, count)
+    """Sample straight edges (N, 14), so many of them, evenly in the image; returns how many samples these are."""
+    count = variable(0)
+    x, y, z = frame[9], frame[10], frame[11]
+    for n in range(number):
+        a = _turned(frame, rows[n, 0] - x, rows[n, 1] - y, rows[n, 2] - z)
+        b = _turned(frame, rows[n, 3] - x, rows[n, 4] - y, rows[n, 5] - z)
+        low, high, length = _clip(frame, lens, a, b)
+        if length < 2.0:
+            continue
+        inside = _turned(frame, rows[n, 6], rows[n, 7], rows[n, 8])
+        along = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        near, far = a[0] + low * along[0], a[0] + high * along[0]
+        parts = max(int(length / spacing_px), 1)
+        step = 1.0 / parts
+        for k in range(parts):
+            t = (k + 0.5) * step
+            # evenly in the image: fractions are weighted with the other end's depth
+            s = low + (high - low) * t * near / ((1.0 - t) * far + t * near)
+            at = a[0] + s * along[0], a[1] + s * along[1], a[2] + s * along[2]
+            count = _emit(frame, lens, channels, at, along, inside, rows, n, out, count)
     return count
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray) -> int:
-    """Edges that cylinders and bars show a viewpoint, as rows (K, 14) like `FieldEdges.segments`; returns how many."""
-    count = 0
+def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray, count: int) -> int:
+    """Add the edges that cylinders and bars show a viewpoint to rows (K, 14), like `FieldEdges.segments`.
+
+    Takes how many rows there are, and returns how many there are then.
+    """
     for n in range(field.cylinders.shape[0] + field.bars.shape[0]):
         level = n >= field.cylinders.shape[0]
         known = field.bars[n - field.cylinders.shape[0]] if level else field.cylinders[n]
@@ -279,29 +275,37 @@ def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray) -> int:
     return count
 
 
-@compiled(fastmath=True, error_model="numpy")
-def _projected(frame: FloatArray, point: FloatArray) -> tuple[float, float, float]:
+@compiled(fastmath=True, error_model="numpy", inline="always")
+def _projected(frame: FloatArray, x: float, y: float) -> Triple:
     """Project a point on the floor without distortion: pixels from the centre, the other way round, and its depth."""
-    dx, dy, dz = point[0] - frame[9], point[1] - frame[10], -frame[11]
-    depth = frame[0] * dx + frame[3] * dy + frame[6] * dz
+    depth, left, up = _turned(frame, x - frame[9], y - frame[10], -frame[11])
     inv = 1.0 / max(depth, NEAR_M)
-    u = frame[12] * (frame[1] * dx + frame[4] * dy + frame[7] * dz) * inv
-    v = frame[13] * (frame[2] * dx + frame[5] * dy + frame[8] * dz) * inv
-    return u, v, depth
+    return frame[12] * left * inv, frame[13] * up * inv, depth
 
 
-@compiled(fastmath=True, error_model="numpy")
-def _is_sharp(u0: float, v0: float, u1: float, v1: float, after: tuple[float, float, float]) -> bool:
-    """Whether a curve bends too sharply at its middle point of three for a search along the normal.
+@compiled(fastmath=True, error_model="numpy", inline="always")
+def _may_be_seen(frame: FloatArray, lens: FloatArray, projected: Triple) -> bool:
+    """Whether a projected point lies before the camera and within the circle around the picture."""
+    a, b = projected[0] / frame[12], projected[1] / frame[13]
+    return projected[2] >= NEAR_M and a * a + b * b <= lens[15]
+
+
+@compiled(fastmath=True, error_model="numpy", inline="always")
+def _is_sharp(before: Triple, here: Triple, after: Triple) -> bool:
+    """Whether a curve bends too sharply at the middle one of three projected points for a search along the normal.
 
     The profile across a line is that of a straight one only where the curve's radius is great against what is read.
     """
-    u2, v2, depth = after
-    if depth < NEAR_M:
+    if after[2] < NEAR_M:
         return True
-    au, av, bu, bv = u1 - u0, v1 - v0, u2 - u1, v2 - v1
-    turn = abs(math.atan2(au * bv - av * bu, au * bu + av * bv))
-    return 0.5 * (math.sqrt(au * au + av * av) + math.sqrt(bu * bu + bv * bv)) < MIN_RADIUS_PX * turn
+    au, av, bu, bv = here[0] - before[0], here[1] - before[1], after[0] - here[0], after[1] - here[1]
+    cross, dot = abs(au * bv - av * bu), au * bu + av * bv
+    a, b = math.sqrt(au * au + av * av), math.sqrt(bu * bu + bv * bv)
+    length = 0.5 * (a + b)
+    # an angle lies between its sine and its tangent: in most places they are enough
+    if length * dot >= MIN_RADIUS_PX * cross:
+        return False
+    return length * a * b < MIN_RADIUS_PX * cross or length < MIN_RADIUS_PX * math.atan2(cross, dot)
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -310,47 +314,47 @@ def _curves(
     lens: FloatArray,
     frame: FloatArray,
     spacing_px: float,
-    row: FloatArray,
-    place: FloatArray,
+    rows: FloatArray,
+    n: int,
     out: Samples,
     count: int,
 ) -> int:
-    """Sample curved lines and the rings around cylinders."""
-    done, before_u, before_v, has = 0.0, 0.0, 0.0, False
-    for n in range(field.arcs.shape[0]):
-        arc = field.arcs[n]
-        u, v, depth = _projected(frame, arc)
-        if depth < NEAR_M:
-            has = False
-            continue
+    """Sample curved lines and the rings around cylinders; rows[n] is overwritten. Returns the new count."""
+    row, arcs, rings, vx, vy = rows[n], field.arcs, field.rings, frame[9], frame[10]
+    row[8], row[12], row[13] = 0.0, ON_FLOOR, 1.0
+    done, last = 0.0, arcs.shape[0] - 1
+    before, here, after = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for m in range(last + 1):
+        before, here = here, _projected(frame, arcs[m, 0], arcs[m, 1]) if m == 0 else after
+        if m < last:
+            after = _projected(frame, arcs[m + 1, 0], arcs[m + 1, 1])
         # at the ends of a curve its curvature is not known
-        if not has or arc[7] != 0.0:
+        if not _may_be_seen(frame, lens, here) or before[2] < NEAR_M or arcs[m, 7] != 0.0:
             done = spacing_px
-        elif n + 1 < field.arcs.shape[0] and field.arcs[n + 1, 7] == 0.0:
-            done += math.sqrt((u - before_u) ** 2 + (v - before_v) ** 2)
-            if done >= spacing_px and not _is_sharp(before_u, before_v, u, v, _projected(frame, field.arcs[n + 1])):
+        elif m < last and arcs[m + 1, 7] == 0.0:
+            done += math.sqrt((here[0] - before[0]) ** 2 + (here[1] - before[1]) ** 2)
+            if done >= spacing_px and not _is_sharp(before, here, after):
                 done = 0.0
-                place[0], place[1], place[2], place[3], place[4], place[5] = arc[0], arc[1], 0.0, -arc[3], arc[2], 0.0
-                row[6], row[7], row[8], row[9], row[10], row[11] = arc[2], arc[3], 0.0, arc[4], arc[5], arc[6]
-                row[12], row[13] = ON_FLOOR, 1.0
-                count = _emit(frame, lens, field.channels, place, row, out, count)
-        before_u, before_v, has = u, v, True
-    for n in range(field.rings.shape[0]):
-        ring = field.rings[n]
-        dx, dy = ring[0] - frame[9], ring[1] - frame[10]
+                ox, oy = arcs[m, 2], arcs[m, 3]
+                at = _turned(frame, arcs[m, 0] - vx, arcs[m, 1] - vy, -frame[11])
+                along, inside = _turned(frame, -oy, ox, 0.0), _turned(frame, ox, oy, 0.0)
+                row[6], row[7], row[9], row[10], row[11] = ox, oy, arcs[m, 4], arcs[m, 5], arcs[m, 6]
+                count = _emit(frame, lens, field.channels, at, along, inside, rows, n, out, count)
+    row[6], row[7], row[8], row[12], row[13] = 0.0, 0.0, 1.0, UPRIGHT, 0.0
+    inside = _turned(frame, 0.0, 0.0, 1.0)
+    for m in range(rings.shape[0]):
+        dx, dy, radius = rings[m, 0] - vx, rings[m, 1] - vy, rings[m, 2]
         away = math.sqrt(dx * dx + dy * dy)
-        if away < 1.5 * ring[2] or dx * frame[15] + dy * frame[14] < 0.0:
+        if away < 1.5 * radius or dx * frame[15] + dy * frame[14] < 0.0:
             continue
-        row[6], row[7], row[8], row[9], row[10], row[11] = 0.0, 0.0, 1.0, ring[5], ring[4], ring[6]
-        row[12], row[13] = UPRIGHT, 0.0
+        row[9], row[10], row[11] = rings[m, 5], rings[m, 4], rings[m, 6]
         for k in range(RING_POINTS):
             across = 0.8 * (2.0 * (k + 0.5) / RING_POINTS - 1.0)
             ahead = math.sqrt(1.0 - across * across)
             ox = -dx / away * ahead - dy / away * across
             oy = -dy / away * ahead + dx / away * across
-            place[0], place[1], place[2] = ring[0] + ring[2] * ox, ring[1] + ring[2] * oy, ring[3]
-            place[3], place[4], place[5] = -oy, ox, 0.0
-            count = _emit(frame, lens, field.channels, place, row, out, count)
+            at = _turned(frame, dx + radius * ox, dy + radius * oy, rings[m, 3] - frame[11])
+            count = _emit(frame, lens, field.channels, at, _turned(frame, -oy, ox, 0.0), inside, rows, n, out, count)
     return count
 
 
@@ -377,13 +381,13 @@ def predict(field: FieldEdges, lens: FloatArray, p: FloatArray, spacing_px: floa
     int
         How many.
     """
-    frame, room = np.empty(16), np.empty(10)
+    frame = np.empty(16)
     pose_frame(p, lens, frame)
-    seen = np.empty((2 * (field.cylinders.shape[0] + field.bars.shape[0]) + 1, 14))
-    upright = _silhouettes(field, frame, seen)
-    count = variable(0)
-    for n in range(field.segments.shape[0] + upright):
-        standing = n >= field.segments.shape[0]
-        row = seen[n - field.segments.shape[0]] if standing else field.segments[n]
-        count = _segment(frame, lens, field.channels, row, spacing_px, room, out, count)
-    return _curves(field, lens, frame, spacing_px, seen[seen.shape[0] - 1], room[4:], out, count)
+    straight = field.segments.shape[0]
+    rows = np.empty((straight + 2 * (field.cylinders.shape[0] + field.bars.shape[0]) + 1, 14))
+    for n in range(straight):
+        for k in range(14):
+            rows[n, k] = field.segments[n, k]
+    straight = _silhouettes(field, frame, rows, straight)
+    count = _segments(frame, lens, field.channels, rows, straight, spacing_px, out)
+    return _curves(field, lens, frame, spacing_px, rows, straight, out, count)

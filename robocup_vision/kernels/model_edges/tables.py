@@ -129,7 +129,9 @@ class FollowSettings(NamedTuple):
     Parameters
     ----------
     spacing_px, coarse_spacing_px : float
-        Between samples, in the fit and where the mode is chosen.
+        Between samples, in the fit, at least, and where the mode is chosen.
+    ample_samples : float
+        In the fit, about so many are enough.
     reach_sigmas, extra_px, max_reach_px : float
         How far from its prediction a sample is searched for, along the normal.
     min_ratio : float
@@ -163,6 +165,7 @@ class FollowSettings(NamedTuple):
 
     spacing_px: float
     coarse_spacing_px: float
+    ample_samples: float
     reach_sigmas: float
     extra_px: float
     max_reach_px: float

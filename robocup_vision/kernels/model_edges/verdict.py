@@ -247,10 +247,9 @@ def _keep(
 
 
 @compiled(fastmath=True, error_model="numpy")
-def explained(room: Room, number: int, count: int, z: FloatArray, settings: FollowSettings) -> int:
+def explained(room: Room, number: int, count: int, z: FloatArray, spacing_px: float, gate_px: float) -> int:
     """Count the line points that lie on predicted lines."""
     points, samples, rows = room.points, room.samples, room.rows
-    spacing_px, gate_px = settings.spacing_px, settings.gate_px
     right = 0
     for m in range(number):
         u, v = points[m, 0], points[m, 1]

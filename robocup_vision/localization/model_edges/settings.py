@@ -18,6 +18,8 @@ class EdgeSettings:
     # between samples, 208 and 640 pixels wide: neighbours add little, and time grows with their number
     spacing_px: float = 5.0
     wide_spacing_px: float = 12.0
+    # of the fit: what samples of an edge share is not averaged out by more of them
+    ample_samples: float = 70.0
     # the mode is chosen by fewer, so many times as far apart: they are searched for farther
     coarser: float = 2.0
     # of the prior, that an edge is looked for in
@@ -111,6 +113,7 @@ class EdgeSettings:
         return FollowSettings(
             spacing_px=max(spacing, 2.5),
             coarse_spacing_px=self.coarser * max(spacing, 2.5),
+            ample_samples=self.ample_samples,
             reach_sigmas=self.reach_sigmas,
             extra_px=self.extra_px,
             max_reach_px=self.max_reach_px * max(1.0, 0.65 * scale),

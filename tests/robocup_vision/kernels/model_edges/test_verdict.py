@@ -92,4 +92,4 @@ def test_line_points_are_explained_as_plainly(seed):
     on &= (np.abs(off) <= 2.0 * spacing).all(axis=-1) & (samples.place == ON_FLOOR)
     right = int(np.count_nonzero(on.any(axis=1)))
     assert 0 < right < COUNT
-    assert explained(room, COUNT, COUNT, z, NUMBERS) == right
+    assert explained(room, COUNT, COUNT, z, NUMBERS.spacing_px, NUMBERS.gate_px) == right
