@@ -19,7 +19,7 @@ class EdgeSettings:
     spacing_px: float = 5.0
     wide_spacing_px: float = 12.0
     # of the fit: what samples of an edge share is not averaged out by more of them
-    ample_samples: float = 70.0
+    ample_samples: float = 80.0
     # the mode is chosen by fewer, so many times as far apart: they are searched for farther
     coarser: float = 2.0
     # of the prior, that an edge is looked for in
