@@ -32,7 +32,7 @@ class SecondLook:
 
     def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings) -> None:
         self._field, self._camera = field, camera
-        self._settings = replace(settings, max_line_widths=settings.max_doubted_line_widths)
+        self._settings = settings.for_doubted_frames()
         self._factors = [k for k in settings.copy_factors if k == 1 or camera.size_px[0] >= k * settings.min_copy_px]
         self._followers: dict[int, EdgeFollower] = {}
         self._last: EdgeFollower | None = None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,8 +19,8 @@ class EdgeSettings:
     # between samples, 208 and 640 pixels wide: neighbours add little, and time grows with their number
     spacing_px: float = 5.0
     wide_spacing_px: float = 12.0
-    # of the fit: what samples of an edge share is not averaged out by more of them
-    ample_samples: float = 80.0
+    # of the fit: what samples of an edge share is not averaged out by more of them, but for the noise of a blurred one
+    ample_samples: float = 70.0
     # the mode is chosen by fewer, so many times as far apart: they are searched for farther
     coarser: float = 2.0
     # of the prior, that an edge is looked for in
@@ -104,6 +105,10 @@ class EdgeSettings:
     # of the prior where only a pose is given
     prior_std_m: float = 0.15
     prior_std_rad: float = 0.1
+
+    def for_doubted_frames(self) -> EdgeSettings:
+        """Return the settings for a frame that confirmed nothing: it may be blurred, or its lines be wider."""
+        return replace(self, max_line_widths=self.max_doubted_line_widths, ample_samples=math.inf)
 
     def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
         """Return the numbers for a picture of this width."""

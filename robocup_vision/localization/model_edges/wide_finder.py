@@ -87,9 +87,8 @@ class WideFinder(EdgeFinder):
             max_candidates=settings.corners if field.halves_differ else settings.corners // 2,
         )
         self.factor = smallest_copy(camera, edges)
-        wide = replace(edges, max_line_widths=edges.max_doubted_line_widths)
         super().__init__(
-            EdgeFollower(field, smaller_camera(camera, self.factor), wide),
+            EdgeFollower(field, smaller_camera(camera, self.factor), edges.for_doubted_frames()),
             FinderSettings(fitted=settings.fitted, weighed=settings.weighed, candidates=candidates),
         )
         self._walls = with_walls(self._bank, field)
