@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from field_models.errors import ArgumentError, FileError
-from field_models.field import COLOR_NAMES, Beacon, BoundaryKind, Field, Goal, GoalKind, _frozen
+from field_models.field import COLOR_NAMES, Beacon, BoundaryKind, Field, Goal, GoalKind, Net, _frozen
 from field_models.toml_file import StrictStruct, load_toml
 
 Length = Annotated[float, msgspec.Meta(gt=0)]
@@ -25,6 +25,13 @@ class _Boundary(StrictStruct):
     color: str = "white"
 
 
+class _Net(StrictStruct):
+    height_m: Length
+    mesh_m: Length
+    cord_m: Length
+    color: str = "white"
+
+
 class _Goal(StrictStruct):
     kind: GoalKind
     width_m: Length
@@ -33,6 +40,7 @@ class _Goal(StrictStruct):
     post_radius_m: Distance = 0.0
     color_positive_x: str = "white"
     color_negative_x: str = "white"
+    net: _Net | None = None
 
 
 class _Area(StrictStruct):
@@ -154,6 +162,8 @@ def _check(path: Path, f: _FieldFile) -> None:
             raise FileError(path, f"reaches through the {f.boundary.kind}", key="goal.depth_m", value=f.goal.depth_m)
         if f.goal.kind == "posts" and f.goal.post_radius_m <= 0:
             raise FileError(path, "must be positive for posts", key="goal.post_radius_m", value=f.goal.post_radius_m)
+        if f.goal.net is not None:
+            _check_net(path, f.goal, f.goal.net)
     colors = [("boundary.color", f.boundary.color), ("ball_color", f.ball_color)]
     if f.ball_patches:
         colors.append(("ball_patches", f.ball_patches))
@@ -162,10 +172,23 @@ def _check(path: Path, f: _FieldFile) -> None:
             ("goal.color_positive_x", f.goal.color_positive_x),
             ("goal.color_negative_x", f.goal.color_negative_x),
         ]
+        if f.goal.net is not None:
+            colors.append(("goal.net.color", f.goal.net.color))
     colors += [(f"beacons[{i}].colors", color) for i, beacon in enumerate(f.beacons) for color in beacon.colors]
     for key, color in colors:
         if color not in COLOR_NAMES:
             raise FileError(path, f"is not one of {', '.join(COLOR_NAMES)}", key=key, value=color)
+
+
+def _check_net(path: Path, goal: _Goal, net: _Net) -> None:
+    if goal.kind == "recess":
+        raise FileError(path, "has no net: walls are around it", key="goal.kind", value=goal.kind)
+    if goal.depth_m <= 0:
+        raise FileError(path, "must be positive behind a net's mouth", key="goal.depth_m", value=goal.depth_m)
+    if net.height_m > goal.height_m + goal.post_radius_m:
+        raise FileError(path, "is higher than the goal", key="goal.net.height_m", value=net.height_m)
+    if net.cord_m >= net.mesh_m:
+        raise FileError(path, "is as thick as the mesh is wide", key="goal.net.cord_m", value=net.cord_m)
 
 
 def _derive(f: _FieldFile) -> Field:
@@ -204,6 +227,7 @@ def _goal(f: _FieldFile, g: _Goal, side: int) -> Goal:
         depth_m=g.depth_m,
         height_m=g.height_m,
         post_radius_m=g.post_radius_m,
+        net=None if g.net is None else Net(g.net.height_m, g.net.mesh_m, g.net.cord_m, g.net.color),
     )
 
 

@@ -38,6 +38,26 @@ def _frozen(rows: list[list[float]], columns: int) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
+class Net:
+    """A goal's net: upright at both sides and at the back, level above; square meshes.
+
+    Parameters
+    ----------
+    height_m : float
+        Of its roof over the floor.
+    mesh_m, cord_m : float
+        From cord to cord, and a cord's thickness.
+    color : str
+        Its colour's name.
+    """
+
+    height_m: float
+    mesh_m: float
+    cord_m: float
+    color: str
+
+
+@dataclass(frozen=True, slots=True)
 class Goal:
     """One goal.
 
@@ -59,6 +79,8 @@ class Goal:
         Of the panels, or of the bar's axis.
     post_radius_m : float
         Of posts and bar; 0 where there are none.
+    net : Net or None
+        What hangs from its mouth to `back_x_m`.
     """
 
     side: int
@@ -69,6 +91,7 @@ class Goal:
     depth_m: float
     height_m: float
     post_radius_m: float
+    net: Net | None = None
 
     @property
     def back_x_m(self) -> float:

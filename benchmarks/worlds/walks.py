@@ -287,6 +287,8 @@ def _motion(what: Walk, field: Field, seed: int, count: int) -> Iterator[_Step]:
 def _kept_frames(what: Walk, seed: int, count: int, steps: list[_Step]) -> list[npt.NDArray[np.uint8]]:
     look = (what.field_name, what.camera, what.speed_mps, what.nod_rad, what.roll_rad, what.robot_size_m, what.sensor)
     name = repr((FORMAT, look, what.exposure_s, what.readout_s, what.robots, seed))
+    nets = [goal.net for goal in load_field(what.field_name).goals if goal.net is not None]
+    name += repr(nets) if nets else ""
     folder = Path(tempfile.gettempdir()) / "robocup_vision_walks" / hashlib.sha256(name.encode()).hexdigest()[:16]
     folder.mkdir(parents=True, exist_ok=True)
     frames = []

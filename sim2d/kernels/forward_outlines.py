@@ -14,11 +14,12 @@ from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.forward_things import BALL, BAR, BOX_TOP, CYLINDER, HEIGHT, KIND, OTHER, RADIUS, X0, X1, Y0, Y1
 from sim2d.kernels.forward_values import FloorPaint, ForwardEye, Outlines, UprightThings
+from sim2d.kernels.frame_values import Nets
 
 # kinds of owners
-EDGE, LINE, ARC, SHADE, THING = range(5)
-# rows after those of the kinds: the outlines of the things and lines that a tile may show
-THING_ROWS, LINE_ROWS = THING + 1, THING + 2
+EDGE, LINE, ARC, SHADE, THING, NET = range(6)
+# rows after those of the kinds: the outlines of the things, lines and nets that a tile may show
+THING_ROWS, LINE_ROWS, NET_ROWS = NET + 1, NET + 2, NET + 3
 # an arc is bounded in so many pieces a full turn
 ARC_PIECES = 24
 _NEAR_M = 0.01  # nothing nearer to the camera's plane is seen
@@ -214,6 +215,36 @@ def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin:
                 points[corner, 1] = (end_y if is_end else y) + left * left_y
                 points[corner, 2] = high if corner & 4 else low
         n = _add(points, count, eye, thin, THING, k, n, to)
+    return n
+
+
+@compiled(error_model="numpy")
+def outline_nets(nets: Nets, eye: ForwardEye, n: int, to: Outlines) -> int:
+    """Append the outlines of nets to n outlines; return how many there are.
+
+    Parameters
+    ----------
+    nets : Nets
+        Goal nets.
+    eye : ForwardEye
+        The camera.
+    n : int
+        Rows that are filled.
+    to : Outlines
+        Filled from row n on.
+    """
+    points = np.empty((_POINTS, 3))
+    at = eye.x_m, eye.y_m, eye.height_m
+    for k in range(len(nets.rows)):
+        row, is_ahead = nets.rows[k], False
+        for corner in range(4):
+            first, second = row[9] if corner & 1 else 0.0, row[10] if corner & 2 else 0.0
+            for axis in range(3):
+                points[corner, axis] = row[axis] + first * row[3 + axis] + second * row[6 + axis] - at[axis]
+            ahead = eye.rotation[0, 0] * points[corner, 0] + eye.rotation[1, 0] * points[corner, 1]
+            is_ahead |= ahead + eye.rotation[2, 0] * points[corner, 2] >= _NEAR_M
+        if is_ahead:
+            n = _add(points, 4, eye, 0.0, NET, k, n, to)
     return n
 
 

@@ -37,9 +37,10 @@ def draw_things(
     corner_rays: Float32Array,
     ids: Int32Array,
     depth: Float32Array,
+    nearest: Float32Array,
     colors: Float32Array,
 ) -> None:
-    """Draw things over a tile's floor and room."""
+    """Draw things over a tile's floor and room; `nearest` keeps how far away they are, and their share of a pixel."""
     rows, columns = tile
     near, near_count, height = seen[THING], seen_count[THING], here[2]
     wide = columns + 1
@@ -67,12 +68,13 @@ def draw_things(
             k, i = v * wide + u, v * columns + u
             first = ids[k]
             if fine[i] or first != ids[k + 1] or first != ids[k + wide] or first != ids[k + wide + 1]:
-                _draw_edge(rows_of, paints, near, near_count, rays, i, steps, here, lit, lamp, colors)
+                _draw_edge(rows_of, paints, near, near_count, rays, i, steps, here, lit, lamp, nearest, colors)
             elif first >= 0:
                 dx, dy, dz = rays[0, i], rays[1, i], rays[2, i]
                 row = rows_of[first // 256]
                 t, color, shade = meet_thing(row[KIND], row, dx, dy, dz, height, lamp)
                 if t < _FAR:
+                    nearest[0, i], nearest[1, i] = t, _ONE
                     bright = lit[0] + lit[1] * (here[0] + t * dx) + lit[2] * (here[1] + t * dy)
                     bright = shade * max(bright, lit[3])
                     colors[0, i], colors[1, i] = bright * paints[color, 0], bright * paints[color, 1]
@@ -93,30 +95,33 @@ def _draw_edge(
     here: Float32Array,
     lit: Float32Array,
     lamp: Float32Array,
+    nearest: Float32Array,
     colors: Float32Array,
 ) -> None:
     """Draw things over a pixel by four rays."""
     ux, uy, uz = np.float32(steps[0, 0]), np.float32(steps[0, 1]), np.float32(steps[0, 2])
     vx, vy, vz = np.float32(steps[1, 0]), np.float32(steps[1, 1]), np.float32(steps[1, 2])
-    blue, green, red, left = _ZERO, _ZERO, _ZERO, _ZERO
+    blue, green, red, left, away = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
     for sample in range(4):
         a, b = np.float32(_SAMPLES_U[sample]), np.float32(_SAMPLES_V[sample])
         dx, dy, dz = rays[0, i] + a * ux + b * vx, rays[1, i] + a * uy + b * vy, rays[2, i] + a * uz + b * vz
-        nearest, found, shade = _FAR, np.int32(-1), _ZERO
+        met, found, shade = _FAR, np.int32(-1), _ZERO
         for n in range(near_count):
             row = rows_of[near[n]]
             t, color, shade_there = meet_thing(row[KIND], row, dx, dy, dz, here[2], lamp)
-            if t < nearest:
-                nearest, found, shade = t, color, shade_there
+            if t < met:
+                met, found, shade = t, color, shade_there
         if found < 0:
             left += _ONE
             continue
-        bright = lit[0] + lit[1] * (here[0] + nearest * dx) + lit[2] * (here[1] + nearest * dy)
+        away += met
+        bright = lit[0] + lit[1] * (here[0] + met * dx) + lit[2] * (here[1] + met * dy)
         bright = shade * max(bright, lit[3])
         blue += bright * paints[found, 0]
         green += bright * paints[found, 1]
         red += bright * paints[found, 2]
     quarter = np.float32(0.25)
+    nearest[0, i], nearest[1, i] = away / max(np.float32(4.0) - left, _ONE), _ONE - quarter * left
     colors[0, i] = quarter * (blue + left * colors[0, i])
     colors[1, i] = quarter * (green + left * colors[1, i])
     colors[2, i] = quarter * (red + left * colors[2, i])

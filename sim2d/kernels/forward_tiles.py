@@ -25,10 +25,13 @@ from sim2d.kernels.forward_outlines import (
     EDGE,
     LINE,
     LINE_ROWS,
+    NET,
+    NET_ROWS,
     SHADE,
     THING,
     THING_ROWS,
     outline_floor,
+    outline_nets,
     outline_things,
     overlaps,
 )
@@ -37,7 +40,8 @@ from sim2d.kernels.forward_room import draw_wall, wall_point
 from sim2d.kernels.forward_standing import draw_things
 from sim2d.kernels.forward_things import BAR, KIND, RADIUS, SHEET, X0, X1, Y0, Y1
 from sim2d.kernels.forward_values import FloorPaint, ForwardEye, ForwardLens, Outlines, UprightThings, WallPicture
-from sim2d.kernels.frame_values import Lighting
+from sim2d.kernels.frame_values import Lighting, Nets
+from sim2d.kernels.nets import draw_nets
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _MOST = np.float32(255.0)
@@ -50,6 +54,7 @@ def draw_forward(
     eye: ForwardEye,
     paint: FloorPaint,
     things: UprightThings,
+    nets: Nets,
     shade_m: float,
     light: Lighting,
     wall: WallPicture,
@@ -69,6 +74,8 @@ def draw_forward(
         On the floor.
     things : UprightThings
         On the floor.
+    nets : Nets
+        Of the goals.
     shade_m : float
         How far a ball's shade reaches.
     light : Lighting
@@ -89,6 +96,7 @@ def draw_forward(
     tile_rows, tile_columns, _ = lens.bounds.shape
     thin = 2.0 * float(lens.per_pixel[tile_rows // 2, tile_columns // 2, 0])
     count = outline_things(things, eye, shade_m, thin, outline_floor(paint, eye, thin, outlines), outlines)
+    count = outline_nets(nets, eye, count, outlines)
     at_corners = _wall_at_corners(lens, eye, wall, planes.shape[1], tile[0])
 
     pixels = tile[0] * tile[1]
@@ -97,8 +105,9 @@ def draw_forward(
     tone, covered = np.empty(pixels, dtype=np.float32), np.empty(pixels, dtype=np.float32)
     fine = np.zeros(pixels, dtype=np.uint8)
     cells, mixed = np.empty((4, pixels), dtype=np.int32), np.empty(pixels, dtype=np.uint64)
-    seen = np.empty((LINE_ROWS + 1, len(outlines.owners)), dtype=np.int32)
-    seen_count = np.empty(LINE_ROWS + 1, dtype=np.int64)
+    seen = np.empty((NET_ROWS + 1, len(outlines.owners)), dtype=np.int32)
+    seen_count = np.empty(NET_ROWS + 1, dtype=np.int64)
+    nearest = np.zeros((2, pixels), dtype=np.float32)
     corner_rays = np.empty((3, (tile[0] + 1) * (tile[1] + 1)), dtype=np.float32)
     ids, depth = np.empty(corner_rays.shape[1], dtype=np.int32), np.empty(corner_rays.shape[1], dtype=np.float32)
     steps, corners = np.empty((2, 3)), np.empty((2, 3, 2))
@@ -123,7 +132,7 @@ def draw_forward(
                 color = _floor_color(lens, row, column, paint, eye)
                 _store_floor(lens, tile, row, column, eye.rotation, here, lit, color, planes)
                 continue
-            if kind != _IN_ROOM or seen_count[THING]:
+            if kind != _IN_ROOM or seen_count[THING] or seen_count[NET]:
                 per_pixel[:] = lens.per_pixel[row, column]
                 fill_slopes(lens, row, column, slopes)
                 if is_turning:
@@ -150,6 +159,8 @@ def draw_forward(
                 )
             if kind != _ON_FLOOR:
                 draw_wall(corners, tile, wall, cells, mixed, colors)
+            if seen_count[NET]:
+                nearest[1] = _ZERO
             if seen_count[THING]:
                 draw_things(
                     near_rows,
@@ -169,8 +180,12 @@ def draw_forward(
                     corner_rays,
                     ids,
                     depth,
+                    nearest,
                     colors,
                 )
+            for n in range(seen_count[NET]):
+                part = pixels_of(outlines.bounds[seen[NET_ROWS, n]], slopes, per_pixel, tile)
+                draw_nets(nets, seen[NET, n], part, tile[1], rays, steps, here, lit, nearest, colors)
             _store(lens, tile, row, column, colors, planes)
 
 
@@ -245,6 +260,8 @@ def _find_owners(
                 seen[THING_ROWS, at] = n
             elif kind == LINE:
                 seen[LINE_ROWS, at] = n
+            elif kind == NET:
+                seen[NET_ROWS, at] = n
 
 
 @compiled(error_model="numpy")

@@ -93,6 +93,22 @@ class Things(NamedTuple):
     colors: FloatArray
 
 
+class Nets(NamedTuple):
+    """Goal nets.
+
+    Parameters
+    ----------
+    rows : (P, 14) float64
+        Rectangles: a corner, unit directions of both edges (field frame), their lengths, the width of a mesh along
+        each, and a cord's thickness (m).
+    color : (3,) float32
+        BGR of the cords.
+    """
+
+    rows: FloatArray
+    color: Float32Array
+
+
 class RoomWall(NamedTuple):
     """What is seen behind the field.
 

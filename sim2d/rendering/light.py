@@ -91,7 +91,7 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
         light[floor] *= _carpet_texture(scene.light, hit_x[floor], hit_y[floor], patch)[:, None]
     if scene.ball is not None:
         _shade_under_ball(light, hits, scene.ball, eye)
-    _illuminate(light, hits.shade, scene, hit_x, hit_y)
+    illuminate(light, hits.shade, scene, hit_x, hit_y)
     light[in_room] = room_light
     return TracedLight(light, hits, hit_x, hit_y, in_room)
 
@@ -161,7 +161,8 @@ def _shade_under_ball(light: Float32Array, hits: FirstHits, ball: Ball, eye: Pos
         light[part] *= (1 - gone)[:, None]
 
 
-def _illuminate(light: Float32Array, shade: Float32Array, scene: Scene, x: Float32Array, y: Float32Array) -> None:
+def illuminate(light: Float32Array, shade: Float32Array, scene: Scene, x: Float32Array, y: Float32Array) -> None:
+    """Turn paint (N, 3) of given shade (N,) at places x, y (m) into light, in place."""
     lamp = scene.light
     gain = shade * np.float32(lamp.level)
     if lamp.gradient:

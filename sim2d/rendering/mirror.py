@@ -10,6 +10,7 @@ from robocup_vision.arrays import Float32Array
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.light import trace_light
+from sim2d.rendering.nets import lay_nets
 from sim2d.rendering.rays import MirrorRays
 from sim2d.rendering.scene import Scene
 
@@ -78,4 +79,6 @@ class MirrorRenderer:
     def _trace(self, rays: MirrorRays, scene: Scene, pose: Pose2) -> Float32Array:
         """(P, 3) float32: mean light of each traced pixel's rays."""
         x, y = pose.transform(self.camera.offset_m)
-        return trace_light(rays, scene, Pose2(float(x), float(y), pose.theta_rad)).per_pixel
+        traced = trace_light(rays, scene, Pose2(float(x), float(y), pose.theta_rad))
+        lay_nets(traced, scene)
+        return traced.per_pixel

@@ -17,6 +17,7 @@ from sim2d.kernels.ray_directions import pinhole_patches
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.goal.light import Glare, SunPatch
 from sim2d.rendering.light import TracedLight, trace_light
+from sim2d.rendering.nets import lay_nets
 from sim2d.rendering.rays import RaySet, sample_offsets
 from sim2d.rendering.scene import Scene
 
@@ -130,6 +131,7 @@ def render_pinhole(
             for goal in scene.field.goals:
                 if goal.side == spot.goal_side and goal.kind == "posts":
                     spot.add_to(traced, goal)
+        lay_nets(traced, scene)
         return traced
 
     coarse_rays = PinholeRays(camera, COARSE, turn_rad=turn_rad)

@@ -244,6 +244,10 @@ class FirstHits:
             met.append((part, np.asarray(distance, dtype=np.float32), from_left))
         return met
 
+    def window_of(self, points: FloatArray) -> list[slice]:
+        """Rays that can meet the convex hull of points (K, 2), field frame."""
+        return self._window(self._to_eye.transform(points))
+
     def _window(self, points: FloatArray) -> list[slice]:
         """Rays that can meet the convex hull of points (K, 2) in the eye's frame."""
         middle = points.mean(axis=0)

@@ -62,6 +62,7 @@ EXPECTED = {
     "field file": keys_of(catalog._FieldFile),
     "field file boundary": keys_of(catalog._Boundary),
     "field file goal": keys_of(catalog._Goal),
+    "field file net": keys_of(catalog._Net),
     "field file area": keys_of(catalog._Area),
     "field file arc": keys_of(catalog._PenaltyArc),
     "field file beacon": keys_of(catalog._Beacon),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from field_models import ArgumentError, Field, FileError, field_names, load_field
+from field_models import ArgumentError, Field, FileError, Net, field_names, load_field
 
 OWN = """format = 1
 name = "own"
@@ -294,6 +294,32 @@ def test_a_ball_has_patches_where_the_field_file_says_so(write: Write):
     assert load_field(write(OWN)).ball_patches == ""
     assert load_field(write(OWN.replace('"orange"', '"white"\nball_patches = "black"'))).ball_patches == "black"
     assert [name for name in field_names() if load_field(name).ball_patches] == ["spl_2020"]
+
+
+NET = "height_m = 0.1\nmesh_m = 0.05\ncord_m = 0.002\n"
+
+
+def test_a_goal_has_a_net_where_the_field_file_says_so(write: Write):
+    assert all(goal.net is None for goal in load_field(write(OWN)).goals)
+    assert OWN.count("[penalty_area]") == 1
+    text = OWN.replace("[penalty_area]", f"[goal.net]\n{NET}\n[penalty_area]")
+    assert [goal.net for goal in load_field(write(text)).goals] == [Net(0.1, 0.05, 0.002, "white")] * 2
+    assert [name for name in field_names() if any(goal.net for goal in load_field(name).goals)] == [
+        "msl_18x12",
+        "spl_2020",
+    ]
+    for old, new, message in (
+        (NET, NET.replace("0.1", "0.5"), "key 'goal.net.height_m': is higher than the goal, got 0.5"),
+        (NET, NET.replace("0.002", "0.05"), "key 'goal.net.cord_m': is as thick as the mesh is wide, got 0.05"),
+        (NET, NET + 'color = "coal"\n', "key 'goal.net.color': is not one of white, "),
+        ("depth_m = 0.18\n", "", "key 'goal.depth_m': must be positive behind a net's mouth, got 0.0"),
+    ):
+        with pytest.raises(FileError) as caught:
+            load_field(write(text.replace(old, new, 1)))
+        assert message in str(caught.value)
+    recess = (files("field_models") / "fields" / "ssl_2001.toml").read_text(encoding="utf-8") + f"[goal.net]\n{NET}"
+    with pytest.raises(FileError, match="has no net"):
+        load_field(write(recess))
 
 
 def test_a_field_file_may_leave_out_its_source(tmp_path):

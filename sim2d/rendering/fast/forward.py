@@ -1,8 +1,8 @@
 """Frames of a forward camera in match time: one ray a pixel, four where an edge crosses it, nothing worked out twice.
 
-It draws walls, goals, beacons, boxes, bystanders, robots, ball and lines under evenly changing light before the room's
-wall or a hall's backdrop, as `render_pinhole` does. Only `render_pinhole` draws texture, shadows, highlights, glare and
-patches of sun.
+It draws walls, goals with their nets, beacons, boxes, bystanders, robots, ball and lines under evenly changing light
+before the room's wall or a hall's backdrop, as `render_pinhole` does. Only `render_pinhole` draws texture, shadows,
+highlights, glare and patches of sun.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.frames import SHADE_REACH, EvenlyLit, even_light, refuse_uneven
 from sim2d.rendering.fast.lens_table import TILE_PX, lens_table
 from sim2d.rendering.fast.line_rows import arc_rows, line_rows
+from sim2d.rendering.nets import nets_of
 from sim2d.rendering.room import ROWS_PER_M, room_panorama
 from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene
 from sim2d.rendering.sensor import Sensor, vignette_gain
@@ -102,6 +103,7 @@ class ForwardFrames(EvenlyLit):
         self._rows: list[list[float]] = []
         self._colors: list[Bgr] = []
         self._add_fixed(scene)
+        self._nets = nets_of(scene.field, self._cast)
         self._planes = np.zeros((3, height, width), dtype=np.uint8)
         self._all_rows = np.zeros((0, COLUMNS))
         self._outlines = _room_for_outlines(0)
@@ -170,7 +172,7 @@ class ForwardFrames(EvenlyLit):
             self._all_rows = np.zeros((count, COLUMNS))
             self._all_rows[:fixed] = np.array(self._rows, dtype=np.float64).reshape(-1, COLUMNS)
             floor = len(self._paint.edges) + len(self._paint.lines) + len(self._paint.arcs) * ARC_PIECES
-            self._outlines = _room_for_outlines(floor + count + 1)
+            self._outlines = _room_for_outlines(floor + count + 1 + len(self._nets.rows))
         rows = self._all_rows[:count]
         moving: list[Bgr] = []
         moving_rows: list[tuple[float, ...]] = []
@@ -195,7 +197,7 @@ class ForwardFrames(EvenlyLit):
         things = UprightThings(rows, self._paints(tuple(moving)))
         rotation = np.ascontiguousarray(camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad), dtype=np.float64)
         at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation, np.array(eye.turn_rad))
-        seen = self._lens, at, self._paint, things, reach_m, self._light, self._wall
+        seen = self._lens, at, self._paint, things, self._nets, reach_m, self._light, self._wall
         draw_forward(*seen, self._outlines, TILE_PX, self._planes)
         return np.asarray(cv2.merge(list(self._planes)), dtype=np.uint8)
 

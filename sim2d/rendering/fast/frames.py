@@ -1,7 +1,7 @@
 """Frames of a plain match, fast: one ray a pixel from precomputed tables, edges averaged along each bearing.
 
-It draws walls, goals, boxes, robots, ball and lines under evenly changing light, as `MirrorRenderer` does. Only
-`MirrorRenderer` draws texture, shadows, highlights and bystanders.
+It draws walls, goals with their nets, boxes, robots, ball and lines under evenly changing light, as `MirrorRenderer`
+does. Only `MirrorRenderer` draws texture, shadows, highlights and bystanders.
 """
 
 from __future__ import annotations
@@ -30,8 +30,10 @@ from sim2d.kernels.frame_values import (
     Viewpoint,
 )
 from sim2d.kernels.match_pixels import draw_pixels, fill_carpet, paint_marked
+from sim2d.kernels.nets import lay_nets
 from sim2d.rendering.fast.line_rows import arc_rows, line_rows
 from sim2d.rendering.fast.pixel_table import mirror_pixels
+from sim2d.rendering.nets import nets_of
 from sim2d.rendering.room import ROWS_PER_M, room_panorama
 from sim2d.rendering.scene import Ball, Bgr, Light, Robot, Scene, Wall
 from sim2d.rendering.sensor import Sensor, vignette_gain
@@ -117,6 +119,7 @@ class FastFrames(EvenlyLit):
         self._room = RoomWall(picture, float(ROWS_PER_M), self._room_radius_m, ground)
         self._light = even_light(scene, scene.light)
         self._build_fixed(scene)
+        self._nets = nets_of(scene.field, self._cast)
         count, rays = len(self._table.bearings.directions), len(self._table.rays.pixels)
         self._crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 4), dtype=np.float32))
         self._spans = Spans(
@@ -222,6 +225,8 @@ class FastFrames(EvenlyLit):
         count = mark_arcs(*seen, self._arcs, self._marks, count)
         paint_marked(table.rays, self._light, eye, plain, self._marks, count, flat)
         draw_pixels(table.rays, eye, self._spans, sphere, plain, self._light, flat)
+        if len(self._nets.rows):
+            lay_nets(self._nets, table.rays, crossings, things, eye, sphere, self._light, flat)
         return frame
 
     def _viewpoint(self, pose: Pose2) -> Viewpoint:

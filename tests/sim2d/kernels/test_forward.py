@@ -19,7 +19,7 @@ from sim2d.kernels.forward_values import (
     UprightThings,
     WallPicture,
 )
-from sim2d.kernels.frame_values import Lighting
+from sim2d.kernels.frame_values import Lighting, Nets
 
 EYE = np.array([0.4, -0.3, 0.2], dtype=np.float32)
 # rays that all come down to the floor, and their change by a pixel
@@ -275,6 +275,7 @@ def test_an_empty_room_is_floor_below_and_wall_above():
     planes = np.zeros((3, 8, 8), dtype=np.uint8)
     light = Lighting(1.0, 0.0, 0.0, 0.05, 0.9)
     nothing = UprightThings(np.zeros((0, 10)), np.zeros((0, 3), dtype=np.float32))
-    draw_forward(lens, eye, paint(edges=far), nothing, 0.1, light, wall, outlines(4), size, planes)
+    no_nets = Nets(np.zeros((0, 14)), np.zeros(3, dtype=np.float32))
+    draw_forward(lens, eye, paint(edges=far), nothing, no_nets, 0.1, light, wall, outlines(4), size, planes)
     assert (planes[:, slope < -0.1] == 200).all()
     assert planes[:, slope > 0.1, 3].T.tolist() == [[40, 120, 40]] * 3

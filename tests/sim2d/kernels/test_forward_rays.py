@@ -138,21 +138,25 @@ def test_things_are_drawn_as_four_rays_a_pixel_meet_them():
     here = np.array([0.0, 0.0, 0.25], dtype=np.float32)
     lit = np.array([1.0, 0.1, -0.05, 0.5], dtype=np.float32)
     corners = (TILE[0] + 1) * (TILE[1] + 1)
+    nearest = np.zeros((2, U.size), dtype=np.float32)
     draw_things(
         rows.astype(np.float32), things.colors, outlines, seen, seen_count, slopes, per_pixel, TILE, rays, steps, here,
         lit, LAMP, np.zeros(U.size, np.uint8), np.empty((3, corners), np.float32), np.empty(corners, np.int32),
-        np.empty(corners, np.float32), colors,
+        np.empty(corners, np.float32), nearest, colors,
     )  # fmt: skip
 
-    plain = np.zeros_like(colors)
+    plain, share, away = np.zeros_like(colors), np.zeros(U.size), np.zeros(U.size)
     row_of = rows.astype(np.float32)
     for a, b in ((-0.375, -0.125), (-0.125, 0.375), (0.125, -0.375), (0.375, 0.125)):
         for i in range(U.size):
             ray = (rays[:, i] + a * steps[0] + b * steps[1]).astype(np.float32)
             met = [meet_thing(row[0], row, *ray, np.float32(0.25), LAMP) for row in row_of]
             t, color, shade = min(met)
+            share[i], away[i] = share[i] + (t < 1e20) / 4, away[i] + (t if t < 1e20 else 0.0) / 4
             bright = shade * max(1.0 + 0.1 * t * ray[0] - 0.05 * t * ray[1], 0.5)
             plain[:, i] += bright * things.colors[color] if t < 1e20 else 100.0
     plain /= 4
     assert colors == pytest.approx(plain, abs=4.0)
+    assert nearest[1] == pytest.approx(share, abs=1e-6)
+    assert (nearest[0] * share)[share > 0] == pytest.approx(away[share > 0], abs=0.01)
     assert len(np.unique(colors[0].round(-1))) > 3

@@ -1,0 +1,314 @@
+"""Compiled: goal nets laid over what both match cameras have drawn: the cords' share of each pixel.
+
+As `rendering.nets` does it by rays, here by one ray a pixel and the change of the ray from pixel to pixel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
+from robocup_vision.compiling.loops import compiled
+from sim2d.kernels.bearing_profile import FAR, HEIGHT, NEAR, THING
+from sim2d.kernels.floor_lines import GAIN, SLOPE_HIGH, SLOPE_LOW, TANGENTIAL, X, Y
+from sim2d.kernels.frame_values import BallSphere, Crossings, Lighting, Nets, PixelRays, Things, Viewpoint
+
+_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_LEAST_WIDTH_M = np.float32(1e-4)
+# columns of `Nets.rows`
+SIZE, MESH, CORD = 9, 11, 13
+
+
+@compiled(error_model="numpy", inline="always")
+def cords_until(turns: np.float32, share: np.float32) -> np.float32:
+    """Return the length of cords, in meshes, from half a mesh before 0 to a place, in meshes; each is `share` thick."""
+    turns += _HALF
+    whole: np.float32 = np.floor(turns)
+    covered: np.float32 = whole * share + min(max(turns - whole - _HALF + share * _HALF, _ZERO), share)
+    return covered
+
+
+@compiled(error_model="numpy", inline="always")
+def cover_axis(
+    at_m: np.float32, wide_m: np.float32, size_m: np.float32, mesh_m: np.float32, cord_m: np.float32
+) -> tuple[np.float32, np.float32]:
+    """Return the share of an interval that lies on a net's edge of a given length, and that between its cords."""
+    per_mesh, per_wide = _ONE / mesh_m, _ONE / wide_m
+    share = cord_m * per_mesh
+    low = min(max(at_m - wide_m * _HALF, _ZERO), size_m)
+    high = min(max(at_m + wide_m * _HALF, _ZERO), size_m)
+    inside = high - low
+    free = inside - mesh_m * (cords_until(high * per_mesh, share) - cords_until(low * per_mesh, share))
+    return inside * per_wide, free * per_wide
+
+
+@compiled(error_model="numpy")
+def _from_eye(row: FloatArray, eye: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Return directions (3, 3): first edge, second edge, normal; and the corner's places along them, from the eye."""
+    axes, start = np.empty((3, 3), dtype=np.float32), np.zeros(3, dtype=np.float32)
+    for k in range(3):
+        following, last = (k + 1) % 3, (k + 2) % 3
+        axes[0, k], axes[1, k] = np.float32(row[3 + k]), np.float32(row[6 + k])
+        axes[2, k] = np.float32(row[3 + following] * row[6 + last] - row[3 + last] * row[6 + following])
+    for axis in range(3):
+        for k in range(3):
+            start[axis] += axes[axis, k] * (np.float32(row[k]) - eye[k])
+    return axes, start
+
+
+@compiled(error_model="numpy", inline="always")
+def _along(axes: Float32Array, axis: int, x: np.float32, y: np.float32, z: np.float32) -> np.float32:
+    found: np.float32 = axes[axis, 0] * x + axes[axis, 1] * y + axes[axis, 2] * z
+    return found
+
+
+@compiled(error_model="numpy")
+def draw_nets(
+    nets: Nets,
+    which: int,
+    part: tuple[int, int, int, int],
+    columns: int,
+    rays: Float32Array,
+    steps: FloatArray,
+    here: Float32Array,
+    lit: Float32Array,
+    nearest: Float32Array,
+    colors: Float32Array,
+) -> None:
+    """Lay one net over part of a tile.
+
+    Parameters
+    ----------
+    nets : Nets
+        All of them.
+    which : int
+        Row of the one to lay.
+    part : (int, int, int, int)
+        First and last row, first and last column of the tile's pixels.
+    columns : int
+        Of the tile.
+    rays : (3, N) float32
+        Through the pixels' middles, field axes, from the eye.
+    steps : (2, 3) float64
+        Change of a ray by a pixel along u and v.
+    here : (3,) float32
+        The eye, field frame, metres.
+    lit : (4,) float32
+        Level of the light at the origin, its change by x and y, its least value.
+    nearest : (2, N) float32
+        What stands in each pixel: its distance in lengths of the ray, and its share of the pixel.
+    colors : (3, N) float32
+        Blue, green, red; drawn over.
+    """
+    row = nets.rows[which]
+    axes, start = _from_eye(row, here)
+    size_a, size_b = np.float32(row[SIZE]), np.float32(row[SIZE + 1])
+    mesh_a, mesh_b, cord = np.float32(row[MESH]), np.float32(row[MESH + 1]), np.float32(row[CORD])
+    by_u, by_v = np.empty(3, dtype=np.float32), np.empty(3, dtype=np.float32)
+    for axis in range(3):
+        by_u[axis] = np.float32(steps[0, 0]) * axes[axis, 0] + np.float32(steps[0, 1]) * axes[axis, 1]
+        by_u[axis] += np.float32(steps[0, 2]) * axes[axis, 2]
+        by_v[axis] = np.float32(steps[1, 0]) * axes[axis, 0] + np.float32(steps[1, 1]) * axes[axis, 1]
+        by_v[axis] += np.float32(steps[1, 2]) * axes[axis, 2]
+    ua, ub, un, va, vb, vn = by_u[0], by_u[1], by_u[2], by_v[0], by_v[1], by_v[2]
+    start_a, start_b, start_n = start[0], start[1], start[2]
+    level, per_x, per_y, least = lit[0] + lit[1] * here[0] + lit[2] * here[1], lit[1], lit[2], lit[3]
+    cord_b, cord_g, cord_r = nets.color[0], nets.color[1], nets.color[2]
+    blue, green, red = colors[0], colors[1], colors[2]
+    ray_x, ray_y, ray_z, depth, share = rays[0], rays[1], rays[2], nearest[0], nearest[1]
+    many = np.uintp(max(part[3] - part[2] + 1, 0))
+    for v in range(part[0], part[1] + 1):
+        first = np.uintp(v * columns + part[2])
+        for u in range(many):
+            i = first + u
+            x, y, z = ray_x[i], ray_y[i], ray_z[i]
+            along, up, facing = _along(axes, 0, x, y, z), _along(axes, 1, x, y, z), _along(axes, 2, x, y, z)
+            per_facing = _ONE / facing
+            t = start_n * per_facing
+            is_met = t > _ZERO
+            t = t if is_met else _ONE
+            du, dv = un * per_facing, vn * per_facing
+            wide_u, wide_v = t * (ua - along * du), t * (va - along * dv)
+            tall_u, tall_v = t * (ub - up * du), t * (vb - up * dv)
+            wide = max(np.float32(math.sqrt(wide_u * wide_u + wide_v * wide_v)), _LEAST_WIDTH_M)
+            tall = max(np.float32(math.sqrt(tall_u * tall_u + tall_v * tall_v)), _LEAST_WIDTH_M)
+            inside_a, free_a = cover_axis(t * along - start_a, wide, size_a, mesh_a, cord)
+            inside_b, free_b = cover_axis(t * up - start_b, tall, size_b, mesh_b, cord)
+            covered = inside_a * inside_b - free_a * free_b
+            covered *= _ONE - (share[i] if depth[i] < t else _ZERO)
+            covered = covered if is_met else _ZERO
+            bright = max(level + t * (per_x * x + per_y * y), least)
+            blue[i] += covered * (bright * cord_b - blue[i])
+            green[i] += covered * (bright * cord_g - green[i])
+            red[i] += covered * (bright * cord_r - red[i])
+
+
+@compiled(error_model="numpy")
+def _hidden_until(
+    crossings: Crossings, things: Things, bearing: int, distance_m: float, eye: Viewpoint, ball: tuple[float, float]
+) -> float:
+    """Return the slope up to which things nearer than a distance hide what is behind them."""
+    hidden = ball[1] if ball[0] < distance_m else -math.inf
+    for e in range(crossings.lengths[bearing]):
+        entry = crossings.entries[bearing, e]
+        if entry[NEAR] >= distance_m:
+            break
+        rise = things.rows[int(entry[THING]), HEIGHT] - eye.height_m
+        hidden = max(hidden, rise / entry[NEAR], rise / entry[FAR])
+    return hidden
+
+
+@compiled(error_model="numpy")
+def lay_nets(
+    nets: Nets,
+    pixels: PixelRays,
+    crossings: Crossings,
+    things: Things,
+    eye: Viewpoint,
+    ball: BallSphere,
+    light: Lighting,
+    out: UInt8Array,
+) -> None:
+    """Lay nets over a mirror camera's frame.
+
+    Parameters
+    ----------
+    nets : Nets
+        All of them.
+    pixels : PixelRays
+        Of the camera.
+    crossings, things
+        What stands along each bearing.
+    eye : Viewpoint
+        The camera.
+    ball : BallSphere
+        The ball: what stands behind it is hidden by its upright section.
+    light : Lighting
+        On the field.
+    out : (H * W, 3) uint8
+        The frame.
+    """
+    bearings = len(pixels.first) - 1
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    here = np.array([eye.x_m, eye.y_m, eye.height_m], dtype=np.float32)
+    step = np.float32(math.tau / bearings)
+    low_of, high_of, gain_of = pixels.rays[SLOPE_LOW], pixels.rays[SLOPE_HIGH], pixels.rays[GAIN]
+    to_ball = (ball.x_m - eye.x_m, ball.y_m - eye.y_m)
+    for which in range(len(nets.rows)):
+        row = nets.rows[which]
+        axes, start = _from_eye(row, here)
+        low, high = _bearings_of(row, eye)
+        first_bearing = math.floor(low / step)
+        for index in range(min(math.ceil(high / step) + 1 - first_bearing, bearings)):
+            k = (first_bearing + index) % bearings
+            cos = c * pixels.directions[k, 1] - s * pixels.directions[k, 2]
+            sin = s * pixels.directions[k, 1] + c * pixels.directions[k, 2]
+            x, y = np.float32(cos), np.float32(sin)
+            lowest, highest = _slopes_of(row, axes, start, x, y, here)
+            if lowest >= highest:
+                continue
+            toward, aside = cos * to_ball[0] + sin * to_ball[1], cos * to_ball[1] - sin * to_ball[0]
+            behind = (math.inf, -math.inf)
+            if toward > 0 and abs(aside) < ball.radius_m:
+                section = math.sqrt(ball.radius_m * ball.radius_m - aside * aside)
+                behind = (toward, (ball.radius_m + section - eye.height_m) / toward)
+            is_upright, hidden = axes[2, 2] == _ZERO, _ZERO
+            if is_upright:
+                away = start[2] / _along(axes, 2, x, y, _ZERO)
+                hidden = np.float32(_hidden_until(crossings, things, k, float(away), eye, behind))
+            for i in range(pixels.first[k], pixels.first[k + 1]):
+                if high_of[i] < lowest or low_of[i] > highest:
+                    continue
+                ray = _ray_of(pixels, i, step, np.float32(c), np.float32(s))
+                t, covered = _cover(row, axes, start, ray)
+                if covered <= _ZERO:
+                    continue
+                if not is_upright:
+                    hidden = np.float32(_hidden_until(crossings, things, k, float(t), eye, behind))
+                covered *= min(max((high_of[i] - hidden) / ray[4], _ZERO), _ONE)
+                bright = light.level + light.per_m_x * (eye.x_m + t * ray[0])
+                bright += light.per_m_y * (eye.y_m + t * ray[1])
+                tone, pixel = np.float32(max(float(bright), light.min_level)) * gain_of[i], pixels.pixels[i]
+                for channel in range(3):
+                    behind_it = np.float32(out[pixel, channel])
+                    cord = min(tone * nets.color[channel], np.float32(255.0))
+                    out[pixel, channel] = np.uint8(behind_it + covered * (cord - behind_it) + _HALF)
+
+
+_Ray = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
+
+
+@compiled(error_model="numpy", inline="always")
+def _ray_of(pixels: PixelRays, i: int, step: np.float32, c: np.float32, s: np.float32) -> _Ray:
+    """Return a pixel's direction x, y, slope, its angle across the bearing and its range of slopes."""
+    ahead, left = pixels.rays[X, i], pixels.rays[Y, i]
+    floor_m = np.float32(math.sqrt(ahead * ahead + left * left))
+    low, high = pixels.rays[SLOPE_LOW, i], pixels.rays[SLOPE_HIGH, i]
+    # beyond the horizon, as far out in the image as a bearing is a pixel wide
+    angle = pixels.rays[TANGENTIAL, i] / floor_m if high < _ZERO else step
+    x, y = (c * ahead - s * left) / floor_m, (s * ahead + c * left) / floor_m
+    return x, y, (low + high) * _HALF, angle, high - low
+
+
+@compiled(error_model="numpy", inline="always")
+def _cover(row: FloatArray, axes: Float32Array, start: Float32Array, ray: _Ray) -> tuple[np.float32, np.float32]:
+    """Return the distance at which a mirror camera's ray meets a net, and the share of its pixel that cords cover."""
+    x, y, z, angle, tall = ray
+    per_facing = _ONE / _along(axes, 2, x, y, z)
+    t = start[2] * per_facing
+    if not (t > _ZERO and t < np.float32(1e6)):
+        return t, _ZERO
+    along, up = _along(axes, 0, x, y, z), _along(axes, 1, x, y, z)
+    at_a, at_b = t * along - start[0], t * up - start[1]
+    of_side, of_up = angle * _along(axes, 2, -y, x, _ZERO) * per_facing, tall * axes[2, 2] * per_facing
+    side_a, up_a = angle * _along(axes, 0, -y, x, _ZERO) - along * of_side, tall * axes[0, 2] - along * of_up
+    side_b, up_b = angle * _along(axes, 1, -y, x, _ZERO) - up * of_side, tall * axes[1, 2] - up * of_up
+    wide = max(t * np.float32(math.sqrt(side_a * side_a + up_a * up_a)), _LEAST_WIDTH_M)
+    high = max(t * np.float32(math.sqrt(side_b * side_b + up_b * up_b)), _LEAST_WIDTH_M)
+    size_a, size_b, cord = np.float32(row[SIZE]), np.float32(row[SIZE + 1]), np.float32(row[CORD])
+    if abs(at_a - size_a * _HALF) > (size_a + wide) * _HALF or abs(at_b - size_b * _HALF) > (size_b + high) * _HALF:
+        return t, _ZERO
+    inside_a, free_a = cover_axis(at_a, wide, size_a, np.float32(row[MESH]), cord)
+    inside_b, free_b = cover_axis(at_b, high, size_b, np.float32(row[MESH + 1]), cord)
+    return t, inside_a * inside_b - free_a * free_b
+
+
+@compiled(error_model="numpy")
+def _slopes_of(
+    row: FloatArray, axes: Float32Array, start: Float32Array, x: np.float32, y: np.float32, here: Float32Array
+) -> tuple[np.float32, np.float32]:
+    """Return the least and greatest slope at which a ray of one bearing may meet a rectangle."""
+    nothing = np.float32(math.inf), np.float32(-math.inf)
+    if axes[2, 2] == _ZERO:  # upright
+        facing = _along(axes, 2, x, y, _ZERO)
+        t = start[2] / facing
+        if not (t > _ZERO and t < np.float32(1e6)):
+            return nothing
+        return -here[2] / t, (np.float32(row[SIZE + 1]) - here[2]) / t
+    farthest = np.float32(math.hypot(row[0] - here[0], row[1] - here[1]) + math.hypot(row[SIZE], row[SIZE + 1]))
+    rise = np.float32(row[2]) - here[2]
+    if rise > _ZERO:
+        return rise / farthest, np.float32(math.inf)
+    return np.float32(-math.inf), rise / farthest
+
+
+@compiled(error_model="numpy")
+def _bearings_of(row: FloatArray, eye: Viewpoint) -> tuple[float, float]:
+    """Return the bearings in the eye's frame between which a rectangle may be seen."""
+    x, y = np.empty(4), np.empty(4)
+    for corner in range(4):
+        first, second = row[SIZE] if corner & 1 else 0.0, row[SIZE + 1] if corner & 2 else 0.0
+        x[corner] = row[0] + first * row[3] + second * row[6] - eye.x_m
+        y[corner] = row[1] + first * row[4] + second * row[7] - eye.y_m
+    middle_x, middle_y = x.mean(), y.mean()
+    low, high = 0.0, 0.0
+    for corner in range(4):
+        aside, ahead = middle_x * y[corner] - middle_y * x[corner], middle_x * x[corner] + middle_y * y[corner]
+        beside = math.atan2(aside, ahead)
+        low, high = min(low, beside), max(high, beside)
+    bearing = math.atan2(middle_y, middle_x) - eye.heading_rad
+    if high - low > 0.9 * math.pi:  # from above or below
+        low, high = -math.pi, math.pi
+    return bearing + low, bearing + high
