@@ -25,6 +25,7 @@ from robocup_vision.kernels.model_edges.tables import (
 from robocup_vision.kernels.model_edges.verdict import LineLook, explained, judge, line_points
 
 MODES = 5  # looked at before giving up
+NO_FIT = -1e9  # worth of a mode that cannot be fitted
 CARPET_LIGHT = 225.0  # blue, green and red of the carpet under the light that channels' steps are given for
 
 
@@ -44,13 +45,6 @@ class Scene(NamedTuple):
     field: FieldEdges
     lens: FloatArray
     draws: FloatArray
-
-
-class Rooms(NamedTuple):
-    """Room to choose the mode in, and to fit in."""
-
-    coarse: Room
-    fine: Room
 
 
 class Prior(NamedTuple):
@@ -201,8 +195,32 @@ def prepare(
 
 
 @compiled(fastmath=True, error_model="numpy")
+def _propose(
+    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, modes: FloatArray
+) -> tuple[int, int]:
+    """Predict few samples, search for them in all of the prior's reach, and choose and fit modes (K, 7) by them.
+
+    Returns
+    -------
+    int, int
+        Samples and modes.
+    """
+    count = predict(scene.field, scene.lens, prior.mean, settings.coarse_spacing_px, room.samples)
+    if count < 3:
+        return count, 0
+    whiten(room.samples, count, prior.root, room.rows)
+    reaches(room.rows, count, settings, room.reach_px)
+    search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, room, count)
+    kept = choose_mode(room, count, scene.draws, settings, modes)
+    origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
+    for k in range(kept):
+        robust_fit(room, count, settings, gates, origin, modes[k])
+    return count, kept
+
+
+@compiled(fastmath=True, error_model="numpy")
 def follow(
-    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, rooms: Rooms, fit: Fit, most_modes: int
+    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, most_modes: int
 ) -> bool:
     """Fit one frame to what a prior lets it show.
 
@@ -216,8 +234,8 @@ def follow(
         Of the unknowns.
     settings : FollowSettings
         Numbers.
-    rooms : Rooms
-        To work in; the fine one holds samples, findings and line points afterwards.
+    room : Room
+        To work in; holds the fit's samples, findings and line points afterwards.
     fit : Fit
         Result.
     most_modes : int
@@ -230,45 +248,35 @@ def follow(
     """
     for i in range(fit.figures.shape[0]):
         fit.figures[i] = 0.0
-    lens, coarse, room = scene.lens, rooms.coarse, rooms.fine
-    carpet_look(image, int(lens[3] + lens[1] * math.tan(prior.mean[3])), fit.carpet)
-    count = predict(scene.field, lens, prior.mean, settings.coarse_spacing_px, coarse.samples)
-    if count < 3:
+    carpet_look(image, int(scene.lens[3] + scene.lens[1] * math.tan(prior.mean[3])), fit.carpet)
+    # the best mode alone is chosen sooner, and in most frames no other needs a look
+    modes = np.zeros((1, UNKNOWNS))
+    count, kept = _propose(image, scene, prior, settings, room, fit, modes)
+    if kept == 0:
         return False
     # where much is in view, samples farther apart tell as much
     spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * count / settings.ample_samples)
-    whiten(coarse.samples, count, prior.root, coarse.rows)
-    reaches(coarse.rows, count, settings, coarse.reach_px)
-    search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, coarse, count)
-    # the best mode alone is chosen sooner, and in most frames no other needs a look
-    modes = np.zeros((1, UNKNOWNS))
-    kept = choose_mode(coarse, count, scene.draws, settings, modes)
-    origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
-    best, best_worth = -1, -1e9
-    z = np.empty(UNKNOWNS)
-    k = variable(0)
-    while k <= kept:
-        if k == 1 and most_modes > 1:
-            fitted = modes[0]
-            modes = np.zeros((most_modes, UNKNOWNS))
-            kept = choose_mode(coarse, count, scene.draws, settings, modes)
+    z = modes[0].copy()
+    clear, best_worth = _assess(image, scene, prior, settings, spacing_px, room, fit, z)
+    if not clear and most_modes > 1:
+        modes = np.zeros((most_modes, UNKNOWNS))
+        count, kept = _propose(image, scene, prior, settings, room, fit, modes)
+        best, last = variable(0), variable(0)
+        for k in range(1, kept):
             for j in range(UNKNOWNS):
-                modes[0, j] = fitted[j]
-        # the last turn comes back to the best of them, where another was looked at since
-        again = k == kept
-        if again and (best < 0 or best == kept - 1):
-            break
-        if not again:
-            robust_fit(coarse, count, settings, gates, origin, modes[k])
-        for j in range(UNKNOWNS):
-            z[j] = modes[best if again else k, j]
-        clear, worth = _assess(image, scene, prior, settings, spacing_px, room, fit, z)
-        if worth > best_worth:
-            best, best_worth = k, worth
-            if clear:
-                break
-        k += 1
-    if best < 0:
+                z[j] = modes[k, j]
+            clear, worth = _assess(image, scene, prior, settings, spacing_px, room, fit, z)
+            last = k
+            if worth > best_worth:
+                best, best_worth = k, worth
+                if clear:
+                    break
+        if best != last:
+            # back to the best of them
+            for j in range(UNKNOWNS):
+                z[j] = modes[best, j]
+            _assess(image, scene, prior, settings, spacing_px, room, fit, z)
+    if best_worth == NO_FIT:
         return False
     return _conclude(prior.root, z, room.information, room.gradient, fit)
 
@@ -289,12 +297,12 @@ def _assess(
     Returns
     -------
     bool, float
-        Whether no other mode needs a look, and what the mode is worth among others; -1e9 if it cannot be fitted.
+        Whether no other mode needs a look, and what the mode is worth among others; `NO_FIT` if it cannot be fitted.
     """
     figures = fit.figures
     count, inliers, rms, ok = _refine(image, scene, prior, settings, spacing_px, room, fit, z)
     if not ok:
-        return False, -1e9
+        return False, NO_FIT
     step = np.empty(UNKNOWNS)
     for j in range(UNKNOWNS):
         step[j] = fit.unknowns[j]

@@ -17,7 +17,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Rooms, Scene, follow, prepare
+from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Scene, follow, prepare
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
@@ -167,7 +167,6 @@ class EdgeFollower:
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
         self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
-        self._rooms = Rooms(empty_room(_MAX_SAMPLES, 0), self._room)
         self._fit = Fit(
             np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(13)
         )
@@ -273,7 +272,7 @@ class EdgeFollower:
         at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
         if not prepare(at, prior.covariance, self._camera_prior, self._keep, self._sway, self._prior):
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
-        if not follow(frame, self._scene, self._prior, self.numbers, self._rooms, fit, modes):
+        if not follow(frame, self._scene, self._prior, self.numbers, self._room, fit, modes):
             return NotLocated("no edge of the field file is in view")
         evidence = self.evidence
         prior_log_odds = self._prior_log_odds(prior, dt_s)
