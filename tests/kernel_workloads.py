@@ -143,6 +143,10 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
     if method == "edges":
         visions.append(Vision(load_field("ssl_division_b"), camera))
         visions.append(Vision(field, replace(camera, roll_std_rad=None, height_std_m=0.0)))
+    if method == "goal":
+        # white goals, and lines by which the tilt is told
+        white = tuple(replace(goal, color="white") for goal in field.goals)
+        visions.append(Vision(replace(field, goals=white, beacons=()), camera))
     yield
     frames = frames + [(one, Pose2(0.0, 0.0, 0.0)) for one in empty_frames(camera.size_px, np.random.default_rng(seed))]
     for vision in visions:

@@ -23,6 +23,8 @@ from robocup_vision.localization.localizer import (
     Localization,
     pose_of,
 )
+from robocup_vision.localization.model_edges.follower import FollowedCamera
+from robocup_vision.localization.model_edges.tilt_finder import TiltFinder
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.line_points import LinePoints
 
@@ -54,10 +56,18 @@ class NarrowViewSettings:
 
 
 class GoalLocalizer:
-    """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown."""
+    """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown.
+
+    Where it is, and goals are white, the lines come first: a white goal among clutter is looked for far longer, and
+    half of one is none, while lines tell tilt and place of most pictures.
+    """
 
     def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
         self._goal = GoalPoseEstimator(field, camera)
+        has_lines = bool(len(field.lines) + len(field.arcs))
+        self._by_lines: TiltFinder | None = None
+        if has_lines and not camera.known_orientation and not field.shows_half:
+            self._by_lines = TiltFinder(field, camera)
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""
@@ -65,6 +75,10 @@ class GoalLocalizer:
         assert isinstance(camera, PinholeCamera)
         start = pose_of(prior)
         near = None if start is None else start.compose(camera.camera_in_robot)
+        if self._by_lines is not None:
+            found = self._by_lines.find(evidence.frame)
+            if found:
+                return _seen_by(found, camera, near)
         placed = self._goal.locate_camera(evidence.frame, near)
         if isinstance(placed, NotLocated):
             return Localization(placed, camera)
@@ -80,6 +94,18 @@ class GoalLocalizer:
             roll_rad=p[ROLL],
         )
         return Localization(placed.estimate(near).seen_from(oriented.camera_in_robot.inverse()), oriented)
+
+
+def _seen_by(found: FollowedCamera, camera: PinholeCamera, near: Pose2 | None) -> Localization:
+    """Return the robot of a camera that was found; of candidates half a turn apart, the one nearer to a pose first."""
+    held, estimate = found.camera, found.estimate
+    oriented = replace(
+        camera, height_m=held.height_m, pan_rad=camera.pan_rad or 0.0, tilt_rad=held.tilt_rad, roll_rad=held.roll_rad
+    )
+    oriented = replace(oriented, focal_px=held.focal_px)
+    if near is not None and near.error_to(estimate.pose.half_turn())[0] < near.error_to(estimate.pose)[0]:
+        estimate = estimate.half_turn()
+    return Localization(estimate.seen_from(oriented.camera_in_robot.inverse()), oriented)
 
 
 class LineLocalizer:

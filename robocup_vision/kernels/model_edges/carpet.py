@@ -17,6 +17,14 @@ GRID = 24  # places along each image axis at which the carpet is looked at
 TONES = 24
 # of all light, by which green leads in a surely green tone, and of the pixels, that a carpet beside somebody near fills
 MIN_GREEN, MIN_BESIDE = 0.1, 0.1
+# of all light, by which green leads in a carpet that glare has bleached, and does not in noisy grey; and of the pixels,
+# that carpet in another light fills
+LEAST_GREEN, MIN_OTHER = 0.03, 0.05
+# of a picture's width: what is so small may be a blurred line, and no patch of carpet in other light; by so much of it
+# the light of neighbouring grass may differ
+PATCHES, SAME_LIGHT = 60, 0.4
+# numbers that describe a carpet, see `carpet_look`; of one in sun and shade
+CARPET, LIT_CARPET = 5, 8
 # of a paint: shadows leave less than half of it, blur mixes the background in, lamps have a tint
 MIN_PAINT, MIN_HUE_COS, MIN_WHITENESS = 0.3, 0.7, 0.5
 
@@ -65,6 +73,76 @@ def _commonest(tones: Int64Array, total: int) -> tuple[int, int]:
 
 
 @compiled(fastmath=True, error_model="numpy")
+def _is_green(b: float, g: float, r: float) -> bool:
+    """Whether green leads in a colour, as it does even in a carpet that glare has bleached."""
+    return g - max(b, r) > LEAST_GREEN * (b + g + r)
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _other_light(greens: Int64Array, total: int, bi: int, bj: int) -> tuple[int, int]:
+    """Cell of the green tone farthest from the carpet's, of those that are common; the carpet's without any.
+
+    Glare and overexposure bleach a carpet in the sun, and cameras deepen the colours of shadows.
+    """
+    farthest, fi, fj = 4, bi, bj
+    for i in range(1, TONES + 1):
+        for j in range(1, TONES + 1):
+            away2 = (i - bi) ** 2 + (j - bj) ** 2
+            if away2 > farthest and greens[i, j] > 0 and _with_neighbours(greens, i, j) > MIN_OTHER * total:
+                farthest, fi, fj = away2, i, j
+    return fi, fj
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _lies_in_patches(image: UInt8Array, top: int, i: int, j: int) -> bool:
+    """Whether most pixels of a green tone have green ones, as light, on three sides; blur mixes carpet into bands."""
+    height, width = image.shape[0], image.shape[1]
+    away = max(width // PATCHES, 2)
+    number, inside = 0, 0
+    for row in range(GRID):
+        y = top + (height - 2 - top) * row // (GRID - 1)
+        for column in range(GRID):
+            x = 2 + (width - 5) * column // (GRID - 1)
+            b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
+            light = b + g + r
+            if light <= 60.0 or not _is_green(b, g, r):
+                continue
+            if abs(1 + int(b / light * (TONES - 1)) - i) > 1 or abs(1 + int(r / light * (TONES - 1)) - j) > 1:
+                continue
+            number += 1
+            sides = 0
+            for k in range(4):
+                way = away * (1 - 2 * (k // 2))
+                v = min(max(y + (way if k % 2 == 0 else 0), 0), height - 1)
+                u = min(max(x + (way if k % 2 == 1 else 0), 0), width - 1)
+                b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
+                if abs(b + g + r - light) < SAME_LIGHT * light and _is_green(b, g, r):
+                    sides += 1
+            inside += 1 if sides >= 3 else 0
+    return 2 * inside > number
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _mean_tone(
+    lit: FloatArray, cells: Int64Array, count: int, i: int, j: int, green_only: bool, mean: FloatArray
+) -> int:
+    """Mean colour of the pixels, or of the green ones, in and around a cell of tones; returns how many these are."""
+    number = 0
+    for c in range(3):
+        mean[c] = 0.0
+    for k in range(count):
+        if abs(cells[k, 0] - i) <= 1 and abs(cells[k, 1] - j) <= 1:
+            if green_only and not _is_green(lit[k, 0], lit[k, 1], lit[k, 2]):
+                continue
+            number += 1
+            for c in range(3):
+                mean[c] += lit[k, c]
+    for c in range(3):
+        mean[c] /= max(number, 1)
+    return number
+
+
+@compiled(fastmath=True, error_model="numpy")
 def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None:
     """Estimate the carpet's colour and the picture's noise from a grid of pixels below the horizon.
 
@@ -74,14 +152,16 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
         BGR.
     horizon_row : int
         Where the floor may begin.
-    carpet : (5,) float64
+    carpet : (5,) or (8,) float64
         Result: blue, green, red of the carpet's tone (`_commonest`), the noise of a channel (grey levels), how many
-        pixels had that tone as a fraction.
+        pixels had that tone as a fraction; where there is room for it: blue, green, red in other light
+        (`_other_light`), or the same again.
     """
     height, width = image.shape[0], image.shape[1]
     top = min(max(horizon_row + 2, 1), height - 12)
     tones = np.zeros((TONES + 2, TONES + 2), dtype=np.int64)
     rough = np.zeros(64, dtype=np.int64)
+    greens = np.zeros((TONES + 2, TONES + 2), dtype=np.int64)
     lit = np.empty((GRID * GRID, 3))
     cells = np.empty((GRID * GRID, 2), dtype=np.int64)
     total, count = 0, variable(0)
@@ -99,17 +179,18 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
                 cells[count, 0] = 1 + int(b / light * (TONES - 1))
                 cells[count, 1] = 1 + int(r / light * (TONES - 1))
                 tones[cells[count, 0], cells[count, 1]] += 1
+                if _is_green(b, g, r):
+                    greens[cells[count, 0], cells[count, 1]] += 1
                 count += 1
     bi, bj = _commonest(tones, total)
-    sums = np.zeros(3)
-    number = 0
-    for k in range(count):
-        if abs(cells[k, 0] - bi) <= 1 and abs(cells[k, 1] - bj) <= 1:
-            number += 1
-            for c in range(3):
-                sums[c] += lit[k, c]
-    for c in range(3):
-        carpet[c] = sums[c] / max(number, 1)
+    number = _mean_tone(lit, cells, count, bi, bj, False, carpet[:3])
+    if carpet.shape[0] > CARPET:
+        for c in range(3):
+            carpet[5 + c] = carpet[c]
+        if _is_green(carpet[0], carpet[1], carpet[2]):
+            oi, oj = _other_light(greens, total, bi, bj)
+            if (oi != bi or oj != bj) and _lies_in_patches(image, top, oi, oj):
+                _mean_tone(lit, cells, count, oi, oj, True, carpet[5:])
     half, k = 0, 0
     while k < 63 and half + rough[k] < total // 2:
         half += rough[k]
@@ -121,25 +202,54 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
 
 
 @compiled(fastmath=True, error_model="numpy")
+def other_light(carpet: FloatArray) -> float:
+    """Sum of blue, green and red of a carpet in other light; where only one is known, of that."""
+    if carpet.shape[0] > CARPET:
+        return float(carpet[5] + carpet[6] + carpet[7])
+    return float(carpet[0] + carpet[1] + carpet[2])
+
+
+@compiled(fastmath=True, error_model="numpy")
 def is_carpet(b: float, g: float, r: float, carpet: FloatArray, noise_ratio: float = 1.0) -> bool:
     """Return whether a colour is the carpet's, somewhat brighter or darker; its noise is so much of a pixel's."""
     light, known = b + g + r, carpet[0] + carpet[1] + carpet[2]
-    if light < 0.45 * known or light > 1.6 * known or light < 1.0 or known < 1.0:
+    other = other_light(carpet)
+    if light < 1.0 or known < 1.0 or light < 0.45 * min(known, other) or light > 1.6 * max(known, other):
         return False
     slack = 0.05 + 2.0 * noise_ratio * carpet[3] / light
-    return bool(abs(b / light - carpet[0] / known) < slack and abs(r / light - carpet[2] / known) < slack)
+    blue, red = carpet[0] / known, carpet[2] / known
+    if other != known:
+        # between light and shade every tone between the two is carpet
+        to_blue, to_red = carpet[5] / other - blue, carpet[7] / other - red
+        share = (b / light - blue) * to_blue + (r / light - red) * to_red
+        share = min(max(share / max(to_blue * to_blue + to_red * to_red, 1e-9), 0.0), 1.0)
+        blue += share * to_blue
+        red += share * to_red
+        # a bleached carpet's tone is not far from grey
+        lead = 0.5 * light * (1.0 - blue - red - max(blue, red))
+        if g - max(b, r) < lead - 2.0 * noise_ratio * carpet[3]:
+            return False
+    return bool(abs(b / light - blue) < slack and abs(r / light - red) < slack)
 
 
 def carpet_mask(image: UInt8Array, carpet: FloatArray) -> BoolArray:
     """Return (H, W) bool: which pixels of an image are carpet; the same as `is_carpet`, of whole arrays."""
     light, known = image.sum(axis=-1, dtype=np.float64), float(carpet[:3].sum())
+    other = float(carpet[5:].sum()) if len(carpet) > CARPET else known
     if known < 1.0:
         return np.zeros(light.shape, dtype=np.bool_)
     level = np.maximum(light, 1.0)
     slack = 0.05 + 2.0 * carpet[3] / level
-    is_lit = (light >= max(0.45 * known, 1.0)) & (light <= 1.6 * known)
-    is_blue = np.abs(image[..., 0] / level - carpet[0] / known) < slack
-    is_red = np.abs(image[..., 2] / level - carpet[2] / known) < slack
+    is_lit = (light >= max(0.45 * min(known, other), 1.0)) & (light <= 1.6 * max(known, other))
+    blue, red = carpet[0] / known, carpet[2] / known
+    if other != known:
+        to_blue, to_red = carpet[5] / other - blue, carpet[7] / other - red
+        share = (image[..., 0] / level - blue) * to_blue + (image[..., 2] / level - red) * to_red
+        share = np.clip(share / max(to_blue**2 + to_red**2, 1e-9), 0.0, 1.0)
+        blue, red = blue + share * to_blue, red + share * to_red
+        lead = image[..., 1] - np.maximum(image[..., 0], image[..., 2]).astype(np.float64)
+        is_lit &= lead >= 0.5 * level * (1.0 - blue - red - np.maximum(blue, red)) - 2.0 * carpet[3]
+    is_blue, is_red = (np.abs(image[..., c] / level - share) < slack for c, share in ((0, blue), (2, red)))
     return np.asarray(is_lit & is_blue & is_red)
 
 

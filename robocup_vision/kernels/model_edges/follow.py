@@ -9,7 +9,7 @@ import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
-from robocup_vision.kernels.model_edges.carpet import carpet_look
+from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import reaches, search, whiten
@@ -67,7 +67,7 @@ class Fit(NamedTuple):
         Of x, y and heading by the measurements alone, what else is unknown left as open as the prior leaves it.
     gradient : (3,) float64
         Of that log-likelihood at the fit.
-    carpet : (5,) float64
+    carpet : (5,) or (8,) float64
         See `carpet_look`.
     figures : (13,) float64
         Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
@@ -85,8 +85,12 @@ class Fit(NamedTuple):
 
 @compiled(fastmath=True, error_model="numpy")
 def brightness(carpet: FloatArray) -> float:
-    """Light of a picture, relative to that which channels are given for, by its carpet."""
-    return float(min(max((carpet[0] + carpet[1] + carpet[2]) / CARPET_LIGHT, 0.15), 1.6))
+    """Light of a picture, relative to that which channels are given for, by its carpet: in the shade, if there is any.
+
+    Lines in the shade are fainter, and those in glare hardly brighter than it.
+    """
+    light = min(carpet[0] + carpet[1] + carpet[2], other_light(carpet))
+    return float(min(max(light / CARPET_LIGHT, 0.15), 1.6))
 
 
 @compiled(fastmath=True, error_model="numpy")

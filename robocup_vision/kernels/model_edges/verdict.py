@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.model_edges.carpet import is_carpet
+from robocup_vision.kernels.model_edges.carpet import is_carpet, other_light
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
     FOUND,
@@ -120,7 +120,7 @@ def line_points(
         See `prediction.predict`.
     p : (7,) float64
         Tilt, roll, height and focal length count: they determine the width of a line.
-    carpet : (5,) float64
+    carpet : (5,) or (8,) float64
         As `carpet_look` returns.
     look : LineLook
         What counts as a line.
@@ -226,7 +226,7 @@ def _read(
 def _keep(
     image: UInt8Array, at: int, place: int, half: int, by_row: bool, carpet: FloatArray, points: FloatArray, count: int
 ) -> int:
-    """Keep a ridge that has carpet on both sides."""
+    """Keep a ridge that has carpet on both sides, and is none itself."""
     if count >= points.shape[0]:
         return count
     for side in range(2):
@@ -241,7 +241,12 @@ def _keep(
             b, g, r = float(image[i, at, 0]), float(image[i, at, 1]), float(image[i, at, 2])
         if not is_carpet(b, g, r, carpet):
             return count
-    points[count, 0], points[count, 1] = (float(place), float(at)) if by_row else (float(at), float(place))
+    x, y = (place, at) if by_row else (at, place)
+    # where a carpet lies in sun and shade, a band of it may be as bright as a line
+    b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
+    if other_light(carpet) != carpet[0] + carpet[1] + carpet[2] and is_carpet(b, g, r, carpet):
+        return count
+    points[count, 0], points[count, 1] = float(x), float(y)
     points[count, 2] = 1.0 if by_row else 0.0
     return count + 1
 

@@ -220,10 +220,13 @@ class EdgeFinder:
         for proposal in proposals:
             answer, evidence = self._fit(frame, proposal), follower.evidence
             if evidence.inliers >= follower.settings.min_inliers_followed:
-                end = answer.measurement.pose if answer else follower.pose
-                ends.append((log_weight(evidence, s.candidates), end))
+                ends.append((log_weight(evidence, s.candidates), self._end(answer)))
         ends.sort(key=lambda one: -one[0])
         return self._first_apart((pose for weight, pose in ends if weight > ends[0][0] - s.unlikelier), s.weighed)
+
+    def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
+        """Where the last fit ended by the frame alone; with its prior where it was not accepted."""
+        return answer.measurement.pose if answer else self.follower.pose
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         """Fit one pose by the frame alone: fit again from where the frame points to, as a proposal is no evidence."""
@@ -232,10 +235,11 @@ class EdgeFinder:
         for _ in range(s.settling):
             if not answer:
                 break
-            away_m, turn_rad = answer.measurement.pose.error_to(pose)
+            end = self._end(answer)
+            away_m, turn_rad = end.error_to(pose)
             if away_m < s.settled_m and turn_rad < s.settled_rad:
                 break
-            pose = answer.measurement.pose
+            pose = end
             answer = self._fit(frame, pose)
         return answer.without_prior() if answer else answer
 

@@ -17,6 +17,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET
 from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Scene, follow, prepare
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
@@ -168,7 +169,12 @@ class EdgeFollower:
         self._scene = Scene(self.edges, self.lens, draws)
         self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
         self._fit = Fit(
-            np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros((3, 3)), np.zeros(3), np.zeros(5), np.zeros(13)
+            np.zeros(UNKNOWNS),
+            np.zeros((UNKNOWNS, UNKNOWNS)),
+            np.zeros((3, 3)),
+            np.zeros(3),
+            np.zeros(LIT_CARPET if self.settings.in_sun_and_shade else CARPET),
+            np.zeros(13),
         )
         sway = camera.sway_std_rad(self.settings.sway_std_rad)
         self.sway_std_rad = sway
@@ -191,6 +197,34 @@ class EdgeFollower:
         other._sway[0, 3] = 0.0
         other._sway[1, 3] = other._camera_prior[1, 3] ** 2
         return other
+
+    def hold(self, tilt_rad: float, roll_rad: float, std_rad: float) -> None:
+        """Take a camera whose tilt nobody knows for held about so; what was carried from frames before is forgotten."""
+        self._camera_prior[:, :2] = (tilt_rad, roll_rad), (std_rad, std_rad)
+        self.forget()
+
+    @property
+    def tilt_roll_rad(self) -> tuple[float, float]:
+        """The camera's tilt and roll by the last fit, whether it was accepted or not."""
+        tilt, roll = self._fit.unknowns[3:5].tolist()
+        return tilt, roll
+
+    def likelihood_under(self, std: FloatArray) -> PoseLikelihood:
+        """Return the last fit's likelihood, with another prior of the camera about what it was fitted to be.
+
+        Parameters
+        ----------
+        std : (4,) float64
+            Of tilt, roll, height and logarithm of the focal length.
+        """
+        root, open_ = self._prior.root, np.diag(self._prior.root) > 0.0
+        inverse = np.linalg.inv(root[np.ix_(open_, open_)])
+        information = np.zeros((UNKNOWNS, UNKNOWNS))
+        information[np.ix_(open_, open_)] = inverse.T @ self._room.information[np.ix_(open_, open_)] @ inverse
+        rest = information[3:, 3:] + np.diag(std**-2.0)
+        cross = information[:3, 3:]
+        marginal = information[:3, :3] - cross @ np.linalg.solve(rest, cross.T)
+        return PoseLikelihood(self.pose, (marginal + marginal.T) / 2, np.zeros(3))
 
     @property
     def evidence(self) -> Evidence:

@@ -91,6 +91,8 @@ class EdgeSettings:
     # frames that confirm nothing so: two tapes side by side, or blur, make a line so wide
     max_line_widths: float = 0.0
     max_doubted_line_widths: float = 3.5
+    # whether the carpet may have two tones: in the sun, bleached by glare, and in the shade
+    in_sun_and_shade: bool = False
     # height rises and falls with the gait
     height_memory_s: float = 0.12
     # a frame that confirms nothing is looked at again so many times smaller, for it may be blurred; at least this wide

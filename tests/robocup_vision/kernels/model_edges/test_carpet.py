@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.model_edges.carpet import carpet_look, carpet_mask, is_carpet, is_paint
+from robocup_vision.kernels.model_edges.carpet import carpet_look, carpet_mask, is_carpet, is_paint, other_light
 
 CARPET = np.array([45.0, 125.0, 42.0])
+GLARE = np.array([135.0, 187.0, 142.0])
 
 
 @pytest.mark.parametrize(
@@ -34,7 +35,7 @@ def test_the_carpet_is_the_commonest_tone_and_noise_is_reported():
     picture[:, 90:96] = 230.0
     picture[:50] = 90.0
     picture[50:] += np.random.default_rng(1).normal(0.0, 4.0, (110, 208, 3))
-    carpet = np.zeros(5)
+    carpet = np.zeros(8)
     carpet_look(np.clip(picture, 0, 255).astype(np.uint8), 50, carpet)
     np.testing.assert_allclose(carpet[:3], CARPET, atol=6.0)
     assert carpet[3] == pytest.approx(4.0, rel=0.35)
@@ -50,13 +51,13 @@ def test_somebody_near_does_not_hide_the_carpet_s_colour_while_some_of_it_is_in_
     picture = CARPET * rng.normal(1.0, 0.1, (160, 208, 1))
     picture[:, : round(208 * beside)] = 36.0
     picture += rng.normal(0.0, 3.0, picture.shape)
-    carpet = np.zeros(5)
+    carpet = np.zeros(8)
     carpet_look(np.clip(picture, 0, 255).astype(np.uint8), 0, carpet)
     np.testing.assert_allclose(carpet[:3], CARPET if is_green else 36.0, atol=8.0)
 
 
 def test_a_mean_of_pixels_is_held_to_its_own_noise():
-    carpet = np.array([42.0, 110.0, 38.0, 3.2, 0.5])
+    carpet = np.array([42.0, 110.0, 38.0, 3.2, 0.5, 42.0, 110.0, 38.0])
     dark_robot = (31.0, 33.0, 29.0)
     # a pixel so dark may be shaded carpet; nine of them are a robot
     assert is_carpet(*dark_robot, carpet)
@@ -64,15 +65,57 @@ def test_a_mean_of_pixels_is_held_to_its_own_noise():
     assert is_carpet(25.0, 66.0, 23.0, carpet, 1.0 / 3.0)
 
 
+def test_a_carpet_in_sun_and_shade_has_the_tones_between_both_and_no_grey_is_one():
+    rng = np.random.default_rng(4)
+    picture = np.tile(CARPET * 0.6, (160, 208, 1))
+    picture[:, 120:] = GLARE
+    picture = np.clip(picture + rng.normal(0.0, 3.0, picture.shape), 0, 255).astype(np.uint8)
+    carpet = np.zeros(8)
+    carpet_look(picture, 0, carpet)
+    np.testing.assert_allclose(carpet[:3], CARPET * 0.6, atol=4.0)
+    np.testing.assert_allclose(carpet[5:], GLARE, atol=4.0)
+    for share in np.linspace(0.0, 1.0, 5):
+        assert is_carpet(*(CARPET * 0.6 + share * (GLARE - CARPET * 0.6)).tolist(), carpet)
+    for grey in (40.0, 90.0, 150.0, 180.0, 255.0):
+        # the mean of nine pixels
+        assert not is_carpet(grey, grey, grey, carpet, 1.0 / 3.0)
+
+
+def test_a_carpet_of_one_tone_has_no_other_light():
+    assert other_light(np.array([*CARPET, 1.0, 0.5])) == pytest.approx(CARPET.sum())
+    assert other_light(np.array([*CARPET, 1.0, 0.5, *GLARE])) == pytest.approx(GLARE.sum())
+
+
+def test_a_few_leaves_of_another_green_are_no_carpet():
+    picture = np.tile(CARPET, (160, 208, 1))
+    picture[:60, :16] = GLARE
+    carpet = np.zeros(8)
+    carpet_look(picture.astype(np.uint8), 0, carpet)
+    np.testing.assert_array_equal(carpet[5:], carpet[:3])
+    assert not is_carpet(*GLARE.tolist(), carpet)
+
+
+def test_lines_that_blur_mixes_with_the_carpet_are_no_other_light():
+    picture = np.tile(CARPET, (160, 208, 1))
+    for row in range(5, 160, 16):
+        picture[row : row + 3] = GLARE
+    carpet = np.zeros(8)
+    carpet_look(picture.astype(np.uint8), 0, carpet)
+    np.testing.assert_array_equal(carpet[5:], carpet[:3])
+
+
+@pytest.mark.parametrize("other", [CARPET, GLARE])
 @pytest.mark.parametrize("noise", [0.8, 6.0])
-def test_the_mask_of_an_image_says_of_each_pixel_what_is_carpet_says(noise):
+def test_the_mask_of_an_image_says_of_each_pixel_what_is_carpet_says(noise, other):
     rng = np.random.default_rng(3)
-    carpet = np.array([*CARPET, noise, 0.5])
-    near = CARPET * rng.uniform(0.3, 2.0, (40, 60, 1)) + rng.normal(0.0, 8.0, (40, 60, 3))
+    carpet = np.array([*CARPET, noise, 0.5, *other])
+    share = rng.uniform(-0.2, 1.2, (40, 60, 1))
+    near = (CARPET + share * (other - CARPET)) * rng.uniform(0.3, 2.0, (40, 60, 1))
+    near += rng.normal(0.0, 8.0, (40, 60, 3))
     image = np.clip(near, 0, 255).astype(np.uint8)
     image[0] = 0
     mask = carpet_mask(image, carpet)
     expected = [[is_carpet(*map(float, pixel), carpet) for pixel in row] for row in image]
     np.testing.assert_array_equal(mask, expected)
     assert 0.1 < mask.mean() < 0.9
-    assert not carpet_mask(image, np.zeros(5)).any()
+    assert not carpet_mask(image, np.zeros(8)).any()

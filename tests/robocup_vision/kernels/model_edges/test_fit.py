@@ -112,5 +112,7 @@ def test_the_prior_joins_pose_and_sway_and_forgets():
 
 def test_brightness_is_reported_by_the_carpet_within_bounds():
     assert brightness(np.array([50.0, 130.0, 45.0, 0.0, 0.0])) == pytest.approx(1.0)
+    in_glare_and_shade = np.array([100.0, 180.0, 95.0, 0.0, 0.0, 50.0, 130.0, 45.0])
+    assert brightness(in_glare_and_shade) == pytest.approx(1.0)
     assert brightness(np.zeros(5)) == pytest.approx(0.15)
     assert brightness(np.full(5, 255.0)) == pytest.approx(1.6)

@@ -1,0 +1,205 @@
+"""Finds a pinhole camera whose tilt nobody knows, by the lines of one frame.
+
+The carpet's lines say how the camera is tilted: no line is wider than it looks, so none lies farther below the horizon
+than its width allows, and the horizon lies above them all. Between these bounds banks of poses are scored tilt by tilt;
+the likeliest poses are moved to the lines with tilt and roll as unknowns, then fitted and judged as `EdgeFinder` does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.align import Alignment, align_all
+from robocup_vision.kernels.model_edges.bands import line_bands
+from robocup_vision.kernels.model_edges.carpet import LIT_CARPET, carpet_look, carpet_mask
+from robocup_vision.kernels.model_edges.find import best_poses, floor_places, score_bank
+from robocup_vision.kernels.model_edges.follow import brightness
+from robocup_vision.kernels.model_edges.sightings import SIGHT
+from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
+from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
+from robocup_vision.localization.model_edges.settings import EdgeSettings
+
+_NO_SIGHTS = np.zeros((0, SIGHT))
+
+
+@dataclass(frozen=True, slots=True)
+class TiltSettings:
+    """How a camera of unknown tilt is found. Settings were chosen on rendered frames of white goals."""
+
+    # below this fraction of the frame the carpet's colour is learnt: a camera that looks up sees floor there alone
+    carpet_top: float = 0.4
+    # columns and rows between those that are read for bands, as a fraction of the width; the widest band, of the width
+    stride_ratio: float = 0.025
+    widest_ratio: float = 0.1
+    # of a line's usual step
+    step_ratio: float = 0.25
+    min_bands: int = 16
+    # of a row where the carpet reaches across the frame
+    min_share: float = 0.5
+    # of the bands, those that may be none of lines; so much wider than painted a line may look
+    strays: float = 0.1
+    slack: float = 1.4
+    # tilts of the banks, radians; what they may be at all
+    step_rad: float = 0.03
+    range_rad: tuple[float, float] = (-0.9, 0.35)
+    # of each bank: what is scored in full, what is moved to the lines
+    scored: int = 400
+    aligned: int = 24
+    # standard deviations of tilt and roll: about a bank's, where poses are moved to the lines; about those, in the fit
+    bank_std_rad: tuple[float, float] = (0.03, 0.04)
+    fit_std_rad: float = 0.015
+    # of these deviations and those of a proposed place, what is left about where a fit ended
+    settling_ratio: float = 0.3
+    # what is known of the tilt, and of the roll where the camera file does not say
+    tilt_std_rad: float = 0.5
+    roll_std_rad: float = 0.1
+    # a neck that nods moves the camera up and down
+    height_std_m: float = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class HeldPose(Pose2):
+    """A pose of a camera with its tilt and roll."""
+
+    tilt_rad: float = 0.0
+    roll_rad: float = 0.0
+
+    def half_turn(self) -> HeldPose:
+        """See `Pose2.half_turn`."""
+        return HeldPose(-self.x_m, -self.y_m, self.theta_rad + math.pi, self.tilt_rad, self.roll_rad)
+
+
+class TiltFinder(EdgeFinder):
+    """Proposes poses and tilts by the lines of a frame.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : PinholeCamera
+        Its tilt is not asked for.
+    settings : TiltSettings, optional
+        How.
+    """
+
+    def __init__(self, field: Field, camera: PinholeCamera, settings: TiltSettings = TiltSettings()) -> None:
+        self._tilts = settings
+        self._nearness = 1.0
+        self._file_camera = camera
+        held = replace(
+            camera,
+            offset_m=(0.0, 0.0),
+            pan_rad=0.0,
+            tilt_rad=0.0,
+            roll_rad=0.0,
+            roll_std_rad=settings.fit_std_rad,
+            height_std_m=max(camera.height_std_m, settings.height_std_m),
+        )
+        # one frame must decide: all samples count
+        edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf)
+        super().__init__(EdgeFollower(field, held, edges), FinderSettings())
+        self._bands = np.zeros((600, 4))
+        focal = math.sqrt(camera.focal_px[0] * camera.focal_px[1])
+        roll_std = settings.roll_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
+        self._known_std = np.array(
+            [settings.tilt_std_rad, roll_std, held.height_std_m, max(camera.focal_std_px / focal, 1e-6)]
+        )
+
+    def propose(self, frame: UInt8Array) -> list[Pose2]:
+        """See `EdgeFinder.propose`; these are `HeldPose`."""
+        s, tilts, follower, camera = self.settings, self._tilts, self.follower, self.follower.camera
+        top = self._carpet_top(frame)
+        bands = self._line_bands(frame, top)
+        if len(bands) < tilts.min_bands:
+            return []
+        lowest, highest = self._tilt_bounds(bands, top)
+        count = max(math.ceil((highest - lowest) / tilts.step_rad), 1)
+        points = np.ascontiguousarray(bands[:, :3])
+        slopes = np.ascontiguousarray((np.array(camera.center_px) - bands[:, :2]) / np.array(camera.focal_px))
+        slopes = slopes[:: max(len(slopes) // s.points, 1)].copy()
+        pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
+        std = np.array([s.near_m, s.near_m, s.near_rad, *tilts.bank_std_rad])
+        apart = np.array([s.apart_m, s.apart_rad])
+        starts = np.zeros((tilts.aligned, 4))
+        found: list[tuple[float, HeldPose]] = []
+        roll = self._file_camera.roll_rad or 0.0
+        for tilt in lowest + (np.arange(count) + 0.5) * (highest - lowest) / count:
+            number = floor_places(
+                points, len(points), follower.lens, tilt, roll, camera.height_m, s.max_range_m, self._rows
+            )
+            if number < tilts.min_bands // 2:
+                continue
+            score_bank(self._bank, self._rows, number, self._seen, 0.0, self._scores)
+            kept = best_poses(self._bank, self._rows, number, self._scores, tilts.scored, apart, starts)
+            how = Alignment(slopes, tilt, roll, camera.height_m, std, pixel_rad, self._gates_px, _NO_SIGHTS)
+            poses, costs = self._aligned[:kept], self._costs[:kept]
+            align_all(self._bank, how, self._seen, 0.0, np.ascontiguousarray(starts[:kept, :3]), poses, costs)
+            for cost, (x, y, theta, nod, sway) in zip(costs.tolist(), poses.tolist(), strict=True):
+                # what the bank's tilt was is no evidence
+                bare = cost - 0.5 * (nod / std[3]) ** 2
+                found.append((bare, HeldPose(x, y, theta, float(tilt) + nod, roll + sway)))
+        found.sort(key=lambda one: one[0])
+        likely = (pose for cost, pose in found if cost <= found[0][0] + s.behind)
+        return self._first_apart(likely, s.fitted)
+
+    def _carpet_top(self, frame: UInt8Array) -> int:
+        """Row down to which less than half of each row is carpet: the horizon is no lower."""
+        tilts, height = self._tilts, frame.shape[0]
+        carpet = np.zeros(LIT_CARPET)
+        carpet_look(frame, int(tilts.carpet_top * height), carpet)
+        stride = max(round(tilts.stride_ratio * frame.shape[1]) // 2, 1)
+        shares = carpet_mask(frame[::stride, ::stride], carpet).mean(axis=1)
+        bare = np.flatnonzero(shares < tilts.min_share)
+        return stride * int(bare[-1] + 1) if len(bare) and bare[-1] + 1 < len(shares) else 0
+
+    def _line_bands(self, frame: UInt8Array, top: int) -> FloatArray:
+        """(N, 4) float64: see `line_bands`; the carpet's colour is that below row `top`."""
+        tilts, follower = self._tilts, self.follower
+        carpet, width = np.zeros(LIT_CARPET), frame.shape[1]
+        carpet_look(frame, top, carpet)
+        usual = float(follower.edges.channels[0, 3]) * brightness(carpet)
+        step = max(tilts.step_ratio * usual, 5 * float(carpet[3]))
+        stride = max(round(tilts.stride_ratio * width), 2)
+        count = line_bands(frame, carpet, step, round(tilts.widest_ratio * width), stride, self._bands)
+        return self._bands[:count]
+
+    def _tilt_bounds(self, bands: FloatArray, top: int) -> tuple[float, float]:
+        """Between which tilts a camera sees these bands as lines, on a carpet up to row `top` at least."""
+        tilts, camera = self._tilts, self.follower.camera
+        (fu, fv), (cu, cv) = camera.focal_px, camera.center_px
+        aside = (bands[:, 0] - cu) / fu
+        wide = tilts.slack * bands[:, 3] * camera.height_m / self.follower.numbers.line_width_m
+        # a line is seen at its narrowest where a row or a column crosses it at a right angle on the floor
+        below = np.where(bands[:, 2] > 0, wide * fv / fu, np.sqrt(wide * fv * np.sqrt(1.0 + aside**2)))
+        row = float(np.quantile(bands[:, 1] - below, 1.0 - tilts.strays))
+        low, high = (math.atan((one - cv) / fv) for one in (min(row, top), top))
+        return max(low, tilts.range_rad[0]), min(max(high, low + tilts.step_rad), tilts.range_rad[1])
+
+    def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
+        pose = super()._end(answer)
+        return HeldPose(pose.x_m, pose.y_m, pose.theta_rad, *self.follower.tilt_roll_rad)
+
+    def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
+        # what a fit ended at is near: looked for no farther, its edges are not taken for their neighbours
+        self._nearness = self._tilts.settling_ratio
+        answer = super()._settle(frame, pose)
+        self._nearness = 1.0
+        if not answer:
+            return answer
+        # nor is the tilt that the last fit began at evidence
+        return replace(answer, likelihood=self.follower.likelihood_under(self._known_std)).without_prior()
+
+    def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
+        s, near = self.settings, self._nearness
+        if isinstance(pose, HeldPose):
+            self.follower.hold(pose.tilt_rad, pose.roll_rad, near * self._tilts.fit_std_rad)
+        covariance = np.diag([near * s.std_m, near * s.std_m, near * s.std_rad]) ** 2
+        return self.follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1)
