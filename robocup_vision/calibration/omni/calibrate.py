@@ -24,7 +24,13 @@ from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.choice import Chooser
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points, spread_px
 from robocup_vision.calibration.omni.model import CENTER, HORIZON, SCALE, CameraModel, Curve, hyperboloid_of
-from robocup_vision.calibration.omni.result import CalibratedFrame, OmniCalibration, standard_deviations, undetermined
+from robocup_vision.calibration.omni.result import (
+    CalibratedFrame,
+    OmniCalibration,
+    range_std,
+    standard_deviations,
+    undetermined,
+)
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.calibration.omni.sightings import Observer, Sighting, points_of
 from robocup_vision.calibration.omni.starts import Search
@@ -54,8 +60,9 @@ def guessed_cameras(
     outer = side / 2 - 1.0
     horizon = settings.guessed_horizon * outer
     cameras = []
-    for ratio in settings.guessed_ranges[:1] if field.is_bounded else settings.guessed_ranges:
-        scale = (1 - (outer / 2 / horizon) ** 2) ** -1 * outer / 2 / (ratio * field.length_m)
+    ranges_m = [radii * field.robot_radius_m for radii in settings.guessed_ranges]
+    for range_m in [settings.guessed_walled_range * field.length_m] if field.is_bounded else ranges_m:
+        scale = (1 - (outer / 2 / horizon) ** 2) ** -1 * outer / 2 / range_m
         curve = hyperboloid_of(scale, horizon, 4.0 * horizon)
         center = (width - 1) / 2, (height - 1) / 2
         cameras.append(OmniCamera(size_px, center, (settings.guessed_inner_ratio * side, outer), curve))
@@ -159,8 +166,8 @@ class _Calibration:
             return self._refuse(
                 f"no start brings the points found onto the walls and lines of field '{self.field.name}'"
             )
-        explained = [self._again(fit, search) for fit in _unlike(fits, settings.max_doubtful_ratio, settings)]
-        answers = sorted((e for e in explained if e is not None), key=lambda e: (-len(e.sightings), e.fit.cost))
+        likely = _unlike(fits, settings.max_doubtful_ratio, settings)
+        answers = self._answers(likely, search) or self._answers(likely[:1], search, sure=False)
         if not answers:
             return self._refuse("by the best camera found, no frame shows enough of " + self._wanted)
         kept = len(answers[0].sightings)
@@ -231,7 +238,12 @@ class _Calibration:
     def _max_log_curve(self) -> tuple[float, float]:
         return self.settings.max_unknown_log_curve if self.start is None else self.settings.max_log_curve
 
-    def _again(self, fit: Fit, search: Search) -> _Explained | None:
+    def _answers(self, fits: Sequence[Fit], search: Search, *, sure: bool = True) -> list[_Explained]:
+        """Return what the fits end at with points found by their own cameras, the best first; see `_placed`."""
+        explained = [self._again(fit, search, sure=sure) for fit in fits]
+        return sorted((e for e in explained if e is not None), key=lambda e: (-len(e.sightings), e.fit.cost))
+
+    def _again(self, fit: Fit, search: Search, *, sure: bool) -> _Explained | None:
         """Find the points again by a fit's camera, locate every frame again, and repeat the fit."""
         camera, settings = fit.camera, self.settings
         inner, outer = camera.usable_radius_px
@@ -243,16 +255,11 @@ class _Calibration:
         frame = dataclasses.replace(search.model.frame, usable_radius_px=(inner, outer))
         search = dataclasses.replace(search, model=dataclasses.replace(search.model, frame=frame))
         observer = Observer(self.field, cut, self.mask, locate=True, settings=settings.points)
-        sightings = []
-        for sighting in self._look(observer, "poses"):
-            if sighting.pose is None:
-                self._leave_out(sighting.index, "the robot could not be placed on the field")
-            else:
-                sightings.append(sighting)
+        sightings = self._placed(self._look(observer, "poses"), search, cut, sure=sure)
         for scales in (settings.again_scales, settings.last_scales):
             if not sightings:
                 return None
-            joint = JointFit(self.shape, points_of(sightings), settings.fit)
+            joint = JointFit(self.shape, points_of(sightings), settings.fit, painted=True)
             poses = np.array([s.pose.array for s in sightings if s.pose is not None])
             widths = (*(scale * search.unit_px for scale in scales), 1.0)
             fit = joint.solve(search.model, fit.vector, poses, widths, search.start, search.bounds)
@@ -261,6 +268,20 @@ class _Calibration:
             return None
         kept = np.array([sighting.pose.array for sighting in sightings if sighting.pose is not None])
         return _Explained(dataclasses.replace(fit, poses=kept), sightings, search, dict(self.notes))
+
+    def _placed(self, sightings: list[Sighting], search: Search, camera: OmniCamera, *, sure: bool) -> list[Sighting]:
+        """Return the sightings with a pose: those of which a robot that plays would be sure, or by lines alone.
+
+        Where no frame has the former, the latter will do: what follows judges them.
+        """
+        placed = []
+        for sighting in sightings:
+            pose = sighting.pose if sure or self.field.is_bounded else search.pose_by_lines(camera, sighting)
+            if pose is None:
+                self._leave_out(sighting.index, "the robot could not be placed on the field")
+            else:
+                placed.append(dataclasses.replace(sighting, pose=pose))
+        return placed
 
     def _agreeing(self, sightings: list[Sighting], fit: Fit, points: Points, unit_px: float) -> list[Sighting]:
         """Return the sightings whose points agree with a fit, with the fit's poses."""
@@ -284,7 +305,7 @@ class _Calibration:
         chooser = Chooser(self.shape, points, fit, reach, search.unit_px, settings)
         choices = chooser.choose("tangent" if search.model.curve == "tangent" else "hyperboloid")
         fit = chooser.final(choices[0], max(1.0, 2 * spread_px(fit.residual_px, settings.fit)))
-        covariance = JointFit(self.shape, points, settings.fit).covariance(fit)
+        covariance = JointFit(self.shape, points, settings.fit, painted=True).covariance(fit)
         problem = self._problem(fit, covariance, points, search)
         if problem:
             return self._refuse(problem)
@@ -322,6 +343,9 @@ class _Calibration:
         is_free = self.start is None and not self.field.is_bounded
         if is_free and self._features(fit, points, agrees) < settings.min_features:
             return "the few lines in view look alike at any size; give more frames, from other places, or a start"
+        problem = "" if self.field.is_bounded else self._unsure_of_lines(fit, covariance, points, agrees)
+        if problem:
+            return problem
         side = min(fit.camera.size_px)
         std = np.sqrt(np.diag(covariance))
         if std[CENTER].max() > settings.max_center_std_ratio * side:
@@ -339,6 +363,28 @@ class _Calibration:
             return f"the centre reached its limit, {limit}: are camera file and field those of the images?"
         if self.start is not None and off[SCALE : HORIZON + 1].min() < 1e-6:
             return "the curve reached the limit that the start sets; try without a start"
+        return ""
+
+    def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
+        """Return why lines alone do not determine a camera; empty if they do."""
+        settings = self.settings
+        # a start tells how large things look
+        needed = settings.min_single_features - (self.start is not None)
+        if len(fit.poses) == 1 and self._features(fit, points, agrees) < needed:
+            return f"one image of so few lines does not determine a camera: lines lie where they were painted; {_MORE}"
+        off_m = float(np.hypot(*fit.camera.tilt_rad)) * (fit.camera.height_m or 0.0)
+        highest_m = settings.max_height_radii * self.field.robot_radius_m
+        if off_m > settings.model.max_tilt_rad * highest_m:
+            return (
+                f"the tilt found puts the mirror's axis {100 * off_m:.0f} cm beside the robot's place: give a start "
+                f"with viewpoint_height_m, or {_MORE.removeprefix('give ')}"
+            )
+        range_m = np.array(settings.range_radii) * self.field.robot_radius_m
+        worst = range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / range_m))
+        if worst > settings.max_range_std:
+            return (
+                f"the images do not determine the floor's range: its standard deviation is {100 * worst:.1f} %; {_MORE}"
+            )
         return ""
 
     def _features(self, fit: Fit, points: Points, agrees: npt.NDArray[np.bool_]) -> int:

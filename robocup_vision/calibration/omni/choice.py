@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
-from robocup_vision.calibration.omni.model import CURVES, TILT, CameraModel, Curve
+from robocup_vision.calibration.omni.model import CURVES, TILT, Curve
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 
 
@@ -82,12 +83,18 @@ class Chooser:
         self._group = np.unique(points.frame * 2 * sectors + sector, return_inverse=True)[1].ravel()
 
     def choose(self, usual: Curve) -> tuple[Choice, ...]:
-        """Return all that was tried, the best first: `usual`, level, unless another is significantly better."""
+        """Return all that was tried, the best first: `usual`, level, unless another is significantly better.
+
+        Where lines may be painted somewhat beside where the field has them, a tilt is hardly ever significant; a level
+        camera then puts the whole of it into the centre. So the tilt stays free, within what its prior says.
+        """
         tried = {curve: self._try(curve, True) for curve in CURVES}
         best = tried[usual]
         for curve in CURVES:
             if self._is_better(tried[curve], best):
                 best = tried[curve]
+        if self.shape.paint_std_m > 0:
+            return (best.choice, *(trial.choice for trial in tried.values() if trial is not best))
         level = self._try(best.choice.curve, False)
         if not self._is_better(best, level) and not self._is_tilted(best.choice):
             best = level
@@ -115,7 +122,7 @@ class Chooser:
         for half in (0, 1):
             seen, hidden = self.points.take(self._half == half), self._half != half
             fit = self._fit(seen, curve, tilted, self._scales)
-            residual[hidden] = self._joint(self.points.take(hidden)).residuals(fit.camera, fit.poses)
+            residual[hidden] = self._joint(self.points.take(hidden)).residuals(fit.camera, fit.poses, fit.paint_m)
         square = np.minimum(residual**2, 1e6)
         scale_px = self._settings.scale_px
         loss = square / (square + scale_px**2)
@@ -127,10 +134,10 @@ class Chooser:
         return _Trial(choice, loss)
 
     def _joint(self, points: Points) -> JointFit:
-        return JointFit(self.shape, points, self._all_settings.fit)
+        return JointFit(self.shape, points, self._all_settings.fit, painted=True)
 
     def _fit(self, points: Points, curve: Curve, tilted: bool, scales: Sequence[float]) -> Fit:
-        model = CameraModel(self.fit.model.frame, curve, self._all_settings.model)
+        model = dataclasses.replace(self.fit.model, curve=curve)
         vector = model.vector(self.fit.camera)
         start = model.vector(model.frame)
         free = np.ones(model.size, dtype=bool)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -74,6 +75,9 @@ class Fit:
         Weighted mean of r^2 / (r^2 + s^2), 0 to 1.
     residual_px : (N,) float64
         Signed distances; infinite where a line point shows no floor near the field.
+    paint_m : (L, 3) float64 or None
+        Where each line and arc is painted, from where the field has it: sideways at the start and at the end of a line;
+        radius and centre of an arc. None: just there.
     """
 
     model: CameraModel
@@ -81,11 +85,20 @@ class Fit:
     poses: FloatArray
     cost: float
     residual_px: FloatArray
+    paint_m: FloatArray | None = None
 
     @property
     def camera(self) -> OmniCamera:
         """The camera fitted."""
         return self.model.camera(self.vector)
+
+
+class _OnLines(NamedTuple):
+    """Which points (N,) lie on a line or arc near the field; of those, on which, and its covector by its paint."""
+
+    is_line: npt.NDArray[np.bool_]
+    which: Int64Array
+    by_paint: FloatArray
 
 
 class FieldShape:
@@ -109,6 +122,8 @@ class FieldShape:
         normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
         # (S, 3): n_x, n_y, -d of every straight thing
         self.straight = np.column_stack([normal, -np.einsum("ij,ij->i", normal, ends[:, :2])])
+        # walls stand where the field has them, and tell where the lines are
+        self.paint_std_m = 0.0 if field.is_bounded else settings.paint_std_widths * field.line_width_m
 
     def visible_wall(self, eye_m: FloatArray, direction: FloatArray) -> Int64Array:
         """Index (N,) of the wall first met from eyes (N, 2) along directions (N, 2), field frame; -1 if none."""
@@ -146,10 +161,21 @@ class JointFit:
         The points.
     settings : JointFitSettings, optional
         Bounds of a step, and the points' noise.
+    painted : bool
+        Whether lines are painted somewhat beside where the field has them: each one's offset is fitted, too, within
+        what a painter errs.
     """
 
-    def __init__(self, shape: FieldShape, points: Points, settings: JointFitSettings = JointFitSettings()) -> None:
+    def __init__(
+        self,
+        shape: FieldShape,
+        points: Points,
+        settings: JointFitSettings = JointFitSettings(),
+        *,
+        painted: bool = False,
+    ) -> None:
         self.shape = shape
+        self._painted = painted and shape.paint_std_m > 0
         self.points = points
         self.settings = settings
         self._first = np.searchsorted(points.frame, np.arange(points.frames))
@@ -193,14 +219,18 @@ class JointFit:
         """
         vector, poses = vector.copy(), poses.copy()
         free = np.ones(len(vector), dtype=bool) if free is None else free
+        paint = self._no_paint()
         for place, scale in enumerate(scales_px):
             last = place == len(scales_px) - 1
             for _ in range(most if last else repeats):
-                moved = self._step(model, vector, poses, scale, prior, bounds, free)
+                moved = self._step(model, vector, poses, paint, scale, prior, bounds, free)
                 if last and moved < 1e-4:
                     break
-        residual = self.residuals(model.camera(vector), poses)
-        return Fit(model, vector, poses, self.cost(residual, scales_px[-1]), residual)
+        residual = self.residuals(model.camera(vector), poses, paint)
+        return Fit(model, vector, poses, self.cost(residual, scales_px[-1]), residual, paint)
+
+    def _no_paint(self) -> FloatArray | None:
+        return np.zeros((len(self.shape.lines) + len(self.shape.arcs), 3)) if self._painted else None
 
     def cost(self, residual_px: FloatArray, scale_px: float) -> float:
         """Weighted mean (0 to 1) of the truncated squares of residuals (N,) at a width."""
@@ -210,10 +240,15 @@ class JointFit:
             )
         return float(self.points.weight @ loss) / self._total
 
-    def residuals(self, camera: OmniCamera, poses: FloatArray) -> FloatArray:
-        """Signed distances (N,) in pixels of the points from the walls and lines of poses (F, 3)."""
+    def residuals(self, camera: OmniCamera, poses: FloatArray, paint_m: FloatArray | None = None) -> FloatArray:
+        """Signed distances (N,) in pixels of the points from the walls and lines of poses (F, 3).
+
+        See `Fit` for `paint_m`.
+        """
         place = homogeneous(camera, self.points.pixels)
-        covector, _, known = self._covectors(camera, place, poses)
+        covector, _, known, on = self._covectors(camera, place, poses)
+        if paint_m is not None:
+            covector[on.is_line, 2] -= np.einsum("ij,ij->i", on.by_paint, paint_m[on.which])
         slope = np.maximum(np.hypot(*self._by_pixel(camera, place, covector).T), _MIN_SLOPE)
         return np.where(known, np.einsum("ij,ij->i", covector, place) / slope, np.inf)
 
@@ -225,8 +260,8 @@ class JointFit:
 
     def _covectors(
         self, camera: OmniCamera, place: FloatArray, poses: FloatArray
-    ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-        """Linear forms (N, 3) that vanish on what each point belongs to; by the pose (N, 3, 3); known (N,).
+    ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_], _OnLines]:
+        """Linear forms (N, 3) that vanish on what each point belongs to; by the pose (N, 3, 3); known (N,); the lines.
 
         The second array's middle index is x, y, theta. An arc's form is that of its tangent there.
         """
@@ -251,6 +286,7 @@ class JointFit:
             form[wall] = hit * side[:, None]
             known[wall] = index >= 0
         near = points.is_line & (place[:, 2] > 1.0 / shape.reach_m * np.hypot(place[:, 0], place[:, 1]))
+        on = _OnLines(near, np.empty(0, dtype=np.int64), np.empty((0, 3)))
         if near.any():
             field_m = np.column_stack([x[near], y[near]]) / place[near, 2:]
             _, _, index = nearest_lines(np.ascontiguousarray(field_m), shape.lines, shape.arcs)
@@ -263,21 +299,41 @@ class JointFit:
             radial /= np.maximum(np.hypot(radial[:, 0], radial[:, 1]), 1e-9)[:, None]
             forms[~straight] = np.column_stack([radial, -np.einsum("ij,ij->i", radial, arc[:, :2]) - arc[:, 2]])
             form[near], known[near] = forms, True
+            by_paint = np.ones((len(index), 3))
+            start, end = shape.lines[index[straight], :2], shape.lines[index[straight], 2:]
+            along = np.einsum("ij,ij->i", field_m[straight] - start, end - start)
+            part = np.clip(along / np.einsum("ij,ij->i", end - start, end - start), 0.0, 1.0)
+            by_paint[straight] = np.column_stack([1 - part, part, np.zeros(len(part))])
+            by_paint[~straight, 1:] = radial
+            on = _OnLines(near, index, by_paint)
         n_x, n_y, off = form.T
         covector = np.column_stack([c * n_x + s * n_y, -s * n_x + c * n_y, n_x * pose[:, 0] + n_y * pose[:, 1] + off])
         by_pose = np.zeros((len(x), 3, 3))
         by_pose[:, 0, 2], by_pose[:, 1, 2] = n_x, n_y
         by_pose[:, 2, 0], by_pose[:, 2, 1] = covector[:, 1], -covector[:, 0]
-        return covector, by_pose, known
+        return covector, by_pose, known, on
 
     def linearise(
-        self, model: CameraModel, vector: FloatArray, poses: FloatArray, free: npt.NDArray[np.bool_]
+        self,
+        model: CameraModel,
+        vector: FloatArray,
+        poses: FloatArray,
+        free: npt.NDArray[np.bool_],
+        paint_m: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-        """Residuals (N,), their derivatives by the vector (N, G) and the own pose (N, 3), and which are known (N,)."""
+        """Residuals (N,), their derivatives by the vector (N, G) and the own pose (N, 3), and which are known (N,).
+
+        With `paint_m` (L, 3), see `Fit`, its 3 L numbers follow those of the vector.
+        """
         pixels = self.points.pixels
         camera = model.camera(vector)
         place = homogeneous(camera, pixels)
-        covector, by_pose, known = self._covectors(camera, place, poses)
+        covector, by_pose, known, on = self._covectors(camera, place, poses)
+        by_paint = np.zeros((len(pixels), 0 if paint_m is None else paint_m.size))
+        if paint_m is not None:
+            covector[on.is_line, 2] -= np.einsum("ij,ij->i", on.by_paint, paint_m[on.which])
+            columns = 3 * on.which[:, None] + np.arange(3)
+            by_paint[np.flatnonzero(on.is_line)[:, None], columns] = -on.by_paint * place[on.is_line, 2:]
         by_pixel = self._by_pixel(camera, place, covector)
         slope = np.maximum(np.hypot(by_pixel[:, 0], by_pixel[:, 1]), _MIN_SLOPE)
         residual = np.where(known, np.einsum("ij,ij->i", covector, place) / slope, 0.0)
@@ -292,48 +348,59 @@ class JointFit:
             moved = homogeneous(model.camera(ahead), pixels)
             by_vector[:, g] = np.einsum("ij,ij->i", covector, moved - place) / (_STEP * slope)
         by_own = np.einsum("ipj,ij->ip", by_pose, place) / slope[:, None]
-        return residual, by_vector, by_own, known
+        return residual, np.hstack([by_vector, by_paint / slope[:, None]]), by_own, known
 
     def _step(
         self,
         model: CameraModel,
         vector: FloatArray,
         poses: FloatArray,
+        paint_m: FloatArray | None,
         scale: float,
         prior: FloatArray,
         bounds: tuple[FloatArray, FloatArray],
         free: npt.NDArray[np.bool_],
     ) -> float:
         """Do one Gauss-Newton step in place; return its length, relative to the bounds of a step, for a stop test."""
-        residual, by_vector, by_own, known = self.linearise(model, vector, poses, free)
+        residual, by_vector, by_own, known = self.linearise(model, vector, poses, free, paint_m)
         weight = np.where(known, self.points.weight / (1 + (residual / scale) ** 2) ** 2, 0.0)
         settings = self.settings
         weight /= settings.points_per_measurement * max(scale / 2, settings.min_noise_px) ** 2
+        count = len(vector)
+        # lines out of view stay where they are
+        seen = np.flatnonzero(by_vector[:, count:].any(axis=0))
+        by_vector = by_vector[:, np.concatenate([np.arange(count), count + seen])]
         h_gg, h_gp, h_pp, g_g, g_p = self._normal(residual, by_vector, by_own, weight)
         std = model.prior_std()
-        h_gg += np.diag(1 / std**2)
-        g_g += (vector - prior) / std**2
+        h_gg[:count, :count] += np.diag(1 / std**2)
+        g_g[:count] += (vector - prior) / std**2
+        if paint_m is not None:
+            h_gg[count:, count:] += np.eye(len(seen)) / self.shape.paint_std_m**2
+            g_g[count:] += paint_m.ravel()[seen] / self.shape.paint_std_m**2
         # damping of about a decimetre: the pose of a frame that shows one wall only does not run away
         h_pp += np.diag([1e-3, 1e-3, 1e-3]) * np.trace(h_pp, axis1=1, axis2=2)[:, None, None] / 3 + 1e-6 * np.eye(3)
         back = np.linalg.solve(h_pp, np.concatenate([h_gp.transpose(0, 2, 1), g_p[:, :, None]], axis=2))
         schur = h_gg - np.einsum("fgp,fph->gh", h_gp, back[:, :, :-1])
         right = g_g - np.einsum("fgp,fp->g", h_gp, back[:, :, -1])
-        schur[~free] = 0.0
-        schur[:, ~free] = 0.0
-        schur[~free, ~free] = 1.0
-        right[~free] = 0.0
+        fixed = np.flatnonzero(~free)
+        schur[fixed] = 0.0
+        schur[:, fixed] = 0.0
+        schur[fixed, fixed] = 1.0
+        right[fixed] = 0.0
         step = -np.linalg.solve(schur, right)
-        most = np.full(len(vector), settings.max_log_step)
+        most = np.full(len(step), settings.max_log_step)
         most[CENTER], most[TILT] = settings.max_center_step_px, settings.max_tilt_step_rad
         step *= min(1.0, float(np.min(most / np.maximum(np.abs(step), 1e-12))))
         pose_step = -(back[:, :, -1] + np.einsum("fpg,g->fp", back[:, :, :-1], step))
         pose_step *= np.minimum(1.0, settings.max_pose_step / np.maximum(np.abs(pose_step).max(axis=1), 1e-12))[:, None]
         before = vector.copy()
-        vector += step
+        vector += step[:count]
         np.clip(vector, *bounds, out=vector)
+        if paint_m is not None:
+            paint_m.ravel()[seen] += step[count:]
         poses += pose_step
         np.clip(poses[:, :2], self.shape.low + 0.01, self.shape.high - 0.01, out=poses[:, :2])
-        return float(np.abs((vector - before) / most).max() + np.abs(pose_step).max())
+        return float(np.abs((vector - before) / most[:count]).max() + np.abs(pose_step).max())
 
     def _normal(
         self, residual: FloatArray, by_vector: FloatArray, by_own: FloatArray, weight: FloatArray
@@ -347,13 +414,13 @@ class JointFit:
         return h_gg, h_gp, h_pp, weighted.T @ residual, g_p
 
     def covariance(self, fit: Fit) -> FloatArray:
-        """Covariance (G, G) of a fit's vector, with unknown poses. Points that err together count once.
+        """Covariance (G, G) of a fit's vector, with unknown poses and paint. Points that err together count once.
 
         Points of one frame and one sector of the image are one group (a cluster-robust "sandwich"). Every number
         counts as unknown, even if it was fixed in the fit.
         """
         residual, by_vector, by_own, known = self.linearise(
-            fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool)
+            fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool), fit.paint_m
         )
         spread = spread_px(residual[known], self.settings)
         weight = np.where(known, self.points.weight / (1 + (residual / (3 * spread)) ** 2) ** 2 / spread**2, 0.0)
@@ -365,12 +432,15 @@ class JointFit:
         sectors = self.settings.sectors
         sector = np.floor((np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) + 0.5) * sectors).astype(np.int64)
         _, member = np.unique(self.points.frame * (sectors + 1) + sector, return_inverse=True)
-        scores = np.zeros((int(member.max()) + 1, len(fit.vector)))
+        count = len(fit.vector)
+        scores = np.zeros((int(member.max()) + 1, by_vector.shape[1]))
         np.add.at(scores, member.ravel(), reduced * (weight * residual)[:, None])
         fisher = (reduced.T * weight) @ reduced
-        prior = np.diag(1 / fit.model.prior_std() ** 2)
-        bread = np.linalg.inv(fisher + prior)
-        return np.asarray(bread @ (fisher + scores.T @ scores + prior) @ bread)
+        prior = np.full(len(fisher), 1 / max(self.shape.paint_std_m, 1e-9) ** 2)
+        prior[:count] = 1 / fit.model.prior_std() ** 2
+        bread = np.linalg.inv(fisher + np.diag(prior))
+        covariance = bread @ (fisher + scores.T @ scores + np.diag(prior)) @ bread
+        return np.asarray(covariance[:count, :count])
 
 
 def spread_px(residual_px: FloatArray, settings: JointFitSettings = JointFitSettings()) -> float:

@@ -156,7 +156,7 @@ class CameraModel:
 
     def camera(self, vector: FloatArray) -> OmniCamera:
         """Return the camera of a vector; a table's still as the bent curve it is fitted as (see `written`)."""
-        height = None
+        height = self.frame.viewpoint_height_m
         curve = self.frame.floor_range
         if self.curve == "magnified":
             scale, horizon = scale_and_horizon(curve, self.frame.usable_radius_px)

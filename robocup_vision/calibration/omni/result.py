@@ -76,6 +76,25 @@ def standard_deviations(fit: Fit, covariance: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, std, strict=False)}
 
 
+def range_std(fit: Fit, covariance: FloatArray, radius_px: FloatArray) -> float:
+    """Return the largest relative standard deviation of the floor's range at some image radii (R,), all around.
+
+    The range is that from the foot of the mirror's axis, where the calibration puts the robot: a centre and a tilt that
+    compensate for each other leave it as it is.
+    """
+    bearing = np.arange(12) * math.tau / 12
+    pixels = fit.camera.polar_to_pixel(bearing[:, None], radius_px[None]).reshape(-1, 2)
+    floor_m = fit.camera.pixel_to_floor(pixels)
+    range_m = np.hypot(*floor_m.T)
+    by_vector = np.empty((len(pixels), len(fit.vector)))
+    for g in range(len(fit.vector)):
+        ahead = fit.vector.copy()
+        ahead[g] += 1e-4
+        by_vector[:, g] = (np.hypot(*fit.model.camera(ahead).pixel_to_floor(pixels).T) - range_m) / 1e-4
+    variance = np.einsum("ng,gh,nh->n", by_vector, covariance, by_vector) / range_m**2
+    return float(np.sqrt(np.nanmax(variance)))
+
+
 def undetermined(
     fit: Fit, covariance: FloatArray, tilted: bool, unknown: bool, settings: OmniCalibrationSettings
 ) -> list[str]:

@@ -66,6 +66,9 @@ class JointFitSettings:
         Noise of a point, at least: the edge finder's own.
     sectors : int
         Sectors of the image whose points are taken to err together in the covariance.
+    paint_std_widths : float
+        Standard deviation of where the ends of a line are painted, in line widths: a laboratory's lines are painted by
+        hand.
     """
 
     max_center_step_px: float = 4.0
@@ -76,6 +79,7 @@ class JointFitSettings:
     points_per_measurement: float = 3.0
     min_noise_px: float = 0.15
     sectors: int = 16
+    paint_std_widths: float = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +188,10 @@ class OmniCalibrationSettings:
     guessed_horizon : float
         Its horizon, of the outer usable radius: outside all that is looked at.
     guessed_ranges : tuple of float
-        Floor range half-way out, of the field's length, one guess each: it says how wide lines look. Where walls bound
-        the floor the first one is enough, since the search does the rest.
+        Floor range half-way out, in radii of the robot, one guess each: it says how wide lines look. Mirrors suit the
+        robot, whatever the field's size.
+    guessed_walled_range : float
+        The same where walls bound the floor, of the field's length: the search does the rest.
     farthest_diagonals : float
         Farthest floor worth looking at, in diagonals of the field, without a start.
     agreement : float
@@ -200,8 +206,17 @@ class OmniCalibrationSettings:
         Lines and arcs that must be seen without walls and without a start: a circle and a line across it have no size.
     min_feature_points, min_feature_ratio : int, float
         A line is seen if so many points lie on it, and this part of all that agree.
+    min_single_features : int
+        Those of a single frame without walls: each line tells one number for sure, where it is painted. Unknown are
+        centre, tilt, two numbers of the curve, and the pose; with a start, one less.
+    max_height_radii : float
+        Without walls: a robot's height by the middle-size league's rules, in radii. No tilt may put the mirror's axis
+        farther beside the robot's place than the largest tilt does at that height.
     max_center_std_ratio, max_curve_std : float
         Largest standard deviations of a result: centre, of the image's smaller side; curve, relative.
+    range_radii, max_range_std : tuple of float, float
+        Without walls: ranges, in radii of the robot, whose relative standard deviation may be so large. Three of them
+        are 8 percent.
     max_cost : float
         A first fit with a higher cost (0 to 1) explains next to nothing.
     max_doubtful_ratio : float
@@ -224,7 +239,8 @@ class OmniCalibrationSettings:
     max_unknown_log_curve: tuple[float, float] = (2.0, 2.0)
     guessed_inner_ratio: float = 0.09
     guessed_horizon: float = 1.15
-    guessed_ranges: tuple[float, ...] = (0.09, 0.15, 0.25, 0.4)
+    guessed_ranges: tuple[float, ...] = (2.16, 3.6, 6.0, 9.6)
+    guessed_walled_range: float = 0.09
     farthest_diagonals: float = 1.1
     agreement: float = 2.0
     again_scales: tuple[float, ...] = (4.0, 2.0)
@@ -235,8 +251,12 @@ class OmniCalibrationSettings:
     min_features: int = 4
     min_feature_points: int = 12
     min_feature_ratio: float = 0.02
+    min_single_features: int = 9
+    max_height_radii: float = 3.2
     max_center_std_ratio: float = 0.015
     max_curve_std: float = 0.04
+    range_radii: tuple[float, ...] = (3.0, 6.0, 10.0)
+    max_range_std: float = 0.0267
     max_cost: float = 0.75
     max_doubtful_ratio: float = 1.5
     max_rival_ratio: float = 1.15

@@ -21,6 +21,7 @@ from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.calibration.omni.sightings import Sighting, points_of
 from robocup_vision.calibration.starts import JsonForm, StartTrials, array_json, array_of
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.hull import hull_radius
 from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.localization.lines.line_map import LineMap
@@ -162,6 +163,12 @@ class Search:
         ratio = float(np.percentile(ratios, self.settings.starts.area_percentile))
         return float(vector[SCALE]) + 0.5 * math.log(ratio)
 
+    def pose_by_lines(self, camera: OmniCamera, sighting: Sighting) -> Pose2 | None:
+        """Return the likeliest pose by a frame's lines alone; None where they are too few."""
+        points = LinePoints.from_pixels(camera, sighting.line_px, sighting.line_weight)
+        found = search_by_lines(points, self.line_map, 1)
+        return found[0].pose if found else None
+
     def poses(self, camera: OmniCamera, sightings: Sequence[Sighting], polar: PolarView) -> FloatArray | None:
         """Return the robot's pose (F, 3) in every frame by a camera; None where one is not found."""
         fitter = None
@@ -175,9 +182,7 @@ class Search:
                 estimate, _ = fitter.locate(sighting.radius_px)
                 pose = estimate.pose if estimate else fitter.first_guess(sighting.radius_px)
             if pose is None:
-                points = LinePoints.from_pixels(camera, sighting.line_px, sighting.line_weight)
-                found = search_by_lines(points, self.line_map, 1)
-                pose = found[0].pose if found else None
+                pose = self.pose_by_lines(camera, sighting)
             if pose is None:
                 return None
             poses.append(pose.array)

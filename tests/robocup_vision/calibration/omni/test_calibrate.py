@@ -10,6 +10,7 @@ from field_models.errors import ArgumentError, FrameError
 from robocup_vision import Vision
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni, guessed_cameras
+from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.geometry import Pose2
 
@@ -182,3 +183,42 @@ def test_guessed_cameras_know_their_field(ssl_field):
         assert q > 0
     half_way_m = [1 / float(c.floor_range.inverse_range_per_m(c.usable_radius_px[1] / 2)) for c in cameras]
     np.testing.assert_allclose(np.array(half_way_m) / field.length_m, [0.09, 0.15, 0.25, 0.4], rtol=0.05)
+
+
+@pytest.fixture(scope="module")
+def carpet_camera(mirror_camera):
+    return dataclasses.replace(mirror_camera, center_px=(163.0, 116.0))
+
+
+def calibrated_on_carpet(paint_field, camera, pose, start=None, settings=OmniCalibrationSettings()):
+    field = load_field("msl_6x4")
+    frame = paint_field(camera, field, pose, noise=3.0, rng=np.random.default_rng(12))
+    return calibrate_omni(field, [frame], start, settings=settings)
+
+
+@pytest.mark.slow
+def test_one_image_of_many_lines_is_enough(carpet_camera, paint_field, floor_error_m):
+    result = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3))
+    assert isinstance(result, OmniCalibration)
+    assert floor_error_m(result.camera, carpet_camera) < 0.02
+    # a camera without a tilt gets next to none, though it may have one
+    assert result.choices[0].tilted
+    assert np.hypot(*result.camera.tilt_rad) < 0.01
+
+
+def test_one_image_of_few_lines_is_refused(carpet_camera, paint_field):
+    # from here the robot sees a corner's worth of lines
+    near = dataclasses.replace(carpet_camera, usable_radius_px=(20.0, 75.0))
+    refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(1.2, 1.3, 0.3), start=near)
+    assert isinstance(refused, NotCalibrated)
+    assert "so few lines" in refused.reason
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"), [({"max_range_std": 1e-4}, "floor's range"), ({"max_height_radii": 0.0}, "mirror's axis")]
+)
+def test_an_image_that_leaves_the_camera_open_is_refused(carpet_camera, paint_field, changed, reason):
+    settings = dataclasses.replace(OmniCalibrationSettings(), **changed)
+    refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), carpet_camera, settings)
+    assert isinstance(refused, NotCalibrated)
+    assert reason in refused.reason

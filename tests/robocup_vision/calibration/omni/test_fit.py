@@ -9,6 +9,7 @@ from field_models import load_field
 from robocup_vision.calibration.omni.choice import Chooser
 from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points, homogeneous, spread_px
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel, hyperboloid_of
+from robocup_vision.calibration.omni.result import range_std
 from robocup_vision.camera import Tangent
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
@@ -188,3 +189,109 @@ def test_held_out_points_choose_curve_and_tilt(shape, curve, tilt):
     assert {choice.curve for choice in choices} == {"hyperboloid", "tangent", "table"}
     final = chooser.final(choices[0], 0.5)
     np.testing.assert_allclose(final.camera.center_px, camera.center_px, atol=0.3 if any(tilt) else 0.1)
+
+
+@pytest.fixture(scope="module")
+def carpet():
+    """Return a field without walls, and the same with its lines and arcs painted beside where the field has them."""
+    field = load_field("msl_6x4")
+    rng = np.random.default_rng(9)
+    std = 0.3 * field.line_width_m
+    lines, arcs = field.lines.copy(), field.arcs.copy()
+    along = lines[:, 2:] - lines[:, :2]
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+    sideways = rng.normal(0, std, (len(lines), 2))
+    lines[:, :2] += sideways[:, :1] * normal
+    lines[:, 2:] += sideways[:, 1:] * normal
+    arcs[:, :3] += rng.normal(0, std, (len(arcs), 3))
+    return field, dataclasses.replace(field, lines=lines, arcs=arcs), sideways
+
+
+def on_carpet(painted, camera, poses, rng):
+    """Points of a painted carpet's lines, half a decimetre apart, within 3 m of each pose."""
+    pixels, frame = [], []
+    for index, pose in enumerate(poses):
+        lines = painted.line_points(0.05)
+        lines = lines[np.hypot(*(lines - pose[:2]).T) < 3.0]
+        shown = camera.floor_to_pixel(Pose2(*pose).inverse().transform(lines))
+        pixels.append(shown + rng.normal(0, 0.1, shown.shape))
+        frame.append(np.full(len(shown), index))
+    count = sum(map(len, pixels))
+    return Points(np.vstack(pixels), np.concatenate(frame), np.ones(count, dtype=bool), np.ones(count))
+
+
+CARPET_POSES = np.array([[0.1, -0.2, 0.5], [-0.9, 0.3, 2.0], [1.1, -0.4, -1.3]])
+
+
+@pytest.fixture(scope="module")
+def carpet_camera():
+    curve = hyperboloid_of(85.0, 240.0, 400.0)
+    return dataclasses.replace(
+        sekimori_camera(480, 480), usable_radius_px=(40.0, 225.0), floor_range=curve, tilt_rad=(0.01, -0.008)
+    )
+
+
+def solved_on_carpet(field, painted_field, camera, poses, painted):
+    points = on_carpet(painted_field, camera, poses, np.random.default_rng(10))
+    start = dataclasses.replace(camera, center_px=(242.5, 237.0), tilt_rad=(0.0, 0.0))
+    model = CameraModel(start, "hyperboloid")
+    vector = model.vector(start)
+    joint = JointFit(FieldShape(field), points, painted=painted)
+    bounds = model.bounds(vector, 20.0, 0.5, 0.5)
+    return joint, joint.solve(model, vector, poses + 0.02, (8.0, 4.0, 2.0, 1.0), vector, bounds)
+
+
+def test_lines_that_are_painted_beside_their_place_are_found_there(carpet, carpet_camera):
+    field, painted_field, sideways = carpet
+    _, fit = solved_on_carpet(field, painted_field, carpet_camera, CARPET_POSES, painted=True)
+    outer = slice(0, 4)  # long lines, seen by all poses
+    left = fit.paint_m[outer, :2] - sideways[outer]
+    assert np.abs(left).mean() < 0.6 * np.abs(sideways[outer]).mean()
+    assert np.abs(fit.residual_px).mean() < 0.2
+
+
+def test_paint_that_errs_is_no_camera_that_errs(carpet, carpet_camera):
+    field, painted_field, _ = carpet
+    true = CameraModel(carpet_camera, "hyperboloid").vector(carpet_camera)
+    off = {}
+    for painted in (False, True):
+        joint, fit = solved_on_carpet(field, painted_field, carpet_camera, CARPET_POSES, painted=painted)
+        off[painted] = np.abs(fit.vector - true)[:6]
+    # the standard deviations know of the paint
+    assert (off[True] < 3.5 * np.sqrt(np.diag(joint.covariance(fit)))[:6]).all()
+    assert off[True][CENTER].sum() < off[False][CENTER].sum()
+
+
+def test_lines_that_lie_in_their_place_are_left_there(carpet, carpet_camera):
+    field = carpet[0]
+    _, fit = solved_on_carpet(field, field, carpet_camera, CARPET_POSES, painted=True)
+    assert np.abs(fit.paint_m).max() < 0.006
+    np.testing.assert_allclose(fit.camera.center_px, carpet_camera.center_px, atol=0.3)
+
+
+def test_where_walls_stand_lines_are_not_moved(shape, true_camera):
+    points = seen_from(load_field("ssl_2001"), shape, true_camera, POSES, np.random.default_rng(11))
+    start = start_of(true_camera)
+    model = CameraModel(start, "hyperboloid")
+    vector = model.vector(start)
+    bounds = model.bounds(vector, 20.0, 0.5, 0.5)
+    fit = JointFit(shape, points, painted=True).solve(model, vector, POSES, (4.0, 1.0), vector, bounds)
+    assert fit.paint_m is None
+
+
+def test_the_floors_range_is_as_unsure_as_the_scale(carpet, carpet_camera):
+    field = carpet[0]
+    _, fit = solved_on_carpet(field, field, dataclasses.replace(carpet_camera, tilt_rad=(0.0, 0.0)), CARPET_POSES, True)
+    level = dataclasses.replace(fit, vector=np.where(np.arange(7) == TILT.start, 0.0, fit.vector))
+    level.vector[TILT] = 0.0
+    radius_px = np.array([80.0, 150.0])
+    only_scale = np.zeros((7, 7))
+    only_scale[4, 4] = 0.02**2
+    # at a given radius the range is inverse to the scale
+    assert range_std(level, only_scale, radius_px) == pytest.approx(0.02, rel=1e-3)
+    only_center = np.zeros((7, 7))
+    only_center[0, 0] = 1.0
+    step_m = 1.0 / level.camera.floor_range.inverse_range_per_m(np.stack([radius_px + 0.5, radius_px - 0.5]))
+    expected = (step_m[0] - step_m[1]) * level.camera.floor_range.inverse_range_per_m(radius_px)
+    assert range_std(level, only_center, radius_px) == pytest.approx(expected.max(), rel=1e-3)
+    assert range_std(level, np.zeros((7, 7)), radius_px) == 0.0

@@ -148,3 +148,11 @@ def test_bounds_hold_centre_scale_and_horizon():
     assert (high - low)[HORIZON] == pytest.approx(0.6)
     assert np.all(low < start)
     assert np.all(start < high)
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_a_viewpoint_height_that_somebody_measured_is_kept(curve):
+    frame = dataclasses.replace(sekimori_camera(), viewpoint_height_m=0.31)
+    model = CameraModel(frame, curve)
+    assert model.camera(model.vector(frame)).height_m == 0.31
+    assert model.written(model.vector(frame)).height_m == 0.31
