@@ -93,3 +93,17 @@ def test_a_held_pose_keeps_its_tilt_in_a_half_turn():
     held = HeldPose(1.0, 2.0, 0.5, -0.2, 0.1)
     assert held.half_turn() == HeldPose(-1.0, -2.0, 0.5 + math.pi, -0.2, 0.1)
     assert held.half_turn().error_to(Pose2(1.0, 2.0, 0.5).half_turn()) == pytest.approx((0.0, 0.0))
+
+
+def test_bright_stripes_beyond_the_field_speak_neither_for_nor_against_a_pose(finder):
+    pose, tilt_rad = Pose2(-1.4, 0.0, 0.6), -0.2
+    y = FIELD.width_m / 2 + 0.45
+    striped = replace(FIELD, lines=np.vstack([FIELD.lines, [[-4.5, y, 4.5, y]]]))
+    frame = frame_at(pose, tilt_rad, field=striped)
+    answer = finder.find(frame)
+    assert answer
+    assert nearest(answer.estimate.candidates, pose).error_to(pose)[0] < 0.03
+    finder._fit(frame, HeldPose(pose.x_m, pose.y_m, pose.theta_rad, tilt_rad, 0.02))
+    evidence, seen = finder.follower.evidence, finder.follower._fit.figures[8]
+    assert 0.6 * seen < evidence.points <= seen - 5
+    assert evidence.explained > 0.95 * evidence.points
