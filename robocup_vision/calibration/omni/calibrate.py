@@ -368,9 +368,10 @@ class _Calibration:
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
         """Return why lines alone do not determine a camera; empty if they do."""
         settings = self.settings
+        few = len(fit.poses) == 1 and self._features(fit, points, agrees) < settings.min_single_features
         # a start tells how large things look
         needed = settings.min_single_features - (self.start is not None)
-        if len(fit.poses) == 1 and self._features(fit, points, agrees) < needed:
+        if few and self._features(fit, points, agrees) < needed:
             return f"one image of so few lines does not determine a camera: lines lie where they were painted; {_MORE}"
         off_m = float(np.hypot(*fit.camera.tilt_rad)) * (fit.camera.height_m or 0.0)
         highest_m = settings.max_height_radii * self.field.robot_radius_m
@@ -381,7 +382,7 @@ class _Calibration:
             )
         range_m = np.array(settings.range_radii) * self.field.robot_radius_m
         worst = range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / range_m))
-        if worst > settings.max_range_std:
+        if worst > (settings.max_range_std if few or self.start is None else settings.max_started_range_std):
             return (
                 f"the images do not determine the floor's range: its standard deviation is {100 * worst:.1f} %; {_MORE}"
             )

@@ -214,9 +214,10 @@ class OmniCalibrationSettings:
         farther beside the robot's place than the largest tilt does at that height.
     max_center_std_ratio, max_curve_std : float
         Largest standard deviations of a result: centre, of the image's smaller side; curve, relative.
-    range_radii, max_range_std : tuple of float, float
-        Without walls: ranges, in radii of the robot, whose relative standard deviation may be so large. Three of them
-        are 8 percent.
+    range_radii : tuple of float
+        Without walls: ranges, in radii of the robot, that must be known.
+    max_range_std, max_started_range_std : float
+        Their largest relative standard deviations: three are 8 percent. With a start that fits, and enough lines, two.
     max_cost : float
         A first fit with a higher cost (0 to 1) explains next to nothing.
     max_doubtful_ratio : float
@@ -257,6 +258,7 @@ class OmniCalibrationSettings:
     max_curve_std: float = 0.04
     range_radii: tuple[float, ...] = (3.0, 6.0, 10.0)
     max_range_std: float = 0.0267
+    max_started_range_std: float = 0.04
     max_cost: float = 0.75
     max_doubtful_ratio: float = 1.5
     max_rival_ratio: float = 1.15

@@ -215,10 +215,21 @@ def test_one_image_of_few_lines_is_refused(carpet_camera, paint_field):
 
 
 @pytest.mark.parametrize(
-    ("changed", "reason"), [({"max_range_std": 1e-4}, "floor's range"), ({"max_height_radii": 0.0}, "mirror's axis")]
+    ("changed", "reason"),
+    [({"max_started_range_std": 1e-4}, "floor's range"), ({"max_height_radii": 0.0}, "mirror's axis")],
 )
 def test_an_image_that_leaves_the_camera_open_is_refused(carpet_camera, paint_field, changed, reason):
     settings = dataclasses.replace(OmniCalibrationSettings(), **changed)
     refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), carpet_camera, settings)
     assert isinstance(refused, NotCalibrated)
     assert reason in refused.reason
+
+
+@pytest.mark.slow
+def test_without_a_start_less_may_stay_open(carpet_camera, paint_field):
+    settings = dataclasses.replace(OmniCalibrationSettings(), max_range_std=1e-4)
+    refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), settings=settings)
+    assert isinstance(refused, NotCalibrated)
+    assert "floor's range" in refused.reason
+    started = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), carpet_camera, settings)
+    assert isinstance(started, OmniCalibration)
