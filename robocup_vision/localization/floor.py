@@ -160,6 +160,10 @@ class OutlineFitter:
         if prior is not None:
             fit = model.fit(prior.array, radius_px, model.scales(settings.prior_scales))
             fit = self._camera.leaned(fit, radius_px)
+            if not self._is_good(fit, settings.max_cost_at_prior):
+                leaning = self._camera.leaning((fit.pose, prior.array), radius_px)
+                if leaning is not None:
+                    return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
         if fit is None or not self._is_good(fit, settings.max_cost_at_prior):
             guess = self.first_guess(radius_px)
             if guess is None:
@@ -170,7 +174,13 @@ class OutlineFitter:
                 fit = self._search.improve(fit, radius_px, arbiter)
         if fit is None:
             return NotLocated("several places explain the floor's edge equally well"), nothing
-        estimate = self._judge(fit)
+        if prior is not None and fit.along_m > settings.sliding_std_m and not any(fit.lean_rad):
+            # found as an upright body sees it: one that moves may lean, and on a far field that is half a metre
+            leaning = self._camera.leaning((fit.pose,), radius_px)
+            if leaning is None:
+                return NotLocated("the floor's edge does not fix the pose of a body that may lean"), nothing
+            return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
+        estimate = self._judge(fit, settings.max_std_m)
         if isinstance(estimate, NotLocated):
             return estimate, nothing
         return self._camera.corrected(estimate, fit, radius_px, settings.sliding_std_m)
@@ -190,10 +200,10 @@ class OutlineFitter:
         beyond = np.count_nonzero(fit.residual_px > 2.0 * self._model.unit_px)
         return bool(beyond < self.settings.max_beyond * len(fit.residual_px))
 
-    def _judge(self, fit: OutlineFit) -> PoseEstimate | NotLocated:
+    def _judge(self, fit: OutlineFit, max_std_m: float) -> PoseEstimate | NotLocated:
         if fit.inlier_ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {fit.inlier_ratio:.0%} of the floor's edge agrees with the field's walls")
-        if fit.along_m > self.settings.max_std_m:
+        if fit.along_m > max_std_m:
             return NotLocated("the part of the floor's edge in view does not fix the pose in every direction")
         x, y, theta = fit.pose.tolist()
         pose = Pose2(x, y, theta)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from field_models.field import Field
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -76,6 +76,8 @@ class MirrorLocalizer:
             arbiter = None if self._lines is None else partial(self._choose, self._lines, evidence)
             estimate, walls = self._outline.locate(evidence.edge_px, start, arbiter)
             if isinstance(estimate, PoseEstimate):
+                if start is not None and float(estimate.std[:2].max()) > self._outline.settings.sliding_std_m:
+                    estimate, walls = self._closed_by_lines(evidence, start, estimate, walls)
                 if self._is_supported(estimate, evidence):
                     return Localization(self._half.choose(frame, estimate, colors, start), camera, walls)
                 agree = f"{estimate.inlier_ratio:.0%}"
@@ -88,6 +90,19 @@ class MirrorLocalizer:
             by_lines = estimate.reason if isinstance(estimate, NotLocated) else "floor shows where they put the walls"
             reason = f"{reason}; by lines: {by_lines}" if reason else by_lines
         return Localization(NotLocated(reason), camera)
+
+    def _closed_by_lines(
+        self, evidence: FrameEvidence, start: Pose2, estimate: PoseEstimate, walls: FloatArray
+    ) -> tuple[PoseEstimate, FloatArray]:
+        """Return what nearby lines tell where the outline leaves the position of a body that may lean open."""
+        if self._lines is None:
+            return estimate, walls
+        followed = self._lines.follow(self._lines.finder.find(evidence.frame), start)
+        if not followed or not self._is_within_walls(followed.pose, evidence):
+            return estimate, walls
+        if followed.std[:2].max() >= estimate.std[:2].max():
+            return estimate, walls
+        return followed, np.full_like(walls, np.nan)
 
     def _by_lines(
         self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None

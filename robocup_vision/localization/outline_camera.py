@@ -7,6 +7,8 @@ other. So is a centre or a tilt that is off.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,6 +36,12 @@ class OutlineCameraSettings:
         Standard deviation of pitch and roll of a body that moves, as in `lines.nearby`.
     lean_gate : float
         Squared Mahalanobis distance from upright of a lean that is one: 99.9 % for two dimensions.
+    open_scales : tuple of float
+        Widths of the redescending weights, units, where pose and lean are fitted together from a prior: a body that
+        brakes hard moves far boards by two units.
+    max_open_cost, max_open_std_m : float, float
+        A fit of pose and lean that costs more, or leaves the position more open, is none: a far field lies open in
+        some direction before it is known how the body leans.
     center_std_units, tilt_std_rad : float
         Of centre and tilt in a camera file that is doubted.
     min_gain, alike_bearings : float
@@ -45,6 +53,9 @@ class OutlineCameraSettings:
 
     sway_std_rad: float = 0.01
     lean_gate: float = 13.8
+    open_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
+    max_open_cost: float = 0.25
+    max_open_std_m: float = 0.15
     center_std_units: float = 0.5
     tilt_std_rad: float = 0.004
     min_gain: float = 8.0
@@ -84,11 +95,40 @@ class OutlineCamera:
         if by_lean < gate:
             return upright
         outline = model.outline(radius_px, np.array([model.unit_px]))
-        summary, unknowns, covariance, residual, predicted = self._fit(fit.pose, model.scene, outline, self._sway)
+        summary, unknowns, covariance, residual, predicted = self._fit(
+            _start(fit.pose), model.scene, outline, self._sway
+        )
         if not summary.cost < fit.cost or _is_within(unknowns[_LEAN], gate * covariance[_LEAN, _LEAN]):
             return upright
         lean = tuple(unknowns[_LEAN].tolist())
         return OutlineFit(unknowns[_POSE], covariance[_POSE, _POSE], *summary, residual, predicted, lean)
+
+    def leaning(self, starts: Sequence[FloatArray], radius_px: FloatArray) -> OutlineFit | None:
+        """Return the best fit of pose and lean together from some poses (3,); None where there is none.
+
+        Its covariance is that of a body which may lean, whether or not the outline tells that it does.
+        """
+        best: OutlineFit | None = None
+        for start in starts:
+            unknowns = np.zeros(kernels.SIZE)
+            unknowns[_POSE] = start
+            for units in self.settings.open_scales:
+                outline = self.model.outline(radius_px, np.array([units * self.model.unit_px]))
+                fitted = self._fit(unknowns, self.model.scene, outline, self._sway)
+                unknowns = fitted[1]
+                if not math.isfinite(fitted[0].cost):
+                    break
+            summary, unknowns, covariance, residual, predicted = fitted
+            if not (summary.cost <= self.settings.max_open_cost and summary.along_m <= self.settings.max_open_std_m):
+                continue
+            # where a direction is not told at all, rounding makes its variance anything
+            own = covariance[_POSE, _POSE]
+            if not (np.isfinite(own).all() and np.all(np.linalg.eigvalsh(own) > 0)):
+                continue
+            if best is None or summary.cost < best.cost:
+                lean = tuple(unknowns[_LEAN].tolist())
+                best = OutlineFit(unknowns[_POSE], covariance[_POSE, _POSE], *summary, residual, predicted, lean)
+        return best
 
     def corrected(
         self, estimate: PoseEstimate, fit: OutlineFit, radius_px: FloatArray, max_std_m: float
@@ -104,7 +144,7 @@ class OutlineCamera:
         if gain < settings.min_gain * settings.alike_bearings:
             return estimate, fit.predicted_px
         outline = model.outline(radius_px, model.scales(()))
-        summary, unknowns, covariance, _, predicted = self._fit(fit.pose, self._scene(fit), outline, self._file)
+        summary, unknowns, covariance, _, predicted = self._fit(_start(fit.pose), self._scene(fit), outline, self._file)
         x, y, theta = unknowns[_POSE].tolist()
         own = covariance[_POSE, _POSE]
         if not summary.along_m <= max_std_m or not model.field.is_on_floor(x, y):
@@ -122,13 +162,12 @@ class OutlineCamera:
         return kernels.doubts_of_camera(fit.pose, self._scene(fit), outline, self._sway, self._file)
 
     def _fit(
-        self, pose: FloatArray, scene: WallScene, outline: FloorOutline, doubt: kernels.CameraDoubt
+        self, start: FloatArray, scene: WallScene, outline: FloorOutline, doubt: kernels.CameraDoubt
     ) -> tuple[FitSummary, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the fit's summary, unknowns (7,), their covariance (7, 7), residuals and predicted walls (K,)."""
         noise, count = self.model.noise, len(outline.radius)
-        unknowns, covariance = np.zeros(kernels.SIZE), np.empty((kernels.SIZE, kernels.SIZE))
+        unknowns, covariance = start.copy(), np.empty((kernels.SIZE, kernels.SIZE))
         residual, predicted = np.empty(count), np.empty(count)
-        unknowns[_POSE] = pose
         inlier_px = noise.inlier * self.model.unit_px
         rules = inlier_px, noise.few_groups, noise.systematic_px2
         summary = kernels.fit_with_camera(unknowns, scene, outline, doubt, *rules, residual, predicted, covariance)
@@ -146,6 +185,11 @@ class OutlineCamera:
         tilt_std_rad = settings.tilt_std_rad if model.camera.height_m is not None else _SURE_RAD
         center_std_px = settings.center_std_units * model.unit_px
         return kernels.CameraDoubt(model.noise.edge_px, center_std_px, tilt_std_rad, False)
+
+
+def _start(pose: FloatArray) -> FloatArray:
+    """Unknowns (7,) of an upright body at a pose, whose camera is as its file says."""
+    return np.append(pose, np.zeros(kernels.SIZE - 3))
 
 
 def _is_within(vector: FloatArray, bound: FloatArray) -> bool:

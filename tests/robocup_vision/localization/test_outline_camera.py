@@ -15,6 +15,7 @@ from robocup_vision.localization.floor import OutlineFitter, OutlineSettings
 from robocup_vision.localization.outline_camera import OutlineCamera, OutlineCameraSettings
 from robocup_vision.localization.outline_model import OutlineModel, OutlineNoise
 from robocup_vision.perception.polar_view import PolarView
+from sim2d.match.setups import CAMERAS
 from sim2d.rendering.cameras import sekimori_camera
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
@@ -25,21 +26,21 @@ places = st.builds(Pose2, numbers(-1.1, 1.1), numbers(-0.55, 0.55), numbers(-3.1
 leans = st.tuples(numbers(-0.015, 0.015), numbers(-0.015, 0.015))
 
 
-def outline(pose, lean, noise):
+def outline(pose, lean, noise, field=FIELD, camera=CAMERA, view=VIEW):
     """Image radius of the walls' feet from a leaning body: points of the walls, projected one by one."""
     turn = camera_rotation(0.0, *lean)
     parts = np.linspace(0.0, 1.0, 2000)[:, None]
-    feet = np.concatenate([(1 - parts) * wall[:2] + parts * wall[2:] for wall in FIELD.walls])
+    feet = np.concatenate([(1 - parts) * wall[:2] + parts * wall[2:] for wall in field.walls])
     in_robot = pose.inverse().transform(feet)
     # the body turns about its foot, which the camera's place turns with
     in_body = np.concatenate([in_robot, np.zeros((len(in_robot), 1))], axis=1) @ turn
-    pixels = CAMERA.point_to_pixel(in_body)
-    radius = np.hypot(*(pixels - CAMERA.center_px).T)
-    bearing = np.mod(CAMERA.image_bearing_rad(pixels), math.tau)
-    bins = np.rint(bearing / (math.tau / VIEW.bearings)).astype(int) % VIEW.bearings
-    off = np.abs(np.mod(bearing - VIEW.bearing_rad[bins] + math.pi, math.tau) - math.pi)
-    found = np.full(VIEW.bearings, np.nan)
-    for k in range(VIEW.bearings):
+    pixels = camera.point_to_pixel(in_body)
+    radius = np.hypot(*(pixels - camera.center_px).T)
+    bearing = np.mod(camera.image_bearing_rad(pixels), math.tau)
+    bins = np.rint(bearing / (math.tau / view.bearings)).astype(int) % view.bearings
+    off = np.abs(np.mod(bearing - view.bearing_rad[bins] + math.pi, math.tau) - math.pi)
+    found = np.full(view.bearings, np.nan)
+    for k in range(view.bearings):
         here = np.flatnonzero((bins == k) & (off < 0.004) & np.isfinite(radius))
         if len(here):
             # of two walls the nearer one bounds the floor
@@ -85,3 +86,33 @@ def test_one_wall_alone_tells_no_lean():
     radius[np.abs(np.mod(VIEW.bearing_rad + math.pi, math.tau) - math.pi) > 0.6] = np.nan
     fit = MODEL.fit(pose.array, radius, MODEL.scales((2.0,)))
     assert OutlineCamera(MODEL, OutlineCameraSettings()).leaned(fit, radius).lean_rad == (0.0, 0.0)
+
+
+def test_on_a_far_field_a_leaning_body_is_not_where_an_upright_one_would_be():
+    field, camera = load_field("ssl_division_b"), CAMERAS["ssl_mirror"]()
+    view = PolarView(camera)
+    fitter = OutlineFitter(field, camera, view)
+    rng, errors, tries = np.random.default_rng(4), [], 40
+    for _ in range(tries):
+        pose = Pose2(rng.uniform(-3.5, 3.5), rng.uniform(-2.5, 2.5), rng.uniform(-3, 3))
+        noise = rng.normal(0, 0.3, view.bearings)
+        radius = outline(pose, (rng.normal(0, 0.01), 0.0), noise, field, camera, view)
+        # robots hide a good part of the boards
+        for middle in rng.uniform(-math.pi, math.pi, 6):
+            radius[np.abs(np.mod(view.bearing_rad - middle + math.pi, math.tau) - math.pi) < 0.2] = np.nan
+        off = rng.normal(0, 1, 3) * (0.02, 0.02, 0.02)
+        prior = Pose2(pose.x_m + off[0], pose.y_m + off[1], pose.theta_rad + off[2])
+        estimate, _ = fitter.locate(radius, prior)
+        if estimate:
+            errors.append(estimate.pose.error_to(pose)[0])
+    assert len(errors) > 0.7 * tries
+    assert max(errors) < 0.3
+    assert np.median(errors) < 0.05
+
+
+def test_a_direction_that_no_wall_tells_is_not_made_up():
+    pose = Pose2(0.0, 0.0, 0.0)
+    radius = outline(pose, (0.0, 0.0), 0.0)
+    radius[np.abs(np.mod(VIEW.bearing_rad + math.pi / 2, math.tau) - math.pi) > 0.5] = np.nan
+    assert np.isfinite(radius).sum() > 20
+    assert OutlineCamera(MODEL, OutlineCameraSettings()).leaning((pose.array,), radius) is None
