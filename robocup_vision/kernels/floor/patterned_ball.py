@@ -147,6 +147,7 @@ def find_discs(
     kinds: UInt8Array,
     directions: FloatArray,
     radii: FloatArray,
+    row_radii: FloatArray,
     search: DiscSearch,
     out: FloatArray,
 ) -> int:
@@ -160,6 +161,8 @@ def find_discs(
         Unit vectors.
     radii : (R,) float64
         That are tried, px.
+    row_radii : (H, 2) float64
+        Least and greatest radius of a disc whose middle is in a row.
     search : DiscSearch
         Where rims are looked for.
     out : (N, COLUMNS) float64
@@ -176,6 +179,8 @@ def find_discs(
             turn = k * DIRECTIONS // _ROUGH
             around[k, 0], around[k, 1] = round(far * directions[turn, 0]), round(far * directions[turn, 1])
         for v in range(0, height, step):
+            if not row_radii[v, 0] <= radius <= row_radii[v, 1]:
+                continue
             for u in range(0, width, step):
                 # the middle and most of its surroundings are ball
                 if kinds[v, u] != NEUTRAL:

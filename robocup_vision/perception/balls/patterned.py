@@ -25,6 +25,10 @@ _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
 # a pixel's noise, added to its level before the logarithm is taken
 _LOGS = np.log(np.arange(256) + 8.0)
+# where the tilt is known, a ball's size is, too: by this many standard deviations; told for every so many rows
+_SIGMAS, _ROWS = 3.0, 8
+# radii from a disc's middle, within which pixels are looked at
+_BEYOND = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,8 +205,7 @@ class PatternedBallFinder:
 
     def _discs(self, frame: UInt8Array, camera: PinholeCamera) -> list[_Disc]:
         settings = self.settings
-        blurred = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
-        low = blurred[frame.shape[0] // 2 :: 4, ::4].reshape(-1, 3)
+        low = np.asarray(cv2.blur(frame[frame.shape[0] // 2 :], (3, 3)), dtype=np.uint8)[::6, ::6].reshape(-1, 3)
         logs = _LOGS[low]
         hue = logs[:, 2] - logs[:, 1] + kernel.BLUE_WEIGHT * (logs[:, 0] - logs[:, 1])
         near = low.astype(np.float64)
@@ -218,15 +221,54 @@ class PatternedBallFinder:
         # half-way from white to the carpet
         half_hue = 0.5 * float(np.median(hue[is_carpet]))
         min_level = settings.min_carpet_level * float(np.median(near[is_carpet, 1]))
-        kernel.classify(blurred, _LOGS, half_hue, 0.5 * green, min_level, self._kinds, self._level)
+        row_radii, top = self._row_radii_px(camera)
+        if top == frame.shape[0]:
+            return []
+        kinds, level = self._kinds, self._level
+        kinds[:top] = kernel.COLORED
+        blurred = np.asarray(cv2.blur(frame[top:], (3, 3)), dtype=np.uint8)
+        kernel.classify(blurred, _LOGS, half_hue, 0.5 * green, min_level, kinds[top:], level[top:])
         if self._mask is not None:
-            self._kinds[self._mask > 0] = kernel.COLORED
-        found = self._found[: kernel.find_discs(self._kinds, _DIRECTIONS, self._radii_px, settings.search, self._found)]
-        count = kernel.best_discs(self._kinds, self._level, _DIRECTIONS, settings.search, found, self._kept)
+            kinds[self._mask > 0] = kernel.COLORED
+        search = settings.search
+        found = self._found[: kernel.find_discs(kinds, _DIRECTIONS, self._radii_px, row_radii, search, self._found)]
+        count = kernel.best_discs(kinds, level, _DIRECTIONS, search, found, self._kept)
         # a disc may have shrunk below what is looked for when its place and size were fitted
         return [
             self._weighed(row, camera) for row in self._kept[:count] if row[kernel.RADIUS] >= settings.min_radius_px
         ]
+
+    def _row_radii_px(self, camera: PinholeCamera) -> tuple[FloatArray, int]:
+        """Return the least and greatest radius (H, 2) of a ball on the floor in each row, and the first row of use.
+
+        A tilt that is not known leaves every size open in every row.
+        """
+        settings, (width, height) = self.settings, camera.size_px
+        if camera.tilt_rad is None:
+            return np.tile((0.0, math.inf), (height, 1)), 0
+        at = np.minimum(np.arange(0, height + _ROWS, _ROWS), height - 1)
+        pixels = np.stack(np.broadcast_arrays([0.0, (width - 1) / 2, width - 1.0], at[:, None]), axis=-1)
+        ahead = camera.pixel_to_camera_ray(pixels)[..., 0]
+        ray = camera.pixel_to_ray(pixels)
+        fall_rad = np.arctan2(-ray[..., 2], np.hypot(ray[..., 0], ray[..., 1]))
+        slack_rad, scale = _SIGMAS * settings.tilt_std_rad, self._radius_m / (camera.height_m - self._radius_m)
+
+        def radius_px(angle_rad: FloatArray) -> FloatArray:
+            sine = np.sin(np.clip(angle_rad, 0.0, math.pi / 2))
+            return np.asarray(np.arcsin(np.minimum(scale * sine, 1.0)) * camera.focal_px[0] / ahead)
+
+        radius = radius_px(fall_rad)
+        below, above = radius - radius_px(fall_rad - slack_rad), radius_px(fall_rad + slack_rad) - radius
+        of_size = _SIGMAS * settings.radius_std * radius
+        least = (radius - np.hypot(of_size, below)).min(axis=1)
+        most = (radius + np.hypot(of_size, above)).max(axis=1)
+        # between two rows it lies between theirs
+        bounds = np.column_stack([np.minimum(least[:-1], least[1:]), np.maximum(most[:-1], most[1:])])
+        seen = np.flatnonzero(bounds[:, 1] >= settings.min_radius_px)
+        if not len(seen):
+            return np.zeros((height, 2)), height
+        top = int(np.min(at[seen] - _BEYOND * bounds[seen, 1]))
+        return np.repeat(bounds, _ROWS, axis=0)[:height], max(top, 0)
 
     def _weighed(self, row: FloatArray, camera: PinholeCamera) -> _Disc:
         settings = self.settings

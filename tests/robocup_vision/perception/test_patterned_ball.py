@@ -111,3 +111,23 @@ def test_a_view_has_them_with_or_without_a_pose(method):
     assert view.ball is not None
     assert math.hypot(view.ball.x_m - 1.2, view.ball.y_m + 0.2) < 0.2
     assert vision.look(picture([])).balls == ()
+
+
+@pytest.mark.parametrize("place", [(0.8, 0.1), (1.5, -0.4), (3.0, 0.6)])
+@pytest.mark.parametrize("off_rad", [-0.026, 0.026])
+def test_a_ball_is_found_where_the_body_nods_by_two_standard_deviations(finder, place, off_rad):
+    nodding = dataclasses.replace(HELD, tilt_rad=HELD.tilt_rad + off_rad)
+    (ball,) = finder.find(picture([place]), nodding)
+    seen = HELD.ray_to_pixel(np.array([*place, FIELD.ball_radius_m - HELD.height_m]))
+    assert math.hypot(ball.u_px - seen[0], ball.v_px - seen[1]) < 4
+
+
+def test_a_ball_of_twice_the_size_that_its_row_allows_is_none_where_the_tilt_is_known():
+    larger = dataclasses.replace(FIELD, ball_radius_m=2.2 * FIELD.ball_radius_m)
+    frame = picture([(1.5, 0.0)])
+    assert PatternedBallFinder(FIELD, HELD).find(frame, HELD)
+    assert not PatternedBallFinder(larger, HELD).find(frame, HELD)
+
+
+def test_a_camera_that_looks_up_sees_no_ball(finder):
+    assert finder.find(picture([(1.5, 0.0)]), dataclasses.replace(HELD, tilt_rad=1.0)) == ()

@@ -13,6 +13,7 @@ HEIGHT, WIDTH = 48, 64
 TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 DIRECTIONS = np.column_stack([np.cos(TURNS), np.sin(TURNS)])
 LOGS = np.log(np.arange(256) + 8.0)
+ANY = np.tile((0.0, np.inf), (HEIGHT, 1))
 SEARCH = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
 
 
@@ -106,7 +107,7 @@ def test_discs_that_are_found_pass_the_plain_measure_and_each_place_that_passes_
     kinds, _ = blobs(np.random.default_rng(seed))
     radii = np.array([6.0, 8.0])
     out = np.empty((5000, kernel.COLUMNS))
-    found = {(x[0], x[1], x[2]) for x in out[: kernel.find_discs(kinds, DIRECTIONS, radii, SEARCH, out)]}
+    found = {(x[0], x[1], x[2]) for x in out[: kernel.find_discs(kinds, DIRECTIONS, radii, ANY, SEARCH, out)]}
     assert found
     for radius in radii:
         step = int(SEARCH.steps * radius + 0.5)
@@ -135,7 +136,7 @@ def test_a_ball_whose_underside_is_as_green_as_the_carpet_keeps_its_place_and_si
     ball(kinds, level, 30, 22, 9)
     kinds[22 + 6 :] = kernel.CARPET
     found, out = np.empty((5000, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
-    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), SEARCH, found)
+    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, SEARCH, found)
     assert kernel.best_discs(kinds, level, DIRECTIONS, SEARCH, found[:count], out) >= 1
     row = out[0]
     assert math.hypot(row[kernel.U] - 30, row[kernel.V] - 22) < 2
@@ -165,7 +166,7 @@ def test_of_discs_on_one_ball_one_is_kept_that_lies_on_it():
     kinds[inside], level[inside] = kernel.NEUTRAL, 200
     level[inside & (np.hypot(u - 28, v - 20) < 4)] = 20
     found, out = np.empty((5000, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
-    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), SEARCH, found)
+    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, SEARCH, found)
     assert count > 5
     assert kernel.best_discs(kinds, level, DIRECTIONS, SEARCH, found[:count], out) == 1
     row = out[0]
