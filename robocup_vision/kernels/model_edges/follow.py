@@ -207,11 +207,11 @@ def _propose(
     Returns
     -------
     int, int
-        Samples and modes.
+        Samples that could be looked for, and modes.
     """
     count = predict(scene.field, scene.lens, prior.mean, settings.coarse_spacing_px, room.samples)
     if count < 3:
-        return count, 0
+        return 0, 0
     whiten(room.samples, count, prior.root, room.rows)
     reaches(room.rows, count, settings, room.reach_px)
     search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, room, count)
@@ -219,7 +219,11 @@ def _propose(
     origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
     for k in range(kept):
         robust_fit(room, count, settings, gates, origin, modes[k])
-    return count, kept
+    looked = 0
+    for n in range(count):
+        if room.found.candidates[n] >= 0:
+            looked += 1
+    return looked, kept
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -255,16 +259,16 @@ def follow(
     carpet_look(image, int(scene.lens[3] + scene.lens[1] * math.tan(prior.mean[3])), fit.carpet)
     # the best mode alone is chosen sooner, and in most frames no other needs a look
     modes = np.zeros((1, UNKNOWNS))
-    count, kept = _propose(image, scene, prior, settings, room, fit, modes)
+    looked, kept = _propose(image, scene, prior, settings, room, fit, modes)
     if kept == 0:
         return False
     # where much is in view, samples farther apart tell as much
-    spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * count / settings.ample_samples)
+    spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * looked / settings.ample_samples)
     z = modes[0].copy()
     clear, best_worth = _assess(image, scene, prior, settings, spacing_px, room, fit, z)
     if not clear and most_modes > 1:
         modes = np.zeros((most_modes, UNKNOWNS))
-        count, kept = _propose(image, scene, prior, settings, room, fit, modes)
+        _, kept = _propose(image, scene, prior, settings, room, fit, modes)
         best, last = variable(0), variable(0)
         for k in range(1, kept):
             for j in range(UNKNOWNS):
