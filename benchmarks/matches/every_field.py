@@ -27,7 +27,7 @@ from sim2d.report.moment import Moment
 from sim2d.robot_link import CONTROL_PERIOD_S
 
 # (matches of each row, seconds each)
-QUICK, DEFAULT, FULL = (1, 1.0), (1, 10.0), (40, 60.0)
+QUICK, DEFAULT, FULL = (1, 1.0), (4, 10.0), (40, 60.0)
 SETTLED_S = 2.0
 KNOWN_M, STANDS_M, STANDS_S = 0.20, 0.05, 3.0
 
