@@ -205,7 +205,7 @@ class PatternedBallFinder:
 
     def _discs(self, frame: UInt8Array, camera: PinholeCamera) -> list[_Disc]:
         settings = self.settings
-        low = np.asarray(cv2.blur(frame[frame.shape[0] // 2 :], (3, 3)), dtype=np.uint8)[::6, ::6].reshape(-1, 3)
+        low = np.asarray(cv2.blur(frame[frame.shape[0] // 2 :], (3, 3)), dtype=np.uint8)[::4, ::4].reshape(-1, 3)
         logs = _LOGS[low]
         hue = logs[:, 2] - logs[:, 1] + kernel.BLUE_WEIGHT * (logs[:, 0] - logs[:, 1])
         near = low.astype(np.float64)
