@@ -98,11 +98,7 @@ class GoalLocalizer:
 
 def _seen_by(found: FollowedCamera, camera: PinholeCamera, near: Pose2 | None) -> Localization:
     """Return the robot of a camera that was found; of candidates half a turn apart, the one nearer to a pose first."""
-    held, estimate = found.camera, found.estimate
-    oriented = replace(
-        camera, height_m=held.height_m, pan_rad=camera.pan_rad or 0.0, tilt_rad=held.tilt_rad, roll_rad=held.roll_rad
-    )
-    oriented = replace(oriented, focal_px=held.focal_px)
+    oriented, estimate = found.as_held(camera), found.estimate
     if near is not None and near.error_to(estimate.pose.half_turn())[0] < near.error_to(estimate.pose)[0]:
         estimate = estimate.half_turn()
     return Localization(estimate.seen_from(oriented.camera_in_robot.inverse()), oriented)

@@ -368,10 +368,10 @@ class _Calibration:
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
         """Return why lines alone do not determine a camera; empty if they do."""
         settings = self.settings
-        few = len(fit.poses) == 1 and self._features(fit, points, agrees) < settings.min_single_features
+        features = self._features(fit, points, agrees)
+        few = len(fit.poses) == 1 and features < settings.min_single_features
         # a start tells how large things look
-        needed = settings.min_single_features - (self.start is not None)
-        if few and self._features(fit, points, agrees) < needed:
+        if few and features < settings.min_single_features - (self.start is not None):
             return f"one image of so few lines does not determine a camera: lines lie where they were painted; {_MORE}"
         off_m = float(np.hypot(*fit.camera.tilt_rad)) * (fit.camera.height_m or 0.0)
         highest_m = settings.max_height_radii * self.field.robot_radius_m

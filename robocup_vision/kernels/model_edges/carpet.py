@@ -179,7 +179,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
                 cells[count, 0] = 1 + int(b / light * (TONES - 1))
                 cells[count, 1] = 1 + int(r / light * (TONES - 1))
                 tones[cells[count, 0], cells[count, 1]] += 1
-                if _is_green(b, g, r):
+                if carpet.shape[0] > CARPET and _is_green(b, g, r):
                     greens[cells[count, 0], cells[count, 1]] += 1
                 count += 1
     bi, bj = _commonest(tones, total)

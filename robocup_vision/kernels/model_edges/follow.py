@@ -219,11 +219,7 @@ def _propose(
     origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
     for k in range(kept):
         robust_fit(room, count, settings, gates, origin, modes[k])
-    looked = 0
-    for n in range(count):
-        if room.found.candidates[n] >= 0:
-            looked += 1
-    return looked, kept
+    return _looked_for(room, count), kept
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -323,11 +319,8 @@ def _assess(
     far = 0.0
     for j in range(UNKNOWNS):
         far += z[j] * z[j]
-    looked = 0
-    for n in range(count):
-        if room.found.candidates[n] >= 0:
-            looked += 1
-    figures[0], figures[1], figures[2], figures[3], figures[4] = count, looked, seen, missing, upright
+    figures[0], figures[1], figures[2], figures[3] = count, _looked_for(room, count), seen, missing
+    figures[4] = upright
     figures[5], figures[6], figures[7], figures[8], figures[9] = inliers, rms, far, number, right
     figures[10] = hidden
     figures[12] = _edges_found(room, count)
@@ -341,6 +334,16 @@ def _assess(
     )
     clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
     return clear, worth
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _looked_for(room: Room, count: int) -> int:
+    """Count the samples that could be looked for."""
+    looked = 0
+    for n in range(count):
+        if room.found.candidates[n] >= 0:
+            looked += 1
+    return looked
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -111,6 +111,18 @@ class FollowedCamera:
         every = (pose, *self.others)
         return every if not self.has_twins else tuple(each for one in every for each in (one, one.half_turn()))
 
+    def as_held(self, camera: PinholeCamera) -> PinholeCamera:
+        """Return the robot's camera as it was held and focused in this frame."""
+        held = self.camera
+        return replace(
+            camera,
+            focal_px=held.focal_px,
+            height_m=held.height_m,
+            pan_rad=camera.pan_rad or 0.0,
+            tilt_rad=held.tilt_rad,
+            roll_rad=held.roll_rad,
+        )
+
     @property
     def camera(self) -> PinholeCamera:
         """The camera in the orientation fitted to this frame, its pan and offset 0."""

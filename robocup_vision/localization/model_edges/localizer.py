@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 
@@ -87,15 +86,7 @@ class EdgeLocalizer:
         if isinstance(answer, NotLocated):
             return Localization(answer, camera, edge_points=points or self.follower.edge_points())
         back = camera.camera_in_robot.inverse()
-        held = answer.camera
-        oriented = replace(
-            camera,
-            focal_px=held.focal_px,
-            height_m=held.height_m,
-            pan_rad=camera.pan_rad or 0.0,
-            tilt_rad=held.tilt_rad,
-            roll_rad=held.roll_rad,
-        )
+        oriented = answer.as_held(camera)
         measurement = answer.measurement.seen_from(back)
         points = points or self.follower.edge_points()
         sway_std_rad = self.follower.tilt_roll_std_rad
