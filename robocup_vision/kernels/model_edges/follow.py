@@ -71,8 +71,8 @@ class Fit(NamedTuple):
         See `carpet_look`.
     figures : (13,) float64
         Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
-        line points, those explained, hidden upright, standard deviation of the position by the measurements alone
-        where it is greatest (m), and how many edges of the field were found.
+        line points that a pose must explain, those explained, hidden upright, standard deviation of the position by the
+        measurements alone where it is greatest (m), and how many edges of the field were found.
     """
 
     unknowns: FloatArray
@@ -315,7 +315,9 @@ def _assess(
     least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * brightness(fit.carpet)
     look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, settings.point_stride)
     number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, room.points)
-    right = explained(room, number, count, step, spacing_px, settings.gate_px)
+    silent, lens = scene.field.silent, scene.lens
+    right, neutral = explained(room, number, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)
+    number -= neutral
     far = 0.0
     for j in range(UNKNOWNS):
         far += z[j] * z[j]

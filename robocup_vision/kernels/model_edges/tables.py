@@ -59,6 +59,8 @@ class FieldEdges(NamedTuple):
         Weights of blue, green and red, and the step of the weighted sum, from outside to inside, under the light that
         shows the carpet at `CARPET_LIGHT`; blue, green and red of the paint less their mean, zeros where it has no
         hue; the mean where the paint is white, else 0.
+    silent : (B, 6) float64
+        Boxes, least and greatest x, y and z: what is bright in one or behind it tells nothing of painted lines.
     """
 
     segments: FloatArray
@@ -67,6 +69,7 @@ class FieldEdges(NamedTuple):
     bars: FloatArray
     rings: FloatArray
     channels: FloatArray
+    silent: FloatArray
 
 
 class Samples(NamedTuple):

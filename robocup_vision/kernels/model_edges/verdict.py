@@ -9,6 +9,7 @@ import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.model_edges.carpet import is_carpet, other_light
+from robocup_vision.kernels.model_edges.prediction import pose_frame
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
     FOUND,
@@ -252,12 +253,48 @@ def _keep(
 
 
 @compiled(fastmath=True, error_model="numpy")
-def explained(room: Room, number: int, count: int, z: FloatArray, spacing_px: float, gate_px: float) -> int:
-    """Count the line points that lie on predicted lines."""
+def explained(
+    room: Room,
+    number: int,
+    count: int,
+    z: FloatArray,
+    spacing_px: float,
+    gate_px: float,
+    silent: FloatArray,
+    lens: FloatArray,
+    p: FloatArray,
+) -> tuple[int, int]:
+    """Count the line points that lie on predicted lines, and the others that are silent.
+
+    Parameters
+    ----------
+    room : Room
+        With samples and line points.
+    number, count : int
+        How many points and samples it holds.
+    z : (7,) float64
+        The fit, about where the samples were predicted.
+    spacing_px, gate_px : float
+        See `FollowSettings`.
+    silent : (B, 6) float64
+        See `FieldEdges`.
+    lens : (18,) float64
+        See `prediction.predict`.
+    p : (7,) float64
+        The unknowns of the fit.
+
+    Returns
+    -------
+    int, int
+        How many are explained, and how many more speak neither for nor against the pose.
+    """
     points, samples, rows = room.points, room.samples, room.rows
-    right = 0
+    right, neutral = 0, 0
+    frame = np.empty(16)
+    pose_frame(p, lens, frame)
     for m in range(number):
         u, v = points[m, 0], points[m, 1]
+        known = False
         for n in range(count):
             if samples.place[n] != ON_FLOOR:
                 continue
@@ -274,6 +311,30 @@ def explained(room: Room, number: int, count: int, z: FloatArray, spacing_px: fl
                 slack += 0.5 * samples.width_px[n]
                 across -= 0.5 * samples.width_px[n]
             if abs(along) < 1.2 * spacing_px and abs(across) < slack:
-                right += 1
+                known = True
                 break
-    return right
+        if known:
+            right += 1
+        elif _is_silent(silent, lens, frame, u, v):
+            neutral += 1
+    return right, neutral
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _is_silent(silent: FloatArray, lens: FloatArray, frame: FloatArray, u: float, v: float) -> bool:
+    """Return whether the ray of a pixel passes through a silent box; `frame` as `pose_frame` prepares it.
+
+    Distortion is left out: it moves a ray by far less than a box is large.
+    """
+    right, down = (u - lens[2]) / frame[12], (v - lens[3]) / frame[13]
+    for n in range(silent.shape[0]):
+        # of the way along the ray, its length ahead being 1
+        begin, end = 0.0, 1e9
+        for k in range(3):
+            step = frame[3 * k] - right * frame[3 * k + 1] - down * frame[3 * k + 2]
+            times = 1.0 / step if abs(step) > 1e-9 else 1e9
+            low, high = (silent[n, 2 * k] - frame[9 + k]) * times, (silent[n, 2 * k + 1] - frame[9 + k]) * times
+            begin, end = max(begin, min(low, high)), min(end, max(low, high))
+        if begin <= end:
+            return True
+    return False

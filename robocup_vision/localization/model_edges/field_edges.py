@@ -21,12 +21,21 @@ _MIN_WHITE = 150.0
 # of white, grey and black things before an unknown background: their step is seldom all of it
 _PLAIN_STEP = 0.5
 _ARC_STEP_RAD = 0.06
+# farther than any camera sees, and flatter than any pixel
+_FAR_M, _FLAT_M = 1000.0, 1e-6
 
 
-def field_edges(field: Field) -> FieldEdges:
+def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
     """Gather what a camera may see of a field.
 
     Channel 0 is that of lines: blue and red together, in which green carpet is dark.
+
+    Parameters
+    ----------
+    field : Field
+        The field.
+    lines_end_m : float
+        Farther than this beyond its outer lines, what looks like a line is none of its.
     """
     carpet = np.array(COLOR_NAMES["green"], dtype=np.float64)
     channels: list[list[float]] = []
@@ -107,7 +116,34 @@ def field_edges(field: Field) -> FieldEdges:
         _table(bars, 7),
         _table(rings, 7),
         _table(channels, 8),
+        _table([*_nets(field), *_beyond(field, lines_end_m)], 6),
     )
+
+
+def _nets(field: Field) -> list[list[float]]:
+    """Return the boxes that nets enclose: cords are bright, and the carpet between them is the field's."""
+    return [
+        [*sorted((g.line_x_m, g.back_x_m)), -g.width_m / 2, g.width_m / 2, 0.0, g.net.height_m]
+        for g in field.goals
+        if g.net is not None
+    ]
+
+
+def _beyond(field: Field, margin_m: float) -> list[list[float]]:
+    """Return the floor around the field, as four flat boxes."""
+    if math.isinf(margin_m):
+        return []
+    x, y = field.length_m / 2 + margin_m, field.width_m / 2 + margin_m
+    floor = [-_FLAT_M, _FLAT_M]
+    return [
+        [*along, *across, *floor]
+        for along, across in (
+            ([x, _FAR_M], [-_FAR_M, _FAR_M]),
+            ([-_FAR_M, -x], [-_FAR_M, _FAR_M]),
+            ([-_FAR_M, _FAR_M], [y, _FAR_M]),
+            ([-_FAR_M, _FAR_M], [-_FAR_M, -y]),
+        )
+    ]
 
 
 def _in_recess(line_x_m: float, start: FloatArray, end: FloatArray) -> bool:

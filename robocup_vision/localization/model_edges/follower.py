@@ -174,7 +174,7 @@ class EdgeFollower:
     def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings | None = None) -> None:
         self.field, self.camera = field, camera
         self.settings = settings or EdgeSettings()
-        self.edges = field_edges(field)
+        self.edges = field_edges(field, self.settings.lines_end_m)
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))

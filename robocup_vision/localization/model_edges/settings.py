@@ -46,6 +46,8 @@ class EdgeSettings:
     again_px: float = 5.0
     # rows and columns between those that are read for line points
     point_stride_px: float = 8.0
+    # what looks like a line, so far beyond the field's outer lines, is none of its
+    lines_end_m: float = math.inf
     # hypotheses of which the mode is chosen
     hypotheses: int = 100
     # verdict: smallest number of inliers, and where the frames before support the prior; their fraction of the visible

@@ -15,7 +15,6 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.align import Alignment, align_all
@@ -24,13 +23,12 @@ from robocup_vision.kernels.model_edges.carpet import LIT_CARPET, carpet_look, c
 from robocup_vision.kernels.model_edges.find import best_poses, floor_places, score_bank
 from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.sightings import SIGHT
-from robocup_vision.localization.model_edges.evidence import Evidence
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
-# floor ends a hundred heights of the camera away, below the horizon; clearly beyond the outer lines is so far off them
-_LEAST_DIP, _BEYOND_M = 0.01, 0.3
+# clearly beyond the outer lines is so far off them
+_BEYOND_M = 0.3
 _NO_SIGHTS = np.zeros((0, SIGHT))
 
 
@@ -81,29 +79,6 @@ class HeldPose(Pose2):
         return HeldPose(-self.x_m, -self.y_m, self.theta_rad + math.pi, self.tilt_rad, self.roll_rad)
 
 
-class _TiltedFollower(EdgeFollower):
-    """Judges by what lies on the field: bright things beyond its outer lines are no lines left unexplained."""
-
-    @property
-    def evidence(self) -> Evidence:
-        """See `EdgeFollower.evidence`; line points beyond the field speak neither for nor against a pose."""
-        e = super().evidence
-        beyond = self._points_beyond(int(e.points))
-        left = e.points - beyond
-        return e._replace(points=left, explained=min(e.explained, left))
-
-    def _points_beyond(self, count: int) -> int:
-        """How many of the last fit's line points lie above the horizon, or clearly beyond the outer lines."""
-        x, y, theta, tilt, roll, height, log_focal = self._fit.unknowns.tolist()
-        pixels = self._room.points[:count, :2]
-        slopes = (pixels - np.array(self.camera.center_px)) / np.array(self.camera.focal_px) / math.exp(log_focal)
-        ray = np.column_stack([np.ones(count), -slopes]) @ camera_rotation(theta, tilt, roll).T
-        is_floor = ray[:, 2] < -_LEAST_DIP
-        place = np.array([x, y]) - ray[:, :2] * (height / np.where(is_floor, ray[:, 2], -1.0))[:, None]
-        half = np.array([self.field.length_m, self.field.width_m]) / 2 + _BEYOND_M
-        return int(np.count_nonzero(~is_floor | (np.abs(place) > half).any(axis=1)))
-
-
 class TiltFinder(EdgeFinder):
     """Proposes poses and tilts by the lines of a frame.
 
@@ -131,8 +106,8 @@ class TiltFinder(EdgeFinder):
             height_std_m=max(camera.height_std_m, settings.height_std_m),
         )
         # one frame must decide: all samples count
-        edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf)
-        super().__init__(_TiltedFollower(field, held, edges), FinderSettings())
+        edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf, lines_end_m=_BEYOND_M)
+        super().__init__(EdgeFollower(field, held, edges), FinderSettings())
         self._bands = np.zeros((600, 4))
         focal = math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         roll_std = settings.roll_std_rad if camera.roll_std_rad is None else camera.roll_std_rad

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
     FOUND,
@@ -16,10 +18,12 @@ from robocup_vision.kernels.model_edges.tables import (
     empty_room,
 )
 from robocup_vision.kernels.model_edges.verdict import SURE_PX, explained, judge
+from robocup_vision.localization.model_edges.field_edges import lens_table
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 COUNT = 80
 NUMBERS = EdgeSettings().for_width(208, 0.025)
+CAMERA = PinholeCamera((104, 80), (90.0, 92.0), (51.0, 41.0), height_m=0.25, tilt_rad=0.0)
 # blue, green, red, noise, fraction
 CARPET = np.array([45.0, 125.0, 42.0, 2.0, 0.8])
 
@@ -64,6 +68,15 @@ def plain_status(image, room, n, expected):
     return MISSING if plain_patch(image, *(samples.uv[n] + into * samples.normal[n])) else HIDDEN
 
 
+def plainly_in_a_box(pixels, p, boxes):
+    """Whether rays meet a box: (N,) bool; of the way along each ray, what lies within the box along each axis."""
+    rays = CAMERA.pixel_to_camera_ray(pixels) @ camera_rotation(*p[2:5]).T
+    eye = np.array([p[0], p[1], p[5]])
+    low, high = boxes[:, None, 0::2], boxes[:, None, 1::2]
+    ends = np.sort([(low - eye) / rays, (high - eye) / rays], axis=0)
+    return (ends[0].max(axis=-1).clip(0.0) <= ends[1].min(axis=-1)).any(axis=0)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_samples_are_judged_as_plainly(seed):
     image, room, z, _ = planted(seed)
@@ -92,4 +105,12 @@ def test_line_points_are_explained_as_plainly(seed):
     on &= (np.abs(off) <= 2.0 * spacing).all(axis=-1) & (samples.place == ON_FLOOR)
     right = int(np.count_nonzero(on.any(axis=1)))
     assert 0 < right < COUNT
-    assert explained(room, COUNT, COUNT, z, NUMBERS.spacing_px, NUMBERS.gate_px) == right
+    p = np.array([0.3, -0.2, 0.4, -0.35, 0.02, 0.25, 0.0])
+    # a net, and the floor beyond the lines
+    boxes = np.array([[1.0, 1.5, -0.5, 0.8, 0.0, 0.4], [2.0, 9.0, -9.0, 9.0, -1e-6, 1e-6]])
+    rest = ~on.any(axis=1)
+    silent = int(np.count_nonzero(plainly_in_a_box(room.points[:, :2], p, boxes) & rest))
+    assert 0 < silent < np.count_nonzero(rest)
+    lens, gates = lens_table(CAMERA), (NUMBERS.spacing_px, NUMBERS.gate_px)
+    assert explained(room, COUNT, COUNT, z, *gates, boxes, lens, p) == (right, silent)
+    assert explained(room, COUNT, COUNT, z, *gates, boxes[:0], lens, p) == (right, 0)

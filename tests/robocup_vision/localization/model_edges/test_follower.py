@@ -165,3 +165,6 @@ def test_every_field_has_its_edges(name):
     assert len(np.unique(features)) == len(features)
     assert edges.channels[0, 3] > 100
     assert np.all(edges.channels[:, 3] > 0)
+    assert len(edges.silent) == sum(goal.net is not None for goal in field.goals)
+    # the floor around it, in four parts
+    assert len(field_edges(field, 0.3).silent) == len(edges.silent) + 4

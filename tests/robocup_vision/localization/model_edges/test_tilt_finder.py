@@ -9,6 +9,7 @@ import pytest
 from field_models import load_field
 from robocup_vision import NotLocated, Vision
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.tilt_finder import HeldPose, TiltFinder
 from sim2d.rendering.goal.scenes import nao_camera
 from sim2d.rendering.pinhole import render_pinhole
@@ -103,7 +104,15 @@ def test_bright_stripes_beyond_the_field_speak_neither_for_nor_against_a_pose(fi
     answer = finder.find(frame)
     assert answer
     assert nearest(answer.estimate.candidates, pose).error_to(pose)[0] < 0.03
-    finder._fit(frame, HeldPose(pose.x_m, pose.y_m, pose.theta_rad, tilt_rad, 0.02))
-    evidence, seen = finder.follower.evidence, finder.follower._fit.figures[8]
-    assert 0.6 * seen < evidence.points <= seen - 5
+    held = HeldPose(pose.x_m, pose.y_m, pose.theta_rad, tilt_rad, 0.02)
+    finder._fit(frame, held)
+    known = finder.follower
+    evidence = known.evidence
     assert evidence.explained > 0.95 * evidence.points
+    everywhere = EdgeFollower(FIELD, known.camera, replace(known.settings, lines_end_m=math.inf))
+    finder.follower = everywhere
+    finder._fit(frame, held)
+    finder.follower = known
+    seen = everywhere.evidence
+    assert 0.6 * seen.points < evidence.points <= seen.points - 5
+    assert seen.explained == evidence.explained
