@@ -7,7 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array, UInt16Array
+from robocup_vision.arrays import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    Int8Array,
+    Int32Array,
+    Int64Array,
+    UInt8Array,
+    UInt16Array,
+)
 from robocup_vision.compiling.loops import compiled
 
 # bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
@@ -16,6 +25,10 @@ Size = tuple[int, int]
 Pair = tuple[float, float]
 # a level from which a channel may be clipped
 SATURATED = 245
+# bits of the sum of two samples in 1/ONE^2
+TWO_SAMPLES_BITS = 11
+# samples about an edge on each line of sight, and half the width of the smooth step, pixels
+EDGE_SAMPLES, STEP_HALF_PX = 5, 1.75
 B1, B2, THREE, B4, B5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
 
 
@@ -153,41 +166,53 @@ def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: Edge
     # blur takes the last sample that looks like floor about a column and a pixel inside the edge
     span = int(math.ceil(search.column_step_px + 1.0))
     reach = span + 3
-    profile = np.empty((2 * reach + 1, 3), np.int64)
-    signal = np.empty(21, np.int64)
-    gain = np.empty(3, np.int64)
-    offset = np.zeros(3)
     size_px = frame.shape[1], frame.shape[0]
-    flat = frame.reshape(-1)
     center = rays.center_u, rays.center_v
-    min_contrast2 = search.min_contrast * search.min_contrast
-    for k in range(rays.start_px.shape[0]):
+    # Each step is taken on all bearings before the next, side by side wherever it is arithmetic alone.
+    bearings = rays.start_px.shape[0]
+    which, near = np.empty(bearings, np.int64), np.empty(bearings)
+    step_u, step_v = np.empty(bearings), np.empty(bearings)
+    count = 0
+    for k in range(bearings):
         out[k] = np.nan
         if not rays.start_px[k] > 0:
             continue
         step = rays.step_u[k], rays.step_v[k]
-        near = rays.start_px[k] + search.column_step_px + 0.5 - reach
-        if not _is_inside(size_px, center, step, near, near + 2 * reach + 5, search.half_width):
-            continue
-        seen = _sample_along(flat, size_px, hidden, center, step, near, profile)
-        place = _steepest(profile, reach - span, reach + span)
-        contrast2 = _weigh_channels(profile, place, min_contrast2, gain)
-        if contrast2 < 0:
-            continue
-        edge = near + place + _first_shift(profile, gain, place, contrast2)
-        for side in range(2):
-            turn = (2 * side - 1) * search.half_width
-            aside = step[0] - turn * step[1], step[1] + turn * step[0]
-            seen &= _sample_beside(flat, size_px, hidden, center, aside, edge, gain, signal[7 * side : 7 * side + 7])
-        middle = int(edge - near + 0.5)
-        offset[2] = near + middle - edge
-        for i in range(7):
-            j = min(max(middle + i - 3, 0), profile.shape[0] - 1)
-            signal[14 + i] = gain[0] * profile[j, 0] + gain[1] * profile[j, 1] + gain[2] * profile[j, 2]
-        base = 0.5 * (signal[14] + signal[15])
-        rise = 0.5 * (signal[19] + signal[20]) - base
-        if rise > 0.0 and seen:
-            out[k] = edge + _step_shift(signal, offset, base, rise)
+        first = rays.start_px[k] + search.column_step_px + 0.5 - reach
+        if _is_inside(size_px, center, step, first, first + 2 * reach + 5, search.half_width):
+            which[count], near[count], step_u[count], step_v[count] = k, first, step[0], step[1]
+            count += 1
+    seen = np.ones(count, np.bool_)
+    samples = 2 * reach + 1
+    places = np.empty((samples, count), np.int32)
+    parts = np.empty((2, samples, count), np.int32)
+    profile = np.empty((samples, 3, count), np.int32)
+    _place_samples(center, step_u, step_v, near, size_px[0], places, parts)
+    _sample_colors(frame, places, parts, profile)
+    _see(hidden, places, frame.shape[1], seen)
+    gain, edge = np.empty((3, count), np.int32), np.empty(count)
+    signal, base, rise = np.empty((3, EDGE_SAMPLES, count), np.int32), np.empty(count), np.empty(count)
+    _find_steps(profile, near, reach - span, reach + span, search.min_contrast, gain, edge, signal[2], base, rise)
+    offset = np.empty(count)
+    for n in range(count):
+        # edges beside are sampled from two pixels before on
+        offset[n] = near[n] + int(edge[n] - near[n] + 0.5) - edge[n]
+        near[n] = edge[n] - 2.0
+    aside_u, aside_v = np.empty(count), np.empty(count)
+    # arrays of their own: loops over parts of arrays are not known to be contiguous, and not taken side by side
+    places, parts = np.empty((EDGE_SAMPLES, count), np.int32), np.empty((2, EDGE_SAMPLES, count), np.int32)
+    for side in range(2):
+        turn = (2 * side - 1) * search.half_width
+        for n in range(count):
+            aside_u[n], aside_v[n] = step_u[n] - turn * step_v[n], step_v[n] + turn * step_u[n]
+        _place_samples(center, aside_u, aside_v, near, size_px[0], places, parts)
+        _sample_signal(frame, places, parts, gain, signal[side])
+        _see(hidden, places, frame.shape[1], seen)
+    shift = np.empty(count, np.float32)
+    _fit_steps(signal, offset, base, rise, shift)
+    for n in range(count):
+        if rise[n] > 0.0 and seen[n]:
+            out[which[n]] = edge[n] + shift[n]
 
 
 @compiled
@@ -203,130 +228,217 @@ def _is_inside(size_px: Size, center: Pair, step: Pair, near: float, far: float,
 
 
 @compiled
-def _sample_along(
-    flat: UInt8Array, size_px: Size, hidden: UInt8Array, center: Pair, step: Pair, near: float, profile: Int64Array
-) -> bool:
-    """Write the colours every pixel along a bearing, from a radius on; returns whether none of them is hidden."""
-    (width, height), (center_u, center_v), (step_u, step_v) = size_px, center, step
-    masked = hidden.shape[0] == height
-    row = np.uint64(3 * width)
-    seen = True
-    for i in range(profile.shape[0]):
-        u, v = center_u + (near + i) * step_u, center_v + (near + i) * step_v
-        x, y = int(u), int(v)
-        seen = seen and not (masked and hidden[y, x] != 0)
-        fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
-        w11 = fx * fy
-        w10, w01 = ONE * fy - w11, ONE * fx - w11
-        w00 = ONE * (ONE - fx) - w10
-        # unsigned: a signed index would be checked for being negative at every access
-        at = np.uint64(3 * (y * width + x))
-        for c in range(np.uint64(3)):
-            profile[i, c] = (
-                flat[at + c] * w00
-                + flat[at + c + THREE] * w01
-                + flat[at + c + row] * w10
-                + flat[at + c + row + THREE] * w11
+def _place_samples(
+    center: Pair,
+    step_u: FloatArray,
+    step_v: FloatArray,
+    near: FloatArray,
+    width: int,
+    places: Int32Array,
+    parts: Int32Array,
+) -> None:
+    """Write where samples lie, one pixel apart from a radius on: the pixel, and how far to the next ones beside it.
+
+    Fills places (S, N), indices v W + u, and parts (2, S, N), across and down, in 1/ONE pixels.
+    """
+    for i in range(places.shape[0]):
+        for n in range(places.shape[1]):
+            u, v = center[0] + (near[n] + i) * step_u[n], center[1] + (near[n] + i) * step_v[n]
+            x, y = np.int32(u), np.int32(v)
+            places[i, n] = y * width + x
+            parts[0, i, n] = np.int32((u - x) * ONE + 0.5)
+            parts[1, i, n] = np.int32((v - y) * ONE + 0.5)
+
+
+@compiled
+def _see(hidden: UInt8Array, places: Int32Array, width: int, seen: BoolArray) -> None:
+    """Clear `seen` (N,) of bearings of which a sample is hidden."""
+    if hidden.shape[0] == 0:
+        return
+    for i in range(places.shape[0]):
+        for n in range(places.shape[1]):
+            seen[n] &= hidden[places[i, n] // width, places[i, n] % width] == 0
+
+
+@compiled
+def _sample_colors(frame: UInt8Array, places: Int32Array, parts: Int32Array, profile: Int32Array) -> None:
+    """Fill profile (S, 3, N) with the colours at the places, in 1/ONE^2."""
+    flat = frame.reshape(-1)
+    row = np.uint64(3 * frame.shape[1])
+    for i in range(places.shape[0]):
+        for n in range(places.shape[1]):
+            fx, fy = parts[0, i, n], parts[1, i, n]
+            w11 = fx * fy
+            w10, w01 = ONE * fy - w11, ONE * fx - w11
+            w00 = ONE * (ONE - fx) - w10
+            # unsigned: a signed index would be checked for being negative at every access
+            at = np.uint64(3 * places[i, n])
+            below = at + row
+            profile[i, 0, n] = flat[at] * w00 + flat[at + THREE] * w01 + flat[below] * w10 + flat[below + THREE] * w11
+            profile[i, 1, n] = (
+                flat[at + B1] * w00 + flat[at + B4] * w01 + flat[below + B1] * w10 + flat[below + B4] * w11
             )
-    return seen
+            profile[i, 2, n] = (
+                flat[at + B2] * w00 + flat[at + B5] * w01 + flat[below + B2] * w10 + flat[below + B5] * w11
+            )
 
 
 @compiled
-def _steepest(profile: Int64Array, first: int, last: int) -> int:
-    """Return the sample between `first` and `last` at which the colour changes most."""
-    steepest, place = -1, (first + last) // 2
+def _sample_signal(
+    frame: UInt8Array, places: Int32Array, parts: Int32Array, gain: Int32Array, signal: Int32Array
+) -> None:
+    """Fill signal (S, N) with the colours at the places, weighed by the gains (3, N) of their channels."""
+    flat = frame.reshape(-1)
+    row = np.uint64(3 * frame.shape[1])
+    for i in range(places.shape[0]):
+        for n in range(places.shape[1]):
+            fx, fy = parts[0, i, n], parts[1, i, n]
+            w11 = fx * fy
+            w10, w01 = ONE * fy - w11, ONE * fx - w11
+            w00 = ONE * (ONE - fx) - w10
+            at = np.uint64(3 * places[i, n])
+            below = at + row
+            gain0, gain1, gain2 = gain[0, n], gain[1, n], gain[2, n]
+            signal[i, n] = (
+                w00 * (gain0 * flat[at] + gain1 * flat[at + B1] + gain2 * flat[at + B2])
+                + w01 * (gain0 * flat[at + THREE] + gain1 * flat[at + B4] + gain2 * flat[at + B5])
+                + w10 * (gain0 * flat[below] + gain1 * flat[below + B1] + gain2 * flat[below + B2])
+                + w11 * (gain0 * flat[below + THREE] + gain1 * flat[below + B4] + gain2 * flat[below + B5])
+            )
+
+
+@compiled
+def _find_steps(
+    profile: Int32Array,
+    near: FloatArray,
+    first: int,
+    last: int,
+    min_contrast: float,
+    gain: Int32Array,
+    edge: FloatArray,
+    signal: Int32Array,
+    base: FloatArray,
+    rise: FloatArray,
+) -> None:
+    """Find the steepest place of each profile (S, 3, N), and weigh its channels.
+
+    Fills the channels' gains (3, N), the edge's radius (N,), the weighed samples (EDGE_SAMPLES, N) about it, and the
+    signal before it and its rise (N,): 0 where the contrast is too small.
+    """
+    samples, _, count = profile.shape
+    steepest, at = np.empty(count, np.float32), np.empty(count, np.int32)
+    for n in range(count):
+        steepest[n], at[n] = np.float32(-1.0), (first + last) // 2
     for i in range(first, last + 1):
-        slope = 0
-        for c in range(3):
-            d = profile[i + 1, c] - profile[i - 1, c]
-            slope += d * d
-        if slope > steepest:
-            steepest, place = slope, i
-    return place
+        for n in range(count):
+            d0 = np.float32(profile[i + 1, 0, n] - profile[i - 1, 0, n])
+            d1 = np.float32(profile[i + 1, 1, n] - profile[i - 1, 1, n])
+            d2 = np.float32(profile[i + 1, 2, n] - profile[i - 1, 2, n])
+            slope = d0 * d0 + d1 * d1 + d2 * d2
+            is_steeper = slope > steepest[n]
+            steepest[n] = slope if is_steeper else steepest[n]
+            at[n] = i if is_steeper else at[n]
+    for n in range(count):
+        place = at[n]
+        contrast2 = _weigh_channels(profile, place, n, min_contrast * min_contrast, gain)
+        edge[n] = near[n] + place
+        base[n], rise[n] = 0.0, 0.0
+        if contrast2 < 0:
+            continue
+        edge[n] += _first_shift(profile, gain, place, n, contrast2)
+        middle = int(edge[n] - near[n] + 0.5)
+        before, behind = 0, 0
+        for i in range(-3, 4):
+            j = min(max(middle + i, 0), samples - 1)
+            value = _weighed(profile, gain, j, n)
+            if i < -1:
+                before += value
+            if i > 1:
+                behind += value
+            if -3 < i < 3:
+                signal[i + 2, n] = value
+        base[n] = 0.5 * before
+        rise[n] = 0.5 * behind - base[n]
 
 
 @compiled
-def _weigh_channels(profile: Int64Array, place: int, min_contrast2: float, gain: Int64Array) -> int:
+def _weighed(profile: Int32Array, gain: Int32Array, i: int, n: int) -> int:
+    """Return a sample of a profile by the gains of its channels."""
+    return int(gain[0, n] * profile[i, 0, n] + gain[1, n] * profile[i, 1, n] + gain[2, n] * profile[i, 2, n])
+
+
+@compiled
+def _weigh_channels(profile: Int32Array, place: int, n: int, min_contrast2: float, gain: Int32Array) -> int:
     """Weigh channels by how they distinguish both sides; returns the squared contrast, -1 where it is too small."""
     contrast2, unsaturated2 = 0, 0
     for c in range(3):
-        outer = profile[place + 3, c] + profile[place + 2, c]
-        gain[c] = (outer - profile[place - 3, c] - profile[place - 2, c]) // (2 * ONE * ONE)
-        contrast2 += gain[c] * gain[c]
+        outer = profile[place + 3, c, n] + profile[place + 2, c, n]
+        # a power of two: shifted, as a division of whole numbers takes ten times as long
+        step = (outer - profile[place - 3, c, n] - profile[place - 2, c, n]) >> TWO_SAMPLES_BITS
+        gain[c, n] = step
+        contrast2 += step * step
         if outer < SATURATED * 2 * ONE * ONE:
-            unsaturated2 += gain[c] * gain[c]
+            unsaturated2 += step * step
     if contrast2 <= min_contrast2:
+        for c in range(3):
+            gain[c, n] = 0
         return -1
     if 10 * unsaturated2 > contrast2 and unsaturated2 > min_contrast2:
         contrast2 = unsaturated2
         for c in range(3):
-            if profile[place + 3, c] + profile[place + 2, c] >= SATURATED * 2 * ONE * ONE:
-                gain[c] = 0
-    return contrast2
+            if profile[place + 3, c, n] + profile[place + 2, c, n] >= SATURATED * 2 * ONE * ONE:
+                gain[c, n] = 0
+    return int(contrast2)
 
 
 @compiled
-def _first_shift(profile: Int64Array, gain: Int64Array, place: int, contrast2: int) -> float:
+def _first_shift(profile: Int32Array, gain: Int32Array, place: int, n: int, contrast2: int) -> float:
     """Return where the edge lies off the steepest sample, pixels: half-way between both sides, by the slope there."""
-    gain0, gain1, gain2 = gain[0], gain[1], gain[2]
-    low = gain0 * profile[place - 2, 0] + gain1 * profile[place - 2, 1] + gain2 * profile[place - 2, 2]
-    high = gain0 * profile[place + 2, 0] + gain1 * profile[place + 2, 1] + gain2 * profile[place + 2, 2]
-    here = gain0 * profile[place, 0] + gain1 * profile[place, 1] + gain2 * profile[place, 2]
-    ahead = gain0 * profile[place + 1, 0] + gain1 * profile[place + 1, 1] + gain2 * profile[place + 1, 2]
-    behind = gain0 * profile[place - 1, 0] + gain1 * profile[place - 1, 1] + gain2 * profile[place - 1, 2]
-    rise = max(0.5 * (ahead - behind), 0.2 * contrast2 * ONE * ONE)
-    return float(max(-1.0, min(1.0, (0.5 * (low + high) - here) / rise)))
-
-
-@compiled
-def _sample_beside(
-    flat: UInt8Array,
-    size_px: Size,
-    hidden: UInt8Array,
-    center: Pair,
-    step: Pair,
-    edge: float,
-    gain: Int64Array,
-    signal: Int64Array,
-) -> bool:
-    """Write five weighted samples about the edge on a line of sight beside; returns whether none of them is hidden."""
-    (width, height), (center_u, center_v), (step_u, step_v) = size_px, center, step
-    masked = hidden.shape[0] == height
-    row = np.uint64(3 * width)
-    gain0, gain1, gain2 = gain[0], gain[1], gain[2]
-    seen = True
-    for i in range(1, 6):
-        radius = edge + i - 3.0
-        u, v = center_u + radius * step_u, center_v + radius * step_v
-        x, y = int(u), int(v)
-        seen = seen and not (masked and hidden[y, x] != 0)
-        fx, fy = int((u - x) * ONE + 0.5), int((v - y) * ONE + 0.5)
-        w11 = fx * fy
-        w10, w01 = ONE * fy - w11, ONE * fx - w11
-        w00 = ONE * (ONE - fx) - w10
-        at = np.uint64(3 * (y * width + x))
-        below = at + row
-        signal[i] = (
-            w00 * (gain0 * flat[at] + gain1 * flat[at + B1] + gain2 * flat[at + B2])
-            + w01 * (gain0 * flat[at + THREE] + gain1 * flat[at + B4] + gain2 * flat[at + B5])
-            + w10 * (gain0 * flat[below] + gain1 * flat[below + B1] + gain2 * flat[below + B2])
-            + w11 * (gain0 * flat[below + THREE] + gain1 * flat[below + B4] + gain2 * flat[below + B5])
-        )
-    return seen
+    low, high = _weighed(profile, gain, place - 2, n), _weighed(profile, gain, place + 2, n)
+    slope = 0.5 * (_weighed(profile, gain, place + 1, n) - _weighed(profile, gain, place - 1, n))
+    rise = max(slope, 0.2 * contrast2 * ONE * ONE)
+    return float(max(-1.0, min(1.0, (0.5 * (low + high) - _weighed(profile, gain, place, n)) / rise)))
 
 
 @compiled(error_model="numpy")
-def _step_shift(signal: Int64Array, offset: FloatArray, base: float, rise: float) -> float:
-    """Fit a smooth step to the samples of all three lines of sight; returns its shift, pixels."""
-    shift = 0.0
+def _fit_steps(signal: Int32Array, offset: FloatArray, base: FloatArray, rise: FloatArray, shift: Float32Array) -> None:
+    """Fit a smooth step to the samples (3, EDGE_SAMPLES, N) of three lines of sight; writes its shift (N,), pixels.
+
+    Parameters
+    ----------
+    signal : (3, EDGE_SAMPLES, N) int32
+        The third line of sight is the bearing itself.
+    offset : (N,) float64
+        Where the bearing's own samples lie off the edge, pixels.
+    base, rise : (N,) float64
+        Signal inside, and how much more it is outside.
+    shift : (N,) float32
+        Result.
+    """
+    count = shift.shape[0]
+    first, per_rise = np.zeros((2, count), np.float32), np.empty(count, np.float32)
+    start, off, weights = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
+    one, half, per_width = np.float32(1.0), np.float32(0.5), np.float32(1.0 / STEP_HALF_PX)
+    slope, bend, most = np.float32(0.75), np.float32(0.25), np.float32(1.5)
+    for n in range(count):
+        first[1, n] = offset[n]
+        start[n] = base[n]
+        per_rise[n] = one / np.float32(rise[n]) if rise[n] > 0.0 else np.float32(0.0)
+        shift[n] = np.float32(0.0)
     for _ in range(2):
-        numerator, denominator = 0.0, 0.0
+        for n in range(count):
+            off[n], weights[n] = np.float32(0.0), np.float32(0.0)
         for side in range(3):
-            for i in range(5):
-                x = (i - 2.0 + offset[side] - shift) / 1.75
-                weight = max(1.0 - x * x, 0.0)
-                expected = 0.5 + 0.75 * x - 0.25 * x * x * x
-                numerator += weight * (expected - (signal[7 * side + i + 1] - base) / rise)
-                denominator += weight * weight
-        shift = max(-1.5, min(1.5, shift + numerator / denominator * 1.75 / 0.75))
-    return shift
+            begin = first[1 if side == 2 else 0]
+            for i in range(EDGE_SAMPLES):
+                values, place = signal[side, i], np.float32(i - 2.0)
+                for n in range(count):
+                    x = (begin[n] + place - shift[n]) * per_width
+                    square = x * x
+                    weight = one - square if square < one else np.float32(0.0)
+                    expected = half + x * (slope - bend * square)
+                    off[n] += weight * (expected - (np.float32(values[n]) - start[n]) * per_rise[n])
+                    weights[n] += weight * weight
+        for n in range(count):
+            moved = shift[n] + off[n] / weights[n] * np.float32(STEP_HALF_PX / 0.75)
+            shift[n] = -most if moved < -most else most if moved > most else moved
