@@ -9,6 +9,7 @@ standard deviations.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 
@@ -159,23 +160,37 @@ def noisy_carpet() -> PhotographRow | None:
 
 def single_photographs(start: str | None) -> PhotographRow | None:
     """Calibrate mirror cameras from one photograph each; right where the camera agrees with the known one."""
+    cases = [(folder, [name]) for folder, name in SINGLE if start is None or folder == "omni_msl_table"]
+    label = "calibrated from one photograph" + (", by the team's table" if start else "")
+    return _calibrated(label, cases, start)
+
+
+def several_photographs(folder: str, count: int) -> PhotographRow | None:
+    """Calibrate a mirror camera from so many photographs, all choices of them, without a start."""
+    names = [name for name, _ in photographs(folder)]
+    cases = [(folder, list(chosen)) for chosen in itertools.combinations(names, count)]
+    return _calibrated(f"{folder}, calibrated from {count}", cases, None)
+
+
+def _calibrated(label: str, cases: list[tuple[str, list[str]]], start: str | None) -> PhotographRow | None:
     if not (REAL / "omni_msl_table").is_dir():
         return None
     right = wrong = 0
-    cases = [case for case in SINGLE if start is None or case[0] == "omni_msl_table"]
-    for folder, name in cases:
-        frame = np.asarray(cv2.imread(str(REAL / folder / "images" / name), cv2.IMREAD_COLOR), dtype=np.uint8)
+    for folder, names in cases:
+        frames = [
+            np.asarray(cv2.imread(str(REAL / folder / "images" / name), cv2.IMREAD_COLOR), dtype=np.uint8)
+            for name in names
+        ]
         known = load_camera(
-            REAL / folder / ("camera.toml" if folder != "omni_msl_noisy" else f"camera_{name[:-4]}.toml")
+            REAL / folder / ("camera.toml" if folder != "omni_msl_noisy" else f"camera_{names[0][:-4]}.toml")
         )
         assert isinstance(known, OmniCamera)
         first = None if start is None else load_camera(REAL / folder / start)
         assert first is None or isinstance(first, OmniCamera)
-        result = calibrate_omni(_field_of(folder), [frame], first)
+        result = calibrate_omni(_field_of(folder), frames, first)
         if result:
             agrees = _agree(result.camera, known)
             right, wrong = right + agrees, wrong + (not agrees)
-    label = "calibrated from one photograph" + (", by the team's table" if start else "")
     return PhotographRow(
         label, f"{right} of {len(cases)}, {wrong} wrong", "9 of 11, 0 wrong", not wrong and 11 * right >= 9 * len(cases)
     )
@@ -273,6 +288,9 @@ ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
     noisy_carpet,
     lambda: single_photographs(None),
     lambda: single_photographs("camera_team.toml"),
+    lambda: several_photographs("omni_msl_lab", 2),
+    lambda: several_photographs("omni_msl_lab", 3),
+    lambda: several_photographs("omni_msl_table", 2),
     lambda: forward_poses(with_prior=False),
     lambda: forward_poses(with_prior=True),
     white_goals,

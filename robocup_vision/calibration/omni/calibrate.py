@@ -6,6 +6,7 @@
 3. The points are found again by the new camera, the poses are searched over the whole field, and all is fitted again
    (`fit`).
 4. The family of curves, and whether the tilt is fitted, are chosen by held-out points (`choice`).
+5. Without walls, each frame is looked at by the camera found: the robot must find itself where the fit puts it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.choice import Chooser
-from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points, spread_px
+from robocup_vision.calibration.omni.confirm import confirmed
+from robocup_vision.calibration.omni.fit import Fit, JointFit, Points, spread_px
 from robocup_vision.calibration.omni.model import CENTER, HORIZON, SCALE, CameraModel, Curve, hyperboloid_of
 from robocup_vision.calibration.omni.result import (
     CalibratedFrame,
@@ -32,6 +34,7 @@ from robocup_vision.calibration.omni.result import (
     undetermined,
 )
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
+from robocup_vision.calibration.omni.shape import FieldShape
 from robocup_vision.calibration.omni.sightings import Observer, Sighting, points_of
 from robocup_vision.calibration.omni.starts import Search
 from robocup_vision.calibration.starts import StartTrials
@@ -309,6 +312,16 @@ class _Calibration:
         problem = self._problem(fit, covariance, points, search)
         if problem:
             return self._refuse(problem)
+        if not self.field.is_bounded:
+            kept, unlike = confirmed(self.field, self.frames, fit, sightings, self.mask, settings)
+            for index, reason in unlike.items():
+                self._leave_out(index, reason)
+            if len(kept) < max(settings.min_kept_ratio * len(sightings), 1):
+                return self._refuse(f"by the camera found, the robot does not find itself in its images; {_MORE}")
+            if len(kept) < len(sightings):
+                poses = np.array([sighting.pose.array for sighting in kept if sighting.pose is not None])
+                rest = dataclasses.replace(explained.fit, poses=poses)
+                return self._finish(dataclasses.replace(explained, fit=rest, sightings=kept))
         frames = []
         for place, sighting in enumerate(sightings):
             residual, is_line = fit.residual_px[points.frame == place], points.is_line[points.frame == place]

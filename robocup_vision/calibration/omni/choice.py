@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray
-from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
+from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.calibration.omni.fit import Fit, JointFit, Points
 from robocup_vision.calibration.omni.model import CURVES, TILT, Curve
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
+from robocup_vision.calibration.omni.shape import FieldShape
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +79,7 @@ class Chooser:
         offset = points.pixels - np.array(fit.camera.center_px)
         sector = np.floor(np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) * sectors).astype(int)
         # other sectors in every other frame, so that no direction is held out everywhere
-        self._half = (sector + points.frame) % 2
+        self._half = halves(sector + points.frame, points.frame)
         # points of one sector of one frame err together
         self._group = np.unique(points.frame * 2 * sectors + sector, return_inverse=True)[1].ravel()
 
@@ -148,3 +149,22 @@ class Chooser:
         prior[:4] = start[:4]
         bounds = model.bounds(start, *self._reach)
         return self._joint(points).solve(model, vector, self.fit.poses, tuple(scales), prior, bounds, free)
+
+
+def halves(sector: Int64Array, frame: Int64Array) -> Int64Array:
+    """Divide points (N,) into halves 0 and 1 by every other sector, so that each frame has points in both.
+
+    Parameters
+    ----------
+    sector : (N,) int64
+        Sector of each point.
+    frame : (N,) int64
+        Its frame, of at least two points.
+    """
+    half = sector % 2
+    for one in np.unique(frame):
+        own = np.flatnonzero(frame == one)
+        if len(np.unique(half[own])) == 1:
+            # a frame that shows a line in one direction only
+            half[own] = np.arange(len(own)) % 2
+    return half

@@ -10,18 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
+from robocup_vision.calibration.omni.paint import OnPaint, no_paint
 from robocup_vision.calibration.omni.settings import JointFitSettings
+from robocup_vision.calibration.omni.shape import FieldShape, homogeneous
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.kernels.floor.calibration import MirrorView, floor_points
-from robocup_vision.kernels.lines.lines import nearest_lines
 
 # steps of the numerical derivatives, in the vector's own units
 _STEP = 1e-4
@@ -91,63 +89,6 @@ class Fit:
     def camera(self) -> OmniCamera:
         """The camera fitted."""
         return self.model.camera(self.vector)
-
-
-class _OnLines(NamedTuple):
-    """Which points (N,) lie on a line or arc near the field; of those, on which, and its covector by its paint."""
-
-    is_line: npt.NDArray[np.bool_]
-    which: Int64Array
-    by_paint: FloatArray
-
-
-class FieldShape:
-    """A field's walls and lines, from which distances of points are measured.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    settings : JointFitSettings, optional
-        Says how far away a line point may be.
-    """
-
-    def __init__(self, field: Field, settings: JointFitSettings = JointFitSettings()) -> None:
-        self.walls = np.ascontiguousarray(field.walls if field.is_bounded else np.empty((0, 4)))
-        self.lines, self.arcs = np.ascontiguousarray(field.lines), np.ascontiguousarray(field.arcs)
-        self.reach_m = settings.max_line_diagonals * float(np.hypot(*np.ptp(field.floor_polygon, axis=0)))
-        self.low, self.high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
-        ends = np.vstack([self.walls, self.lines])
-        along = ends[:, 2:] - ends[:, :2]
-        normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
-        # (S, 3): n_x, n_y, -d of every straight thing
-        self.straight = np.column_stack([normal, -np.einsum("ij,ij->i", normal, ends[:, :2])])
-        # walls stand where the field has them, and tell where the lines are
-        self.paint_std_m = 0.0 if field.is_bounded else settings.paint_std_widths * field.line_width_m
-
-    def visible_wall(self, eye_m: FloatArray, direction: FloatArray) -> Int64Array:
-        """Index (N,) of the wall first met from eyes (N, 2) along directions (N, 2), field frame; -1 if none."""
-        a, edge = self.walls[:, :2], self.walls[:, 2:] - self.walls[:, :2]
-        to_a = a[None] - eye_m[:, None]
-        across = direction[:, None, 0] * edge[None, :, 1] - direction[:, None, 1] * edge[None, :, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (to_a[..., 0] * edge[:, 1] - to_a[..., 1] * edge[:, 0]) / across
-            s = (to_a[..., 0] * direction[:, None, 1] - to_a[..., 1] * direction[:, None, 0]) / across
-        t = np.where((t > 0) & (s >= -1e-9) & (s <= 1 + 1e-9), t, np.inf)
-        wall = np.argmin(t, axis=1)
-        return np.where(np.isfinite(t[np.arange(len(t)), wall]), wall, -1)
-
-
-def homogeneous(camera: OmniCamera, pixels: FloatArray) -> FloatArray:
-    """Floor points (N, 3) as X, Y, W, robot frame: the floor point is (X, Y) / W, and W <= 0 from the horizon on."""
-    u, v = camera.center_px
-    q = camera.floor_range.inverse_range_per_m(np.hypot(pixels[:, 0] - u, pixels[:, 1] - v))
-    point = np.empty((len(pixels), 3))
-    sign = 1.0 if camera.mirrored else -1.0
-    x, y, height = camera.viewpoint_m.tolist()
-    view = MirrorView((float(u), float(v)), sign, float(camera.heading_rad), camera.camera_to_robot, (x, y, height))
-    floor_points(pixels, q, view, point)
-    return point
 
 
 class JointFit:
@@ -230,7 +171,7 @@ class JointFit:
         return Fit(model, vector, poses, self.cost(residual, scales_px[-1]), residual, paint)
 
     def _no_paint(self) -> FloatArray | None:
-        return np.zeros((len(self.shape.lines) + len(self.shape.arcs), 3)) if self._painted else None
+        return no_paint(len(self.shape.lines) + len(self.shape.arcs)) if self._painted else None
 
     def cost(self, residual_px: FloatArray, scale_px: float) -> float:
         """Weighted mean (0 to 1) of the truncated squares of residuals (N,) at a width."""
@@ -248,7 +189,7 @@ class JointFit:
         place = homogeneous(camera, self.points.pixels)
         covector, _, known, on = self._covectors(camera, place, poses)
         if paint_m is not None:
-            covector[on.is_line, 2] -= np.einsum("ij,ij->i", on.by_paint, paint_m[on.which])
+            on.move(covector, paint_m)
         slope = np.maximum(np.hypot(*self._by_pixel(camera, place, covector).T), _MIN_SLOPE)
         return np.where(known, np.einsum("ij,ij->i", covector, place) / slope, np.inf)
 
@@ -260,7 +201,7 @@ class JointFit:
 
     def _covectors(
         self, camera: OmniCamera, place: FloatArray, poses: FloatArray
-    ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_], _OnLines]:
+    ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_], OnPaint]:
         """Linear forms (N, 3) that vanish on what each point belongs to; by the pose (N, 3, 3); known (N,); the lines.
 
         The second array's middle index is x, y, theta. An arc's form is that of its tangent there.
@@ -286,26 +227,10 @@ class JointFit:
             form[wall] = hit * side[:, None]
             known[wall] = index >= 0
         near = points.is_line & (place[:, 2] > 1.0 / shape.reach_m * np.hypot(place[:, 0], place[:, 1]))
-        on = _OnLines(near, np.empty(0, dtype=np.int64), np.empty((0, 3)))
-        if near.any():
-            field_m = np.column_stack([x[near], y[near]]) / place[near, 2:]
-            _, _, index = nearest_lines(np.ascontiguousarray(field_m), shape.lines, shape.arcs)
-            count = len(shape.lines)
-            forms = np.empty((len(index), 3))
-            straight = index < count
-            forms[straight] = shape.straight[len(shape.walls) + index[straight]]
-            arc = shape.arcs[index[~straight] - count]
-            radial = field_m[~straight] - arc[:, :2]
-            radial /= np.maximum(np.hypot(radial[:, 0], radial[:, 1]), 1e-9)[:, None]
-            forms[~straight] = np.column_stack([radial, -np.einsum("ij,ij->i", radial, arc[:, :2]) - arc[:, 2]])
-            form[near], known[near] = forms, True
-            by_paint = np.ones((len(index), 3))
-            start, end = shape.lines[index[straight], :2], shape.lines[index[straight], 2:]
-            along = np.einsum("ij,ij->i", field_m[straight] - start, end - start)
-            part = np.clip(along / np.einsum("ij,ij->i", end - start, end - start), 0.0, 1.0)
-            by_paint[straight] = np.column_stack([1 - part, part, np.zeros(len(part))])
-            by_paint[~straight, 1:] = radial
-            on = _OnLines(near, index, by_paint)
+        field_m = np.column_stack([x[near], y[near]]) / place[near, 2:]
+        lines = shape.nearest(field_m)
+        form[near], known[near] = lines.form, True
+        on = OnPaint.of(near, lines)
         n_x, n_y, off = form.T
         covector = np.column_stack([c * n_x + s * n_y, -s * n_x + c * n_y, n_x * pose[:, 0] + n_y * pose[:, 1] + off])
         by_pose = np.zeros((len(x), 3, 3))
@@ -329,11 +254,10 @@ class JointFit:
         camera = model.camera(vector)
         place = homogeneous(camera, pixels)
         covector, by_pose, known, on = self._covectors(camera, place, poses)
-        by_paint = np.zeros((len(pixels), 0 if paint_m is None else paint_m.size))
+        by_paint = np.zeros((len(pixels), 0))
         if paint_m is not None:
-            covector[on.is_line, 2] -= np.einsum("ij,ij->i", on.by_paint, paint_m[on.which])
-            columns = 3 * on.which[:, None] + np.arange(3)
-            by_paint[np.flatnonzero(on.is_line)[:, None], columns] = -on.by_paint * place[on.is_line, 2:]
+            on.move(covector, paint_m)
+            by_paint = on.derivative(place[:, 2], paint_m)
         by_pixel = self._by_pixel(camera, place, covector)
         slope = np.maximum(np.hypot(by_pixel[:, 0], by_pixel[:, 1]), _MIN_SLOPE)
         residual = np.where(known, np.einsum("ij,ij->i", covector, place) / slope, 0.0)

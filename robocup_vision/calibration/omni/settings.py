@@ -218,6 +218,8 @@ class OmniCalibrationSettings:
         Without walls: ranges, in radii of the robot, that must be known.
     max_range_std, max_started_range_std : float
         Their largest relative standard deviations: three are 8 percent. With a start that fits, and enough lines, two.
+    max_confirmed_radii : float
+        Without walls: a look by the camera found must put the robot this near to where the fit does, in its radii.
     max_cost : float
         A first fit with a higher cost (0 to 1) explains next to nothing.
     max_doubtful_ratio : float
@@ -259,6 +261,7 @@ class OmniCalibrationSettings:
     range_radii: tuple[float, ...] = (3.0, 6.0, 10.0)
     max_range_std: float = 0.0267
     max_started_range_std: float = 0.04
+    max_confirmed_radii: float = 1.0
     max_cost: float = 0.75
     max_doubtful_ratio: float = 1.5
     max_rival_ratio: float = 1.15

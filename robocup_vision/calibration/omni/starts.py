@@ -15,9 +15,10 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
-from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit
+from robocup_vision.calibration.omni.fit import Fit, JointFit
 from robocup_vision.calibration.omni.model import HORIZON, SCALE, TILT, CameraModel
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
+from robocup_vision.calibration.omni.shape import FieldShape
 from robocup_vision.calibration.omni.sightings import Sighting, points_of
 from robocup_vision.calibration.starts import JsonForm, StartTrials, array_json, array_of
 from robocup_vision.camera.omni import OmniCamera

@@ -216,7 +216,11 @@ def test_one_image_of_few_lines_is_refused(carpet_camera, paint_field):
 
 @pytest.mark.parametrize(
     ("changed", "reason"),
-    [({"max_started_range_std": 1e-4}, "floor's range"), ({"max_height_radii": 0.0}, "mirror's axis")],
+    [
+        ({"max_started_range_std": 1e-4}, "floor's range"),
+        ({"max_height_radii": 0.0}, "mirror's axis"),
+        ({"max_confirmed_radii": 0.0}, "does not find itself"),
+    ],
 )
 def test_an_image_that_leaves_the_camera_open_is_refused(carpet_camera, paint_field, changed, reason):
     settings = dataclasses.replace(OmniCalibrationSettings(), **changed)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from robocup_vision.calibration.omni.fit import homogeneous
+from robocup_vision.calibration.omni.shape import homogeneous
 from robocup_vision.camera import Hyperboloid, OmniCamera, Tangent
 from robocup_vision.kernels.floor.calibration import MirrorView, floor_points
 
