@@ -45,7 +45,7 @@ class PoseEstimate:
         object.__setattr__(self, "covariance", covariance)
         if not self.candidates:
             object.__setattr__(self, "candidates", (self.pose,))
-        elif self.candidates[0] != self.pose:
+        elif self.candidates[0] is not self.pose and self.candidates[0] != self.pose:
             raise ArgumentError(f"the first of the candidates must be the pose {self.pose}, got {self.candidates[0]}")
 
     @property

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 
+_HALF_TURN_SIGNS = np.array([[1.0, 1.0, -1.0], [1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+
 
 def wrap_angle(angle_rad: float) -> float:
     """Return the same direction in (-pi, pi]."""
@@ -114,5 +116,4 @@ def compose_covariance(first: Pose2, first_cov: FloatArray, second: Pose2, secon
 
 def half_turn_covariance(covariance: FloatArray) -> FloatArray:
     """Covariance (3, 3) of `pose.half_turn()`: x and y change sign, so their products with theta do."""
-    flip = np.diag([-1.0, -1.0, 1.0])
-    return np.asarray(flip @ covariance @ flip)
+    return np.asarray(covariance * _HALF_TURN_SIGNS)

@@ -18,8 +18,13 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.hull import hull_moments
-from robocup_vision.localization.outline_camera import OutlineCamera, OutlineCameraSettings
-from robocup_vision.localization.outline_model import OutlineFit, OutlineModel, OutlineNoise
+from robocup_vision.localization.outline_camera import OutlineCamera
+from robocup_vision.localization.outline_model import (
+    OutlineCameraSettings,
+    OutlineFit,
+    OutlineModel,
+    OutlineNoise,
+)
 from robocup_vision.localization.outline_search import Arbiter, OutlineSearch, OutlineSearchSettings
 from robocup_vision.perception.polar_view import PolarView
 
@@ -100,7 +105,7 @@ class OutlineFitter:
 
     @cached_property
     def _model(self) -> OutlineModel:
-        return OutlineModel(self.field, self.camera, self.view, self.settings.noise)
+        return OutlineModel(self.field, self.camera, self.view, self.settings.noise, self.settings.camera)
 
     @cached_property
     def _search(self) -> OutlineSearch:
@@ -109,6 +114,14 @@ class OutlineFitter:
     @cached_property
     def _camera(self) -> OutlineCamera:
         return OutlineCamera(self._model, self.settings.camera)
+
+    @cached_property
+    def _scales(self) -> FloatArray:
+        return self._model.scales(self.settings.scales)
+
+    @cached_property
+    def _prior_scales(self) -> FloatArray:
+        return self._model.scales(self.settings.prior_scales)
 
     def first_guess(self, radius_px: FloatArray) -> Pose2 | None:
         """Pose from the outline's convex hull, taken in the image, by its centroid and principal axis (paper, step 5).
@@ -158,7 +171,7 @@ class OutlineFitter:
             return NotLocated(f"the floor's edge is seen in only {known} of {len(radius_px)} directions"), nothing
         fit: OutlineFit | None = None
         if prior is not None:
-            fit = model.fit(prior.array, radius_px, model.scales(settings.prior_scales))
+            fit = model.fit(prior.array, radius_px, self._prior_scales)
             fit = self._camera.leaned(fit, radius_px)
             if not self._is_good(fit, settings.max_cost_at_prior):
                 leaning = self._camera.leaning((fit.pose, prior.array), radius_px)
@@ -168,7 +181,7 @@ class OutlineFitter:
             guess = self.first_guess(radius_px)
             if guess is None:
                 return NotLocated("the floor's edge encloses no area"), nothing
-            fit = model.fit(guess.array, radius_px, model.scales(settings.scales))
+            fit = model.fit(guess.array, radius_px, self._scales)
             # a start from nowhere may have ended beside the right place: then even what agrees agrees badly
             if not self._is_good(fit, settings.max_cost) or fit.rms_px > settings.tight * model.unit_px:
                 fit = self._search.improve(fit, radius_px, arbiter)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -19,48 +18,9 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import doubted_camera as kernels
 from robocup_vision.kernels.floor.walls import FitSummary, FloorOutline, WallScene
-from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
+from robocup_vision.localization.outline_model import OutlineCameraSettings, OutlineFit, OutlineModel
 
-# how well a centre or a tilt is known that is not doubted
-_SURE_PX, _SURE_RAD = 1e-6, 1e-6
 _POSE, _LEAN = slice(0, 3), slice(5, 7)
-
-
-@dataclass(frozen=True, slots=True)
-class OutlineCameraSettings:
-    """When an outline's camera leans, or is doubted; "units" are 1/86 of the usable image radius.
-
-    Parameters
-    ----------
-    sway_std_rad : float
-        Standard deviation of pitch and roll of a body that moves, as in `lines.nearby`.
-    lean_gate : float
-        Squared Mahalanobis distance from upright of a lean that is one: 99.9 % for two dimensions.
-    open_scales : tuple of float
-        Widths of the redescending weights, units, where pose and lean are fitted together from a prior: a body that
-        brakes hard moves far boards by two units.
-    max_open_cost, max_open_std_m : float, float
-        A fit of pose and lean that costs more, or leaves the position more open, is none: a far field lies open in
-        some direction before it is known how the body leans.
-    center_std_units, tilt_std_rad : float
-        Of centre and tilt in a camera file that is doubted.
-    min_gain, alike_bearings : float
-        Gain per independent bearing by which another centre and tilt must explain the outline better, and how many
-        neighbouring bearings err alike.
-    min_inlier_ratio : float
-        A file is doubted only where so much of the outline agrees.
-    """
-
-    sway_std_rad: float = 0.01
-    lean_gate: float = 13.8
-    open_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
-    max_open_cost: float = 0.25
-    max_open_std_m: float = 0.15
-    center_std_units: float = 0.5
-    tilt_std_rad: float = 0.004
-    min_gain: float = 8.0
-    alike_bearings: float = 3.0
-    min_inlier_ratio: float = 0.65
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,16 +50,14 @@ class OutlineCamera:
         """
         model, gate = self.model, self.settings.lean_gate
         # most bodies stand upright most of the time: then one look does
-        by_lean, by_file = self._gains(fit, radius_px)
-        upright = replace(fit, file_gain=by_file)
-        if by_lean < gate:
-            return upright
+        if fit.lean_gain < gate:
+            return fit
         outline = model.outline(radius_px, np.array([model.unit_px]))
         summary, unknowns, covariance, residual, predicted = self._fit(
-            _start(fit.pose), model.scene, outline, self._sway
+            _start(fit.pose), model.scene, outline, self.model.lean_doubt
         )
         if not summary.cost < fit.cost or _is_within(unknowns[_LEAN], gate * covariance[_LEAN, _LEAN]):
-            return upright
+            return fit
         lean = tuple(unknowns[_LEAN].tolist())
         return OutlineFit(unknowns[_POSE], covariance[_POSE, _POSE], *summary, residual, predicted, lean)
 
@@ -114,7 +72,7 @@ class OutlineCamera:
             unknowns[_POSE] = start
             for units in self.settings.open_scales:
                 outline = self.model.outline(radius_px, np.array([units * self.model.unit_px]))
-                fitted = self._fit(unknowns, self.model.scene, outline, self._sway)
+                fitted = self._fit(unknowns, self.model.scene, outline, self.model.lean_doubt)
                 unknowns = fitted[1]
                 if not math.isfinite(fitted[0].cost):
                     break
@@ -140,11 +98,13 @@ class OutlineCamera:
         model, settings = self.model, self.settings
         if estimate.inlier_ratio < settings.min_inlier_ratio:
             return estimate, fit.predicted_px
-        gain = self._gains(fit, radius_px)[1] if fit.file_gain is None else fit.file_gain
+        gain = self._file_gain(fit, radius_px) if fit.file_gain is None else fit.file_gain
         if gain < settings.min_gain * settings.alike_bearings:
             return estimate, fit.predicted_px
         outline = model.outline(radius_px, model.scales(()))
-        summary, unknowns, covariance, _, predicted = self._fit(_start(fit.pose), self._scene(fit), outline, self._file)
+        summary, unknowns, covariance, _, predicted = self._fit(
+            _start(fit.pose), self._scene(fit), outline, self.model.file_doubt
+        )
         x, y, theta = unknowns[_POSE].tolist()
         own = covariance[_POSE, _POSE]
         if not summary.along_m <= max_std_m or not model.field.is_on_floor(x, y):
@@ -156,10 +116,11 @@ class OutlineCamera:
         """Return the walls as the body of a fit sees them: what a lean explains is not the file's error."""
         return kernels.turned_scene(self.model.scene, *fit.lean_rad, True) if any(fit.lean_rad) else self.model.scene
 
-    def _gains(self, fit: OutlineFit, radius_px: FloatArray) -> tuple[float, float]:
-        """Return what a lean, and what another centre and tilt, would explain beyond a fit."""
-        outline = self.model.outline(radius_px, self.model.scales(()))
-        return kernels.doubts_of_camera(fit.pose, self._scene(fit), outline, self._sway, self._file)
+    def _file_gain(self, fit: OutlineFit, radius_px: FloatArray) -> float:
+        """Return what another centre and tilt would explain beyond the fit of a body that leans."""
+        model = self.model
+        outline = model.outline(radius_px, model.scales(()))
+        return kernels.doubts_of_camera(fit.pose, self._scene(fit), outline, model.lean_doubt, model.file_doubt)[1]
 
     def _fit(
         self, start: FloatArray, scene: WallScene, outline: FloorOutline, doubt: kernels.CameraDoubt
@@ -172,19 +133,6 @@ class OutlineCamera:
         rules = inlier_px, noise.few_groups, noise.systematic_px2
         summary = kernels.fit_with_camera(unknowns, scene, outline, doubt, *rules, residual, predicted, covariance)
         return summary, unknowns, covariance, residual, predicted
-
-    @cached_property
-    def _sway(self) -> kernels.CameraDoubt:
-        """A body that may lean, whose camera is as its file says."""
-        return kernels.CameraDoubt(self.model.noise.edge_px, _SURE_PX, self.settings.sway_std_rad, True)
-
-    @cached_property
-    def _file(self) -> kernels.CameraDoubt:
-        settings, model = self.settings, self.model
-        # without a viewpoint's height a tilt cannot be told
-        tilt_std_rad = settings.tilt_std_rad if model.camera.height_m is not None else _SURE_RAD
-        center_std_px = settings.center_std_units * model.unit_px
-        return kernels.CameraDoubt(model.noise.edge_px, center_std_px, tilt_std_rad, False)
 
 
 def _start(pose: FloatArray) -> FloatArray:

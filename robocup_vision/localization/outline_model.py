@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -14,8 +15,11 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.floor import walls as kernels
+from robocup_vision.kernels.floor.doubted_camera import CameraDoubt, UprightRules, fit_upright
 from robocup_vision.perception.polar_view import PolarView
 
+# how well a centre or a tilt is known that is not doubted
+_SURE_PX, _SURE_RAD = 1e-6, 1e-6
 # a pixel of the paper's 256 x 220 image is this fraction of the usable radius
 _UNITS = 86.0
 
@@ -51,6 +55,43 @@ class OutlineNoise:
         return self.systematic_px**2 * self.systematic_bearings
 
 
+@dataclass(frozen=True, slots=True)
+class OutlineCameraSettings:
+    """When an outline's camera leans, or is doubted; "units" are 1/86 of the usable image radius.
+
+    Parameters
+    ----------
+    sway_std_rad : float
+        Standard deviation of pitch and roll of a body that moves, as in `lines.nearby`.
+    lean_gate : float
+        Squared Mahalanobis distance from upright of a lean that is one: 99.9 % for two dimensions.
+    open_scales : tuple of float
+        Widths of the redescending weights, units, where pose and lean are fitted together from a prior: a body that
+        brakes hard moves far boards by two units.
+    max_open_cost, max_open_std_m : float, float
+        A fit of pose and lean that costs more, or leaves the position more open, is none: a far field lies open in
+        some direction before it is known how the body leans.
+    center_std_units, tilt_std_rad : float
+        Of centre and tilt in a camera file that is doubted.
+    min_gain, alike_bearings : float
+        Gain per independent bearing by which another centre and tilt must explain the outline better, and how many
+        neighbouring bearings err alike.
+    min_inlier_ratio : float
+        A file is doubted only where so much of the outline agrees.
+    """
+
+    sway_std_rad: float = 0.01
+    lean_gate: float = 13.8
+    open_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
+    max_open_cost: float = 0.25
+    max_open_std_m: float = 0.15
+    center_std_units: float = 0.5
+    tilt_std_rad: float = 0.004
+    min_gain: float = 8.0
+    alike_bearings: float = 3.0
+    min_inlier_ratio: float = 0.65
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class OutlineFit:
     """A pose fitted to an outline.
@@ -71,8 +112,10 @@ class OutlineFit:
         As in `WallFit`.
     lean_rad : (float, float)
         Turns of the body about x, ahead, and y, left, about its foot.
+    lean_gain : float
+        What a lean would explain of an upright body's fit, see `doubts_of_camera`.
     file_gain : float or None
-        What another centre and tilt of the camera would explain, see `doubts_of_camera`; None where not asked yet.
+        What another centre and tilt of the camera would explain; None where not asked yet.
     """
 
     pose: FloatArray
@@ -84,6 +127,7 @@ class OutlineFit:
     residual_px: FloatArray
     predicted_px: FloatArray
     lean_rad: tuple[float, float] = (0.0, 0.0)
+    lean_gain: float = 0.0
     file_gain: float | None = None
 
 
@@ -101,12 +145,15 @@ class OutlineModel:
         Defines the bearings.
     noise : OutlineNoise
         Of the outline.
+    doubt : OutlineCameraSettings
+        How the camera may look otherwise than its file says.
     """
 
     field: Field
     camera: OmniCamera
     view: PolarView
     noise: OutlineNoise
+    doubt: OutlineCameraSettings = OutlineCameraSettings()
 
     @cached_property
     def unit_px(self) -> float:
@@ -156,21 +203,43 @@ class OutlineModel:
         """Return an outline (K,) with the widths of its weights, pixels."""
         return kernels.FloorOutline(radius_px, *self.radius_of_q, scales, self.unit_px)
 
-    def fit(self, start: FloatArray, radius_px: FloatArray, scales: FloatArray) -> OutlineFit:
-        """Fit an upright body's pose, from a start (3,), to an outline (K,)."""
-        noise, count = self.noise, len(radius_px)
-        best = kernels.WallFit(
-            np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(count, np.nan), np.full(count, np.nan)
-        )
-        covariance = np.empty((3, 3))
-        summary = kernels.fit_and_summarise(
-            start[None],
-            self.scene,
-            self.outline(radius_px, scales),
+    @cached_property
+    def lean_doubt(self) -> CameraDoubt:
+        """A body that may lean, whose camera is as its file says."""
+        return CameraDoubt(self.noise.edge_px, _SURE_PX, self.doubt.sway_std_rad, True)
+
+    @cached_property
+    def file_doubt(self) -> CameraDoubt:
+        """A camera whose centre and tilt may be off its file."""
+        # without a viewpoint's height a tilt cannot be told
+        tilt_std_rad = self.doubt.tilt_std_rad if self.camera.height_m is not None else _SURE_RAD
+        return CameraDoubt(self.noise.edge_px, self.doubt.center_std_units * self.unit_px, tilt_std_rad, False)
+
+    @cached_property
+    def _rules(self) -> UprightRules:
+        noise, scene = self.noise, self.scene
+        rules = UprightRules(
+            *scene,
+            *self.radius_of_q,
+            self.unit_px,
             noise.inlier * self.unit_px,
             noise.few_groups,
             noise.systematic_px2,
-            best,
-            covariance,
+            _plain(self.lean_doubt),
+            _plain(self.file_doubt),
         )
-        return OutlineFit(best.pose, covariance, *summary, best.residual, best.predicted)
+        return cast(UprightRules, tuple(rules))
+
+    def fit(self, start: FloatArray, radius_px: FloatArray, scales: FloatArray) -> OutlineFit:
+        """Fit an upright body's pose, from a start (3,), to an outline (K,)."""
+        pose, lines, covariance = start.copy(), np.empty((2, len(radius_px))), np.empty((3, 3))
+        told = fit_upright(pose, radius_px, scales, self._rules, lines, covariance)
+        cost, inlier_ratio, rms_px, along_m, by_lean, by_file = told
+        residual, predicted = lines
+        return OutlineFit(
+            pose, covariance, cost, inlier_ratio, rms_px, along_m, residual, predicted, (0.0, 0.0), by_lean, by_file
+        )
+
+
+def _plain(doubt: CameraDoubt) -> tuple[float, float, float, bool]:
+    return doubt.noise_px, doubt.center_std_px, doubt.turn_std_rad, doubt.turns_body

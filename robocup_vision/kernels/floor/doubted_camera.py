@@ -17,12 +17,15 @@ from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.floor.walls import (
     FitSummary,
     FloorOutline,
+    WallFit,
     WallPrediction,
     WallScene,
     agreement,
+    fit_walls,
     inliers_of,
     position_std_m,
     predict_walls,
+    summarise_fit,
     tabulated,
     truncated_loss,
 )
@@ -216,6 +219,81 @@ def doubts_of_camera(
     if not total > SIZE:
         return 0.0, 0.0
     return _gain(lean, fit, system, squares, total), _gain(file, fit, system, squares, total)
+
+
+class UprightRules(NamedTuple):
+    """What an upright body's outline is compared with: the same for all frames of a camera.
+
+    Parameters
+    ----------
+    walls, offset_x, offset_y, height, robot_to_camera, cos_b, sin_b
+        As in `WallScene`.
+    q_step, radius_of_q, unit_px
+        As in `FloorOutline`.
+    inlier_px, inflate, systematic : float
+        As `summarise_fit` takes them.
+    lean, file : tuple
+        The values of a `CameraDoubt` each.
+    """
+
+    walls: FloatArray
+    offset_x: float
+    offset_y: float
+    height: float
+    robot_to_camera: FloatArray
+    cos_b: FloatArray
+    sin_b: FloatArray
+    q_step: float
+    radius_of_q: FloatArray
+    unit_px: float
+    inlier_px: float
+    inflate: float
+    systematic: float
+    lean: tuple[float, float, float, bool]
+    file: tuple[float, float, float, bool]
+
+
+@compiled
+def fit_upright(
+    pose: FloatArray,
+    radius: FloatArray,
+    scales: FloatArray,
+    rules: UprightRules,
+    lines: FloatArray,
+    covariance: FloatArray,
+) -> tuple[float, float, float, float, float, float]:
+    """Fit an upright body's pose, and ask what a lean or another camera would explain: all of a frame in one call.
+
+    Parameters
+    ----------
+    pose : (3,) float64
+        In: where to start. Out: x, y, theta.
+    radius, scales : (K,), (I,) float64
+        As in `FloorOutline`.
+    rules : UprightRules
+        As a plain tuple: a named one takes longer to hand over than the fit.
+    lines : (2, K) float64
+        Result: residual and predicted radius, as in `WallFit`.
+    covariance : (3, 3) float64
+        Result.
+
+    Returns
+    -------
+    tuple of float
+        The values of a `FitSummary`, and what `doubts_of_camera` tells of the fit, by the last of the scales.
+    """
+    known = UprightRules(*rules)
+    scene = WallScene(
+        known.walls, known.offset_x, known.offset_y, known.height, known.robot_to_camera, known.cos_b, known.sin_b
+    )
+    outline = FloorOutline(radius, known.q_step, known.radius_of_q, scales, known.unit_px)
+    best = WallFit(pose, np.empty((3, 3)), np.empty((3, 3)), lines[0], lines[1])
+    cost = fit_walls(pose.copy().reshape(1, 3), scene, outline, best)
+    ratio, rms, along = summarise_fit(
+        best.residual, known.inlier_px, best.information, best.scatter, known.inflate, known.systematic, covariance
+    )
+    by_lean, by_file = doubts_of_camera(pose, scene, outline, CameraDoubt(*known.lean), CameraDoubt(*known.file))
+    return cost, ratio, rms, along, by_lean, by_file
 
 
 @compiled

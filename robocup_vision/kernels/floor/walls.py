@@ -413,22 +413,3 @@ class FitSummary(NamedTuple):
     inlier_ratio: float
     rms_px: float
     along_m: float
-
-
-@compiled
-def fit_and_summarise(
-    poses: FloatArray,
-    scene: WallScene,
-    outline: FloorOutline,
-    inlier_px: float,
-    inflate: float,
-    systematic: float,
-    best: WallFit,
-    covariance: FloatArray,
-) -> FitSummary:
-    """Join `fit_walls` and `summarise_fit`, with their arguments, in one call; fills `best` and covariance (3, 3)."""
-    cost = fit_walls(poses, scene, outline, best)
-    ratio, rms, along = summarise_fit(
-        best.residual, inlier_px, best.information, best.scatter, inflate, systematic, covariance
-    )
-    return FitSummary(cost, ratio, rms, along)

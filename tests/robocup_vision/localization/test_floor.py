@@ -13,7 +13,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.floor import OutlineFitter, OutlineSettings
-from robocup_vision.localization.outline_camera import OutlineCameraSettings
+from robocup_vision.localization.outline_model import OutlineCameraSettings
 from robocup_vision.perception.polar_view import PolarView
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Scene

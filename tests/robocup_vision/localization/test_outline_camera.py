@@ -12,8 +12,8 @@ from field_models import load_field
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.floor import OutlineFitter, OutlineSettings
-from robocup_vision.localization.outline_camera import OutlineCamera, OutlineCameraSettings
-from robocup_vision.localization.outline_model import OutlineModel, OutlineNoise
+from robocup_vision.localization.outline_camera import OutlineCamera
+from robocup_vision.localization.outline_model import OutlineCameraSettings, OutlineModel, OutlineNoise
 from robocup_vision.perception.polar_view import PolarView
 from sim2d.match.setups import CAMERAS
 from sim2d.rendering.cameras import sekimori_camera

@@ -16,7 +16,9 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.doubted_camera import (
     CameraDoubt,
     DoubtedFit,
+    UprightRules,
     doubts_of_camera,
+    fit_upright,
     fit_with_camera,
     gather_doubted,
     turned_scene,
@@ -28,6 +30,7 @@ from robocup_vision.kernels.floor.walls import (
     WallScene,
     fit_walls,
     predict_walls,
+    summarise_fit,
 )
 
 FIELD = load_field("ssl_2001")
@@ -219,6 +222,26 @@ def test_a_true_camera_is_not_doubted(seed):
     radius = seen_outline(pose, (0.0, 0.0), (0.0, 0.0), rng, 0.15)
     # noise of the bearings alone explains so much once in ten thousand outlines
     assert max(doubts_of_camera(fit_pose(pose, radius), scene(), floor_of(radius), LEAN, DOUBT)) < 24
+
+
+@settings(deadline=None, max_examples=10)
+@given(places, seeds)
+def test_a_fit_its_summary_and_its_doubts_are_the_same_in_one_call(pose, seed):
+    rng = np.random.default_rng(seed)
+    radius = seen_outline(pose, (0.3, -0.1), (0.002, 0.0), rng, 0.15)
+    start = pose.array + rng.normal(0, (0.02, 0.02, 0.02))
+    one_by_one = WallFit(np.empty(3), *np.empty((2, 3, 3)), np.full(COUNT, np.nan), np.empty(COUNT))
+    cost = fit_walls(start[None], scene(), floor_of(radius), one_by_one)
+    covariance, out_covariance, lines = *np.empty((2, 3, 3)), np.empty((2, COUNT))
+    _, information, scatter, residual, predicted = one_by_one
+    expected = cost, *summarise_fit(residual, 1.5, information, scatter, 1.7, 0.008, covariance)
+    doubts = doubts_of_camera(one_by_one.pose, scene(), floor_of(radius), LEAN, DOUBT)
+    rules = UprightRules(*scene(), Q_STEP, RADIUS_OF_Q, 1.0, 1.5, 1.7, 0.008, tuple(LEAN), tuple(DOUBT))
+    found = fit_upright(start, radius, SCALES, tuple(rules), lines, out_covariance)
+    assert found == pytest.approx((*expected, *doubts), rel=1e-9)
+    pairs = (start, one_by_one.pose), (lines[0], residual), (lines[1], predicted), (out_covariance, covariance)
+    for array, alone in pairs:
+        np.testing.assert_allclose(array, alone, rtol=1e-9, atol=1e-12)
 
 
 def test_an_outline_that_shows_nothing_doubts_nothing():

@@ -19,7 +19,6 @@ from robocup_vision.kernels.floor.walls import (
     WallPrediction,
     WallScene,
     agreement,
-    fit_and_summarise,
     fit_walls,
     inliers_of,
     position_std_m,
@@ -299,23 +298,6 @@ def test_summary_agrees_with_numpy(seed):
     expected = inverse @ (1.5 * scatter + 0.008 * information) @ inverse
     np.testing.assert_allclose(out, expected, rtol=1e-6, atol=1e-9 * expected.max())
     assert along == pytest.approx(math.sqrt(np.linalg.eigvalsh(expected[:2, :2])[1]))
-
-
-@settings(deadline=None, max_examples=10)
-@given(places, seeds)
-def test_a_fit_and_its_summary_are_the_same_in_one_call(pose, seed):
-    rng = np.random.default_rng(seed)
-    radius, scales = outline(pose, rng), np.array([3.0, 1.0])
-    start = (pose.array + rng.normal(0, (0.02, 0.02, 0.02)))[None]
-    cost, *expected = fit(start, radius, scales)
-    covariance, out_covariance = np.empty((2, 3, 3))
-    summary = summarise_fit(expected[3], 1.5, expected[1], expected[2], 1.7, 0.008, covariance)
-    out = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.full(COUNT, np.nan), np.empty(COUNT))
-    floor = FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0)
-    found = fit_and_summarise(start, geometry(CAMERA), floor, 1.5, 1.7, 0.008, out, out_covariance)
-    assert found == (cost, *summary)
-    for array, one_by_one in zip((*out, out_covariance), (*expected, covariance), strict=True):
-        np.testing.assert_array_equal(array, one_by_one)
 
 
 def test_a_direction_that_nothing_fixes_has_an_infinite_deviation():
