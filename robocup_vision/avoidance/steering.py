@@ -11,7 +11,7 @@ import math
 import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from robocup_vision.arguments import as_number, require_kind
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
 from robocup_vision.avoidance.steering_settings import SteeringSettings
+from robocup_vision.compiling.loops import plain
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import wrap_angle
@@ -153,11 +154,15 @@ class Steering:
         # Plain numbers are read faster than elements of arrays. The last one, index -1, is braking.
         self._moves = [*zip(self._directions.tolist(), *self._units.T.tolist(), strict=True), (math.nan, 0.0, 0.0)]
         self._near_target_rad = math.pi / directions * 1.001
-        self._profile = grown_profile.Profile(
-            profile_edges(grown_profile.BINS),
-            np.empty(grown_profile.BINS),
-            np.empty(grown_profile.FINE),
-            np.empty(grown_profile.COARSE),
+        # what is handed over at each call is plain, see `plain`
+        self._plain_rules = plain(self._rules)
+        self._profile = plain(
+            grown_profile.Profile(
+                profile_edges(grown_profile.BINS),
+                np.empty(grown_profile.BINS),
+                np.empty(grown_profile.FINE),
+                np.empty(grown_profile.COARSE),
+            )
         )
         # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
         self._kernel_directions = self._directions.copy()
@@ -240,22 +245,22 @@ class Steering:
             self._resize(bearing.shape[0])
         if speed_mps is not None and not _number("speed_mps", speed_mps) > 0.0:
             raise ArgumentError(f"speed_mps must be positive, got {speed_mps!r}")
-        rules = self._rules
+        rules = self._plain_rules
         if speed_mps is not None:
-            rules = rules._replace(speed=min(float(speed_mps), rules.speed))
+            rules = plain(self._rules._replace(speed=min(float(speed_mps), self._rules.speed)))
         if not isinstance(moving, Sequence) or not all(isinstance(disc, Disc) for disc in moving):
             raise ArgumentError("moving must be a sequence of Disc: track.as_disc(robot, radius_m)")
-        if not rules.use_velocity:
+        if not self._rules.use_velocity:
             moving = ()
         if moving:
             range_m = ranges_past(bearing, range_m, moving, self.settings.return_margin_m)
         time_to_contact = np.empty(self._directions.shape[0])
         outcome, index, speed, detour = kernel.steer(
-            kernel.Motion(velocity, pending),
-            kernel.Target(float(target_bearing_rad), distance, self._detour_rad),
+            cast(kernel.Motion, (velocity, pending)),
+            cast(kernel.Target, (float(target_bearing_rad), distance, self._detour_rad)),
             rules,
-            kernel.Directions(self._kernel_directions, self._units, time_to_contact),
-            kernel.Scan(bearing, range_m, self._known_bearing, self._sectors),
+            cast(kernel.Directions, (self._kernel_directions, self._units, time_to_contact)),
+            cast(kernel.Scan, (bearing, range_m, self._known_bearing, self._sectors)),
             self._radius_m,
             self._profile,
             moving_table(moving, self._radius_m, self.settings),
@@ -286,7 +291,7 @@ class Steering:
     def _resize(self, bearings: int) -> None:
         # NaN equals nothing, so the kernel measures the sectors at the first call.
         self._known_bearing = np.full(bearings, np.nan)
-        self._sectors = grown_profile.Sectors(np.empty((bearings, 4)), np.empty((bearings, 4), dtype=np.int64))
+        self._sectors = plain(grown_profile.Sectors(np.empty((bearings, 4)), np.empty((bearings, 4), dtype=np.int64)))
 
 
 def _not_free(value: object) -> str:

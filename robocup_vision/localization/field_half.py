@@ -15,6 +15,7 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.goal.colors import GoalPalette, GoalVotes, MirrorProjection, vote_goal_colors
@@ -104,14 +105,16 @@ class GoalSide:
     @cached_property
     def _projection(self) -> MirrorProjection:
         camera = self.camera
-        return MirrorProjection(
-            np.array(camera.viewpoint_m),
-            np.ascontiguousarray(camera.camera_to_robot.T),
-            camera.center_px,
-            camera.heading_rad,
-            camera.mirrored,
-            camera.usable_radius_px,
-            *self._radius_of_q,
+        return plain(
+            MirrorProjection(
+                np.array(camera.viewpoint_m),
+                np.ascontiguousarray(camera.camera_to_robot.T),
+                camera.center_px,
+                camera.heading_rad,
+                camera.mirrored,
+                camera.usable_radius_px,
+                *self._radius_of_q,
+            )
         )
 
     def choose(
@@ -151,9 +154,9 @@ class GoalSide:
         return estimate
 
     def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> GoalVotes:
-        palette = GoalPalette(colors.goal_hues, colors.goal_log_ratios)
-        if abs(palette.hues[0] - palette.hues[1]) < self.settings.min_hue_difference:
+        if colors.goal_hue_difference < self.settings.min_hue_difference:
             return _NO_VOTES
+        palette = plain(GoalPalette(colors.goal_hues, colors.goal_log_ratios))
         return vote_goal_colors(frame, pose.array, *self._points, self._projection, palette, self._hidden)
 
     def _is_doubtful(self, own: int, swapped: int, colors: Colors) -> bool:

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.kernels.floor.doubted_camera import CameraDoubt, UprightRules, fit_upright
 from robocup_vision.perception.polar_view import PolarView
@@ -218,17 +218,18 @@ class OutlineModel:
     @cached_property
     def _rules(self) -> UprightRules:
         noise, scene = self.noise, self.scene
-        rules = UprightRules(
-            *scene,
-            *self.radius_of_q,
-            self.unit_px,
-            noise.inlier * self.unit_px,
-            noise.few_groups,
-            noise.systematic_px2,
-            _plain(self.lean_doubt),
-            _plain(self.file_doubt),
+        return plain(
+            UprightRules(
+                *scene,
+                *self.radius_of_q,
+                self.unit_px,
+                noise.inlier * self.unit_px,
+                noise.few_groups,
+                noise.systematic_px2,
+                self.lean_doubt,
+                self.file_doubt,
+            )
         )
-        return cast(UprightRules, tuple(rules))
 
     def fit(self, start: FloatArray, radius_px: FloatArray, scales: FloatArray) -> OutlineFit:
         """Fit an upright body's pose, from a start (3,), to an outline (K,)."""
@@ -239,7 +240,3 @@ class OutlineModel:
         return OutlineFit(
             pose, covariance, cost, inlier_ratio, rms_px, along_m, residual, predicted, (0.0, 0.0), by_lean, by_file
         )
-
-
-def _plain(doubt: CameraDoubt) -> tuple[float, float, float, bool]:
-    return doubt.noise_px, doubt.center_std_px, doubt.turn_std_rad, doubt.turns_body

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array
+from robocup_vision.arrays import Int8Array, UInt8Array
 from robocup_vision.kernels.floor import colors as floor_colors
 from robocup_vision.kernels.floor import polar
 from robocup_vision.perception.color_table import (
@@ -96,13 +96,13 @@ class _LightOnFloor:
         Of all samples, those surely floor.
     level : float
         Log brightness of its sunny part, off the model's level.
-    cast : (2,) float64
+    cast : (float, float)
         Log R/G and B/G, off the model's at each sample's brightness.
     """
 
     ratio: float
     level: float
-    cast: FloatArray
+    cast: tuple[float, float]
 
 
 class ColorMemory:
@@ -140,7 +140,7 @@ class ColorMemory:
         """Forget learnt colours."""
         self._table = self._fixed
         self._learnt_ring = 0.0
-        self._learnt_light = _LightOnFloor(0.0, 0.0, np.zeros(2))
+        self._learnt_light = _LightOnFloor(0.0, 0.0, (0.0, 0.0))
         self._hidden_frames = self._lost_frames = self._frames = 0
 
     @property
@@ -196,7 +196,7 @@ class ColorMemory:
         before = self._learnt_light
         return (
             abs(light.level - before.level) > self._settings.max_level
-            or np.abs(light.cast - before.cast).max() > self._settings.max_cast
+            or max(abs(now - then) for now, then in zip(light.cast, before.cast, strict=True)) > self._settings.max_cast
         )
 
     def _follow(
@@ -258,14 +258,35 @@ class ColorMemory:
         sums, settings = self._sums, self._settings
         sure = int(settings.sure_nats / LLR_PER_UNIT)
         floor_colors.light_on_floor(samples, llr, sure, settings.row_stride, self._step_of_sum, sums)
-        count, blue, green, red = sums.T
-        number = float(count.sum())
+        # in plain floats: of arrays so short each operation takes longer than all of this
+        number = blue = red = expected_blue = expected_red = 0.0
+        counts = []
+        steps = zip(sums.tolist(), floor.red_ratio.tolist(), floor.blue_ratio.tolist(), strict=True)
+        for (count, step_blue, step_green, step_red), red_ratio, blue_ratio in steps:
+            counts.append(count)
+            number += count
+            blue, red = blue + step_blue, red + step_red
+            expected_blue, expected_red = expected_blue + blue_ratio * step_green, expected_red + red_ratio * step_green
         if not number:
-            return _LightOnFloor(0.0, 0.0, np.zeros(2))
-        expected = np.maximum([floor.red_ratio @ green, floor.blue_ratio @ green], 1.0)
-        cast = np.log(np.maximum([red.sum(), blue.sum()], 1.0) / expected)
-        level = float(np.interp(self._settings.sunny_ratio * number, np.cumsum(count), LEVELS + LEVEL_STEP / 2))
-        return _LightOnFloor(number * self._settings.row_stride / llr.size, level, cast)
+            return _LightOnFloor(0.0, 0.0, (0.0, 0.0))
+        cast = (
+            math.log(max(red, 1.0) / max(expected_red, 1.0)),
+            math.log(max(blue, 1.0) / max(expected_blue, 1.0)),
+        )
+        level = _level_of(counts, settings.sunny_ratio * number)
+        return _LightOnFloor(number * settings.row_stride / llr.size, level, cast)
+
+
+def _level_of(counts: list[float], wanted: float) -> float:
+    """Log brightness up to which the steps hold so many samples, between their upper ends."""
+    total = 0.0
+    for step, count in enumerate(counts):
+        if total + count > wanted:
+            # in the darkest step nothing tells where
+            share = (wanted - total) / count - 0.5 if step else 0.5
+            return float(LEVELS[step]) + share * LEVEL_STEP
+        total += count
+    return float(LEVELS[-1]) + LEVEL_STEP / 2
 
 
 def _look_up(samples: UInt8Array, view: PolarView | FloorView, table: ColorTable, llr: Int8Array) -> float:

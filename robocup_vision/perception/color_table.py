@@ -73,6 +73,11 @@ class Colors:
         return read_only([(p.blue_ratio - p.red_ratio) / (p.blue_ratio + 1.0 + p.red_ratio) for p in paints])
 
     @cached_property
+    def goal_hue_difference(self) -> float:
+        """By how much the goals' hues differ."""
+        return abs(float(self.goal_hues[0] - self.goal_hues[1]))
+
+    @cached_property
     def goal_log_ratios(self) -> FloatArray:
         """(5, 2) float64: log R/G and B/G of the goals at +x, -x, of both with red and blue swapped, and of white."""
         white = np.log([self.line.red_ratio, self.line.blue_ratio])

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.compiling.loops import plain
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
@@ -52,20 +53,22 @@ class OmniPipeline(FramePipeline):
         view, settings = self.polar, self.edge_settings
         rays = self.camera.polar_to_pixel(view.bearing_rad, 1.0) - self.camera.center_px
         marking = FloorMarking(view, self.field.line_width_m, 2 * self.field.robot_radius_m)
-        return outline.OutlineRules(
-            view.valid,
-            view.hidden_px,
-            *self.camera.center_px,
-            np.ascontiguousarray(rays[:, 0]),
-            np.ascontiguousarray(rays[:, 1]),
-            view.radius_px,
-            view.step_px,
-            view.row_step_rad / 3,
-            int(settings.certain_nats / LLR_PER_UNIT),
-            settings.line_gap_columns,
-            int(settings.strip_nats / LLR_PER_UNIT),
-            *marking.widest_line,
-            view.columns_in_use,
+        return plain(
+            outline.OutlineRules(
+                view.valid,
+                view.hidden_px,
+                *self.camera.center_px,
+                np.ascontiguousarray(rays[:, 0]),
+                np.ascontiguousarray(rays[:, 1]),
+                view.radius_px,
+                view.step_px,
+                view.row_step_rad / 3,
+                int(settings.certain_nats / LLR_PER_UNIT),
+                settings.line_gap_columns,
+                int(settings.strip_nats / LLR_PER_UNIT),
+                *marking.widest_line,
+                view.columns_in_use,
+            )
         )
 
     def with_camera(self, camera: OmniCamera) -> OmniPipeline:

@@ -132,7 +132,7 @@ def pick_seeds(frame: UInt8Array, seeds: Int32Array, color: BallColor, out: Int3
     frame, seeds
         As those of `find_blobs`.
     color : BallColor
-        Any of the ball's colours of this frame: what parts them from the floor is the same.
+        Any of the ball's colours of this frame, may be plain: what parts them from the floor is the same.
     out : (N, 2) int32
         Filled with the seeds picked, in their order.
 
@@ -141,6 +141,7 @@ def pick_seeds(frame: UInt8Array, seeds: Int32Array, color: BallColor, out: Int3
     int
         How many.
     """
+    color = BallColor(*color)
     f0, f1, f2 = color.from_floor
     count = 0
     for n in range(seeds.shape[0]):

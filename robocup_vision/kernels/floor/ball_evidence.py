@@ -121,7 +121,12 @@ def find_and_weigh(
     blobs: FloatArray,
     ratios: FloatArray,
 ) -> tuple[int, int]:
-    """Join `find_blobs`, whose result it returns, and `weigh_blobs` in one call; fills `blobs` and `ratios`."""
+    """Join `find_blobs`, whose result it returns, and `weigh_blobs` in one call; fills `blobs` and `ratios`.
+
+    Its named tuples may be plain.
+    """
+    scratch, color, size = Scratch(*scratch), BallColor(*color), BallSize(*size)
+    table, evidence = FloorTable(*table), BallEvidence(*evidence)
     count, stamp = find_blobs(frame, seeds, scratch, first_stamp, color, size, blobs)
     if count > 0:
         weigh_blobs(frame, blobs[:count], color, size, table, evidence, ratios)

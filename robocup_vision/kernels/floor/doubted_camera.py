@@ -232,8 +232,8 @@ class UprightRules(NamedTuple):
         As in `FloorOutline`.
     inlier_px, inflate, systematic : float
         As `summarise_fit` takes them.
-    lean, file : tuple
-        The values of a `CameraDoubt` each.
+    lean, file : CameraDoubt
+        A body that may lean, and a camera that may be off its file.
     """
 
     walls: FloatArray
@@ -249,8 +249,8 @@ class UprightRules(NamedTuple):
     inlier_px: float
     inflate: float
     systematic: float
-    lean: tuple[float, float, float, bool]
-    file: tuple[float, float, float, bool]
+    lean: CameraDoubt
+    file: CameraDoubt
 
 
 @compiled
@@ -271,7 +271,7 @@ def fit_upright(
     radius, scales : (K,), (I,) float64
         As in `FloorOutline`.
     rules : UprightRules
-        As a plain tuple: a named one takes longer to hand over than the fit.
+        May be plain.
     lines : (2, K) float64
         Result: residual and predicted radius, as in `WallFit`.
     covariance : (3, 3) float64

@@ -74,12 +74,13 @@ def outline_floor(
     llr : (K, M) int8
         The samples' floor likelihood ratios.
     rules : OutlineRules
-        Of the camera.
+        Of the camera; may be plain.
     min_contrast : float
         Smallest colour difference (counts) that is an edge.
     outermost, edge_px, marks : (K,) int64, (K,) float64, (K, M) uint8
         Filled by `outer_boundary`, `radial_edges` and `passable`.
     """
+    rules = OutlineRules(*rules)
     outer_boundary(llr, rules.valid, rules.certain, rules.gap, rules.min_strip, outermost)
     start_px = np.full(outermost.shape[0], np.nan)
     for k in range(outermost.shape[0]):

@@ -104,10 +104,11 @@ def _goal_pixel(camera: MirrorProjection, x: float, y: float, z: float) -> tuple
     radius = camera.radius_of_q[int(place)]
     if radius < camera.usable_px[0] or radius > camera.usable_px[1]:
         return -1, -1
-    angle = math.atan2(py, px) - camera.heading_rad
     flip = 1.0 if camera.mirrored else -1.0
-    u = int(camera.center_px[0] + radius * math.cos(angle) + 0.5)
-    v = int(camera.center_px[1] + flip * radius * math.sin(angle) + 0.5)
+    cos, sin = math.cos(camera.heading_rad), math.sin(camera.heading_rad)
+    along, aside = (px * cos + py * sin) / away, (py * cos - px * sin) / away
+    u = int(camera.center_px[0] + radius * along + 0.5)
+    v = int(camera.center_px[1] + flip * radius * aside + 0.5)
     return u, v
 
 
@@ -133,12 +134,13 @@ def vote_goal_colors(
     sides : (N,) float64
         +1 or -1: which goal each point is on.
     camera : MirrorProjection
-        The camera.
+        The camera; may be plain.
     palette : GoalPalette
-        Colours of the goals.
+        Colours of the goals; may be plain.
     hidden : (H, W) uint8, or (0, 0)
         Non-zero: neither this pixel nor its neighbours may be looked at.
     """
+    camera, palette = MirrorProjection(*camera), GoalPalette(*palette)
     height, width = frame.shape[0], frame.shape[1]
     c, s = math.cos(pose[2]), math.sin(pose[2])
     viewpoint = camera.viewpoint

@@ -316,8 +316,13 @@ def steer(
     """Join the steps in one call; the sectors are measured again only when the bearings have changed.
 
     Takes the target with the detour, and returns what `choose_direction` does, but last the detour to be handed in next
-    time; outcome -1 where the bearings do not ascend within one turn. `radius_m`: the robot's.
+    time; outcome -1 where the bearings do not ascend within one turn. `radius_m`: the robot's. Its named tuples may be
+    plain.
     """
+    motion, target, rules, directions = Motion(*motion), Target(*target), Rules(*rules), Directions(*directions)
+    profile = Profile(*profile)
+    bearing, range_m, known_bearing, sectors = scan
+    scan = Scan(bearing, range_m, known_bearing, Sectors(*sectors))
     detour = target.turn
     same = True
     for k in range(scan.bearing.shape[0]):

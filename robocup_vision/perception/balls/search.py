@@ -13,11 +13,12 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.floor import ball as kernel
 from robocup_vision.kernels.floor.ball_evidence import find_and_weigh
 from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.colors import ball_colors, floor_evidence, with_swapped_ball
-from robocup_vision.perception.color_table import ColorTable
+from robocup_vision.perception.color_table import Colors, ColorTable
 
 # points all over a disc of radius 1, and how often a ball that the picture cuts is moved until its part in it fits
 _DISC = np.array([(x, y) for x in np.linspace(-1, 1, 33) for y in np.linspace(-1, 1, 33) if x * x + y * y <= 1])
@@ -45,7 +46,9 @@ class BallSearch(ABC):
         stamps = np.zeros((height, width), dtype=np.int32)
         if mask is not None:
             stamps[mask > 0] = kernel.NEVER
-        self._scratch = kernel.Scratch(stamps, np.empty(height * width, dtype=np.int32), np.empty((2, 6)))
+        self._scratch = plain(kernel.Scratch(stamps, np.empty(height * width, dtype=np.int32), np.empty((2, 6))))
+        self._stamps = stamps
+        self._evidence = plain(settings.evidence)
         self._stamp = 0
         self._table: ColorTable | None = None
         self._colors: tuple[kernel.BallColor, ...] = ()
@@ -95,7 +98,7 @@ class BallSearch(ABC):
         change = np.abs(np.gradient(size)) * (known & np.roll(known, 1) & np.roll(known, -1))
         # where the sway is as long as the way to the horizon, any size may be
         log_std = np.hypot(self._shape_std, np.minimum(self._sway_px * change, 0.8))
-        return kernel.BallSize(float(u), float(v), float(self._body_px), along, across, log_std, self._shape_std)
+        return plain(kernel.BallSize(float(u), float(v), float(self._body_px), along, across, log_std, self._shape_std))
 
     @property
     @abstractmethod
@@ -147,15 +150,18 @@ class BallSearch(ABC):
         self._adopt(table)
         if self._swapped_colors is None:
             swapped = with_swapped_ball(table.colors)
-            self._swapped_colors = () if swapped is None else ball_colors(swapped, self.settings, self._white_ratios)
+            self._swapped_colors = () if swapped is None else self._colors_of(swapped)
         return self._search(frame, self._swapped_colors, table, near_floor_nats, [])[0]
 
     def _adopt(self, table: ColorTable) -> None:
         if self._table is not table:
             self._table = table
-            self._colors = ball_colors(table.colors, self.settings, self._white_ratios)
+            self._colors = self._colors_of(table.colors)
             self._swapped_colors = None
-            self._floor_table = kernel.FloorTable(table.packing, table.floor_llr)
+            self._floor_table = plain(kernel.FloorTable(table.packing, table.floor_llr))
+
+    def _colors_of(self, colors: Colors) -> tuple[kernel.BallColor, ...]:
+        return tuple(plain(color) for color in ball_colors(colors, self.settings, self._white_ratios))
 
     def _search(
         self,
@@ -212,7 +218,7 @@ class BallSearch(ABC):
     def _weigh(self, frame: UInt8Array, seeds: npt.NDArray[np.int32], color: kernel.BallColor, first: int) -> int:
         """Find and weigh the blobs of a colour, into the rows from `first` on, and return their number."""
         if self._stamp > kernel.NEVER // 2:
-            self._scratch.stamps[self._scratch.stamps != kernel.NEVER] = 0
+            self._stamps[self._stamps != kernel.NEVER] = 0
             self._stamp = 0
         count, self._stamp = find_and_weigh(
             frame,
@@ -222,7 +228,7 @@ class BallSearch(ABC):
             color,
             self._size,
             self._floor_table,
-            self.settings.evidence,
+            self._evidence,
             self._blobs[first:],
             self._ratios[first:],
         )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 
-from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.compiling.loops import compiled, plain, variable
 
 ROOT = Path(__file__).parents[3]
 KERNELS = sorted(path for package in ("robocup_vision", "sim2d") for path in (ROOT / package / "kernels").rglob("*.py"))
@@ -45,3 +47,23 @@ def test_division_by_zero_is_as_asked_for() -> None:
     assert loose(0.0) == float("inf")
     with pytest.raises(ZeroDivisionError):
         strict(0.0)
+
+
+class Inner(NamedTuple):
+    array: np.ndarray
+    count: int
+
+
+class Outer(NamedTuple):
+    inner: Inner
+    pair: tuple[float, float]
+
+
+def test_plain_tuples_hold_the_same_values_in_no_class():
+    array = np.zeros(3)
+    found = plain(Outer(Inner(array, 2), (0.5, 1.5)))
+    assert type(found) is tuple
+    assert type(found[0]) is tuple
+    assert found[0][0] is array
+    assert (found[0][1], found[1]) == (2, (0.5, 1.5))
+    assert Outer(*found).pair == (0.5, 1.5)
