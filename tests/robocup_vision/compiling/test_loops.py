@@ -50,11 +50,15 @@ def test_division_by_zero_is_as_asked_for() -> None:
 
 
 class Inner(NamedTuple):
+    """Named values within others."""
+
     array: np.ndarray
     count: int
 
 
 class Outer(NamedTuple):
+    """Named values that hold others."""
+
     inner: Inner
     pair: tuple[float, float]
 
