@@ -16,8 +16,8 @@ moves, so that the given pose is that of another moment (drawn from it, the line
 the picture). Of each, priors are drawn about the given pose (0.1 m, 0.1 m, 5 degrees, one standard deviation), and the
 mean errors of prior and refined pose stand side by side; "stiff": with tilt and roll fixed as the camera file says.
 
-Further rows stand in modules of their own, named in `ROW_MODULES`: balls, poses, what `check` says, and free floor (all
-but the first not in the quick size: they take minutes).
+Further rows stand in modules of their own, named in `ROW_MODULES`: balls, poses, whether those err as their covariances
+say, what `check` says, and free floor (all but the first not in the quick size: they take minutes).
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from benchmarks.scores import photograph_balls as balls
 from benchmarks.scores import photograph_checks as checks
+from benchmarks.scores import photograph_consistency as consistency
 from benchmarks.scores import photograph_floor as floor
 from benchmarks.scores import photograph_poses as poses
 from benchmarks.scores.photograph_rows import REAL, drawn_prior, known_poses
@@ -55,7 +56,13 @@ REFERENCE, MAX_OFF_M, MAX_OFF_RAD = Pose2(0.102, 0.048, math.radians(-1.5)), 0.0
 MAX_MEDIAN_M, MAX_P90_M, MAX_SEARCH_MS = 0.02, 0.05, 150.0
 SECTORS = 12
 # each has a tuple ROWS of functions that measure one row
-ROW_MODULES = {"balls": balls.ROWS, "poses": poses.ROWS, "checks": checks.ROWS, "floor": floor.ROWS}
+ROW_MODULES = {
+    "balls": balls.ROWS,
+    "poses": poses.ROWS,
+    "consistency": consistency.ROWS,
+    "checks": checks.ROWS,
+    "floor": floor.ROWS,
+}
 QUICK_MODULES = ("balls",)
 ONBOARD, ONBOARD_FIELD = (
     "onboard_ssl",
