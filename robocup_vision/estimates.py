@@ -83,12 +83,9 @@ class PoseEstimate:
 
     def half_turn(self) -> PoseEstimate:
         """Return the estimate turned by pi about the field's centre, with its candidates in the same order."""
+        candidates = tuple(candidate.half_turn() for candidate in self.candidates)
         return PoseEstimate(
-            self.pose.half_turn(),
-            half_turn_covariance(self.covariance),
-            self.inlier_ratio,
-            self.residual_px,
-            tuple(candidate.half_turn() for candidate in self.candidates),
+            candidates[0], half_turn_covariance(self.covariance), self.inlier_ratio, self.residual_px, candidates
         )
 
 

@@ -17,7 +17,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
-from robocup_vision.geometry import Pose2
+from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.kernels.goal.colors import GoalPalette, GoalVotes, MirrorProjection, vote_goal_colors
 from robocup_vision.localization.swapped_channels import (
     SWAPPED_BY_GOALS,
@@ -145,8 +145,10 @@ class GoalSide:
             return SwappedChannels(SWAPPED_BY_GOALS)
         most = max(right, wrong)
         if most >= self.settings.min_votes and most >= self.settings.majority * min(right, wrong):
-            better = estimate if right > wrong else estimate.half_turn()
-            return PoseEstimate(better.pose, better.covariance, better.inlier_ratio, better.residual_px)
+            pose, covariance = estimate.pose, estimate.covariance
+            if right <= wrong:
+                pose, covariance = pose.half_turn(), half_turn_covariance(covariance)
+            return PoseEstimate(pose, covariance, estimate.inlier_ratio, estimate.residual_px)
         if prior is not None:
             turned = estimate.half_turn()
             here, there = (sum(e.pose.error_to(prior)) for e in (estimate, turned))
@@ -166,7 +168,7 @@ class GoalSide:
             return False
         if own < self.settings.min_votes or settings.min_ratio * swapped > own:
             return True
-        return float(np.abs(colors.goal_log_ratios[4]).max()) > settings.max_neutral
+        return colors.white_cast > settings.max_neutral
 
     def _are_swapped(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> bool:
         points, sides = self._points

@@ -86,6 +86,11 @@ class Colors:
         return read_only([*goals, *(white + (goals - white)[:, ::-1]), white])
 
     @cached_property
+    def white_cast(self) -> float:
+        """How far white is from neutral: the larger of the logarithms of R/G and B/G, without sign."""
+        return max(abs(math.log(self.line.red_ratio)), abs(math.log(self.line.blue_ratio)))
+
+    @cached_property
     def swap_distance(self) -> float:
         """How far, in `goal_log_ratios`, the goals' colours are at least from those with red and blue swapped."""
         goals, swapped = self.goal_log_ratios[:2], self.goal_log_ratios[2:4]
