@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Room
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Int64Array, Room
 
 BINS = 64  # of the histogram of residuals
 
@@ -25,10 +25,15 @@ class Gates(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """Standard deviation of a sample alone, and of the offset that all samples of an edge share."""
+    """Standard deviation of a sample alone, of the offset that all samples of an edge share, and of a stray sample.
+
+    `stray_ratio`: of the samples, those that are stray.
+    """
 
     sample_px: float
     shared_px: float
+    stray_px: float
+    stray_ratio: float
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -183,14 +188,29 @@ def _median_size(residual: FloatArray, weight: FloatArray, gate_px: float) -> fl
 
 
 @compiled(fastmath=True, error_model="numpy")
+def _agreeing(feature: Int64Array, count: int, weight: FloatArray) -> FloatArray:
+    """Sum up the weights of the samples of each thing: a line, or a post, has two edges of neighbouring features."""
+    last = variable(0)
+    for n in range(count):
+        last = max(last, feature[n])
+    agree = np.zeros((last >> 1) + 1)
+    for n in range(count):
+        agree[feature[n] >> 1] += weight[n]
+    return agree
+
+
+@compiled(fastmath=True, error_model="numpy")
 def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, noise: Noise) -> None:
     """Sum up information (7, 7) and gradient (7,) of the weighted residuals.
 
     Samples of one edge share what lens, paint and tape got wrong. Their covariance is that of their own noise and of an
-    offset common to them; its inverse is the former's less a matrix of rank one.
+    offset common to them; its inverse is the former's less a matrix of rank one. A sample may be of another thing than
+    its edge, as one beside a crossing is of the other line: nothing tells where it is the only one of its line or post,
+    while several agree by chance the less the more they are.
     """
     rows, samples, information, gradient = room.rows, room.samples, room.information, room.gradient
-    alone, shared2 = 1.0 / noise.sample_px**2, noise.shared_px**2
+    alone, stray2 = 1.0 / noise.sample_px**2, noise.stray_px**2
+    agree = _agreeing(samples.feature, count, weight)
     common, common_weight, common_residual = np.zeros(UNKNOWNS), 0.0, 0.0
     feature = -1
     for i in range(UNKNOWNS):
@@ -201,6 +221,9 @@ def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, no
         if n < count and weight[n] == 0.0:
             continue
         if n == count or samples.feature[n] != feature:
+            shared2 = noise.shared_px**2
+            if feature >= 0:
+                shared2 += stray2 * noise.stray_ratio ** agree[feature >> 1]
             factor_ = shared2 / (1.0 + shared2 * common_weight)
             for i in range(UNKNOWNS):
                 a = factor_ * common[i]
@@ -263,6 +286,7 @@ def robust_fit(
     given = gates.width_px.shape[0]
     narrowest = gates.width_px[given - 1]
     gate = narrowest
+    stray_px = settings.gate_px / math.sqrt(3.0)
     for turn in range(given + gates.sharp_steps + 1):
         if turn < given:
             gate = gates.width_px[turn]
@@ -283,7 +307,7 @@ def robust_fit(
                 weight[n], residual[n] = t * t, r
         rms = math.sqrt(total / inliers) if inliers else 0.0
         scale = max(1.0, 1.48 * _median_size(residual, weight, gate) / settings.sigma_px)
-        noise = Noise(settings.sigma_px * scale, settings.shared_px * scale)
+        noise = Noise(settings.sigma_px * scale, settings.shared_px * scale, stray_px, settings.stray_ratio)
         _gather(room, count, weight, residual, noise)
         if turn == given + gates.sharp_steps:
             break

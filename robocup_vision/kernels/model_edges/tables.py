@@ -141,6 +141,8 @@ class FollowSettings(NamedTuple):
         Of the expected step, that a candidate must show.
     sigma_px, shared_px : float
         Noise of a sample alone, and of the offset that all samples of an edge share.
+    stray_ratio : float
+        Of the samples found, those of another thing than their edge, anywhere within `gate_px`.
     sharp_gates, sharp_steps : float, int
         The gate of the last steps, in robust standard deviations, and their number.
     gate_px : float
@@ -175,6 +177,7 @@ class FollowSettings(NamedTuple):
     min_ratio: float
     sigma_px: float
     shared_px: float
+    stray_ratio: float
     sharp_gates: float
     sharp_steps: int
     gate_px: float

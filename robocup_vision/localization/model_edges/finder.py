@@ -248,4 +248,4 @@ class EdgeFinder:
         s, follower = self.settings, self.follower
         follower.forget()
         covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
-        return follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1)
+        return follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1, is_proposal=True)

@@ -177,6 +177,8 @@ class EdgeFollower:
         self.edges = field_edges(field, self.settings.lines_end_m)
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
+        # the odds by which places of a search are compared were found with every sample counted in full
+        self._numbers_of_search = self.numbers._replace(stray_ratio=0.0)
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
         self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
@@ -297,7 +299,13 @@ class EdgeFollower:
         self._keep = np.exp(-dt_s / np.array([s.attitude_memory_s, s.attitude_memory_s, s.height_memory_s, 1e9]))
 
     def follow(
-        self, frame: UInt8Array, prior: PoseEstimate, dt_s: float = 1 / 30, *, modes: int = MODES
+        self,
+        frame: UInt8Array,
+        prior: PoseEstimate,
+        dt_s: float = 1 / 30,
+        *,
+        modes: int = MODES,
+        is_proposal: bool = False,
     ) -> FollowedCamera | NotLocated:
         """Locate the camera by a frame and a prior.
 
@@ -311,6 +319,8 @@ class EdgeFollower:
             Time since the last frame.
         modes : int
             How many places near the prior may be looked at before giving up.
+        is_proposal : bool
+            Whether the prior is a search's proposal, whose fit is compared with others, and nothing that is known.
         """
         if dt_s != self._dt_s:
             self._pass_time(dt_s)
@@ -318,7 +328,8 @@ class EdgeFollower:
         at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
         if not prepare(at, prior.covariance, self._camera_prior, self._keep, self._sway, self._prior):
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
-        if not follow(frame, self._scene, self._prior, self.numbers, self._room, fit, modes):
+        numbers = self._numbers_of_search if is_proposal else self.numbers
+        if not follow(frame, self._scene, self._prior, numbers, self._room, fit, modes):
             return NotLocated("no edge of the field file is in view")
         evidence = self.evidence
         prior_log_odds = self._prior_log_odds(prior, dt_s)

@@ -33,6 +33,10 @@ class EdgeSettings:
     # any picture; samples on rendered edges scatter by 0.03 to 0.15
     sigma_px: float = 0.15
     shared_px: float = 0.2
+    # of the samples found, those of another thing than their edge: of what stands before it, or crosses it. Of edges
+    # with 1, 2, 3, 4 samples found by true priors (512 frames of development walks, 208 pixels wide) mean squared
+    # offsets were 0.66, 0.20, 0.14, 0.01 square pixels more than the noise; this gives 0.63, 0.19, 0.06, 0.02
+    stray_ratio: float = 0.3
     # gate of the last steps, in robust standard deviations of the residuals, and how many these are
     sharp_gates: float = 3.5
     sharp_steps: int = 2
@@ -129,6 +133,7 @@ class EdgeSettings:
             min_ratio=self.min_ratio,
             sigma_px=self.sigma_px,
             shared_px=self.shared_px,
+            stray_ratio=self.stray_ratio,
             sharp_gates=self.sharp_gates,
             sharp_steps=self.sharp_steps,
             gate_px=self.gate_px,

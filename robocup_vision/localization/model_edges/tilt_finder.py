@@ -204,4 +204,4 @@ class TiltFinder(EdgeFinder):
         if isinstance(pose, HeldPose):
             self.follower.hold(pose.tilt_rad, pose.roll_rad, near * self._tilts.fit_std_rad)
         covariance = np.diag([near * s.std_m, near * s.std_m, near * s.std_rad]) ** 2
-        return self.follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1)
+        return self.follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1, is_proposal=True)

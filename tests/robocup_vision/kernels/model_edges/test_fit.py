@@ -78,6 +78,41 @@ def test_the_fit_solves_the_weighted_normal_equations_with_the_prior():
     np.testing.assert_allclose(room.gradient, fit, atol=1e-4)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_few_samples_of_a_line_may_be_of_another_thing(seed):
+    z = np.zeros(UNKNOWNS)
+    room = planted(seed, z, outliers=0.0, noise=0.05)
+    room.found.candidates[:] = 1
+    # one sample alone; one of either edge of a post; two of one edge; the rest of a line
+    room.samples.feature[:] = [0, 2, 3, 4, 4, *[6] * (COUNT - 5)]
+    fit, gate = z.copy(), 4.0
+    assert robust_fit(room, COUNT, NUMBERS, Gates(np.full(6, gate), 0), z, fit)[2]
+    weight = (1.0 - ((room.found.offset_px[:, 0] - room.rows @ fit) / gate) ** 2) ** 2
+    thing = room.samples.feature // 2
+    agree = np.bincount(thing, weight)[thing]
+    stray = NUMBERS.gate_px**2 / 3.0 * NUMBERS.stray_ratio**agree
+    same = room.samples.feature[:, None] == room.samples.feature
+    covariance = np.diag(NUMBERS.sigma_px**2 / weight) + (NUMBERS.shared_px**2 + stray[:, None]) * same
+    information = room.rows.T @ np.linalg.inv(covariance) @ room.rows
+    np.testing.assert_allclose(room.information, information, atol=1e-6 * np.abs(information).max())
+
+
+def test_one_sample_of_another_line_hardly_moves_the_fit():
+    z = np.zeros(UNKNOWNS)
+    room = planted(10, z, outliers=0.0, noise=0.05)
+    room.found.candidates[:] = 1
+    room.samples.feature[:] = [0, *[2] * (COUNT - 1)]
+    # the first unknown is open but for a sample that is two pixels off
+    room.rows[1:, 0], room.rows[0] = 0.0, 0.0
+    room.rows[0, 0], room.found.offset_px[0, 0] = 4.0, 2.0
+    room.found.offset_px[1:, 0] = room.rows[1:] @ z
+    fit = z.copy()
+    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), z, fit)
+    # a standard deviation of its own is a quarter of a unknown's; it says so instead of an eighteenth
+    assert abs(fit[0]) < 0.5
+    assert 1.0 / np.sqrt(room.information[0, 0]) > 0.2
+
+
 def test_residuals_worse_than_the_noise_know_less():
     z = np.zeros(UNKNOWNS)
     known = []
