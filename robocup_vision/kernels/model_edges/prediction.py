@@ -25,8 +25,10 @@ from robocup_vision.kernels.model_edges.tables import (
 NEAR_M = 0.05
 RING_POINTS = 5
 THIN_PX = 4.0
-Triple = tuple[float, float, float]
 MIN_RADIUS_PX = 12.0  # of a curve: three times what is read on both sides of a thin line
+# along a curve: where it is not sampled, and at most
+ARC_STEP_RAD, MAX_ARC_STEP_RAD = 0.06, 0.25
+Triple = tuple[float, float, float]
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -275,41 +277,8 @@ def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray, count: 
     return count
 
 
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def _projected(frame: FloatArray, x: float, y: float) -> Triple:
-    """Project a point on the floor without distortion: pixels from the centre, the other way round, and its depth."""
-    depth, left, up = _turned(frame, x - frame[9], y - frame[10], -frame[11])
-    inv = 1.0 / max(depth, NEAR_M)
-    return frame[12] * left * inv, frame[13] * up * inv, depth
-
-
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def _may_be_seen(frame: FloatArray, lens: FloatArray, projected: Triple) -> bool:
-    """Whether a projected point lies before the camera and within the circle around the picture."""
-    a, b = projected[0] / frame[12], projected[1] / frame[13]
-    return projected[2] >= NEAR_M and a * a + b * b <= lens[15]
-
-
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def _is_sharp(before: Triple, here: Triple, after: Triple) -> bool:
-    """Whether a curve bends too sharply at the middle one of three projected points for a search along the normal.
-
-    The profile across a line is that of a straight one only where the curve's radius is great against what is read.
-    """
-    if after[2] < NEAR_M:
-        return True
-    au, av, bu, bv = here[0] - before[0], here[1] - before[1], after[0] - here[0], after[1] - here[1]
-    cross, dot = abs(au * bv - av * bu), au * bu + av * bv
-    a, b = math.sqrt(au * au + av * av), math.sqrt(bu * bu + bv * bv)
-    length = 0.5 * (a + b)
-    # an angle lies between its sine and its tangent: in most places they are enough
-    if length * dot >= MIN_RADIUS_PX * cross:
-        return False
-    return length * a * b < MIN_RADIUS_PX * cross or length < MIN_RADIUS_PX * math.atan2(cross, dot)
-
-
 @compiled(fastmath=True, error_model="numpy")
-def _curves(
+def _arcs(
     field: FieldEdges,
     lens: FloatArray,
     frame: FloatArray,
@@ -319,34 +288,65 @@ def _curves(
     out: Samples,
     count: int,
 ) -> int:
-    """Sample curved lines and the rings around cylinders; rows[n] is overwritten. Returns the new count."""
-    row, arcs, rings, vx, vy = rows[n], field.arcs, field.rings, frame[9], frame[10]
+    """Sample curved lines evenly in the image; rows[n] is overwritten. Returns the new count.
+
+    Where a curve bends so sharply that the profile across it is not that of a straight line, it is not sampled.
+    """
+    row, arcs, fu, fv = rows[n], field.arcs, frame[12], frame[13]
     row[8], row[12], row[13] = 0.0, ON_FLOOR, 1.0
-    done, last = 0.0, arcs.shape[0] - 1
-    before, here, after = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for m in range(last + 1):
-        before, here = here, _projected(frame, arcs[m, 0], arcs[m, 1]) if m == 0 else after
-        if m < last:
-            after = _projected(frame, arcs[m + 1, 0], arcs[m + 1, 1])
-        # at the ends of a curve its curvature is not known
-        if not _may_be_seen(frame, lens, here) or before[2] < NEAR_M or arcs[m, 7] != 0.0:
-            done = spacing_px
-        elif m < last and arcs[m + 1, 7] == 0.0:
-            done += math.sqrt((here[0] - before[0]) ** 2 + (here[1] - before[1]) ** 2)
-            if done >= spacing_px and not _is_sharp(before, here, after):
-                done = 0.0
-                ox, oy = arcs[m, 2], arcs[m, 3]
-                at = _turned(frame, arcs[m, 0] - vx, arcs[m, 1] - vy, -frame[11])
-                along, inside = _turned(frame, -oy, ox, 0.0), _turned(frame, ox, oy, 0.0)
-                row[6], row[7], row[9], row[10], row[11] = ox, oy, arcs[m, 4], arcs[m, 5], arcs[m, 6]
+    for m in range(arcs.shape[0]):
+        radius, way = arcs[m, 2], math.copysign(1.0, arcs[m, 4])
+        middle = _turned(frame, arcs[m, 0] - frame[9], arcs[m, 1] - frame[10], -frame[11])
+        row[9], row[10], row[11] = arcs[m, 5], arcs[m, 6], arcs[m, 7]
+        # at its ends an arc may go on as a straight line
+        turned, end = 0.5 * ARC_STEP_RAD, abs(arcs[m, 4]) - 0.5 * ARC_STEP_RAD
+        left_px = 0.0
+        while turned <= end:
+            ox, oy = math.cos(arcs[m, 3] + way * turned), math.sin(arcs[m, 3] + way * turned)
+            out_d, out_l, out_u = _turned(frame, radius * ox, radius * oy, 0.0)
+            depth, left, up = middle[0] + out_d, middle[1] + out_l, middle[2] + out_u
+            speed_px, is_straight = 0.0, False
+            if depth >= NEAR_M:
+                inv = 1.0 / depth
+                a, b = left * inv, up * inv
+                if a * a + b * b <= lens[15]:
+                    # first and second derivatives by the angle, of the place and of the slopes
+                    d1, l1, u1 = _turned(frame, -radius * oy, radius * ox, 0.0)
+                    a1, b1 = (l1 - a * d1) * inv, (u1 - b * d1) * inv
+                    a2 = (-out_l - 2.0 * a1 * d1 + a * out_d) * inv
+                    b2 = (-out_u - 2.0 * b1 * d1 + b * out_d) * inv
+                    speed2 = (fu * a1) ** 2 + (fv * b1) ** 2
+                    speed_px = math.sqrt(speed2)
+                    is_straight = speed_px * speed2 >= MIN_RADIUS_PX * fu * fv * abs(a1 * b2 - a2 * b1)
+            if not is_straight:
+                turned, left_px = turned + ARC_STEP_RAD, 0.0
+                continue
+            if left_px <= 0.0:
+                at, along, inside = (depth, left, up), (d1, l1, u1), (out_d / radius, out_l / radius, out_u / radius)
+                row[6], row[7] = ox, oy
                 count = _emit(frame, lens, field.channels, at, along, inside, rows, n, out, count)
+                left_px = spacing_px
+            step = min(left_px / speed_px, MAX_ARC_STEP_RAD)
+            turned += step
+            left_px -= step * speed_px * 1.0001
+    return count
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _rings(
+    field: FieldEdges, lens: FloatArray, frame: FloatArray, rows: FloatArray, n: int, out: Samples, count: int
+) -> int:
+    """Sample the rings around cylinders; rows[n] is overwritten. Returns the new count."""
+    row, rings = rows[n], field.rings
     row[6], row[7], row[8], row[12], row[13] = 0.0, 0.0, 1.0, UPRIGHT, 0.0
     inside = _turned(frame, 0.0, 0.0, 1.0)
     for m in range(rings.shape[0]):
-        dx, dy, radius = rings[m, 0] - vx, rings[m, 1] - vy, rings[m, 2]
-        away = math.sqrt(dx * dx + dy * dy)
-        if away < 1.5 * radius or dx * frame[15] + dy * frame[14] < 0.0:
+        dx, dy, radius = rings[m, 0] - frame[9], rings[m, 1] - frame[10], rings[m, 2]
+        depth, left, _ = _turned(frame, dx, dy, rings[m, 3] - frame[11])
+        away2 = dx * dx + dy * dy
+        if away2 < 2.25 * radius * radius or abs(left) > lens[16] * (depth + radius) + radius:
             continue
+        away = math.sqrt(away2)
         row[9], row[10], row[11] = rings[m, 5], rings[m, 4], rings[m, 6]
         for k in range(RING_POINTS):
             across = 0.8 * (2.0 * (k + 0.5) / RING_POINTS - 1.0)
@@ -390,4 +390,5 @@ def predict(field: FieldEdges, lens: FloatArray, p: FloatArray, spacing_px: floa
             rows[n, k] = field.segments[n, k]
     straight = _silhouettes(field, frame, rows, straight)
     count = _segments(frame, lens, field.channels, rows, straight, spacing_px, out)
-    return _curves(field, lens, frame, spacing_px, rows, straight, out, count)
+    count = _arcs(field, lens, frame, spacing_px, rows, straight, out, count)
+    return _rings(field, lens, frame, rows, straight, out, count)

@@ -46,8 +46,7 @@ class FieldEdges(NamedTuple):
         towards the inside (of a line: across), width (of a wall: height), channel, feature, `ON_FLOOR` or `UPRIGHT`,
         1 where it is a line.
     arcs : (A, 8) float64
-        Points on curved lines: x, y, their unit direction from the arc's centre, width, channel, feature, and 1 where
-        another arc begins.
+        Curved lines: centre x and y, radius, start, sweep (rad), width, channel, feature.
     cylinders : (C, 7) float64
         Upright: x, y, radius, foot, top, channel, first feature.
     bars : (B, 7) float64

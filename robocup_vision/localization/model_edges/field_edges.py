@@ -20,7 +20,6 @@ MIN_CHROMA = 60.0
 _MIN_WHITE = 150.0
 # of white, grey and black things before an unknown background: their step is seldom all of it
 _PLAIN_STEP = 0.5
-_ARC_STEP_RAD = 0.06
 # farther than any camera sees, and flatter than any pixel
 _FAR_M, _FLAT_M = 1000.0, 1e-6
 
@@ -65,16 +64,11 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
     line = channel(np.array([1.0, 0.0, 1.0]), color(field.line_color), carpet)
     features = itertools.count(0, 2)  # a line has two edges
     segments: list[list[float]] = []
-    arcs: list[list[float]] = []
+    arcs = [[*arc, field.line_width_m, line, next(features)] for arc in field.arcs.tolist()]
     for x0, y0, x1, y1 in field.lines.tolist():
         length = math.hypot(x1 - x0, y1 - y0)
         across = ((y0 - y1) / length, (x1 - x0) / length, 0.0)
         segments.append([x0, y0, 0.0, x1, y1, 0.0, *across, field.line_width_m, line, next(features), ON_FLOOR, 1.0])
-    for x, y, radius, start, sweep in field.arcs.tolist():
-        feature, steps = next(features), max(math.ceil(abs(sweep) / _ARC_STEP_RAD), 2)
-        for k in range(steps):
-            c, s = math.cos(start + sweep * (k + 0.5) / steps), math.sin(start + sweep * (k + 0.5) / steps)
-            arcs.append([x + radius * c, y + radius * s, c, s, field.line_width_m, line, feature, float(k == 0)])
     cylinders: list[list[float]] = []
     bars: list[list[float]] = []
     rings: list[list[float]] = []
