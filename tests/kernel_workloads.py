@@ -66,7 +66,7 @@ def look_at(vision: Vision, frames: list[tuple[Any, Pose2]]) -> None:
     """Look at frames alone, in a sequence, and by priors of both kinds, right and wrong."""
     for frame, pose in frames:
         vision.forget()
-        vision.look(frame)
+        _ = vision.look(frame).obstacles
         vision.look(frame, odometry=STEP)
         vision.look(frame, prior=pose)
         for off_m in (0.0, 1.0):

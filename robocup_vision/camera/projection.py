@@ -23,12 +23,19 @@ def camera_rotation(pan_rad: npt.ArrayLike, tilt_rad: npt.ArrayLike, roll_rad: n
     cp, sp = np.cos(pan_rad), np.sin(pan_rad)
     ct, st = np.cos(tilt_rad), np.sin(tilt_rad)
     cr, sr = np.cos(roll_rad), np.sin(roll_rad)
-    rows = [
-        [cp * ct, -sp * cr - cp * st * sr, sp * sr - cp * st * cr],
-        [sp * ct, cp * cr - sp * st * sr, -cp * sr - sp * st * cr],
-        [st + 0 * cp, ct * sr + 0 * cp, ct * cr + 0 * cp],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    rotation = np.empty((*np.shape(cp), 3, 3))
+    rotation[..., 0, 0], rotation[..., 0, 1], rotation[..., 0, 2] = (
+        cp * ct,
+        -sp * cr - cp * st * sr,
+        sp * sr - cp * st * cr,
+    )
+    rotation[..., 1, 0], rotation[..., 1, 1], rotation[..., 1, 2] = (
+        sp * ct,
+        cp * cr - sp * st * sr,
+        -cp * sr - sp * st * cr,
+    )
+    rotation[..., 2, 0], rotation[..., 2, 1], rotation[..., 2, 2] = st, ct * sr, ct * cr
+    return rotation
 
 
 def project_ideal(

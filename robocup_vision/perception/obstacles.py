@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.kernels.floor.stretches import join_bearings
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,29 +58,8 @@ def find_obstacles(
     count, columns = floor_m.shape[:2]
     seen = (blocked_column < columns) & ~is_wall
     places = floor_m[np.arange(count), np.minimum(blocked_column, columns - 1)]
-    x, y = places[:, 0], places[:, 1]
-    seen &= np.isfinite(x) & np.isfinite(y)
-    spacing = np.sqrt(x * x + y * y) * (math.tau / count if step_rad is None else step_rad)
-    # slices instead of np.roll: views of a few hundred bearings cost less than its bookkeeping
-    dx, dy = x - np.concatenate((x[-1:], x[:-1])), y - np.concatenate((y[-1:], y[:-1]))
-    joined = seen & np.concatenate((seen[-1:], seen[:-1])) & (np.sqrt(dx * dx + dy * dy) < gap_m + spacing)
-    starts = np.flatnonzero(seen & ~joined).tolist()
-    if not starts and seen.all():
-        starts = [0]
-    # where a stretch of joined bearings ends: before the next bearing that is not joined to the one before it
-    breaks = np.flatnonzero(~joined).tolist()
-    # lists instead of arrays: a stretch has a few dozen bearings
-    # twice round, so that a stretch over the last bearing is one slice
-    xs, ys, spaces = 2 * x.tolist(), 2 * y.tolist(), 2 * spacing.tolist()
-    found = []
-    for start in starts:
-        after = bisect_right(breaks, start)
-        end = count + start if not breaks else breaks[after] if after < len(breaks) else count + breaks[0]
-        end = min(end, start + count)
-        last, bearings = end - 1, end - start
-        middle_x, middle_y = sum(xs[start:end]) / bearings, sum(ys[start:end]) / bearings
-        width = math.dist((xs[start], ys[start]), (xs[last], ys[last])) + sum(spaces[start:end]) / bearings
-        found.append(
-            Obstacle(middle_x, middle_y, width, math.atan2(middle_y, middle_x), math.hypot(middle_x, middle_y))
-        )
-    return tuple(found)
+    seen &= np.isfinite(places).all(axis=1)
+    step = math.tau / count if step_rad is None else step_rad
+    found = np.empty((count, 3))
+    number = join_bearings(places, seen, gap_m, step, found)
+    return tuple(Obstacle(x, y, width, math.atan2(y, x), math.hypot(x, y)) for x, y, width in found[:number].tolist())

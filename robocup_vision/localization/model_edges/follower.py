@@ -17,6 +17,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.alone import frame_alone
 from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET
 from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Scene, follow, prepare
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
@@ -26,8 +27,8 @@ from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 _MAX_SAMPLES = 600
 _MAX_POINTS = 400
-# of what a frame leaves open, and the length at which a turn counts as a way
-_OPEN_STD_M, _LEVER_M = 1.0, 1.0
+# of what a frame leaves open, m and rad
+_OPEN_STD = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,19 +84,13 @@ class FollowedCamera:
     def measurement(self) -> PoseEstimate:
         """Estimate of the camera's pose by the frame alone; almost none in directions that it leaves open.
 
-        In a direction in which the frame is less certain than `_OPEN_STD_M` the fit stays as it is, with that error.
+        In a direction in which the frame is less certain than `_OPEN_STD` the fit stays as it is, with that error.
         """
-        scale = np.array([1.0, 1.0, _LEVER_M])
-        value, vector = np.linalg.eigh(self.likelihood.information / np.outer(scale, scale))
-        open_ = value < _OPEN_STD_M**-2
-        value = np.maximum(value, _OPEN_STD_M**-2)
-        slope = vector.T @ (self.likelihood.gradient / scale)
-        step = vector @ (np.where(open_, 0.0, slope) / value) / scale
-        covariance = (vector / value) @ vector.T / np.outer(scale, scale)
-        about = self.likelihood.about
-        pose = Pose2(about.x_m + step[0], about.y_m + step[1], about.theta_rad + step[2])
+        covariance, about, known = np.empty((3, 3)), self.likelihood.about, self.likelihood
+        x, y, turn = frame_alone(known.information, known.gradient, _OPEN_STD, covariance)
+        pose = Pose2(about.x_m + x, about.y_m + y, about.theta_rad + turn)
         ratio, rms = self.estimate.inlier_ratio, self.estimate.residual_px
-        return PoseEstimate(pose, (covariance + covariance.T) / 2, ratio, rms, self._candidates(pose))
+        return PoseEstimate(pose, covariance, ratio, rms, self._candidates(pose))
 
     def without_prior(self) -> FollowedCamera:
         """Return the answer with the estimate by the frame alone."""

@@ -1,0 +1,68 @@
+"""Joins neighbouring bearings at which something near the same place blocks the floor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.compiling.loops import compiled, variable
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+@compiled(error_model="numpy", inline="always")
+def _goes_on(places_m: FloatArray, seen: BoolArray, gap_m: float, step_rad: float, n: int) -> bool:
+    """Return whether bearing n shows the same thing as the one before it."""
+    count = seen.shape[0]
+    before = (n + count - 1) % count
+    if not (seen[n] and seen[before]):
+        return False
+    x, y = places_m[n, 0], places_m[n, 1]
+    apart = math.hypot(x - places_m[before, 0], y - places_m[before, 1])
+    return bool(apart < gap_m + math.hypot(x, y) * step_rad)
+
+
+@compiled(error_model="numpy")
+def join_bearings(places_m: FloatArray, seen: BoolArray, gap_m: float, step_rad: float, out: FloatArray) -> int:
+    """Join neighbouring bearings that show one thing; the last bearing is the first one's neighbour.
+
+    Parameters
+    ----------
+    places_m : (K, 2) float64
+        What blocks each bearing.
+    seen : (K,) bool
+        Where anything does.
+    gap_m : float
+        Neighbours farther apart than this and what their spacing explains are different things.
+    step_rad : float
+        Angle between bearings.
+    out : (K, 3) float64
+        Result: x and y of each thing's middle, and its width.
+
+    Returns
+    -------
+    int
+        How many.
+    """
+    count, found, first = seen.shape[0], variable(0), variable(0)
+    # a thing across the last bearing is whole where the round begins at a gap
+    while first < count and _goes_on(places_m, seen, gap_m, step_rad, first):
+        first += 1
+    x, y, space, bearings, start, last = 0.0, 0.0, 0.0, variable(0), variable(0), variable(0)
+    for k in range(count + 1):
+        n = (first + k) % count
+        if bearings > 0 and (k == count or not _goes_on(places_m, seen, gap_m, step_rad, n)):
+            width = math.hypot(places_m[last, 0] - places_m[start, 0], places_m[last, 1] - places_m[start, 1])
+            out[found, 0], out[found, 1], out[found, 2] = x / bearings, y / bearings, width + space / bearings
+            found += 1
+            x, y, space, bearings = 0.0, 0.0, 0.0, 0
+        if k < count and seen[n]:
+            start, last = n if bearings == 0 else start, n
+            x += places_m[n, 0]
+            y += places_m[n, 1]
+            space += math.hypot(places_m[n, 0], places_m[n, 1]) * step_rad
+            bearings += 1
+    return found
