@@ -17,9 +17,11 @@ from robocup_vision.kernels.model_edges.tables import (
     FOUND,
     UNKNOWNS,
     FieldEdges,
+    Findings,
     FloatArray,
     FollowSettings,
     Room,
+    Samples,
     UInt8Array,
 )
 from robocup_vision.kernels.model_edges.verdict import LineLook, explained, judge, line_points
@@ -226,7 +228,7 @@ def _propose(
 def follow(
     image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, most_modes: int
 ) -> bool:
-    """Fit one frame to what a prior lets it show.
+    """Fit one frame to what a prior lets it show; the tuples may be plain.
 
     Parameters
     ----------
@@ -250,6 +252,24 @@ def follow(
     bool
         Whether there was anything to fit.
     """
+    edges = FieldEdges(*scene[0])
+    of_room = Room(Samples(*room[0]), Findings(*room[1]), room[2], room[3], room[4], room[5], room[6])
+    return _follow(
+        image,
+        Scene(edges, scene[1], scene[2]),
+        Prior(*prior),
+        FollowSettings(*settings),
+        of_room,
+        Fit(*fit),
+        most_modes,
+    )
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _follow(
+    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, most_modes: int
+) -> bool:
+    """See `follow`."""
     for i in range(fit.figures.shape[0]):
         fit.figures[i] = 0.0
     carpet_look(image, int(scene.lens[3] + scene.lens[1] * math.tan(prior.mean[3])), fit.carpet)

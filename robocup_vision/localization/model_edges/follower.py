@@ -15,6 +15,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.alone import frame_alone
@@ -173,7 +174,7 @@ class EdgeFollower:
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         # the odds by which places of a search are compared were found with every sample counted in full
-        self._numbers_of_search = self.numbers._replace(stray_ratio=0.0)
+        self._plain_numbers = plain((self.numbers, self.numbers._replace(stray_ratio=0.0)))
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
         self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
@@ -192,6 +193,8 @@ class EdgeFollower:
         self._camera_prior = np.array([at_rest, [sway, sway, camera.height_std_m, focal_std]])
         self._sway = np.zeros((2, 4))
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
+        # what is handed over at each call is plain, see `plain`
+        self._plain = plain((self._scene, self._prior, self._room, self._fit))
         self._keep, self._dt_s = np.zeros(4), -1.0
         self._last_pose: Pose2 | None = None
         self._log_odds = 0.0
@@ -323,8 +326,8 @@ class EdgeFollower:
         at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
         if not prepare(at, prior.covariance, self._camera_prior, self._keep, self._sway, self._prior):
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
-        numbers = self._numbers_of_search if is_proposal else self.numbers
-        if not follow(frame, self._scene, self._prior, numbers, self._room, fit, modes):
+        scene, unknowns, room, result = self._plain
+        if not follow(frame, scene, unknowns, self._plain_numbers[is_proposal], room, result, modes):
             return NotLocated("no edge of the field file is in view")
         evidence = self.evidence
         prior_log_odds = self._prior_log_odds(prior, dt_s)
