@@ -11,13 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 
 CARPET, NEUTRAL, COLORED = 0, 1, 2
 DIRECTIONS = 24
 # directions of a first look, and how many of them must show carpet: half of the rim, and one may err
 _ROUGH, _MIN_ROUGH = 8, 3
+# side of the cells in which it is known how far carpet is
+_CELL_PX = 8
 # columns of a found disc
 U, V, RADIUS, AGREE, INSIDE, WHITE, DARK, CARPET_LEVEL, AROUND, SHOWN, COLUMNS = range(11)
 # radii, in those of the disc, at which it is looked for carpet all around
@@ -143,6 +145,42 @@ def measure_disc(
 
 
 @compiled
+def _shows_carpet(kinds: UInt8Array, top: int, left: int) -> bool:
+    """Return whether the cell that begins at a pixel shows carpet."""
+    for v in range(top, min(top + _CELL_PX, kinds.shape[0])):
+        for u in range(left, min(left + _CELL_PX, kinds.shape[1])):
+            if kinds[v, u] == CARPET:
+                return True
+    return False
+
+
+@compiled
+def _cells_to_carpet(kinds: UInt8Array) -> Int64Array:
+    """Return how many cells of `_CELL_PX` each cell lies from one that shows carpet, along rows or columns."""
+    height, width = kinds.shape
+    rows, columns = (height + _CELL_PX - 1) // _CELL_PX, (width + _CELL_PX - 1) // _CELL_PX
+    away = np.full((rows, columns), rows + columns, dtype=np.int64)
+    for i in range(rows):
+        for j in range(columns):
+            if _shows_carpet(kinds, i * _CELL_PX, j * _CELL_PX):
+                away[i, j] = 0
+    for turn in range(2):
+        for n in range(rows * columns):
+            at = n if turn == 0 else rows * columns - 1 - n
+            i, j = at // columns, at % columns
+            # the neighbours that this turn has been at
+            before = -1 if turn == 0 else 1
+            nearest = away[i, j]
+            if 0 <= j + before < columns:
+                nearest = min(nearest, away[i, j + before] + 1)
+            if 0 <= i + before < rows:
+                for k in range(max(j - 1, 0), min(j + 2, columns)):
+                    nearest = min(nearest, away[i + before, k] + 1)
+            away[i, j] = nearest
+    return away
+
+
+@compiled
 def find_discs(
     kinds: UInt8Array,
     directions: FloatArray,
@@ -169,7 +207,7 @@ def find_discs(
         Filled.
     """
     height, width = kinds.shape
-    found, around = 0, np.empty((_ROUGH, 2), dtype=np.int64)
+    found, around, away = 0, np.empty((_ROUGH, 2), dtype=np.int64), _cells_to_carpet(kinds)
     for n in range(len(radii)):
         radius = radii[n]
         step = max(int(search.steps * radius + 0.5), 1)
@@ -178,10 +216,18 @@ def find_discs(
         for k in range(_ROUGH):
             turn = k * DIRECTIONS // _ROUGH
             around[k, 0], around[k, 1] = round(far * directions[turn, 0]), round(far * directions[turn, 1])
+        # farther from carpet than this no place around is carpet
+        reach = (int(far) + 1) // _CELL_PX + 1
         for v in range(0, height, step):
             if not row_radii[v, 0] <= radius <= row_radii[v, 1]:
                 continue
-            for u in range(0, width, step):
+            u = -step
+            while u + step < width:
+                u += step
+                # the next place beyond this cell follows
+                if away[v // _CELL_PX, u // _CELL_PX] > reach:
+                    u += (_CELL_PX - 1 - u % _CELL_PX) // step * step
+                    continue
                 # the middle and most of its surroundings are ball
                 if kinds[v, u] != NEUTRAL:
                     continue

@@ -205,7 +205,11 @@ class PatternedBallFinder:
 
     def _discs(self, frame: UInt8Array, camera: PinholeCamera) -> list[_Disc]:
         settings = self.settings
-        low = np.asarray(cv2.blur(frame[frame.shape[0] // 2 :], (3, 3)), dtype=np.uint8)[::4, ::4].reshape(-1, 3)
+        row_radii, top = self._row_radii_px(camera)
+        half = frame.shape[0] // 2
+        first = min(top, half)
+        blurred = np.asarray(cv2.blur(frame[first:], (3, 3)), dtype=np.uint8)
+        low = blurred[half - first :: 4, ::4].reshape(-1, 3)
         logs = _LOGS[low]
         hue = logs[:, 2] - logs[:, 1] + kernel.BLUE_WEIGHT * (logs[:, 0] - logs[:, 1])
         near = low.astype(np.float64)
@@ -221,13 +225,11 @@ class PatternedBallFinder:
         # half-way from white to the carpet
         half_hue = 0.5 * float(np.median(hue[is_carpet]))
         min_level = settings.min_carpet_level * float(np.median(near[is_carpet, 1]))
-        row_radii, top = self._row_radii_px(camera)
         if top == frame.shape[0]:
             return []
         kinds, level = self._kinds, self._level
         kinds[:top] = kernel.COLORED
-        blurred = np.asarray(cv2.blur(frame[top:], (3, 3)), dtype=np.uint8)
-        kernel.classify(blurred, _LOGS, half_hue, 0.5 * green, min_level, kinds[top:], level[top:])
+        kernel.classify(blurred[top - first :], _LOGS, half_hue, 0.5 * green, min_level, kinds[top:], level[top:])
         if self._mask is not None:
             kinds[self._mask > 0] = kernel.COLORED
         search = settings.search
