@@ -31,6 +31,7 @@ from robocup_vision.perception.floor_color import (
     PaintColor,
     follow_floor_color,
     learn_floor_color,
+    pick_colors,
 )
 
 CLASS_NAMES = ("other", "floor", "line", "ball", "goal_positive_x", "goal_negative_x")
@@ -154,7 +155,7 @@ def _colors_beside(
         min_bearings = _MIN_WHITE_BEARINGS
         if field.ball_color not in ("white", "black"):
             shown &= ~_near_paint(samples[::2], field.ball_color)
-    white = _learn_white(samples[::2].astype(np.float64), shown, floor, min_bearings)
+    white = _learn_white(samples[::2], shown, floor, min_bearings)
     if max(abs(math.log(ratio)) for ratio in (white.red_ratio, white.blue_ratio)) >= strongest_cast:
         white = PaintColor(1.0, 1.0)
     return colors_for(field, floor, white)
@@ -190,23 +191,30 @@ def _near_paint(samples: UInt8Array, name: str) -> npt.NDArray[np.bool_]:
 
 
 def _learn_white(
-    samples: FloatArray, shown: npt.NDArray[np.bool_], floor: FloorColor, min_bearings: float
+    samples: UInt8Array, shown: npt.NDArray[np.bool_], floor: FloorColor, min_bearings: float
 ) -> PaintColor:
-    blue, green, red = colors = samples[shown].T
-    level = (red + 2 * green + blue) / 4
-    not_floor = floor.log_likelihood_ratio(blue, green, red) < 0
-    unsaturated = colors.max(axis=0) < 250
-    bright = not_floor & unsaturated & (level > floor.level)
-    if np.count_nonzero(bright) < 30:
+    colors = pick_colors(samples, shown)
+    places = np.flatnonzero((_level_of(colors) > floor.level) & (colors.max(axis=0) < 250))
+    is_beside = floor.log_likelihood_ratio(*colors[:, places]) < 0
+    places = places[is_beside]
+    colors = colors[:, places]
+    if len(places) < 30:
         return PaintColor(1.0, 1.0)
-    bright &= level >= np.percentile(level[bright], 60)
+    level = _level_of(colors)
+    is_bright = level >= np.percentile(level, 60)
     if min_bearings:
-        of_bearing = np.nonzero(shown)[0][bright]
+        of_bearing = np.nonzero(shown)[0][places[is_bright]]
         if len(np.unique(of_bearing)) < min_bearings * np.count_nonzero(shown.any(axis=1)):
             return PaintColor(1.0, 1.0)
     # the brightest things may be coloured (a yellow goal, a window): the median of their ratios is white while most are
-    blue, green, red = np.maximum(colors[:, bright], 1.0)
+    blue, green, red = np.maximum(colors[:, is_bright], 1.0)
     return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
+
+
+def _level_of(colors: FloatArray) -> FloatArray:
+    """Return the brightness (N,) of colours (3, N)."""
+    blue, green, red = colors
+    return np.asarray((red + 2 * green + blue) / 4)
 
 
 @dataclass(frozen=True, eq=False)
