@@ -217,10 +217,10 @@ class OutlineModel:
 
     @cached_property
     def _rules(self) -> UprightRules:
-        noise, scene = self.noise, self.scene
+        noise = self.noise
         return plain(
             UprightRules(
-                *scene,
+                self.scene,
                 *self.radius_of_q,
                 self.unit_px,
                 noise.inlier * self.unit_px,

@@ -226,8 +226,8 @@ class UprightRules(NamedTuple):
 
     Parameters
     ----------
-    walls, offset_x, offset_y, height, robot_to_camera, cos_b, sin_b
-        As in `WallScene`.
+    scene : WallScene
+        The walls, and the camera that sees them.
     q_step, radius_of_q, unit_px
         As in `FloorOutline`.
     inlier_px, inflate, systematic : float
@@ -236,13 +236,7 @@ class UprightRules(NamedTuple):
         A body that may lean, and a camera that may be off its file.
     """
 
-    walls: FloatArray
-    offset_x: float
-    offset_y: float
-    height: float
-    robot_to_camera: FloatArray
-    cos_b: FloatArray
-    sin_b: FloatArray
+    scene: WallScene
     q_step: float
     radius_of_q: FloatArray
     unit_px: float
@@ -283,9 +277,7 @@ def fit_upright(
         The values of a `FitSummary`, and what `doubts_of_camera` tells of the fit, by the last of the scales.
     """
     known = UprightRules(*rules)
-    scene = WallScene(
-        known.walls, known.offset_x, known.offset_y, known.height, known.robot_to_camera, known.cos_b, known.sin_b
-    )
+    scene = WallScene(*known.scene)
     outline = FloorOutline(radius, known.q_step, known.radius_of_q, scales, known.unit_px)
     best = WallFit(pose, np.empty((3, 3)), np.empty((3, 3)), lines[0], lines[1])
     cost = fit_walls(pose.copy().reshape(1, 3), scene, outline, best)

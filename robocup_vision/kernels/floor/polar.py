@@ -260,6 +260,14 @@ def _see(hidden: UInt8Array, places: Int32Array, width: int, seen: BoolArray) ->
             seen[n] &= hidden[places[i, n] // width, places[i, n] % width] == 0
 
 
+@compiled(inline="always")
+def _weights(across: np.int32, down: np.int32) -> tuple[np.int32, np.int32, np.int32, np.int32]:
+    """Return the bilinear weights of a pixel, the one beside it and the two below, in 1/ONE^2."""
+    both = across * down
+    below, beside = ONE * down - both, ONE * across - both
+    return ONE * (ONE - across) - below, beside, below, both
+
+
 @compiled
 def _sample_colors(frame: UInt8Array, places: Int32Array, parts: Int32Array, profile: Int32Array) -> None:
     """Fill profile (S, 3, N) with the colours at the places, in 1/ONE^2."""
@@ -267,10 +275,7 @@ def _sample_colors(frame: UInt8Array, places: Int32Array, parts: Int32Array, pro
     row = np.uint64(3 * frame.shape[1])
     for i in range(places.shape[0]):
         for n in range(places.shape[1]):
-            fx, fy = parts[0, i, n], parts[1, i, n]
-            w11 = fx * fy
-            w10, w01 = ONE * fy - w11, ONE * fx - w11
-            w00 = ONE * (ONE - fx) - w10
+            w00, w01, w10, w11 = _weights(parts[0, i, n], parts[1, i, n])
             # unsigned: a signed index would be checked for being negative at every access
             at = np.uint64(3 * places[i, n])
             below = at + row
@@ -292,10 +297,7 @@ def _sample_signal(
     row = np.uint64(3 * frame.shape[1])
     for i in range(places.shape[0]):
         for n in range(places.shape[1]):
-            fx, fy = parts[0, i, n], parts[1, i, n]
-            w11 = fx * fy
-            w10, w01 = ONE * fy - w11, ONE * fx - w11
-            w00 = ONE * (ONE - fx) - w10
+            w00, w01, w10, w11 = _weights(parts[0, i, n], parts[1, i, n])
             at = np.uint64(3 * places[i, n])
             below = at + row
             gain0, gain1, gain2 = gain[0, n], gain[1, n], gain[2, n]

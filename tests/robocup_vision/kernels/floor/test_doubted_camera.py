@@ -236,7 +236,7 @@ def test_a_fit_its_summary_and_its_doubts_are_the_same_in_one_call(pose, seed):
     _, information, scatter, residual, predicted = one_by_one
     expected = cost, *summarise_fit(residual, 1.5, information, scatter, 1.7, 0.008, covariance)
     doubts = doubts_of_camera(one_by_one.pose, scene(), floor_of(radius), LEAN, DOUBT)
-    rules = UprightRules(*scene(), Q_STEP, RADIUS_OF_Q, 1.0, 1.5, 1.7, 0.008, tuple(LEAN), tuple(DOUBT))
+    rules = UprightRules(tuple(scene()), Q_STEP, RADIUS_OF_Q, 1.0, 1.5, 1.7, 0.008, tuple(LEAN), tuple(DOUBT))
     found = fit_upright(start, radius, SCALES, tuple(rules), lines, out_covariance)
     assert found == pytest.approx((*expected, *doubts), rel=1e-9)
     pairs = (start, one_by_one.pose), (lines[0], residual), (lines[1], predicted), (out_covariance, covariance)
