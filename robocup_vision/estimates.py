@@ -73,13 +73,10 @@ class PoseEstimate:
 
     def seen_from(self, mount: Pose2) -> PoseEstimate:
         """Return the estimate, with its candidates, of what lies at `mount` in the frame that this one is of."""
-        return PoseEstimate(
-            self.pose.compose(mount),
-            compose_covariance(self.pose, self.covariance, mount, np.zeros((3, 3))),
-            self.inlier_ratio,
-            self.residual_px,
-            tuple(candidate.compose(mount) for candidate in self.candidates),
-        )
+        candidates, covariance = tuple(candidate.compose(mount) for candidate in self.candidates), self.covariance
+        if mount.x_m or mount.y_m:
+            covariance = compose_covariance(self.pose, covariance, mount, np.zeros((3, 3)))
+        return PoseEstimate(candidates[0], covariance, self.inlier_ratio, self.residual_px, candidates)
 
     def half_turn(self) -> PoseEstimate:
         """Return the estimate turned by pi about the field's centre, with its candidates in the same order."""

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor.turned_view import map_pixels
 
@@ -31,12 +31,12 @@ FAR_BELOW_PX = 20_000
 # what a head's pan leaves as it is: where the samples lie in the picture, and how far away
 _UNCHANGED_BY_PAN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px", "bearings",
-    "_columns_told", "below_px", "hidden_px", "pixels", "_map", "valid", "near_count",
+    "_columns_told", "below_px", "hidden_px", "pixels", "_planes", "_map", "valid", "near_count", "ends_px",
 )  # fmt: skip
 # what a nod or roll of the body leaves as it is: where the samples lie on the floor
 _UNCHANGED_BY_TURN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px",
-    "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "valid",
+    "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "valid", "ends_px",
 )  # fmt: skip
 
 
@@ -117,8 +117,8 @@ class FloorView:
         fu, fv = camera.focal_px
         pixel = np.array([[camera.center_px[0], -fu, 0.0], [camera.center_px[1], 0.0, -fv], [1.0, 0.0, 0.0]])
         homography = pixel @ camera.camera_to_robot.T @ self.camera.camera_to_robot @ ray
-        places = np.empty(self._map.shape, dtype=np.int16)
-        map_pixels(self.pixels, homography, *camera.size_px, places)
+        places = np.empty_like(self._planes)
+        map_pixels(self._planes, homography, *camera.size_px, places)
         vars(other)["_map"] = places
         return other
 
@@ -306,7 +306,8 @@ class FloorView:
         u, v = self.pixels[..., 0], self.pixels[..., 1]
         inside = (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
         if self.mask is not None:
-            hidden = self.mask[self._map[..., 1], self._map[..., 0]] > 0
+            u, v = np.rint(self._map).astype(np.intp)
+            hidden = self.mask[v, u] > 0
             # the 3 x 3 blur of the samples reaches one further in each direction
             inside &= cv2.dilate(hidden.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
         valid = inside.astype(np.uint8)
@@ -314,10 +315,21 @@ class FloorView:
         return valid
 
     @cached_property
-    def _map(self) -> npt.NDArray[np.int16]:
+    def _planes(self) -> Float32Array:
+        """(2, K, M) float32: u and v of `pixels`."""
+        return np.ascontiguousarray(np.moveaxis(self.pixels, -1, 0), dtype=np.float32)
+
+    @cached_property
+    def _map(self) -> Float32Array:
+        """(2, K, M) float32: u and v of the samples, those outside the frame at its rim."""
         width, height = self.camera.size_px
-        nearest = np.nan_to_num(np.rint(self.pixels))
-        return np.ascontiguousarray(np.clip(nearest, 0, (width - 1, height - 1)), dtype=np.int16)
+        rim = np.array([width - 1, height - 1], dtype=np.float32)[:, None, None]
+        return np.asarray(np.clip(np.nan_to_num(self._planes), 0, rim), dtype=np.float32)
+
+    @cached_property
+    def ends_px(self) -> FloatArray:
+        """(M + 1,) float64: where the floor ends that is last seen in each column, as `radius_px`; NaN for none."""
+        return read_only(np.append(self.radius_px + self.step_px / 2, np.nan))
 
     @cached_property
     def near_count(self) -> int:
@@ -326,7 +338,7 @@ class FloorView:
 
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples."""
-        nearest = cv2.remap(frame, self._map, None, cv2.INTER_NEAREST)  # type: ignore[call-overload]
+        nearest = cv2.remap(frame, self._map[0], self._map[1], cv2.INTER_NEAREST)
         seen = self.seen_bearings
         nearest[:seen] = cv2.blur(nearest[:seen], (3, 3), borderType=cv2.BORDER_REPLICATE)
         return np.asarray(nearest, dtype=np.uint8)

@@ -384,7 +384,7 @@ def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:
 
 def _edge_px(view: FloorView, columns: Int64Array) -> FloatArray:
     """(K,) float64: where the floor ends at each bearing, as `radius_px`; NaN where none is seen."""
-    return np.append(view.radius_px + view.step_px / 2, np.nan)[columns]
+    return np.asarray(view.ends_px[columns])
 
 
 def _same_mounting(a: PinholeCamera, b: PinholeCamera, *, with_pan: bool) -> bool:

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled
+
+# of the range of values whose quantiles are looked for
+_STEPS = 512
 
 
 @compiled
@@ -29,3 +34,58 @@ def sorted_median(values: FloatArray) -> float:
     sort(values)
     count = values.shape[0]
     return 0.5 * float(values[(count - 1) // 2] + values[count // 2])
+
+
+@compiled(error_model="numpy")
+def quantiles(values: FloatArray, parts: FloatArray, scratch: FloatArray, out: FloatArray) -> None:
+    """Write quantiles of many values, between neighbours in proportion.
+
+    Values are counted by steps of their range: only those of the step that holds a quantile are sorted.
+
+    Parameters
+    ----------
+    values : (N,) float64
+        At least one, finite.
+    parts : (Q,) float64
+        0 to 1.
+    scratch : (M,) float64
+        Room for N values and one more.
+    out : (Q,) float64
+        Filled.
+    """
+    count = values.shape[0]
+    low, high = values[0], values[0]
+    for value in values:
+        low, high = min(low, value), max(high, value)
+    per_value = 0.0 if high == low else _STEPS * (1.0 - 1e-9) / (high - low)
+    numbers = np.zeros(_STEPS, dtype=np.int64)
+    for value in values:
+        numbers[int((value - low) * per_value)] += 1
+    for n in range(parts.shape[0]):
+        place = parts[n] * (count - 1)
+        rank = min(int(place), count - 1)
+        step, before = 0, 0
+        while before + numbers[step] <= rank:
+            before += numbers[step]
+            step += 1
+        held = 0
+        for value in values:
+            # written, and kept only where it is of the step: no branch to guess
+            scratch[held] = value
+            held += int((value - low) * per_value) == step
+        sort(scratch[:held])
+        first = scratch[rank - before]
+        out[n] = first
+        if rank < count - 1:
+            after = scratch[rank - before + 1] if rank - before + 1 < held else _least_beyond(values, first)
+            out[n] += (place - rank) * (after - first)
+
+
+@compiled
+def _least_beyond(values: FloatArray, bound: float) -> float:
+    """Return the least of the values that is greater than one of them."""
+    least = np.inf
+    for value in values:
+        if value > bound:
+            least = min(least, value)
+    return least

@@ -11,15 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array, UInt64Array
 from robocup_vision.compiling.loops import compiled
 
 CARPET, NEUTRAL, COLORED = 0, 1, 2
 DIRECTIONS = 24
-# directions of a first look, and how many of them must show carpet: half of the rim, and one may err
-_ROUGH, _MIN_ROUGH = 8, 3
-# side of the cells in which it is known how far carpet is
-_CELL_PX = 8
+# directions of a first look: three of them must part ball from carpet, which is half of the rim, and one may err
+_ROUGH = 8
+NO_BITS, ONE, EIGHT, LAST, EIGHT_BITS, EVERY_BIT = (
+    np.uint64(0), np.uint64(1), np.uint64(8), np.uint64(63), np.uint64(255), ~np.uint64(0)
+)  # fmt: skip
 # columns of a found disc
 U, V, RADIUS, AGREE, INSIDE, WHITE, DARK, CARPET_LEVEL, AROUND, SHOWN, COLUMNS = range(11)
 # radii, in those of the disc, at which it is looked for carpet all around
@@ -29,7 +30,9 @@ _UNDERSIDE = 0.5
 # from this ratio of their radii on two discs at one place are two answers
 _OTHER_SIZE = 1.3
 # weight of the blue: it says less than the red, for a white ball on carpet in warm light is yellow
-BLUE_WEIGHT = 0.15
+BLUE_WEIGHT = 3 / 20
+# a pixel's noise, added to its level before the logarithm is taken
+NOISE_COUNTS = 8.0
 # added to the sum of the channels: the darker a pixel, the less its hue says
 DARK_COUNTS = 30.0
 # logarithms beyond which a pixel is coloured: red beside green, blue beside green
@@ -64,51 +67,52 @@ class DiscSearch(NamedTuple):
     min_dark: float
 
 
-@compiled
-def classify(
-    frame: UInt8Array,
-    logs: FloatArray,
-    max_hue: float,
-    min_green: float,
-    min_level: float,
-    kinds: UInt8Array,
-    level: UInt8Array,
-) -> None:
-    """Say of each pixel whether it may be carpet or ball.
+@compiled(error_model="numpy")
+def classify(planes: UInt8Array, first: int, hue: float, green: float, level: float, kinds: UInt8Array) -> None:
+    """Say of each pixel whether it may be carpet or ball, from a row on.
+
+    Nothing in the loop branches or is looked up, so that several pixels are told at once.
 
     Parameters
     ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    logs : (256,) float64
-        Logarithm of each level, with the noise of a dark pixel added to it.
-    max_hue : float
-        The carpet's pixels have less: logarithm of red by green, and `BLUE_WEIGHT` times that of blue by green.
-    min_green : float
+    planes : (3, H, W) uint8
+        Blue, green and red.
+    first : int
+        The row. Those before it are `COLORED`.
+    hue : float
+        The carpet's pixels have less: logarithm of red by green, and `BLUE_WEIGHT` times that of blue by green, with
+        `NOISE_COUNTS` added to each.
+    green : float
         And more of this: twice the green less red and blue, by their sum and `DARK_COUNTS`.
-    min_level : float
-        And its green is at least this: black in the carpet's reflected light is as green as carpet, but darker.
-    kinds, level : (H, W) uint8
-        Filled: with `CARPET`, `NEUTRAL` or `COLORED`, and with its green: what is carpet in part is no darker.
+    level : float
+        And their green is at least this: black in the carpet's reflected light is as green as carpet, but darker.
+    kinds : (H, W) uint8
+        Filled with `CARPET`, `NEUTRAL` or `COLORED`.
     """
-    for v in range(frame.shape[0]):
-        for u in range(frame.shape[1]):
-            green = logs[frame[v, u, 1]]
-            red, blue = logs[frame[v, u, 2]] - green, logs[frame[v, u, 0]] - green
-            level[v, u] = frame[v, u, 1]
-            b, g, r = float(frame[v, u, 0]), float(frame[v, u, 1]), float(frame[v, u, 2])
+    _, height, width = planes.shape
+    # powers in the place of logarithms: the 20th of red by green times the third of blue by green
+    most, least, dark = np.float32(math.exp(20.0 * hue)), np.float32(green), np.float32(level)
+    max_red, max_blue = np.float32(math.exp(_MAX_RED)), np.float32(math.exp(_MAX_BLUE))
+    noise, counts, three = np.float32(NOISE_COUNTS), np.float32(DARK_COUNTS), np.float32(3.0)
+    for v in range(first):
+        for u in range(width):
+            kinds[v, u] = COLORED
+    for v in range(first, height):
+        for u in range(width):
+            b, g, r = np.float32(planes[0, v, u]), np.float32(planes[1, v, u]), np.float32(planes[2, v, u])
+            total, by_green = b + g + r, np.float32(1.0) / (g + noise)
+            red, blue = (r + noise) * by_green, (b + noise) * by_green
+            squared = red * red
+            fifth = squared * squared * red
+            tenth = fifth * fifth
             # black patches are as green as grey is, or nearly; white in warm light is as red as it is green
-            is_lit = g >= min_level
-            if (
-                is_lit
-                and red + BLUE_WEIGHT * blue < max_hue
-                and 2.0 * g - b - r > min_green * (b + g + r + DARK_COUNTS)
-            ):
-                kinds[v, u] = CARPET
-            elif red > _MAX_RED or blue > _MAX_BLUE:
-                kinds[v, u] = COLORED
-            else:
-                kinds[v, u] = NEUTRAL
+            is_carpet = (
+                (g >= dark)
+                & (three * g - total > least * (total + counts))
+                & (tenth * tenth * (blue * blue * blue) < most)
+            )
+            other = np.uint8(COLORED) if (red > max_red) | (blue > max_blue) else np.uint8(NEUTRAL)
+            kinds[v, u] = np.uint8(CARPET) if is_carpet else other
 
 
 @compiled
@@ -145,39 +149,34 @@ def measure_disc(
 
 
 @compiled
-def _shows_carpet(kinds: UInt8Array, top: int, left: int) -> bool:
-    """Return whether the cell that begins at a pixel shows carpet."""
-    for v in range(top, min(top + _CELL_PX, kinds.shape[0])):
-        for u in range(left, min(left + _CELL_PX, kinds.shape[1])):
-            if kinds[v, u] == CARPET:
-                return True
-    return False
+def _bits(kinds: UInt8Array, kind: int, outside: np.uint64, words: int, beyond: int) -> UInt64Array:
+    """Return a bit for each pixel, whether it is of a kind: rows of words, and `beyond` words outside on both sides.
+
+    The row after the last is outside, too.
+    """
+    height, width = kinds.shape
+    bits = np.empty((height + 1, words + 2 * beyond), dtype=np.uint64)
+    for at in range(words + 2 * beyond):
+        bits[height, at] = outside
+    for v in range(height):
+        for at in range(beyond):
+            bits[v, at] = bits[v, beyond + words + at] = outside
+        for word in range(words):
+            first = 64 * word
+            count = min(width - first, 64)
+            here = outside if count < 64 else NO_BITS
+            here = (here >> np.uint64(count % 64)) << np.uint64(count % 64)
+            for k in range(count):
+                here |= np.uint64(kinds[v, first + k] == kind) << np.uint64(k)
+            bits[v, beyond + word] = here
+    return bits
 
 
 @compiled
-def _cells_to_carpet(kinds: UInt8Array) -> Int64Array:
-    """Return how many cells of `_CELL_PX` each cell lies from one that shows carpet, along rows or columns."""
-    height, width = kinds.shape
-    rows, columns = (height + _CELL_PX - 1) // _CELL_PX, (width + _CELL_PX - 1) // _CELL_PX
-    away = np.full((rows, columns), rows + columns, dtype=np.int64)
-    for i in range(rows):
-        for j in range(columns):
-            if _shows_carpet(kinds, i * _CELL_PX, j * _CELL_PX):
-                away[i, j] = 0
-    for turn in range(2):
-        for n in range(rows * columns):
-            at = n if turn == 0 else rows * columns - 1 - n
-            i, j = at // columns, at % columns
-            # the neighbours that this turn has been at
-            before = -1 if turn == 0 else 1
-            nearest = away[i, j]
-            if 0 <= j + before < columns:
-                nearest = min(nearest, away[i, j + before] + 1)
-            if 0 <= i + before < rows:
-                for k in range(max(j - 1, 0), min(j + 2, columns)):
-                    nearest = min(nearest, away[i + before, k] + 1)
-            away[i, j] = nearest
-    return away
+def _beside(bits: UInt64Array, row: int, word: int, offset: int) -> np.uint64:
+    """Return the bits so many pixels to the right of those of a word: that many words to the side are kept, no more."""
+    at, shift = word + (offset >> 6), np.uint64(offset & 63)
+    return np.uint64((bits[row, at] >> shift) | ((bits[row, at + 1] << ONE) << (LAST - shift)))
 
 
 @compiled
@@ -190,6 +189,8 @@ def find_discs(
     out: FloatArray,
 ) -> int:
     """Write the discs that may be balls into `out` (N, COLUMNS), and return how many.
+
+    Places side by side are tried together, a bit for each: few are left to be measured.
 
     Parameters
     ----------
@@ -206,56 +207,70 @@ def find_discs(
     out : (N, COLUMNS) float64
         Filled.
     """
+    search = DiscSearch(*search)
     height, width = kinds.shape
-    found, around, away = 0, np.empty((_ROUGH, 2), dtype=np.int64), _cells_to_carpet(kinds)
+    found = 0
+    # what lies beyond the picture may be ball, but shows no carpet
+    words = (width + 63) // 64
+    beyond = (int(search.outer * radii.max() + search.beyond_px) + 64) // 64 if len(radii) else 1
+    ball, carpet = _bits(kinds, NEUTRAL, EVERY_BIT, words, beyond), _bits(kinds, CARPET, NO_BITS, words, beyond)
+    rim, far = np.empty((_ROUGH, 2), dtype=np.int64), np.empty((_ROUGH, 2), dtype=np.int64)
+    places = np.empty(words, dtype=np.uint64)
     for n in range(len(radii)):
         radius = radii[n]
         step = max(int(search.steps * radius + 0.5), 1)
         near = int(0.6 * radius)
-        far = search.outer * radius + search.beyond_px
         for k in range(_ROUGH):
-            turn = k * DIRECTIONS // _ROUGH
-            around[k, 0], around[k, 1] = round(far * directions[turn, 0]), round(far * directions[turn, 1])
-        # farther from carpet than this no place around is carpet
-        reach = (int(far) + 1) // _CELL_PX + 1
+            c, s = directions[k * DIRECTIONS // _ROUGH]
+            within, reach = search.inner * radius, search.outer * radius + search.beyond_px
+            rim[k, 0], rim[k, 1] = math.floor(within * c + 0.5), math.floor(within * s + 0.5)
+            far[k, 0], far[k, 1] = math.floor(reach * c + 0.5), math.floor(reach * s + 0.5)
+        for word in range(words):
+            places[word] = NO_BITS
+        for u in range(0, width, step):
+            places[u // 64] |= ONE << np.uint64(u % 64)
         for v in range(0, height, step):
             if not row_radii[v, 0] <= radius <= row_radii[v, 1]:
                 continue
-            u = -step
-            while u + step < width:
-                u += step
-                # the next place beyond this cell follows
-                if away[v // _CELL_PX, u // _CELL_PX] > reach:
-                    u += (_CELL_PX - 1 - u % _CELL_PX) // step * step
-                    continue
+            above, below = v - near if v >= near else height, v + near if v + near < height else height
+            for word in range(words):
+                at = word + beyond
                 # the middle and most of its surroundings are ball
-                if kinds[v, u] != NEUTRAL:
+                here = places[word] & ball[v, at]
+                if here == NO_BITS:
                     continue
-                missing = 0
-                if u >= near:
-                    missing += kinds[v, u - near] != NEUTRAL
-                if u + near < width:
-                    missing += kinds[v, u + near] != NEUTRAL
-                if v >= near:
-                    missing += kinds[v - near, u] != NEUTRAL
-                if v + near < height:
-                    missing += kinds[v + near, u] != NEUTRAL
-                if missing > 1:
+                a, b = _beside(ball, v, at, -near), _beside(ball, v, at, near)
+                c, d = ball[above, at], ball[below, at]
+                here &= (a & b & (c | d)) | (c & d & (a | b))
+                if here == NO_BITS:
                     continue
-                carpet = 0
+                once, twice, often = NO_BITS, NO_BITS, NO_BITS
                 for k in range(_ROUGH):
-                    x, y = u + around[k, 0], v + around[k, 1]
-                    if 0 <= x < width and 0 <= y < height:
-                        carpet += kinds[y, x] == CARPET
-                if carpet < _MIN_ROUGH:
-                    continue
-                agree, shown, inside = measure_disc(kinds, directions, u, v, radius, search)
-                if shown < DIRECTIONS // 2 or agree < search.min_agree * shown or inside < search.min_inside:
-                    continue
-                if found < len(out):
-                    out[found, U], out[found, V], out[found, RADIUS] = u, v, radius
-                    out[found, AGREE], out[found, INSIDE] = agree / shown, inside
-                    found += 1
+                    y = v + far[k, 1]
+                    if y < 0 or y >= height:
+                        continue
+                    parts = here & _beside(carpet, y, at, far[k, 0])
+                    if parts == NO_BITS:
+                        continue
+                    parts &= _beside(ball, v + rim[k, 1], at, rim[k, 0])
+                    often |= twice & parts
+                    twice |= once & parts
+                    once |= parts
+                here &= often
+                u = 64 * word
+                while here != NO_BITS:
+                    while here & EIGHT_BITS == NO_BITS:
+                        here >>= EIGHT
+                        u += 8
+                    if here & ONE != NO_BITS:
+                        agree, shown, inside = measure_disc(kinds, directions, u, v, radius, search)
+                        is_disc = shown >= DIRECTIONS // 2 and agree >= search.min_agree * shown
+                        if is_disc and inside >= search.min_inside and found < len(out):
+                            out[found, U], out[found, V], out[found, RADIUS] = u, v, radius
+                            out[found, AGREE], out[found, INSIDE] = agree / shown, inside
+                            found += 1
+                    here >>= ONE
+                    u += 1
     return found
 
 
@@ -267,8 +282,10 @@ def best_discs(
 
     Parameters
     ----------
-    kinds, level : (H, W) uint8
+    kinds : (H, W) uint8
         From `classify`.
+    level : (H, W) uint8
+        Green: what is carpet in part is no darker.
     directions : (DIRECTIONS, 2) float64
         Unit vectors.
     search : DiscSearch
@@ -278,6 +295,7 @@ def best_discs(
     out : (M, COLUMNS) float64
         Filled.
     """
+    search = DiscSearch(*search)
     # the rim, the inside, and a little for size: a disc within a ball agrees nearly as well
     score = found[:, AGREE] + found[:, INSIDE] + 0.003 * found[:, RADIUS]
     kept, tried = 0, np.empty((4 * len(out), 3))

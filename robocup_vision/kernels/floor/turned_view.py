@@ -4,34 +4,40 @@ from __future__ import annotations
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, Int16Array
+from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
 
 
-@compiled
-def map_pixels(pixels: FloatArray, homography: FloatArray, width: int, height: int, out: Int16Array) -> None:
-    """Map pixels by a homography and round them into the frame.
+@compiled(error_model="numpy")
+def map_pixels(planes: Float32Array, homography: FloatArray, width: int, height: int, out: Float32Array) -> None:
+    """Map pixels by a homography, into the frame.
+
+    Nothing in the loop branches, and u and v lie apart, so that several pixels are mapped at once.
 
     Parameters
     ----------
-    pixels : (K, M, 2) float64
+    planes : (2, K, M) float32
         u and v; NaN where there is none: that becomes 0.
     homography : (3, 3) float64
         Of u, v, 1.
     width, height : int
-        Of the frame: what lies beyond becomes the nearest pixel.
-    out : (K, M, 2) int16
+        Of the frame: what lies beyond is moved to its rim.
+    out : (2, K, M) float32
         Result.
     """
-    h = homography
-    for k in range(pixels.shape[0]):
-        for m in range(pixels.shape[1]):
-            u, v = pixels[k, m, 0], pixels[k, m, 1]
-            scale = h[2, 0] * u + h[2, 1] * v + h[2, 2]
-            if not scale > 0.0:
-                out[k, m, 0], out[k, m, 1] = 0, 0
-                continue
-            x = (h[0, 0] * u + h[0, 1] * v + h[0, 2]) / scale + 0.5
-            y = (h[1, 0] * u + h[1, 1] * v + h[1, 2]) / scale + 0.5
-            out[k, m, 0] = np.int16(min(max(x, 0.0), width - 1.0))
-            out[k, m, 1] = np.int16(min(max(y, 0.0), height - 1.0))
+    # in variables: what is written might be the homography's memory, for all the compiler knows
+    a, b, c = np.float32(homography[0, 0]), np.float32(homography[0, 1]), np.float32(homography[0, 2])
+    d, e, f = np.float32(homography[1, 0]), np.float32(homography[1, 1]), np.float32(homography[1, 2])
+    g, h, i = np.float32(homography[2, 0]), np.float32(homography[2, 1]), np.float32(homography[2, 2])
+    right, low, none, one = np.float32(width - 1), np.float32(height - 1), np.float32(0.0), np.float32(1.0)
+    for k in range(planes.shape[1]):
+        for m in range(planes.shape[2]):
+            u, v = planes[0, k, m], planes[1, k, m]
+            scale = g * u + h * v + i
+            by_scale = one / scale
+            x, y = (a * u + b * v + c) * by_scale, (d * u + e * v + f) * by_scale
+            is_ahead = scale > none
+            x = x if is_ahead & (x > none) else none
+            y = y if is_ahead & (y > none) else none
+            out[0, k, m] = x if x < right else right
+            out[1, k, m] = y if y < low else low

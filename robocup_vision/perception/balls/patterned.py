@@ -18,13 +18,14 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.floor import patterned_ball as kernel
+from robocup_vision.kernels.floor import patterned_carpet
 from robocup_vision.perception.balls.ball import Ball
 
 _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
-# a pixel's noise, added to its level before the logarithm is taken
-_LOGS = np.log(np.arange(256) + 8.0)
+_LOGS = np.log(np.arange(256) + kernel.NOISE_COUNTS)
 # where the tilt is known, a ball's size is, too: by this many standard deviations; told for every so many rows
 _SIGMAS, _ROWS = 3.0, 8
 # radii from a disc's middle, within which pixels are looked at
@@ -145,7 +146,16 @@ class PatternedBallFinder:
         self._radius_m = field.ball_radius_m
         self._mask = mask
         width, height = camera.size_px
-        self._kinds, self._level = np.zeros((2, height, width), dtype=np.uint8)
+        self._camera = camera
+        self._search = plain(settings.search)
+        self._blurred, self._planes = (
+            np.empty((height, width, 3), dtype=np.uint8),
+            np.empty((3, height, width), np.uint8),
+        )
+        self._kinds = np.empty((height, width), dtype=np.uint8)
+        looked_at = -(-height // patterned_carpet.STRIDE) * -(-width // patterned_carpet.STRIDE)
+        self._scratch = np.empty((4, looked_at + 1))
+        self._row_radii = np.empty((height, 2))
         self._found = np.empty((settings.max_discs, kernel.COLUMNS))
         self._kept = np.empty((settings.max_kept, kernel.COLUMNS))
 
@@ -208,33 +218,23 @@ class PatternedBallFinder:
         row_radii, top = self._row_radii_px(camera)
         half = frame.shape[0] // 2
         first = min(top, half)
-        blurred = np.asarray(cv2.blur(frame[first:], (3, 3)), dtype=np.uint8)
-        low = blurred[half - first :: 4, ::4].reshape(-1, 3)
-        logs = _LOGS[low]
-        hue = logs[:, 2] - logs[:, 1] + kernel.BLUE_WEIGHT * (logs[:, 0] - logs[:, 1])
-        near = low.astype(np.float64)
-        total = near.sum(axis=1)
-        greenness = (3 * near[:, 1] - total) / (total + kernel.DARK_COUNTS)
-        is_carpet = (hue < settings.carpet_hue) & (greenness > settings.min_green)
-        if np.mean(is_carpet) < settings.min_carpet_ratio:
+        planes = self._planes
+        cv2.split(cv2.blur(frame[first:], (3, 3), dst=self._blurred[first:]), list(planes[:, first:]))
+        ratio, quarter, hue, three_quarters, green, level = patterned_carpet.measure_carpet(
+            planes, half, _LOGS, settings.carpet_hue, settings.min_green, self._scratch
+        )
+        if ratio < settings.min_carpet_ratio or three_quarters - quarter > settings.max_hue_range:
             return []
-        quarter, three_quarters = np.quantile(hue[is_carpet], [0.25, 0.75]).tolist()
-        if three_quarters - quarter > settings.max_hue_range:
-            return []
-        green = float(np.median(greenness[is_carpet]))
-        # half-way from white to the carpet
-        half_hue = 0.5 * float(np.median(hue[is_carpet]))
-        min_level = settings.min_carpet_level * float(np.median(near[is_carpet, 1]))
         if top == frame.shape[0]:
             return []
-        kinds, level = self._kinds, self._level
-        kinds[:top] = kernel.COLORED
-        kernel.classify(blurred[top - first :], _LOGS, half_hue, 0.5 * green, min_level, kinds[top:], level[top:])
+        kinds = self._kinds
+        # half-way from white to the carpet
+        kernel.classify(planes, top, 0.5 * hue, 0.5 * green, settings.min_carpet_level * level, kinds)
         if self._mask is not None:
             kinds[self._mask > 0] = kernel.COLORED
-        search = settings.search
+        search = self._search
         found = self._found[: kernel.find_discs(kinds, _DIRECTIONS, self._radii_px, row_radii, search, self._found)]
-        count = kernel.best_discs(kinds, level, _DIRECTIONS, search, found, self._kept)
+        count = kernel.best_discs(kinds, planes[1], _DIRECTIONS, search, found, self._kept)
         # a disc may have shrunk below what is looked for when its place and size were fitted
         return [
             self._weighed(row, camera) for row in self._kept[:count] if row[kernel.RADIUS] >= settings.min_radius_px
@@ -245,32 +245,38 @@ class PatternedBallFinder:
 
         A tilt that is not known leaves every size open in every row.
         """
-        settings, (width, height) = self.settings, camera.size_px
+        settings, row_radii = self.settings, self._row_radii
         if camera.tilt_rad is None:
-            return np.tile((0.0, math.inf), (height, 1)), 0
+            row_radii[:] = 0.0, math.inf
+            return row_radii, 0
+        patterned_carpet.bound_radii(
+            self._rays,
+            camera.camera_to_robot[2],
+            camera.focal_px[0],
+            self._radius_m / (camera.height_m - self._radius_m),
+            _SIGMAS * settings.tilt_std_rad,
+            _SIGMAS * settings.radius_std,
+            _ROWS,
+            row_radii,
+        )
+        seen = row_radii[:, 1] >= settings.min_radius_px
+        first = int(seen.argmax())
+        if not seen[first]:
+            return row_radii, len(seen)
+        # a row's own balls reach above it
+        return row_radii, max(int((self._every_row - _BEYOND * row_radii[:, 1])[seen].min()), 0)
+
+    @cached_property
+    def _every_row(self) -> FloatArray:
+        return np.arange(self._camera.size_px[1], dtype=np.float64)
+
+    @cached_property
+    def _rays(self) -> FloatArray:
+        """(N, 3, 3) float64: directions of the ends and the middle of each of `_ROWS` rows, camera frame."""
+        width, height = self._camera.size_px
         at = np.minimum(np.arange(0, height + _ROWS, _ROWS), height - 1)
         pixels = np.stack(np.broadcast_arrays([0.0, (width - 1) / 2, width - 1.0], at[:, None]), axis=-1)
-        ahead = camera.pixel_to_camera_ray(pixels)[..., 0]
-        ray = camera.pixel_to_ray(pixels)
-        fall_rad = np.arctan2(-ray[..., 2], np.hypot(ray[..., 0], ray[..., 1]))
-        slack_rad, scale = _SIGMAS * settings.tilt_std_rad, self._radius_m / (camera.height_m - self._radius_m)
-
-        def radius_px(angle_rad: FloatArray) -> FloatArray:
-            sine = np.sin(np.clip(angle_rad, 0.0, math.pi / 2))
-            return np.asarray(np.arcsin(np.minimum(scale * sine, 1.0)) * camera.focal_px[0] / ahead)
-
-        radius = radius_px(fall_rad)
-        below, above = radius - radius_px(fall_rad - slack_rad), radius_px(fall_rad + slack_rad) - radius
-        of_size = _SIGMAS * settings.radius_std * radius
-        least = (radius - np.hypot(of_size, below)).min(axis=1)
-        most = (radius + np.hypot(of_size, above)).max(axis=1)
-        # between two rows it lies between theirs
-        bounds = np.column_stack([np.minimum(least[:-1], least[1:]), np.maximum(most[:-1], most[1:])])
-        seen = np.flatnonzero(bounds[:, 1] >= settings.min_radius_px)
-        if not len(seen):
-            return np.zeros((height, 2)), height
-        top = int(np.min(at[seen] - _BEYOND * bounds[seen, 1]))
-        return np.repeat(bounds, _ROWS, axis=0)[:height], max(top, 0)
+        return self._camera.pixel_to_camera_ray(pixels)
 
     def _weighed(self, row: FloatArray, camera: PinholeCamera) -> _Disc:
         settings = self.settings

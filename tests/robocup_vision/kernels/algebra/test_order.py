@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
-from robocup_vision.kernels.algebra.order import sort, sorted_median
+from robocup_vision.kernels.algebra.order import quantiles, sort, sorted_median
 
 numbers = st.floats(-1e6, 1e6)
 
@@ -23,6 +23,17 @@ def test_sorting_agrees_with_numpy(values):
 @given(hnp.arrays(np.float64, st.integers(1, 60), elements=numbers))
 def test_the_median_agrees_with_numpy(values):
     assert sorted_median(values.copy()) == np.median(values)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    hnp.arrays(np.float64, st.integers(1, 300), elements=st.one_of(numbers, st.sampled_from([0.0, 1.0, 1e-3]))),
+    hnp.arrays(np.float64, st.integers(1, 4), elements=st.floats(0, 1)),
+)
+def test_quantiles_agree_with_numpy(values, parts):
+    found = np.empty(len(parts))
+    quantiles(values, parts, np.empty(len(values) + 1), found)
+    np.testing.assert_allclose(found, np.quantile(values, parts), rtol=1e-9, atol=1e-9)
 
 
 @settings(deadline=None, max_examples=20)
