@@ -14,10 +14,11 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.kernels.floor import free_floor
+from robocup_vision.kernels.floor.stretches import stands_free
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
-from robocup_vision.perception.obstacles import Obstacle, find_obstacles
+from robocup_vision.perception.obstacles import Obstacle, join_places
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
 # blocked samples in a row that make an obstacle
@@ -106,13 +107,10 @@ class View:
         blocked = np.empty(self.polar.bearings, dtype=np.int64)
         columns = self.polar.columns_in_use
         free_floor.first_blocked(self.marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
-        place = np.minimum(blocked, len(self.polar.radius_px) - 1)
-        beyond = self.polar.radius_px[place] - self.wall_radius_px
-        with np.errstate(invalid="ignore"):
-            is_wall = beyond > -_WALL_COLUMNS * self.polar.step_px
-        nowhere = np.asarray(blocked >= len(self.polar.radius_px), dtype=np.int64)
-        floor_m = self.polar.floor_at(place)[:, None]
-        return find_obstacles(floor_m, nowhere, is_wall, gap_m=0.05, step_rad=self.polar.row_step_rad)
+        radius_px, margin_px = self.polar.radius_px, _WALL_COLUMNS * self.polar.step_px
+        places, free = self.polar.floor_at(np.minimum(blocked, len(radius_px) - 1)), np.empty(len(blocked), dtype=bool)
+        stands_free(blocked, radius_px, self.wall_radius_px, margin_px, places, free)
+        return join_places(places, free, gap_m=0.05, step_rad=self.polar.row_step_rad)
 
     @cached_property
     def boundary_px(self) -> FloatArray:

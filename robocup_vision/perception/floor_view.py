@@ -32,11 +32,13 @@ FAR_BELOW_PX = 20_000
 _UNCHANGED_BY_PAN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px", "bearings",
     "_columns_told", "below_px", "hidden_px", "pixels", "_planes", "_map", "valid", "near_count", "ends_px",
+    "_distance_m",
 )  # fmt: skip
 # what a nod or roll of the body leaves as it is: where the samples lie on the floor
 _UNCHANGED_BY_TURN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px",
     "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "valid", "ends_px",
+    "_distance_m",
 )  # fmt: skip
 
 
@@ -275,8 +277,8 @@ class FloorView:
     @cached_property
     def floor_m(self) -> FloatArray:
         """(K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on."""
-        distance, rays = self._floor_rays
-        floor = self.camera.offset_m + distance[None, :, None] * rays[:, None]
+        rays = np.stack([np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1)
+        floor = self.camera.offset_m + self._distance_m[None, :, None] * rays[:, None]
         floor[self.seen_bearings :] = np.nan
         return read_only(floor)
 
@@ -288,16 +290,19 @@ class FloorView:
         columns : (K,) int64
             The sample of each bearing.
         """
-        distance, rays = self._floor_rays
-        floor = self.camera.offset_m + distance[columns, None] * rays
+        distance, bearing = self._distance_m[columns], self.bearing_rad
+        floor = np.empty((len(bearing), 2))
+        np.multiply(np.cos(bearing), distance, out=floor[:, 0])
+        np.multiply(np.sin(bearing), distance, out=floor[:, 1])
+        if any(self.camera.offset_m):
+            floor += self.camera.offset_m
         floor[self.seen_bearings :] = np.nan
-        return np.asarray(floor)
+        return floor
 
-    @property
-    def _floor_rays(self) -> tuple[FloatArray, FloatArray]:
-        """Distance of each column's floor (M,), and direction of each bearing on the floor (K, 2)."""
-        distance = np.where(self._slopes < -1e-9, self.range_m, np.nan)
-        return distance, np.stack([np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1)
+    @cached_property
+    def _distance_m(self) -> FloatArray:
+        """(M,) float64: the columns' distance on the floor; NaN from the horizon on."""
+        return np.where(self._slopes < -1e-9, self.range_m, np.nan)
 
     @cached_property
     def valid(self) -> UInt8Array:

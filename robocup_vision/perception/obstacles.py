@@ -59,7 +59,23 @@ def find_obstacles(
     seen = (blocked_column < columns) & ~is_wall
     places = floor_m[np.arange(count), np.minimum(blocked_column, columns - 1)]
     seen &= np.isfinite(places).all(axis=1)
-    step = math.tau / count if step_rad is None else step_rad
-    found = np.empty((count, 3))
-    number = join_bearings(places, seen, gap_m, step, found)
+    return join_places(places, seen, gap_m, math.tau / count if step_rad is None else step_rad)
+
+
+def join_places(
+    places_m: FloatArray, seen: npt.NDArray[np.bool_], gap_m: float, step_rad: float
+) -> tuple[Obstacle, ...]:
+    """Join neighbouring bearings whose blocked places lie close together.
+
+    Parameters
+    ----------
+    places_m : (K, 2) float64
+        What blocks each bearing, robot frame.
+    seen : (K,) bool
+        Bearings that are blocked by anything.
+    gap_m, step_rad : float
+        As for `find_obstacles`.
+    """
+    found = np.empty((len(seen), 3))
+    number = join_bearings(places_m, seen, gap_m, step_rad, found)
     return tuple(Obstacle(x, y, width, math.atan2(y, x), math.hypot(x, y)) for x, y, width in found[:number].tolist())
