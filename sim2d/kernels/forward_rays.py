@@ -20,6 +20,15 @@ def turned(right: float, down: float, part: float, tx: float, ty: float, tz: flo
     return (right - part * (tz + tx * down)) / ahead, (down + part * (tx * right + ty)) / ahead
 
 
+@compiled(error_model="numpy", inline="always")
+def camera_ray(rotation: FloatArray, right: float, down: float) -> tuple[float, float, float]:
+    """Return the ray of slopes, field axes."""
+    dx = rotation[0, 0] - rotation[0, 1] * right - rotation[0, 2] * down
+    dy = rotation[1, 0] - rotation[1, 1] * right - rotation[1, 2] * down
+    dz = rotation[2, 0] - rotation[2, 1] * right - rotation[2, 2] * down
+    return dx, dy, dz
+
+
 @compiled(error_model="numpy")
 def turn_bounds(bounds: Float32Array, shutter: tuple[float, float, float, float], v0: int, rows: int) -> None:
     """Turn the bounds of a row of tiles, whose first pixels' row is v0, as its pixels are turned."""

@@ -51,6 +51,8 @@ def draw_wall(
     corners: FloatArray,
     shape: tuple[int, int],
     wall: WallPicture,
+    cells_of_wall: UInt64Array,
+    places: Float32Array,
     cells: Int32Array,
     mixed: UInt64Array,
     colors: Float32Array,
@@ -66,6 +68,10 @@ def draw_wall(
         Rows and columns of pixels.
     wall : WallPicture
         The wall.
+    cells_of_wall : (M,) uint64
+        Its cells, one row after another.
+    places : (N,) float32
+        Column of each pixel, row by row.
     cells : (4, N) int32
         For each pixel of the tile; changed.
     mixed : (N,) uint64
@@ -88,7 +94,6 @@ def draw_wall(
     parts = np.float32(_PARTS)
     first, across, above, over = cells[0], cells[1], cells[2], cells[3]
     many = np.uintp(half)
-    places = np.arange(half).astype(np.float32) + _HALF
     for v in range(rows):
         part = (v + 0.5) * per_v
         for side in range(2):
@@ -102,7 +107,8 @@ def draw_wall(
             start = np.uintp(v * columns + side * half)
             begin_c, begin_up = np.float32(left_c), np.float32(left_up)
             for k in range(many):
-                up, end_c = begin_up + step_up * places[k], begin_c + step_c * places[k] + half_c
+                place = places[k] + _HALF
+                up, end_c = begin_up + step_up * place, begin_c + step_c * place + half_c
                 # the picture has a row more below
                 end_r = min(max(up * per_row + _ONE, half_r), above_all) + half_r
                 over[start + k] = np.int32(min(max((_HALF + up * per_up) * parts, _ZERO), parts))
@@ -110,7 +116,7 @@ def draw_wall(
                 across[start + k] = np.int32(in_c * per_c if in_c < size_c else _ZERO)
                 above[start + k] = np.int32(in_r * per_r if in_r < size_r else _ZERO)
                 first[start + k] = np.int32(end_r - size_r) * stride + np.int32(end_c - size_c)
-    flat = wall.cells.reshape(-1)
+    flat = cells_of_wall
     row_step, one = np.uint64(stride), np.uint64(1)
     for i in range(pixels):
         at, wc, wr = np.uint64(first[i]), np.uint64(across[i]), np.uint64(above[i])

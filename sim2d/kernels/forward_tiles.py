@@ -35,7 +35,7 @@ from sim2d.kernels.forward_outlines import (
     outline_things,
     overlaps,
 )
-from sim2d.kernels.forward_rays import cast, fill_slopes, pixels_of, turn_bounds, turn_slopes, turned
+from sim2d.kernels.forward_rays import camera_ray, cast, fill_slopes, pixels_of, turn_bounds, turn_slopes, turned
 from sim2d.kernels.forward_room import draw_wall, wall_point
 from sim2d.kernels.forward_standing import draw_things
 from sim2d.kernels.forward_things import BAR, KIND, RADIUS, SHEET, X0, X1, Y0, Y1
@@ -46,6 +46,7 @@ from sim2d.kernels.nets import draw_nets
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _MOST = np.float32(255.0)
 _ON_FLOOR, _IN_ROOM, _BOTH = range(3)
+FloorTone = tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.float32, np.float32, np.float32]
 
 
 @compiled(error_model="numpy")
@@ -100,6 +101,9 @@ def draw_forward(
     at_corners = _wall_at_corners(lens, eye, wall, planes.shape[1], tile[0])
 
     pixels = tile[0] * tile[1]
+    # what is made of arrays is made once a frame: for each tile it takes longer than the tile's own pixels
+    size_px, flat, cells_of_wall = planes.shape[1:], planes.reshape((3, -1)), wall.cells.reshape(-1)
+    tone_of_floor = _tone_of_floor(eye.rotation, here, lit)
     rays, slopes = np.empty((3, pixels), dtype=np.float32), np.empty((2, pixels), dtype=np.float32)
     colors = np.zeros((3, pixels), dtype=np.float32)
     tone, covered = np.empty(pixels, dtype=np.float32), np.empty(pixels, dtype=np.float32)
@@ -130,7 +134,7 @@ def draw_forward(
             kind = _wall_corners(at_corners, row, column, wall.turn, corners)
             if kind == _ON_FLOOR and not is_turning and not seen_count.any():
                 color = _floor_color(lens, row, column, paint, eye)
-                _store_floor(lens, tile, row, column, eye.rotation, here, lit, color, planes)
+                _store_floor(lens, tile, row, column, tone_of_floor, color, size_px, flat)
                 continue
             if kind != _IN_ROOM or seen_count[THING] or seen_count[NET]:
                 per_pixel[:] = lens.per_pixel[row, column]
@@ -158,7 +162,7 @@ def draw_forward(
                     colors,
                 )
             if kind != _ON_FLOOR:
-                draw_wall(corners, tile, wall, cells, mixed, colors)
+                draw_wall(corners, tile, wall, cells_of_wall, lens.places[0], cells, mixed, colors)
             if seen_count[NET]:
                 nearest[1] = _ZERO
             if seen_count[THING]:
@@ -186,7 +190,7 @@ def draw_forward(
             for n in range(seen_count[NET]):
                 part = pixels_of(outlines.bounds[seen[NET_ROWS, n]], slopes, per_pixel, tile)
                 draw_nets(nets, seen[NET, n], part, tile[1], rays, steps, here, lit, nearest, colors)
-            _store(lens, tile, row, column, colors, planes)
+            _store(lens, tile, row, column, colors, size_px, flat)
 
 
 @compiled(error_model="numpy")
@@ -221,10 +225,8 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
             right, down = lens.corner_slopes[row, column, 0], lens.corner_slopes[row, column, 1]
             if is_turning:
                 right, down = turned(right, down, part, turn[0], turn[1], turn[2])
-            dz = rotation[2, 0] - rotation[2, 1] * right - rotation[2, 2] * down
-            rays[row, column, 0] = rotation[0, 0] - rotation[0, 1] * right - rotation[0, 2] * down
-            rays[row, column, 1] = rotation[1, 0] - rotation[1, 1] * right - rotation[1, 2] * down
-            rays[row, column, 2] = dz
+            dx, dy, dz = camera_ray(rotation, right, down)
+            rays[row, column, 0], rays[row, column, 1], rays[row, column, 2] = dx, dy, dz
             on_floor[row, column] = dz < 0 and dz * dz > reach2 * (1 + right * right + down * down)
             at_corners[row, column, 0], at_corners[row, column, 1] = math.nan, -math.inf
     for row in range(tall - 1):
@@ -268,13 +270,19 @@ def _find_owners(
 def _wall_corners(at_corners: FloatArray, row: int, column: int, turn: int, corners: FloatArray) -> int:
     """Fill in where corners and middles of a tile's sides meet the wall, without a jump; return what it shows."""
     low, high, least = math.inf, -math.inf, math.inf
+    first = at_corners[row, 2 * column, 0]
     for v in range(2):
         for u in range(3):
-            corners[v, u] = at_corners[row + v, 2 * column + u]
-            corners[v, u, 0] += turn * np.rint((corners[0, 0, 0] - corners[v, u, 0]) / turn)
-            low, high = min(low, corners[v, u, 1]), max(high, corners[v, u, 1])
-            least = min(least, corners[v, u, 0])
-    corners[:, :, 0] -= turn * math.floor(least / turn)
+            place, up = at_corners[row + v, 2 * column + u, 0], at_corners[row + v, 2 * column + u, 1]
+            place += turn * np.rint((first - place) / turn)
+            corners[v, u, 0], corners[v, u, 1] = place, up
+            low, high, least = min(low, up), max(high, up), min(least, place)
+    if high == -math.inf:
+        return _ON_FLOOR
+    turns = turn * math.floor(least / turn)
+    for v in range(2):
+        for u in range(3):
+            corners[v, u, 0] -= turns
     margin = (high - low) / 8 if low > -math.inf else 0.0
     return _IN_ROOM if low > margin else _ON_FLOOR if high < -margin else _BOTH
 
@@ -282,12 +290,33 @@ def _wall_corners(at_corners: FloatArray, row: int, column: int, turn: int, corn
 @compiled(error_model="numpy")
 def _floor_color(lens: ForwardLens, row: int, column: int, paint: FloorPaint, eye: ForwardEye) -> Float32Array:
     """Return the colour of a tile that shows nothing but floor, without any edge."""
-    right, down = lens.corner_slopes[row, 2 * column + 1]
-    ray = eye.rotation[:, 0] - eye.rotation[:, 1] * right - eye.rotation[:, 2] * down
-    scale = -eye.height_m / ray[2]
-    is_carpet = is_inside(paint.edges, eye.x_m + scale * ray[0], eye.y_m + scale * ray[1])
+    right, down = lens.corner_slopes[row, 2 * column + 1, 0], lens.corner_slopes[row, 2 * column + 1, 1]
+    dx, dy, dz = camera_ray(eye.rotation, right, down)
+    scale = -eye.height_m / dz
+    is_carpet = is_inside(paint.edges, eye.x_m + scale * dx, eye.y_m + scale * dy)
     color: Float32Array = paint.colors[0] if is_carpet else paint.colors[2]
     return color
+
+
+@compiled(error_model="numpy")
+def _tone_of_floor(rotation: FloatArray, here: Float32Array, lit: Float32Array) -> FloorTone:
+    """Return how light the floor is by a ray's slopes: numbers of `fill_floor`'s numerator, and of how far down it goes.
+
+    The three of each stand for 1 and the slopes right and down; then follow the level at the eye's foot and the least.
+    """
+    along = np.empty(3)
+    for axis in range(3):
+        along[axis] = float(here[2]) * (lit[1] * rotation[0, axis] + lit[2] * rotation[1, axis])
+    return (
+        np.float32(along[0]),
+        np.float32(along[1]),
+        np.float32(along[2]),
+        np.float32(-rotation[2, 0]),
+        np.float32(-rotation[2, 1]),
+        np.float32(-rotation[2, 2]),
+        lit[0] + lit[1] * here[0] + lit[2] * here[1],
+        lit[3],
+    )
 
 
 @compiled(error_model="numpy")
@@ -296,26 +325,19 @@ def _store_floor(
     tile: tuple[int, int],
     row: int,
     column: int,
-    rotation: FloatArray,
-    here: Float32Array,
-    lit: Float32Array,
+    tone_of_floor: FloorTone,
     color: Float32Array,
+    size_px: tuple[int, int],
     planes: UInt8Array,
 ) -> None:
     """Put a tile of plain floor into the frame: as `fill_floor` and `_store`, at once."""
-    _, height, width = planes.shape
+    height, width = size_px
     v0, u0 = row * tile[0], column * tile[1]
     rows, many = min(tile[0], height - v0), np.uintp(min(tile[1], width - u0))
     per_pixel, gain = lens.per_pixel[row, column], lens.gains[row, column]
-    # how far a ray goes down, and how much lighter it is per length, both by the slopes
-    along = np.empty(3)
-    for axis in range(3):
-        along[axis] = float(here[2]) * (lit[1] * rotation[0, axis] + lit[2] * rotation[1, axis])
-    a0, a1, a2 = np.float32(along[0]), np.float32(along[1]), np.float32(along[2])
-    d0, d1, d2 = np.float32(-rotation[2, 0]), np.float32(-rotation[2, 1]), np.float32(-rotation[2, 2])
-    level, least = lit[0] + lit[1] * here[0] + lit[2] * here[1], lit[3]
+    a0, a1, a2, d0, d1, d2, level, least = tone_of_floor
     blue, green, red = color[0], color[1], color[2]
-    of_blue, of_green, of_red = planes[0].reshape(-1), planes[1].reshape(-1), planes[2].reshape(-1)
+    of_blue, of_green, of_red = planes[0], planes[1], planes[2]
     is_bent = len(lens.slopes) > 0
     right, down = lens.places[0], lens.places[1]
     by_u, by_v = per_pixel[0], per_pixel[3]
@@ -408,15 +430,21 @@ def _draw_floor(
 
 @compiled(error_model="numpy")
 def _store(
-    lens: ForwardLens, tile: tuple[int, int], row: int, column: int, colors: Float32Array, planes: UInt8Array
+    lens: ForwardLens,
+    tile: tuple[int, int],
+    row: int,
+    column: int,
+    colors: Float32Array,
+    size_px: tuple[int, int],
+    planes: UInt8Array,
 ) -> None:
     """Put a tile into the frame through the lens."""
-    _, height, width = planes.shape
+    height, width = size_px
     v0, u0 = row * tile[0], column * tile[1]
     rows, many = min(tile[0], height - v0), np.uintp(min(tile[1], width - u0))
     gain = lens.gains[row, column]
     for channel in range(3):
-        of_channel, plane = colors[channel], planes[channel].reshape(-1)
+        of_channel, plane = colors[channel], planes[channel]
         for v in range(rows):
             start, put = np.uintp(v * tile[1]), np.uintp((v0 + v) * width + u0)
             for u in range(many):

@@ -122,7 +122,8 @@ def test_the_wall_is_averaged_over_a_pixels_footprint():
     corners[..., 0], corners[..., 1] = at_columns[[0, 4, 8]], at_up[[0, -1]][:, None]
     colors = np.full((3, rows * columns), 7.0, dtype=np.float32)
     scratch = np.zeros((4, rows * columns), dtype=np.int32), np.zeros(rows * columns, dtype=np.uint64)
-    draw_wall(corners, (rows, columns), wall, *scratch, colors)
+    places = np.tile(np.arange(columns, dtype=np.float32), rows)
+    draw_wall(corners, (rows, columns), wall, wall.cells.reshape(-1), places, *scratch, colors)
     fine = 64
     c = np.interp(np.arange(columns * fine) / fine + 0.5 / fine, np.arange(columns + 1), at_columns)
     up = np.interp(np.arange(rows * fine) / fine + 0.5 / fine, np.arange(rows + 1), at_up)
