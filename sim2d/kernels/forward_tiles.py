@@ -300,9 +300,10 @@ def _floor_color(lens: ForwardLens, row: int, column: int, paint: FloorPaint, ey
 
 @compiled(error_model="numpy")
 def _tone_of_floor(rotation: FloatArray, here: Float32Array, lit: Float32Array) -> FloorTone:
-    """Return how light the floor is by a ray's slopes: numbers of `fill_floor`'s numerator, and of how far down it goes.
+    """Return how light the floor is by a ray's slopes.
 
-    The three of each stand for 1 and the slopes right and down; then follow the level at the eye's foot and the least.
+    Three numbers of `fill_floor`'s numerator, and three of how far down the ray goes, by 1 and the slopes right and
+    down; then the level at the eye's foot, and the least one.
     """
     along = np.empty(3)
     for axis in range(3):
