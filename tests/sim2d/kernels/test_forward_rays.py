@@ -4,10 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robocup_vision.camera.projection import camera_rotation
 from sim2d.kernels.forward_outlines import THING, THING_ROWS, outline_things
 from sim2d.kernels.forward_rays import (
+    camera_ray,
     cast,
     cast_corners,
     fill_slopes,
@@ -160,3 +163,9 @@ def test_things_are_drawn_as_four_rays_a_pixel_meet_them():
     assert nearest[1] == pytest.approx(share, abs=1e-6)
     assert (nearest[0] * share)[share > 0] == pytest.approx(away[share > 0], abs=0.01)
     assert len(np.unique(colors[0].round(-1))) > 3
+
+
+@given(right=st.floats(-2.0, 2.0), down=st.floats(-2.0, 2.0), seed=st.integers(0, 2**31))
+def test_a_ray_is_ahead_and_its_slopes_turned(right, down, seed):
+    rotation = np.random.default_rng(seed).normal(size=(3, 3))
+    np.testing.assert_allclose(camera_ray(rotation, right, down), rotation @ (1.0, -right, -down), atol=1e-12)
