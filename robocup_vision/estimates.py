@@ -74,6 +74,7 @@ class PoseEstimate:
     def seen_from(self, mount: Pose2) -> PoseEstimate:
         """Return the estimate, with its candidates, of what lies at `mount` in the frame that this one is of."""
         candidates, covariance = tuple(candidate.compose(mount) for candidate in self.candidates), self.covariance
+        # a turn alone, of a head that pans about the camera, leaves the covariance as it is
         if mount.x_m or mount.y_m:
             covariance = compose_covariance(self.pose, covariance, mount, np.zeros((3, 3)))
         return PoseEstimate(candidates[0], covariance, self.inlier_ratio, self.residual_px, candidates)

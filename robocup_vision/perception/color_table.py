@@ -29,6 +29,7 @@ from robocup_vision.perception.floor_color import (
     FloorColor,
     FloorColorSettings,
     PaintColor,
+    brightness_of,
     follow_floor_color,
     learn_floor_color,
     pick_colors,
@@ -194,13 +195,13 @@ def _learn_white(
     samples: UInt8Array, shown: npt.NDArray[np.bool_], floor: FloorColor, min_bearings: float
 ) -> PaintColor:
     colors = pick_colors(samples, shown)
-    places = np.flatnonzero((_level_of(colors) > floor.level) & (colors.max(axis=0) < 250))
+    places = np.flatnonzero((brightness_of(*colors) > floor.level) & (colors.max(axis=0) < 250))
     is_beside = floor.log_likelihood_ratio(*colors[:, places]) < 0
     places = places[is_beside]
     colors = colors[:, places]
     if len(places) < 30:
         return PaintColor(1.0, 1.0)
-    level = _level_of(colors)
+    level = brightness_of(*colors)
     is_bright = level >= np.percentile(level, 60)
     if min_bearings:
         of_bearing = np.nonzero(shown)[0][places[is_bright]]
@@ -209,12 +210,6 @@ def _learn_white(
     # the brightest things may be coloured (a yellow goal, a window): the median of their ratios is white while most are
     blue, green, red = np.maximum(colors[:, is_bright], 1.0)
     return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
-
-
-def _level_of(colors: FloatArray) -> FloatArray:
-    """Return the brightness (N,) of colours (3, N)."""
-    blue, green, red = colors
-    return np.asarray((red + 2 * green + blue) / 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +236,7 @@ class ColorTable:
     def classes(self) -> UInt8Array:
         """(65536,) uint8: the class of each packed colour, an index into `CLASS_NAMES`."""
         blue, green, red = (np.maximum(channel, 0.5) for channel in _packed_colors(self.packing))
-        level = (red + 2 * green + blue) / 4
+        level = brightness_of(blue, green, red)
         ratio = np.stack([np.log(red / green), np.log(blue / green)], axis=-1)
         paints = (self.colors.line, self.colors.ball, self.colors.goal_positive_x, self.colors.goal_negative_x)
         centers = np.log([[max(p.red_ratio, 1e-3), max(p.blue_ratio, 1e-3)] for p in paints])

@@ -111,12 +111,13 @@ class FloorColor:
         With `white`, also against grey of any brightness: walls and black things, with which floor is confused in the
         dark and in noise.
         """
-        level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / self.level)
+        brightness = brightness_of(blue, green, red)
+        level = np.log(np.maximum(brightness, 0.5) / self.level)
         red_ratio = np.interp(level, LEVELS, self.red_ratio)
         blue_ratio = np.interp(level, LEVELS, self.blue_ratio)
         floor = self._log_density(blue, green, red, red_ratio, blue_ratio)
         # brightness is blurred by the noise, too: the green it stands for
-        expected_green = self._green_of((red + 2 * green + blue) / 4, red_ratio, blue_ratio)
+        expected_green = self._green_of(brightness, red_ratio, blue_ratio)
         # any colour: R and B anything between 0 and twice the green
         background = -np.log(4 * expected_green**2)
         if white is not None:
@@ -126,7 +127,7 @@ class FloorColor:
         return np.asarray(floor - background - 0.5 * (outside / 0.2) ** 2)
 
     def densities(self, white: PaintColor) -> tuple[FloatArray, FloatArray]:
-        """Numbers (S, 6) float64 of the floor's and white's densities over brightness, for `kernels.floor_colors`."""
+        """Numbers (6, S) float64 of the floor's and white's densities over brightness, for `kernels.floor_colors`."""
         level = np.arange(255 * int(kernel.FINE) + 1) / kernel.FINE
         log_level = np.log(np.maximum(level, 0.5) / self.level)
         red_ratio = np.interp(log_level, LEVELS, self.red_ratio)
@@ -134,10 +135,10 @@ class FloorColor:
         background = -np.log(4 * self._green_of(level, red_ratio, blue_ratio) ** 2)
         outside = np.maximum(LEVELS[0] - log_level, 0.0) + np.maximum(log_level - LEVELS[-2], 0.0)
         floor = self._density_numbers(level, red_ratio, blue_ratio)
-        floor[:, kernel.PEAK] -= background + 0.5 * (outside / 0.2) ** 2
+        floor[kernel.PEAK] -= background + 0.5 * (outside / 0.2) ** 2
         of_white = np.full_like(level, white.red_ratio), np.full_like(level, white.blue_ratio)
         rival = self._density_numbers(level, *of_white)
-        rival[:, kernel.PEAK] -= background
+        rival[kernel.PEAK] -= background
         return floor, rival
 
     @staticmethod
@@ -149,7 +150,7 @@ class FloorColor:
         var_red, var_blue, cov = self._covariance(expected_green, red_ratio, blue_ratio)
         det = var_red * var_blue - cov**2
         peak = -0.5 * np.log(det) - math.log(math.tau)
-        return np.stack([red_ratio, blue_ratio, var_blue / det, -cov / det, var_red / det, peak], axis=-1)
+        return np.stack([red_ratio, blue_ratio, var_blue / det, -cov / det, var_red / det, peak])
 
     def _covariance(
         self, expected_green: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray
@@ -163,7 +164,7 @@ class FloorColor:
         self, blue: FloatArray, green: FloatArray, red: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray
     ) -> FloatArray:
         """Log density of (R, B) given the brightness, for paint of these ratios under this camera's noise."""
-        expected_green = self._green_of((red + 2 * green + blue) / 4, red_ratio, blue_ratio)
+        expected_green = self._green_of(brightness_of(blue, green, red), red_ratio, blue_ratio)
         d_red, d_blue = red - red_ratio * green, blue - blue_ratio * green
         var_red, var_blue, cov = self._covariance(expected_green, red_ratio, blue_ratio)
         det = var_red * var_blue - cov**2
@@ -192,16 +193,14 @@ def learn_floor_color(
     """
     ring = samples[:, :RING_COLUMNS]
     usable = valid[:, :RING_COLUMNS] > 0
-    colors = ring[usable].astype(np.float64)
-    if len(colors) < settings.min_samples:
+    if np.count_nonzero(usable) < settings.min_samples:
         return None
     noise = _noise(ring.astype(np.float64), usable)
     # the ring may lie in a highlight or beside a robot: samples around it count, too
-    near = samples[:, RING_COLUMNS : samples.shape[1] // 2]
-    colors = np.concatenate([colors, near[valid[:, RING_COLUMNS : samples.shape[1] // 2] > 0].astype(np.float64)])
-    weight = np.where(np.arange(len(colors)) < np.count_nonzero(usable), settings.ring_weight, 1.0)
-    blue, green, red = colors.T
-    level = (red + 2 * green + blue) / 4
+    near = slice(RING_COLUMNS, samples.shape[1] // 2)
+    blue, green, red = np.hstack([pick_colors(ring, usable), pick_colors(samples[:, near], valid[:, near])])
+    weight = np.where(np.arange(len(green)) < np.count_nonzero(usable), settings.ring_weight, 1.0)
+    level = brightness_of(blue, green, red)
     bright = (level > 4) & (green > 2)
     if np.count_nonzero(bright) < settings.min_samples:
         return None
@@ -249,7 +248,7 @@ def follow_floor_color(
     # bearings share pixels with their neighbours: every other one tells as much, and a frame waits for this
     samples, valid, is_floor = samples[::2], valid[::2], is_floor[::2]
     blue, green, red = pick_colors(samples, is_floor)
-    level = (red + 2 * green + blue) / 4
+    level = brightness_of(blue, green, red)
     bright = (level > 4) & (green > 2)
     if np.count_nonzero(bright) < settings.min_samples:
         return None
@@ -266,6 +265,11 @@ def pick_colors(samples: UInt8Array, wanted: npt.NDArray[np.bool_] | UInt8Array)
     # channel by channel: rows of three bytes are picked at a fifth of the speed
     places = np.flatnonzero(wanted)
     return np.stack([samples[..., c].ravel()[places] for c in range(3)]).astype(np.float64)
+
+
+def brightness_of(blue: FloatArray, green: FloatArray, red: FloatArray) -> FloatArray:
+    """Return the brightness of colours, counts; all of one shape."""
+    return np.asarray((red + 2 * green + blue) / 4)
 
 
 def _lit_level(level: FloatArray) -> float:
@@ -364,7 +368,7 @@ def _by_step(samples: UInt8Array, valid: UInt8Array, level0: float) -> tuple[Flo
     Returns the three channels (3, N), and (L + 1,) the index of each step's first sample and of the last one's end.
     """
     blue, green, red = pick_colors(samples, valid)
-    level = np.log(np.maximum((red + 2 * green + blue) / 4, 0.5) / level0)
+    level = np.log(np.maximum(brightness_of(blue, green, red), 0.5) / level0)
     # of so few bits they are sorted by counting
     step = np.rint(level / LEVEL_STEP).astype(np.int8) + np.int8(_CENTER)
     order = np.argsort(step, kind="stable")

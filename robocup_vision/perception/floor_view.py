@@ -294,8 +294,7 @@ class FloorView:
         floor = np.empty((len(bearing), 2))
         np.multiply(np.cos(bearing), distance, out=floor[:, 0])
         np.multiply(np.sin(bearing), distance, out=floor[:, 1])
-        if any(self.camera.offset_m):
-            floor += self.camera.offset_m
+        floor += self.camera.offset_m
         floor[self.seen_bearings :] = np.nan
         return floor
 

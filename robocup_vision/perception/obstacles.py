@@ -33,35 +33,6 @@ class Obstacle:
     range_m: float
 
 
-def find_obstacles(
-    floor_m: FloatArray,
-    blocked_column: npt.NDArray[np.int64],
-    is_wall: npt.NDArray[np.bool_],
-    gap_m: float,
-    step_rad: float | None = None,
-) -> tuple[Obstacle, ...]:
-    """Join neighbouring bearings whose blocked samples lie close together.
-
-    Parameters
-    ----------
-    floor_m : (K, M, 2) float64
-        The samples' places on the floor, robot frame.
-    blocked_column : (K,) int64
-        First blocked column of each bearing, M where none.
-    is_wall : (K,) bool
-        Bearings whose blocked sample is known to be a wall: they belong to no obstacle.
-    gap_m : float
-        Neighbours farther apart than this are different things, beyond what their bearings' spacing explains.
-    step_rad : float, optional
-        That spacing; a whole turn over K unless given.
-    """
-    count, columns = floor_m.shape[:2]
-    seen = (blocked_column < columns) & ~is_wall
-    places = floor_m[np.arange(count), np.minimum(blocked_column, columns - 1)]
-    seen &= np.isfinite(places).all(axis=1)
-    return join_places(places, seen, gap_m, math.tau / count if step_rad is None else step_rad)
-
-
 def join_places(
     places_m: FloatArray, seen: npt.NDArray[np.bool_], gap_m: float, step_rad: float
 ) -> tuple[Obstacle, ...]:
@@ -72,9 +43,11 @@ def join_places(
     places_m : (K, 2) float64
         What blocks each bearing, robot frame.
     seen : (K,) bool
-        Bearings that are blocked by anything.
-    gap_m, step_rad : float
-        As for `find_obstacles`.
+        Bearings that are blocked by what is no wall.
+    gap_m : float
+        Neighbours farther apart than this are different things, beyond what their bearings' spacing explains.
+    step_rad : float
+        That spacing.
     """
     found = np.empty((len(seen), 3))
     number = join_bearings(places_m, seen, gap_m, step_rad, found)

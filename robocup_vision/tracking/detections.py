@@ -19,7 +19,7 @@ from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.obstacles import Obstacle, find_obstacles
+from robocup_vision.perception.obstacles import Obstacle, join_places
 
 # a disc's near side, averaged over the bearings that meet it, lies this fraction of its radius before its centre
 _NEAR_SIDE = math.pi / 4
@@ -159,10 +159,9 @@ class ReturnDetector:
         seen = np.isfinite(range_m) & (range_m < self.longest_m)
         reach = np.where(seen, range_m, 0.0)
         ends = np.stack([reach * np.cos(bearing_rad), reach * np.sin(bearing_rad)], axis=-1)
-        outside = ~seen | ~self._inside(ends, robot, robot_covariance)
+        seen &= self._inside(ends, robot, robot_covariance)
         spacing = float(np.median(np.diff(bearing_rad)))
-        column = np.zeros(len(ends), dtype=np.int64)
-        returns = find_obstacles(ends[:, None], column, outside, gap_m=0.5 * self.radius_m, step_rad=spacing)
+        returns = join_places(ends, seen, gap_m=0.5 * self.radius_m, step_rad=spacing)
         return self._detections(returns)
 
     def in_obstacles(

@@ -7,7 +7,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 
-# a density's numbers at a brightness: R/G, B/G, inverse covariance (red, mixed, blue), logarithm of its peak
+# rows of a density's numbers by brightness: R/G, B/G, inverse covariance (red, mixed, blue), logarithm of its peak
 RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK = range(6)
 # steps of brightness a count
 FINE = 8.0
@@ -30,31 +30,31 @@ def tabulate(
     ----------
     blue, green, red : (32,), (64,), (32,) float64
         Counts that the bins stand for.
-    floor, white : (S, 6) float64
+    floor, white : (6, S) float64
         Numbers of their densities relative to any colour's, at brightnesses of 1 / `FINE` counts.
     clip, unit : float
         Nats beyond which the ratio is cut, and those of one unit of the table.
     out : (65536,) int8
         Filled: blue bins first, then green, then red.
     """
-    last = floor.shape[0] - 1
+    last = floor.shape[1] - 1
     at = 0
     for b in range(blue.shape[0]):
         for g in range(green.shape[0]):
             for r in range(red.shape[0]):
                 s = min(int((red[r] + 2 * green[g] + blue[b]) / 4 * FINE + 0.5), last)
-                d_red, d_blue = red[r] - floor[s, RED] * green[g], blue[b] - floor[s, BLUE] * green[g]
-                value = floor[s, PEAK] - 0.5 * (
-                    floor[s, RED_RED] * d_red * d_red
-                    + 2 * floor[s, RED_BLUE] * d_red * d_blue
-                    + floor[s, BLUE_BLUE] * d_blue * d_blue
+                d_red, d_blue = red[r] - floor[RED, s] * green[g], blue[b] - floor[BLUE, s] * green[g]
+                value = floor[PEAK, s] - 0.5 * (
+                    floor[RED_RED, s] * d_red * d_red
+                    + 2 * floor[RED_BLUE, s] * d_red * d_blue
+                    + floor[BLUE_BLUE, s] * d_blue * d_blue
                 )
                 if value > -clip:
-                    d_red, d_blue = red[r] - white[s, RED] * green[g], blue[b] - white[s, BLUE] * green[g]
-                    rival = white[s, PEAK] - 0.5 * (
-                        white[s, RED_RED] * d_red * d_red
-                        + 2 * white[s, RED_BLUE] * d_red * d_blue
-                        + white[s, BLUE_BLUE] * d_blue * d_blue
+                    d_red, d_blue = red[r] - white[RED, s] * green[g], blue[b] - white[BLUE, s] * green[g]
+                    rival = white[PEAK, s] - 0.5 * (
+                        white[RED_RED, s] * d_red * d_red
+                        + 2 * white[RED_BLUE, s] * d_red * d_blue
+                        + white[BLUE_BLUE, s] * d_blue * d_blue
                     )
                     value -= max(rival, 0.0)
                 value = max(-clip, min(clip, value)) / unit

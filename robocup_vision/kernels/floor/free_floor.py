@@ -8,14 +8,10 @@ import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array, UInt64Array
 from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, lowest
 
 BLOCKED, FLOOR, LINE, BALL = 0, 1, 2, 3
-NO_BITS, ONE, TWO, ALL, EVERY_BIT = np.uint64(0), np.uint64(1), np.uint64(2), np.uint64(64), ~np.uint64(0)
-# the upper six bits of the product of a power of two and this number are different for each (de Bruijn)
-DE_BRUIJN = np.uint64(0x03F79D71B4CB0A89)
-PLACES = np.empty(64, np.int64)
-for _bit in range(64):
-    PLACES[((1 << _bit) * int(DE_BRUIJN) >> 58) % 64] = _bit
+TWO, ALL = np.uint64(2), np.uint64(64)
 
 
 @compiled
@@ -93,12 +89,6 @@ def _columns(word: int, first: int, end: int) -> np.uint64:
 
 
 @compiled
-def _lowest(bits: np.uint64) -> int:
-    """Return the place of the lowest bit that is set."""
-    return int(PLACES[((bits & (~bits + ONE)) * DE_BRUIJN) >> np.uint64(58)])
-
-
-@compiled
 def _clear_blur(
     samples: UInt8Array,
     floor: UInt64Array,
@@ -133,7 +123,7 @@ def _clear_blur(
             beside = (inner & inner2) | (outer & outer2) | (right[word] & right2[word]) | (left[word] & left2[word])
             doubtful = blocked & ~within & beside
             while doubtful != NO_BITS:
-                bit = _lowest(doubtful)
+                bit = lowest(doubtful)
                 one, m = ONE << np.uint64(bit), 64 * (word - 1) + bit
                 doubtful &= ~one
                 if inner & inner2 & one:
@@ -154,7 +144,7 @@ def _mark(bits: np.uint64, kind: int, k: int, word: int, free: UInt64Array, out:
     """Mark samples of a word that are not blocked."""
     free[k, word] |= bits
     while bits != NO_BITS:
-        out[k, 64 * (word - 1) + _lowest(bits)] = kind
+        out[k, 64 * (word - 1) + lowest(bits)] = kind
         bits &= bits - ONE
 
 
@@ -185,13 +175,13 @@ def _mark_lines_along(
         first = -1
         for word in range(1, free.shape[1] - 1):
             if first < 0 and free[k, word] != NO_BITS:
-                first = 64 * (word - 1) + _lowest(free[k, word])
+                first = 64 * (word - 1) + lowest(free[k, word])
             # what is not blocked, and is blocked one column before
             ends = free[k, word] & ~_outward(free[k], word, ONE)
             if word == 1:
                 ends &= ~ONE
             while ends != NO_BITS:
-                m = 64 * (word - 1) + _lowest(ends)
+                m = 64 * (word - 1) + lowest(ends)
                 ends &= ends - ONE
                 # the robot stands on the floor: what lies under its rim is bounded by floor
                 last = m - 1
@@ -236,7 +226,7 @@ def _mark_lines_across(
         for word in range(1, free.shape[1] - 1):
             ends = free[k, word] & ~free[before, word]
             while ends != NO_BITS:
-                bit = _lowest(ends)
+                bit = lowest(ends)
                 one, m = ONE << np.uint64(bit), 64 * (word - 1) + bit
                 ends &= ends - ONE
                 last = step - 1

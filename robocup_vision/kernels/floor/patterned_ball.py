@@ -13,14 +13,13 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, UInt8Array, UInt64Array
 from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, lowest
 
 CARPET, NEUTRAL, COLORED = 0, 1, 2
 DIRECTIONS = 24
 # directions of a first look: three of them must part ball from carpet, which is half of the rim, and one may err
 _ROUGH = 8
-NO_BITS, ONE, EIGHT, LAST, EIGHT_BITS, EVERY_BIT = (
-    np.uint64(0), np.uint64(1), np.uint64(8), np.uint64(63), np.uint64(255), ~np.uint64(0)
-)  # fmt: skip
+_LAST = np.uint64(63)
 # columns of a found disc
 U, V, RADIUS, AGREE, INSIDE, WHITE, DARK, CARPET_LEVEL, AROUND, SHOWN, COLUMNS = range(11)
 # radii, in those of the disc, at which it is looked for carpet all around
@@ -176,7 +175,7 @@ def _bits(kinds: UInt8Array, kind: int, outside: np.uint64, words: int, beyond: 
 def _beside(bits: UInt64Array, row: int, word: int, offset: int) -> np.uint64:
     """Return the bits so many pixels to the right of those of a word: that many words to the side are kept, no more."""
     at, shift = word + (offset >> 6), np.uint64(offset & 63)
-    return np.uint64((bits[row, at] >> shift) | ((bits[row, at + 1] << ONE) << (LAST - shift)))
+    return np.uint64((bits[row, at] >> shift) | ((bits[row, at + 1] << ONE) << (_LAST - shift)))
 
 
 @compiled
@@ -257,20 +256,15 @@ def find_discs(
                     twice |= once & parts
                     once |= parts
                 here &= often
-                u = 64 * word
                 while here != NO_BITS:
-                    while here & EIGHT_BITS == NO_BITS:
-                        here >>= EIGHT
-                        u += 8
-                    if here & ONE != NO_BITS:
-                        agree, shown, inside = measure_disc(kinds, directions, u, v, radius, search)
-                        is_disc = shown >= DIRECTIONS // 2 and agree >= search.min_agree * shown
-                        if is_disc and inside >= search.min_inside and found < len(out):
-                            out[found, U], out[found, V], out[found, RADIUS] = u, v, radius
-                            out[found, AGREE], out[found, INSIDE] = agree / shown, inside
-                            found += 1
-                    here >>= ONE
-                    u += 1
+                    u = 64 * word + lowest(here)
+                    here &= here - ONE
+                    agree, shown, inside = measure_disc(kinds, directions, u, v, radius, search)
+                    is_disc = shown >= DIRECTIONS // 2 and agree >= search.min_agree * shown
+                    if is_disc and inside >= search.min_inside and found < len(out):
+                        out[found, U], out[found, V], out[found, RADIUS] = u, v, radius
+                        out[found, AGREE], out[found, INSIDE] = agree / shown, inside
+                        found += 1
     return found
 
 

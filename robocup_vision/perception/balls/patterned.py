@@ -223,9 +223,8 @@ class PatternedBallFinder:
         ratio, quarter, hue, three_quarters, green, level = patterned_carpet.measure_carpet(
             planes, half, _LOGS, settings.carpet_hue, settings.min_green, self._scratch
         )
-        if ratio < settings.min_carpet_ratio or three_quarters - quarter > settings.max_hue_range:
-            return []
-        if top == frame.shape[0]:
+        has_carpet = ratio >= settings.min_carpet_ratio and three_quarters - quarter <= settings.max_hue_range
+        if top == frame.shape[0] or not has_carpet:
             return []
         kinds = self._kinds
         # half-way from white to the carpet

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.obstacles import find_obstacles
+from robocup_vision.kernels.floor.stretches import stands_free
+from robocup_vision.perception.obstacles import join_places
 from robocup_vision.vision import Vision
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.scene import Box, Scene
@@ -18,6 +19,14 @@ ANGLES = np.arange(COUNT) * math.tau / COUNT
 RANGES = np.linspace(0.1, 2.05, COLUMNS)
 FLOOR = np.stack([np.cos(ANGLES)[:, None] * RANGES, np.sin(ANGLES)[:, None] * RANGES], axis=-1)
 NO_WALL = np.zeros(COUNT, dtype=bool)
+
+
+def find_obstacles(floor_m, column, is_wall, gap_m):
+    """Join what stands free; a wall is predicted before everything where one is known."""
+    places = floor_m[np.arange(COUNT), np.minimum(column, COLUMNS - 1)]
+    free = np.empty(COUNT, dtype=bool)
+    stands_free(column, np.arange(1.0, COLUMNS + 1), np.where(is_wall, 0.0, np.nan), 0.5, places, free)
+    return join_places(places, free, gap_m, math.tau / COUNT)
 
 
 def blocked(*stretches):
