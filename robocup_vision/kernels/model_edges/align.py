@@ -14,10 +14,12 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
+from robocup_vision.kernels.algebra.order import sort
 from robocup_vision.kernels.model_edges.find import Bank, upright_mismatch
 
 SIZE = 5  # x, y, heading, tilt, roll
 FAR = 1e3  # pixels, of a point beside the field
+LEFT_BEHIND = 1e9  # cost of a pose that is not moved on; a loop of fast mathematics knows no infinity
 
 
 class Alignment(NamedTuple):
@@ -177,6 +179,8 @@ def _sight(how: Alignment, pose: FloatArray, n: int, rows: FloatArray) -> tuple[
     sights = how.sights
     best, dx, dy = 9.0, 0.0, 0.0
     for k in range(2):
+        if k == 1 and sights[n, 2] == sights[n, 0] and sights[n, 3] == sights[n, 1]:
+            break
         ex, ey = sights[n, 2 * k] - pose[0], sights[n, 2 * k + 1] - pose[1]
         turn = math.atan2(ey, ex) - pose[2] - sights[n, 4]
         turn -= math.tau * math.floor((turn + math.pi) / math.tau)
@@ -191,6 +195,59 @@ def _sight(how: Alignment, pose: FloatArray, n: int, rows: FloatArray) -> tuple[
     rows[0, 2] = -1.0 / how.pixel_rad
     rows[1, 0], rows[1, 1] = size * dx / away2, size * dy / away2
     return best / how.pixel_rad, size - sights[n, 6]
+
+
+@compiled(fastmath=True, error_model="numpy", inline="always")
+def _room() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return room to work in: derivatives of a sighting, system and step."""
+    return np.zeros((2, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE)
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _advance(
+    bank: Bank,
+    how: Alignment,
+    slopes: FloatArray,
+    start: FloatArray,
+    gate_px: float,
+    moves: bool,
+    room: tuple[FloatArray, FloatArray, FloatArray],
+    pose: FloatArray,
+) -> float:
+    """Move a pose by one step to some line points if it is to move, and return what it cost before."""
+    rows, system, step = room
+    grid = (bank.origin_m[0], bank.origin_m[1], bank.cell_m)
+    camera = (how.tilt_rad, how.roll_rad, how.height_m, how.pixel_rad)
+    gate2 = gate_px**2
+    for i in range(SIZE):
+        at = pose[i] - (start[i] if i < 3 else 0.0)
+        for j in range(SIZE):
+            system[i, j] = 0.0
+        system[i, i] = 1.0 / (how.std[i] * how.std[i])
+        step[i] = -at * system[i, i]
+    cost = 0.5 * ((pose[3] / how.std[3]) ** 2 + (pose[4] / how.std[4]) ** 2)
+    cost += _weigh_points(slopes, bank.distance_m, grid, camera, pose, gate2, system, step)
+    for n in range(how.sights.shape[0]):
+        aside, larger = _sight(how, pose, n, rows)
+        for k in range(2):
+            off = aside if k == 0 else larger
+            share = 1.0 / (1.0 + off * off / gate2)
+            cost += how.sights[n, 7] * (1.0 - share)
+            weight = how.sights[n, 7] * share * share
+            for i in range(SIZE):
+                step[i] -= weight * rows[k, i] * off
+                for j in range(i + 1):
+                    system[i, j] += weight * rows[k, i] * rows[k, j]
+    if not moves:
+        return float(cost)
+    for i in range(SIZE):
+        for j in range(i):
+            system[j, i] = system[i, j]
+    if factor(system, SIZE):
+        substitute(system, SIZE, step)
+        for i in range(SIZE):
+            pose[i] += step[i]
+    return float(cost)
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -213,44 +270,13 @@ def align(bank: Bank, how: Alignment, start: FloatArray, pose: FloatArray) -> fl
     float
         Points that are off, each up to 1, and half of the squared distance of tilt and roll from rest.
     """
+    turns = how.gates_px.shape[0]
+    room = _room()
     for j in range(SIZE):
         pose[j] = start[j] if j < 3 else 0.0
-    rows, system, step = np.zeros((2, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE)
-    grid = (bank.origin_m[0], bank.origin_m[1], bank.cell_m)
-    camera = (how.tilt_rad, how.roll_rad, how.height_m, how.pixel_rad)
-    turns = how.gates_px.shape[0]
-    cost = 0.0
-    for turn in range(turns + 1):
-        # the last turn gives the cost alone
-        gate2 = how.gates_px[min(turn, turns - 1)] ** 2
-        for i in range(SIZE):
-            at = pose[i] - (start[i] if i < 3 else 0.0)
-            for j in range(SIZE):
-                system[i, j] = 0.0
-            system[i, i] = 1.0 / (how.std[i] * how.std[i])
-            step[i] = -at * system[i, i]
-        cost = 0.5 * ((pose[3] / how.std[3]) ** 2 + (pose[4] / how.std[4]) ** 2)
-        cost += _weigh_points(how.slopes, bank.distance_m, grid, camera, pose, gate2, system, step)
-        for n in range(how.sights.shape[0]):
-            aside, larger = _sight(how, pose, n, rows)
-            for k in range(2):
-                off = aside if k == 0 else larger
-                share = 1.0 / (1.0 + off * off / gate2)
-                cost += how.sights[n, 7] * (1.0 - share)
-                weight = how.sights[n, 7] * share * share
-                for i in range(SIZE):
-                    step[i] -= weight * rows[k, i] * off
-                    for j in range(i + 1):
-                        system[i, j] += weight * rows[k, i] * rows[k, j]
-        for i in range(SIZE):
-            for j in range(i):
-                system[j, i] = system[i, j]
-        if turn == turns or not factor(system, SIZE):
-            break
-        substitute(system, SIZE, step)
-        for i in range(SIZE):
-            pose[i] += step[i]
-    return float(cost)
+    for turn in range(turns):
+        _advance(bank, how, how.slopes, start, how.gates_px[turn], True, room, pose)
+    return _advance(bank, how, how.slopes, start, how.gates_px[turns - 1], False, room, pose)
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -283,6 +309,60 @@ def align_all(
     for m in range(starts.shape[0]):
         costs[m] = align(bank, how, starts[m], poses[m])
         costs[m] += upright_weight * upright_mismatch(bank, seen, poses[m, 0], poses[m, 1], poses[m, 2])
+
+
+@compiled(fastmath=True, error_model="numpy")
+def align_likeliest(
+    bank: Bank,
+    how: Alignment,
+    seen: FloatArray,
+    upright_weight: float,
+    starts: FloatArray,
+    likely: int,
+    poses: FloatArray,
+    costs: FloatArray,
+) -> None:
+    """Move poses and score them, but leave the costlier half behind after each step, down to the last few.
+
+    Parameters
+    ----------
+    bank, how, seen, upright_weight, starts, poses
+        See `align_all`.
+    likely : int
+        How many poses are moved in all steps.
+    costs : (M,) float64
+        Result; `LEFT_BEHIND` for those left behind.
+    """
+    count, turns = starts.shape[0], how.gates_px.shape[0]
+    room, order = _room(), np.empty(count)
+    for m in range(count):
+        for j in range(SIZE):
+            poses[m, j] = starts[m, j] if j < 3 else 0.0
+        costs[m] = 0.0
+    left = count
+    for turn in range(turns + 1):
+        gate_px = how.gates_px[min(turn, turns - 1)]
+        # before its first step a pose says little, and for that step every other point will do: their order is mixed
+        slopes = how.slopes[: (how.slopes.shape[0] + 1) // 2] if turn == 0 else how.slopes
+        halves = 0 < turn < turns and left > likely
+        number = 0
+        for m in range(count):
+            if costs[m] == LEFT_BEHIND:
+                continue
+            mismatch = 0.0
+            if halves or turn == turns:
+                mismatch = upright_mismatch(bank, seen, poses[m, 0], poses[m, 1], poses[m, 2])
+            costs[m] = _advance(bank, how, slopes, starts[m], gate_px, turn < turns, room, poses[m])
+            costs[m] += upright_weight * mismatch
+            order[number] = costs[m]
+            number += 1
+        if halves:
+            sort(order[:number])
+            left = max(likely, number // 2)
+            limit = order[left - 1]
+            for m in range(count):
+                if costs[m] > limit:
+                    costs[m] = LEFT_BEHIND
 
 
 def slopes_of(rows: FloatArray, tilt_rad: float, roll_rad: float, height_m: float) -> FloatArray:

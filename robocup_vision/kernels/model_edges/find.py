@@ -167,12 +167,26 @@ def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: flo
     return total
 
 
+@compiled(error_model="numpy", inline="always")
+def _is_same_item(items: FloatArray, m: int) -> bool:
+    """Whether an upright stands where the one before it does: another colour of a beacon."""
+    for k in range(5):
+        if items[m, k] != items[m - 1, k]:
+            return False
+    return True
+
+
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _upright_spans(bank: Bank, x: float, y: float, low: FloatArray, high: FloatArray) -> None:
     """Bearings from a place, field frame, between which each upright stands."""
     for m in range(bank.items.shape[0]):
+        if m > 0 and _is_same_item(bank.items, m):
+            low[m], high[m] = low[m - 1], high[m - 1]
+            continue
         a = math.atan2(bank.items[m, 1] - y, bank.items[m, 0] - x)
-        b = math.atan2(bank.items[m, 3] - y, bank.items[m, 2] - x)
+        b = a
+        if bank.items[m, 2] != bank.items[m, 0] or bank.items[m, 3] != bank.items[m, 1]:
+            b = math.atan2(bank.items[m, 3] - y, bank.items[m, 2] - x)
         turn = b - a
         if turn > math.pi:
             turn -= math.tau
@@ -254,7 +268,8 @@ def score_bank(
     last_row, last_column = bank.distance_m.shape[0] - 1, bank.distance_m.shape[1] - 1
     for i in range(bank.places.shape[0]):
         x, y = bank.places[i, 0], bank.places[i, 1]
-        _upright_spans(bank, x, y, low, high)
+        if upright_weight > 0.0:
+            _upright_spans(bank, x, y, low, high)
         # half a cell more: a cell's number is where its middle lies
         across, up = (x - bank.origin_m[0]) * inverse + 0.5, (y - bank.origin_m[1]) * inverse + 0.5
         for j in range(headings):

@@ -12,7 +12,7 @@ import numpy as np
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.model_edges.align import Alignment, align_all, slopes_of
+from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, align_likeliest, slopes_of
 from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
 from robocup_vision.kernels.model_edges.follow import brightness
@@ -33,27 +33,28 @@ class FinderSettings:
     spacing_m: float = 0.25
     heading_step_rad: float = math.radians(6.0)
     # scored by all points; aligned; fitted; weighed against each other
-    scored: int = 2000
-    aligned: int = 200
+    scored: int = 1000
+    aligned: int = 150
     fitted: int = 12
     weighed: int = 6
     # most proposals by beacons and posts, metres between them along a circle about one
     around: int = 400
     step_m: float = 0.2
-    # all are aligned in so many steps; so many of them, the likeliest, in all steps
-    first_steps: int = 3
-    likely: int = 30
+    # so many of them, the likeliest, are aligned in all steps
+    likely: int = 24
+    # where that gives no answer, for a camera that nods so much: standard deviations of its sway
+    nods: tuple[float, ...] = (-1.5, 1.5)
     # in line points: what is off by more than the best and so much is not fitted
-    behind: float = 10.0
+    behind: float = 6.0
     # as a logarithm: what its first fit says to be less likely than the best by more is not weighed
-    unlikelier: float = 10.0
+    unlikelier: float = 4.0
     # of these, so many of the likeliest with their half turns too, where the halves of the field differ
     turned: int = 2
     # how far apart two proposals are at least; two answers nearer than that are one
     apart_m: float = 0.2
     apart_rad: float = math.radians(6.0)
     # steps of aligning: scale of the robust weight, pixels of a picture 208 wide
-    gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0, 3.0)
+    gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0)
     # of a pose of the bank, as the prior of its alignment
     near_m: float = 0.12
     near_rad: float = math.radians(3.5)
@@ -61,7 +62,7 @@ class FinderSettings:
     std_m: float = 0.10
     std_rad: float = math.radians(3.5)
     # fits from where the last one points to without its prior, until it moves by no more than that
-    settling: int = 4
+    settling: int = 2
     settled_m: float = 0.02
     settled_rad: float = math.radians(0.5)
     # greatest standard deviation of an answer's position: without a prior the next picture will do better
@@ -73,6 +74,18 @@ class FinderSettings:
     max_range_m: float = 6.0
     # whether one of the poses is the right one
     candidates: CandidateSettings = CandidateSettings()
+
+
+# where a frame tells little, nothing is spared
+THOROUGH = FinderSettings(
+    scored=2000,
+    aligned=200,
+    behind=10.0,
+    unlikelier=10.0,
+    gates_px=(20.0, 10.0, 5.0, 3.0, 3.0),
+    settling=4,
+    nods=(),
+)
 
 
 class EdgeFinder:
@@ -103,6 +116,7 @@ class EdgeFinder:
         sway = follower.sway_std_rad
         self._near = np.array([s.near_m, s.near_m, s.near_rad, sway, sway])
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
+        self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
         self._gates_px = np.array(s.gates_px) * max(1.0, 0.5 * (1.0 + scale))
 
     def with_follower(self, follower: EdgeFollower) -> EdgeFinder:
@@ -113,8 +127,18 @@ class EdgeFinder:
 
     def propose(self, frame: UInt8Array) -> list[Pose2]:
         """Poses of the camera worth a fit, the likeliest first."""
+        return self._likeliest(self._aligned_poses(frame, 0.0))
+
+    def _likeliest(self, aligned: list[tuple[float, Pose2]]) -> list[Pose2]:
+        """Of costs and poses, the poses that cost little more than the best and are apart, the best first."""
+        order = sorted(aligned, key=lambda one: one[0])
+        likely = (pose for cost, pose in order if cost <= order[0][0] + self.settings.behind)
+        return self._first_apart(likely, self.settings.fitted)
+
+    def _aligned_poses(self, frame: UInt8Array, nod_rad: float) -> list[tuple[float, Pose2]]:
+        """Poses aligned with what is in view of a camera that nods by so much, each with its cost in line points."""
         s, follower, camera = self.settings, self.follower, self.follower.camera
-        tilt, roll = camera.tilt_rad or 0.0, camera.roll_rad or 0.0
+        tilt, roll = (camera.tilt_rad or 0.0) + nod_rad, camera.roll_rad or 0.0
         carpet, p = np.zeros(5), np.zeros(UNKNOWNS)
         horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt)
         carpet_look(frame, int(horizon), carpet)
@@ -138,15 +162,13 @@ class EdgeFinder:
         how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px, sights)
         starts = np.concatenate([self._starts[:kept, :3], around(sights, camera.focal_px[0], follower.field, s.step_m)])
         starts = starts[: len(self._aligned)]
-        roughly = how._replace(gates_px=self._gates_px[: s.first_steps])
         poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
-        align_all(self._bank, roughly, seen, s.upright_weight, starts, poses, costs)
-        starts = starts[np.argsort(costs)[: s.likely]]
-        poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
-        align_all(self._bank, how, seen, s.upright_weight, starts, poses, costs)
-        order = np.argsort(costs)
-        likely = order[costs[order] <= costs[order[:1]].sum() + s.behind]
-        return self._first_apart((Pose2(*poses[index, :3].tolist()) for index in likely.tolist()), s.fitted)
+        align_likeliest(self._bank, how, seen, s.upright_weight, starts, s.likely, poses, costs)
+        sway = follower.sway_std_rad
+        # the nod is weighed as one from rest
+        costs += 0.5 * ((poses[:, 3] + nod_rad) ** 2 - poses[:, 3] ** 2) / (sway * sway)
+        ended = zip(costs.tolist(), poses[:, :3].tolist(), strict=True)
+        return [(cost, Pose2(*pose)) for cost, pose in ended if cost < 0.5 * LEFT_BEHIND]
 
     def _first_apart(self, poses: Iterable[Pose2], count: int) -> list[Pose2]:
         """Return the first of some poses that are not what one before them is; up to so many."""
@@ -170,7 +192,16 @@ class EdgeFinder:
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         """
-        return self.judge(frame, self.propose(frame))
+        if not self.settings.nods:
+            return self.judge(frame, self.propose(frame))
+        aligned = self._aligned_poses(frame, 0.0)
+        answer = self.judge(frame, self._likeliest(aligned))
+        if answer or not aligned:
+            return answer
+        # a body that nods sees far lines elsewhere than the bank: all is weighed again, with poses by other nods
+        for ratio in self.settings.nods:
+            aligned += self._aligned_poses(frame, ratio * self.follower.sway_std_rad)
+        return self.judge(frame, self._likeliest(aligned))
 
     def judge(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> FollowedCamera | NotLocated:
         """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates.
@@ -245,7 +276,6 @@ class EdgeFinder:
 
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         """Fit one pose, with a proposal for a prior."""
-        s, follower = self.settings, self.follower
-        follower.forget()
-        covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
-        return follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1, is_proposal=True)
+        self.follower.forget()
+        near = PoseEstimate(pose, self._covariance, 1.0, 0.0)
+        return self.follower.follow(frame, near, modes=1, is_proposal=True)

@@ -23,7 +23,7 @@ from robocup_vision.kernels.model_edges.carpet import LIT_CARPET, carpet_look, c
 from robocup_vision.kernels.model_edges.find import best_poses, floor_places, score_bank
 from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.sightings import SIGHT
-from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
+from robocup_vision.localization.model_edges.finder import THOROUGH, EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
@@ -107,7 +107,7 @@ class TiltFinder(EdgeFinder):
         )
         # one frame must decide: all samples count
         edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf, lines_end_m=_BEYOND_M)
-        super().__init__(EdgeFollower(field, held, edges), FinderSettings())
+        super().__init__(EdgeFollower(field, held, edges), THOROUGH)
         self._bands = np.zeros((600, 4))
         focal = math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         roll_std = settings.roll_std_rad if camera.roll_std_rad is None else camera.roll_std_rad

@@ -27,7 +27,7 @@ from robocup_vision.kernels.model_edges.tables import HEIGHT, ROLL, TILT, UNKNOW
 from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
 from robocup_vision.localization.model_edges.bank import with_walls
 from robocup_vision.localization.model_edges.candidates import CandidateSettings
-from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
+from robocup_vision.localization.model_edges.finder import THOROUGH, EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.second_look import copy_of, smaller_camera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
@@ -89,7 +89,7 @@ class WideFinder(EdgeFinder):
         self.factor = smallest_copy(camera, edges)
         super().__init__(
             EdgeFollower(field, smaller_camera(camera, self.factor), edges.for_doubted_frames()),
-            FinderSettings(fitted=settings.fitted, weighed=settings.weighed, candidates=candidates),
+            replace(THOROUGH, fitted=settings.fitted, weighed=settings.weighed, candidates=candidates),
         )
         self._walls = with_walls(self._bank, field)
         self._wall_scores = np.zeros_like(self._scores)

@@ -8,7 +8,15 @@ import pytest
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.model_edges.align import FAR, Alignment, align, align_all, slopes_of
+from robocup_vision.kernels.model_edges.align import (
+    FAR,
+    LEFT_BEHIND,
+    Alignment,
+    align,
+    align_all,
+    align_likeliest,
+    slopes_of,
+)
 from robocup_vision.kernels.model_edges.find import BINS, upright_mismatch
 from robocup_vision.localization.model_edges.bank import prepare_bank
 
@@ -101,12 +109,14 @@ def plain_sights(how, pose):
     return np.array(off)
 
 
-def plain_align(bank, how, start):
+def plain_align(bank, how, start, first=None):
+    """Pose and cost; the first step is made by so many points."""
     center = np.array([*start, 0.0, 0.0])
     weights = np.repeat(how.sights[:, 7], 2)
     pose = center.copy()
-    for gate in how.gates_px:
-        off, rows, counts = plain_residuals(bank, how, pose)
+    for turn, gate in enumerate(how.gates_px):
+        few = how if turn or first is None else how._replace(slopes=how.slopes[:first])
+        off, rows, counts = plain_residuals(bank, few, pose)
         weight = np.where(counts, 1.0 / (1.0 + (off / gate) ** 2) ** 2, 0.0)
         system = np.diag(1.0 / how.std**2) + (rows * weight[:, None]).T @ rows
         aside, steps = plain_sights(how, pose), 1e-6 * np.eye(5)
@@ -171,3 +181,44 @@ def test_slopes_are_those_of_the_pixels():
     slopes = slopes_of(np.column_stack([floor, floor[:, 0]]), -0.17, 0.03, 0.185)
     expected = np.column_stack([(51.5 - pixels[:, 0]) / 96.0, (39.5 - pixels[:, 1]) / 96.0])
     np.testing.assert_allclose(slopes, expected, atol=1e-9)
+
+
+def spread(truth, rng, number=40):
+    """Return starts (N, 3), the first one next to the truth."""
+    near = truth.array + np.array((0.06, -0.05, 0.03))
+    far = rng.uniform((-2.0, -1.5, -3.0), (2.0, 1.5, 3.0), (number - 1, 3))
+    return np.vstack([near, far])
+
+
+def test_the_likeliest_are_moved_as_by_the_plain_twin_and_the_costlier_are_left_behind(bank):
+    rng = np.random.default_rng(5)
+    truth = Pose2(-0.6, 0.3, 2.9)
+    how = Alignment(lined(CAMERA, truth, rng, 30), -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX, SIGHTS)
+    starts, seen = spread(truth, rng), np.zeros((len(bank.paints), BINS + 1))
+    seen[:, 1:] = np.cumsum(rng.random((len(bank.paints), BINS)) < 0.1, axis=1)
+    poses, costs = np.zeros((len(starts), 5)), np.zeros(len(starts))
+    align_likeliest(bank, how, seen, 0.25, starts, 6, poses, costs)
+    kept = np.flatnonzero(costs < LEFT_BEHIND)
+    assert len(kept) == 6
+    assert (costs[costs >= LEFT_BEHIND] == LEFT_BEHIND).all()
+    assert np.argmin(costs) == 0
+    pose, cost = plain_align(bank, how, starts[0], first=15)
+    np.testing.assert_allclose(poses[0], pose, atol=2e-5)
+    assert costs[0] == pytest.approx(cost + 0.25 * upright_mismatch(bank, seen, *poses[0, :3]), rel=1e-3)
+
+
+def test_what_is_left_behind_does_not_change_what_is_kept(bank):
+    rng = np.random.default_rng(6)
+    truth = Pose2(-1.2, 0.6, 2.2)
+    how = Alignment(lined(CAMERA, truth, rng, 30), -0.17, 0.03, 0.185, STD, 1 / 96.0, GATES_PX, NONE)
+    starts, seen = spread(truth, rng), np.zeros((len(bank.paints), BINS + 1))
+    results = {}
+    for likely in (5, len(starts)):
+        poses, costs = np.zeros((len(starts), 5)), np.zeros(len(starts))
+        align_likeliest(bank, how, seen, 0.25, starts, likely, poses, costs)
+        results[likely] = poses, costs
+    (few, few_costs), (every, every_costs) = results[5], results[len(starts)]
+    kept = few_costs < LEFT_BEHIND
+    assert (every_costs < LEFT_BEHIND).all()
+    np.testing.assert_array_equal(few[kept], every[kept])
+    np.testing.assert_array_equal(few_costs[kept], every_costs[kept])
