@@ -37,6 +37,11 @@ def take(name, pose, *, nod_rad=0.0, robots=(), camera=CAMERA, seed=3):
 
 
 @pytest.fixture(scope="session")
+def take_shot():
+    return take
+
+
+@pytest.fixture(scope="session")
 def fl_shot():
     """Show a four-legged robot the goal at -x; it nods by a degree, and another robot is in view."""
     other = Robot(-1.7, 0.35, 0.12, 0.25)

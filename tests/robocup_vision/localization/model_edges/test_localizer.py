@@ -13,7 +13,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import floor_places
 from robocup_vision.localization.model_edges.field_edges import lens_table
-from robocup_vision.localization.model_edges.finder import EdgeFinder
+from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
 from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
@@ -72,6 +72,11 @@ def test_memory_takes_the_frame_s_own_word(fl_shot):
     assert view.belief.pose.pose.error_to(fl_shot.pose)[0] < 0.05
 
 
+@pytest.fixture(scope="module")
+def spl_finder(spl_shot):
+    return EdgeFinder(EdgeFollower(spl_shot.field, spl_shot.camera))
+
+
 def test_a_camera_is_found_without_a_prior(fl_shot, spl_shot):
     finder = EdgeFinder(EdgeFollower(fl_shot.field, fl_shot.camera))
     assert any(pose.error_to(fl_shot.pose)[0] < 0.4 for pose in finder.propose(fl_shot.frame))
@@ -102,6 +107,19 @@ def test_a_goal_is_found_from_cold_where_edges_alone_do_not_know(condition):
         away, turn = view.pose.pose.error_to(sample.pose)
         assert away < 0.2
         assert turn < math.radians(5.0)
+
+
+@pytest.mark.parametrize(
+    ("pose", "nod_rad"),
+    [(Pose2(3.3, -0.6, 0.46), 0.03), (Pose2(1.4, 0.0, -0.24), -0.032), (Pose2(-0.2, -0.1, -0.24), 0.04)],
+)
+def test_a_body_that_nods_is_searched_for_again(pose, nod_rad, take_shot, spl_shot, spl_finder):
+    shot = take_shot("spl_2020", pose, nod_rad=nod_rad, camera=spl_shot.camera)
+    answer = spl_finder.find(shot.frame)
+    assert answer
+    assert min(one.error_to(pose)[0] for one in answer.estimate.candidates) < 0.03
+    # the first search alone does not tell it
+    assert not EdgeFinder(spl_finder.follower, FinderSettings(nods=())).find(shot.frame)
 
 
 def test_nothing_is_found_where_nothing_is(fl_shot):
