@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.algebra.cholesky import factor, substitute
+from robocup_vision.kernels.algebra.cholesky import factor
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
+from robocup_vision.kernels.model_edges.conclude import covariance_with_prior, pose_alone, position_std
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import reaches, search, whiten
@@ -302,7 +303,12 @@ def _follow(
             _assess(image, scene, prior, settings, spacing_px, room, fit, z)
     if best_worth == NO_FIT:
         return False
-    return _conclude(prior.root, z, room.information, room.gradient, fit)
+    if not covariance_with_prior(prior.root, room.information, fit.covariance):
+        return False
+    if not pose_alone(prior.root, z, room.information, room.gradient, fit.information, fit.gradient):
+        return False
+    fit.figures[11] = position_std(fit.information)
+    return True
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -379,85 +385,3 @@ def _edges_found(room: Room, count: int) -> int:
         if room.found.status[n] == FOUND:
             is_found[room.samples.feature[n]] = True
     return int(is_found.sum())
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _conclude(root: FloatArray, z: FloatArray, information: FloatArray, gradient: FloatArray, fit: Fit) -> bool:
-    """Return the covariance with the prior, and information and gradient without it, in the unknowns' own units."""
-    size = UNKNOWNS
-    system, column = np.empty((size, size)), np.empty(size)
-    for i in range(size):
-        for j in range(size):
-            system[i, j] = information[i, j]
-        system[i, i] += 1.0
-    if not factor(system, size):
-        return False
-    for i in range(size):
-        for j in range(size):
-            column[j] = root[i, j] if j <= i else 0.0
-        substitute(system, size, column)
-        for k in range(size):
-            total = 0.0
-            for j in range(k + 1):
-                total += root[k, j] * column[j]
-            fit.covariance[k, i] = total
-    # leave out what is not asked: its prior stays in
-    rest = np.empty((4, 4))
-    cross = np.empty((3, 5))
-    for i in range(4):
-        for j in range(4):
-            rest[i, j] = information[3 + i, 3 + j]
-        rest[i, i] += 1.0
-    if not factor(rest, 4):
-        return False
-    part = np.empty(4)
-    marginal, slope = np.empty((3, 3)), np.empty(3)
-    for i in range(3):
-        for k in range(4):
-            part[k] = information[i, 3 + k]
-        substitute(rest, 4, part)
-        for j in range(3):
-            total = information[i, j]
-            for k in range(4):
-                total -= part[k] * information[j, 3 + k]
-            marginal[i, j] = total
-        total = gradient[i]
-        for k in range(4):
-            total -= part[k] * (gradient[3 + k] - z[3 + k])
-        slope[i] = total
-    # z = root^-1 (p - prior): rows of root^-T from the pose's block, which is the leading one
-    inverse = np.zeros((3, 3))
-    for j in range(3):
-        for i in range(j, 3):
-            total = 1.0 if i == j else 0.0
-            for k in range(j, i):
-                total -= root[i, k] * inverse[k, j]
-            inverse[i, j] = total / root[i, i]
-    for i in range(3):
-        total = 0.0
-        for k in range(3):
-            total += inverse[k, i] * slope[k]
-        fit.gradient[i] = total
-        for j in range(3):
-            cross[i, j] = 0.0
-            for k in range(3):
-                cross[i, j] += marginal[i, k] * inverse[k, j]
-    for i in range(3):
-        for j in range(3):
-            total = 0.0
-            for k in range(3):
-                total += inverse[k, i] * cross[k, j]
-            fit.information[i, j] = total
-    fit.figures[11] = _position_std(fit.information)
-    return True
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _position_std(information: FloatArray) -> float:
-    """Return the greatest standard deviation of x and y, heading open, by an information matrix (3, 3); at most 9."""
-    turn = max(information[2, 2], 1e-9)
-    a = information[0, 0] - information[0, 2] * information[0, 2] / turn
-    b = information[0, 1] - information[0, 2] * information[1, 2] / turn
-    c = information[1, 1] - information[1, 2] * information[1, 2] / turn
-    least = 0.5 * (a + c) - math.sqrt(0.25 * (a - c) ** 2 + b * b)
-    return 1.0 / math.sqrt(max(least, 1.0 / 81.0))

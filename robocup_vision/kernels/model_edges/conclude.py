@@ -1,0 +1,155 @@
+"""What a fit says in the unknowns' own units: its covariance, and what the measurements alone tell about the pose.
+
+A fit is made in standard normal unknowns z: unknowns p = mean + root z, with the lower triangular root of the prior.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.cholesky import factor, substitute
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, FloatArray
+
+POSE = 3  # x, y and heading lead the unknowns
+REST = UNKNOWNS - POSE
+
+
+@compiled(fastmath=True, error_model="numpy")
+def covariance_with_prior(root: FloatArray, information: FloatArray, covariance: FloatArray) -> bool:
+    """Fill in root (I + information)^-1 root^T.
+
+    Parameters
+    ----------
+    root : (7, 7) float64
+        Of the prior; only its lower triangle is read.
+    information : (7, 7) float64
+        Of z, by the measurements alone.
+    covariance : (7, 7) float64
+        Result, of the unknowns.
+
+    Returns
+    -------
+    bool
+        Whether the system is definite.
+    """
+    size = UNKNOWNS
+    system, column = np.empty((size, size)), np.empty(size)
+    for i in range(size):
+        for j in range(size):
+            system[i, j] = information[i, j]
+        system[i, i] += 1.0
+    if not factor(system, size):
+        return False
+    for i in range(size):
+        for j in range(size):
+            column[j] = root[i, j] if j <= i else 0.0
+        substitute(system, size, column)
+        for k in range(size):
+            total = 0.0
+            for j in range(k + 1):
+                total += root[k, j] * column[j]
+            covariance[k, i] = total
+    return True
+
+
+@compiled(fastmath=True, error_model="numpy")
+def pose_alone(
+    root: FloatArray,
+    z: FloatArray,
+    information: FloatArray,
+    gradient: FloatArray,
+    pose_information: FloatArray,
+    pose_gradient: FloatArray,
+) -> bool:
+    """Fill in what the measurements alone tell about x, y and heading, what else is unknown left open as in the prior.
+
+    Parameters
+    ----------
+    root : (7, 7) float64
+        Of the prior, lower triangular.
+    z : (7,) float64
+        The fit.
+    information : (7, 7) float64
+        Of z, by the measurements alone.
+    gradient : (7,) float64
+        Of the measurements' log-likelihood by z, at the fit.
+    pose_information : (3, 3) float64
+        Result, of x, y and heading.
+    pose_gradient : (3,) float64
+        Result: of that log-likelihood by them.
+
+    Returns
+    -------
+    bool
+        Whether the system of the other unknowns is definite.
+    """
+    marginal, slope = np.empty((POSE, POSE)), np.empty(POSE)
+    if not _leave_out_rest(z, information, gradient, marginal, slope):
+        return False
+    # z = root^-1 (p - prior): rows of root^-T from the pose's block, which is the leading one
+    inverse = np.zeros((POSE, POSE))
+    for j in range(POSE):
+        for i in range(j, POSE):
+            total = 1.0 if i == j else 0.0
+            for k in range(j, i):
+                total -= root[i, k] * inverse[k, j]
+            inverse[i, j] = total / root[i, i]
+    cross = np.empty((POSE, POSE))
+    for i in range(POSE):
+        total = 0.0
+        for k in range(POSE):
+            total += inverse[k, i] * slope[k]
+        pose_gradient[i] = total
+        for j in range(POSE):
+            cross[i, j] = 0.0
+            for k in range(POSE):
+                cross[i, j] += marginal[i, k] * inverse[k, j]
+    for i in range(POSE):
+        for j in range(POSE):
+            total = 0.0
+            for k in range(POSE):
+                total += inverse[k, i] * cross[k, j]
+            pose_information[i, j] = total
+    return True
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _leave_out_rest(
+    z: FloatArray, information: FloatArray, gradient: FloatArray, marginal: FloatArray, slope: FloatArray
+) -> bool:
+    """Fill in information (3, 3) and gradient (3,) of the pose's z by Schur's complement; the rest's prior stays in."""
+    rest, part = np.empty((REST, REST)), np.empty(REST)
+    for i in range(REST):
+        for j in range(REST):
+            rest[i, j] = information[POSE + i, POSE + j]
+        rest[i, i] += 1.0
+    if not factor(rest, REST):
+        return False
+    for i in range(POSE):
+        for k in range(REST):
+            part[k] = information[i, POSE + k]
+        substitute(rest, REST, part)
+        for j in range(POSE):
+            total = information[i, j]
+            for k in range(REST):
+                total -= part[k] * information[j, POSE + k]
+            marginal[i, j] = total
+        total = gradient[i]
+        for k in range(REST):
+            total -= part[k] * (gradient[POSE + k] - z[POSE + k])
+        slope[i] = total
+    return True
+
+
+@compiled(fastmath=True, error_model="numpy")
+def position_std(information: FloatArray) -> float:
+    """Return the greatest standard deviation of x and y, heading open, by an information matrix (3, 3); at most 9."""
+    turn = max(information[2, 2], 1e-9)
+    a = information[0, 0] - information[0, 2] * information[0, 2] / turn
+    b = information[0, 1] - information[0, 2] * information[1, 2] / turn
+    c = information[1, 1] - information[1, 2] * information[1, 2] / turn
+    least = 0.5 * (a + c) - math.sqrt(0.25 * (a - c) ** 2 + b * b)
+    return 1.0 / math.sqrt(max(least, 1.0 / 81.0))
