@@ -6,7 +6,8 @@ the camera's own frame still works. Only the mappings to and from the robot fram
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -86,7 +87,11 @@ class PinholeCamera:
 
     def with_orientation(self, pan_rad: float | None, tilt_rad: float | None, roll_rad: float | None) -> PinholeCamera:
         """Return this camera as the neck holds it now; None: unknown."""
-        return replace(self, pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
+        # once or more a frame: what is checked, and what is worked out of the lens, stays as it is
+        other = copy(self)
+        vars(other).update(pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
+        vars(other).pop("camera_to_robot", None)
+        return other
 
     def sway_std_rad(self, usual_rad: float) -> float:
         """Return the standard deviation of tilt and roll while the robot moves: the file's, or else the usual one."""

@@ -109,7 +109,7 @@ class FloorView:
         camera : PinholeCamera
             As this one, at another tilt and roll.
         """
-        other = replace(self, camera=camera)
+        other = FloorView(camera, self.seen_bearings, self.mask, self.guard_m)
         vars(other).update({name: getattr(self, name) for name in _UNCHANGED_BY_TURN})
         if "floor_m" in vars(self):
             vars(other)["floor_m"] = self.floor_m

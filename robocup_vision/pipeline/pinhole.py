@@ -65,12 +65,13 @@ class _Floor:
         view = self.view.panned(camera.pan_rad or 0.0)
         return replace(self, camera=camera, view=view, grid=self.grid.panned(view))
 
-    def turned(self, camera: PinholeCamera) -> _Floor:
+    def turned(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None) -> _Floor:
         """Return the same for a frame in which the body has nodded and rolled to the orientation of `camera`."""
-        if (self.camera.tilt_rad, self.camera.roll_rad) == (camera.tilt_rad, camera.roll_rad):
-            return self
-        as_now = self.camera.with_orientation(self.camera.pan_rad, camera.tilt_rad, camera.roll_rad)
-        return replace(self, camera=as_now, view=self.view.turned(as_now))
+        as_now, view = self.camera, self.view
+        if (as_now.tilt_rad, as_now.roll_rad) != (camera.tilt_rad, camera.roll_rad):
+            as_now = as_now.with_orientation(as_now.pan_rad, camera.tilt_rad, camera.roll_rad)
+            view = view.turned(as_now)
+        return _Floor(as_now, view, self.grid, self.marking, self.finder, sway_std_rad)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,7 +180,9 @@ class PinholePipeline(FramePipeline):
         begin = perf_counter()
         frame = self._checked(frame)
         timings: dict[str, float] = {}
-        camera = self.camera if pan_rad is None else replace(self.camera, pan_rad=pan_rad)
+        camera = self.camera
+        if pan_rad is not None:
+            camera = camera.with_orientation(pan_rad, camera.tilt_rad, camera.roll_rad)
         samples = None
         if camera.known_orientation:
             self._floor = self._floor_for(camera)
@@ -196,7 +199,7 @@ class PinholePipeline(FramePipeline):
             self._floor = self._make_floor(_as_held(answer.camera)) if pose else None
         floor = self._floor
         if floor is not None and pose and not self._needs_samples and camera.known_orientation:
-            floor = replace(floor.turned(_as_held(answer.camera)), sway_std_rad=answer.sway_std_rad)
+            floor = floor.turned(_as_held(answer.camera), answer.sway_std_rad)
         if floor is None:
             self._carried = None
             # patterned balls say themselves how the camera is tilted
@@ -330,7 +333,8 @@ class PinholePipeline(FramePipeline):
         tilt = tilt_by_walls(floor.view, samples.edge_px, self.field.walls, pose, floor.camera)
         if tilt is None:
             return floor, samples
-        floor = floor.turned(floor.camera.with_orientation(floor.camera.pan_rad, tilt, floor.camera.roll_rad))
+        as_told = floor.camera.with_orientation(floor.camera.pan_rad, tilt, floor.camera.roll_rad)
+        floor = floor.turned(as_told, floor.sway_std_rad)
         return floor, self._sample(frame, floor.view, timings)
 
     def _see_floor(
