@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,8 +11,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.floor.stretches import join_bearings
 
 
-@dataclass(frozen=True, slots=True)
-class Obstacle:
+class Obstacle(NamedTuple):
     """The near side of something that stands on the floor, robot frame.
 
     Parameters
@@ -49,6 +47,9 @@ def join_places(
     step_rad : float
         That spacing.
     """
-    found = np.empty((len(seen), 3))
-    number = join_bearings(places_m, seen, gap_m, step_rad, found)
-    return tuple(Obstacle(x, y, width, math.atan2(y, x), math.hypot(x, y)) for x, y, width in found[:number].tolist())
+    found = np.empty((len(seen), 5))
+    found = found[: join_bearings(places_m, seen, gap_m, step_rad, found)]
+    x_m, y_m = found[:, 0], found[:, 1]
+    np.arctan2(y_m, x_m, out=found[:, 3])
+    np.hypot(x_m, y_m, out=found[:, 4])
+    return tuple(map(Obstacle._make, found.tolist()))
