@@ -1,6 +1,6 @@
 """A team's program that knows nothing of the simulator but the league's field numbers: drives a square, then kicks."""
 
-import math, socket, struct, sys, time  # noqa: E401, I001 - it is to be short
+import math, socket, struct, sys  # noqa: E401, I001 - it is to be short
 
 CONTROL, YELLOW, VISION = (("127.0.0.1", int(port)) for port in sys.argv[1:])
 key = lambda number, kind: bytes([number << 3 | kind])  # noqa: E731
@@ -51,7 +51,8 @@ def put(x, y, ball):
     robot = inner(2, inner(1, b"\x08\x00\x10\x01") + real(2, x) + real(3, y) + real(4, 0.0) + key(8, 0) + b"\x01")
     where = inner(1, real(1, ball[0]) + real(2, ball[1]) + real(4, 0.0) + real(5, 0.0))
     robots.sendto(inner(1, where + robot), CONTROL)
-    time.sleep(0.1)
+    while math.dist(look()[0], (x, y)) > 0.01:
+        continue  # frames of before may lie in the queue
 
 
 put(-1.0, 0.9, (0.0, -2.5))
