@@ -28,8 +28,8 @@ class PlayerSettings:
     memory : MemorySettings
         Of its estimates over time: pose filter, tracks and map.
     rough_odometry : OdometryNoise
-        In place of the memory's with a pinhole camera: legs slip by a tenth, and a robot that does not see who is
-        beside it is pushed, which its odometry does not tell.
+        In place of the memory's with a pinhole camera: legs slip by a tenth, and are a twentieth off for good; and a
+        robot that does not see who is beside it is pushed, which its odometry does not tell.
     start_std_m, start_std_rad : float
         How exactly it stands at its place when a match begins with a kick-off.
     floor_margin_ratio : float
@@ -55,7 +55,7 @@ class PlayerSettings:
     head: HeadSettings = HeadSettings()
     talk: TeamTalkSettings = TeamTalkSettings()
     memory: MemorySettings = MemorySettings()
-    rough_odometry: OdometryNoise = OdometryNoise(slip_ratio=0.12, push_m=0.005, push_rad=0.03)
+    rough_odometry: OdometryNoise = OdometryNoise(slip_ratio=0.1, gain_std=0.05, push_m=0.005, push_rad=0.03)
     start_std_m: float = 0.05
     start_std_rad: float = math.radians(3.0)
     floor_margin_ratio: float = 0.02

@@ -1,7 +1,8 @@
 """Error models of odometry and frames, and one mode of the pose: a Gaussian that odometry moves and frames update.
 
 Errors of successive frames are correlated: a place, a wrong calibration or a shadow has the same effect on the next
-one. So the Gaussian is over the pose and over the present common error of the frames.
+one. So the Gaussian is over the pose and over the present common error of the frames. What odometry gets wrong lasts,
+too: for a moment where wheels slip, for good where they or the carpet are not as they were calibrated.
 """
 
 from __future__ import annotations
@@ -19,20 +20,23 @@ from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 
 # no frame is better than a micrometre, nor a microradian
 _MIN_STD = 1e-6
-# a half turn about the field's centre, of the parts that have the field's axes; slip has the robot's
-_FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
+# a half turn about the field's centre, of the parts that have the field's axes; slip has the robot's, gains have none
+_FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, *[1.0] * 5])
 # a motion takes at least this fraction of the time that slip lasts: keeps a quotient finite
 _MIN_TIMES = 1e-4
-_POSE, _BIAS, _SLIP = slice(0, 3), slice(3, 6), slice(6, 9)
+_POSE, _BIAS, _SLIP, _GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
+_STATE = 11
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """Errors of odometry: slip in proportion to the motion, and pushes that no wheel measures.
+    """Errors of odometry: slip in proportion to the motion, gains that are off, and pushes that no wheel measures.
 
     Slip is a first-order Gauss-Markov process in time and part of the state, so that frames correct it for the next
     moment. Its default is a little more than that of good wheels: odometry with a lasting error of a fifth (worn
-    wheels, another carpet) is then still followed with a correct covariance.
+    wheels, another carpet) is then still followed with a correct covariance. Gains last: frames that correct them
+    correct all the way that comes, as well where no frame shows the pose. They are for odometry of legs, or where
+    nobody has calibrated it.
 
     Parameters
     ----------
@@ -41,6 +45,10 @@ class OdometryNoise:
         the turn that driving adds.
     slip_s : float
         How long slip lasts, seconds.
+    gain_std : float
+        Standard deviation of the lasting error of the way and of the turn, as a fraction of each; 0: calibrated.
+    gain_s : float
+        How long it lasts, seconds: carpet and wear change during a half.
     push_m, push_rad : float
         Standard deviation of position and heading per root of a second; also while the robot stands.
     shove_per_s : float
@@ -57,17 +65,19 @@ class OdometryNoise:
 
     slip_ratio: float = 0.07
     slip_s: float = 0.2
+    gain_std: float = 0.0
+    gain_s: float = 300.0
     push_m: float = 0.002
     push_rad: float = 0.005
     shove_per_s: float = 0.05
     kidnap_per_s: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in ("slip_ratio", "slip_s", "shove_per_s", "kidnap_per_s"):
+        for name in ("slip_ratio", "slip_s", "gain_s", "shove_per_s", "kidnap_per_s"):
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise ArgumentError(f"{name} of the odometry must be positive, got {value!r}")
-        for name in ("push_m", "push_rad"):
+        for name in ("gain_std", "push_m", "push_rad"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:
                 raise ArgumentError(f"{name} of the odometry must not be negative, got {value!r}")
@@ -76,6 +86,10 @@ class OdometryNoise:
         """(3, 3) float64: standard deviations of slip that stays the same over a motion, in the robot's frame."""
         way, turn = math.hypot(motion.x_m, motion.y_m), motion.theta_rad
         return self.slip_ratio * np.diag([way, way, math.hypot(way, turn)])
+
+    def gain(self, motion: Pose2) -> FloatArray:
+        """(3, 2) float64: standard deviations of what lasting errors of way and turn make of a motion."""
+        return self.gain_std * np.array([[motion.x_m, 0.0], [motion.y_m, 0.0], [0.0, motion.theta_rad]])
 
     def push(self, seconds: float) -> FloatArray:
         """(3, 3) float64: covariance of pushes that no wheel measures, m, m and rad."""
@@ -183,11 +197,11 @@ class PoseMode:
     ----------
     pose : Pose2
         In the more probable half.
-    hidden : (6,) float64
-        The bias error of the frames, field frame, and the slip, robot frame: x, y, theta of each, in standard
-        deviations.
-    covariance : (9, 9) float64
-        Of both.
+    hidden : (8,) float64
+        The bias error of the frames, field frame, and the slip, robot frame: x, y, theta of each; then the odometry's
+        lasting errors of way and turn. In standard deviations.
+    covariance : (11, 11) float64
+        Of pose and hidden.
     log_weight : float
         Logarithm of the probability.
     half_log_odds : float
@@ -235,13 +249,13 @@ class PoseMode:
         slip_std : float
             Standard deviation of the slip now, in its usual standard deviations.
         """
-        covariance = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, *[slip_std**2] * 3])
+        covariance = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, *[slip_std**2] * 3, 1.0, 1.0])
         covariance[_POSE, _POSE] = measurement.bias @ measurement.bias.T + measurement.white
         covariance[_POSE, _BIAS] = -measurement.bias
         covariance[_BIAS, _POSE] = -measurement.bias.T
         return cls(
             measurement.pose,
-            np.zeros(6),
+            np.zeros(_STATE - 3),
             covariance,
             log_weight,
             half_log_odds=0.0,
@@ -252,6 +266,13 @@ class PoseMode:
             inlier_ratio=estimate.inlier_ratio,
             residual_px=estimate.residual_px,
         )
+
+    def with_gains_of(self, other: PoseMode) -> PoseMode:
+        """Return the mode with what another one knows of the odometry's lasting errors: they are the same anywhere."""
+        hidden, covariance = self.hidden.copy(), self.covariance.copy()
+        hidden[6:] = other.hidden[6:]
+        covariance[_GAIN, _GAIN] = other.covariance[_GAIN, _GAIN]
+        return replace(self, hidden=hidden, covariance=covariance)
 
     def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, bias_distance_m: float) -> PoseMode:
         """Move the mode by odometry.
@@ -273,22 +294,24 @@ class PoseMode:
         slip_decay = math.exp(-times)
         mean = (1 - slip_decay) / times
         mean_variance = 2 * (times - 1 + slip_decay) / times**2 - mean**2
-        slip = odometry.slip(motion)
-        x, y, theta = (motion.array + mean * slip @ self.hidden[3:]).tolist()
+        slip, gain = odometry.slip(motion), odometry.gain(motion)
+        x, y, theta = (motion.array + mean * slip @ self.hidden[3:6] + gain @ self.hidden[6:]).tolist()
         c, s = math.cos(self.pose.theta_rad), math.sin(self.pose.theta_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         slip = turn @ slip
-        by_state = np.diag([1.0, 1.0, 1.0, *[bias_decay] * 3, *[slip_decay] * 3])
+        kept = np.array([*[bias_decay] * 3, *[slip_decay] * 3, *[math.exp(-seconds / odometry.gain_s)] * 2])
+        by_state = np.diag([1.0, 1.0, 1.0, *kept])
         by_state[0, 2], by_state[1, 2] = -s * x - c * y, c * x - s * y
         by_state[_POSE, _SLIP] = mean * slip
-        noise = np.diag([0.0, 0.0, 0.0, *[1 - bias_decay**2] * 3, *[1 - slip_decay**2] * 3])
+        by_state[_POSE, _GAIN] = turn @ gain
+        noise = np.diag([0.0, 0.0, 0.0, *(1 - kept**2)])
         noise[_POSE, _POSE] = mean_variance * slip @ slip.T + turn @ odometry.push(seconds) @ turn.T
         noise[_POSE, _SLIP] = mean * (1 - slip_decay) * slip
         noise[_SLIP, _POSE] = noise[_POSE, _SLIP].T
         return replace(
             self,
             pose=self.pose.compose(Pose2(x, y, theta)),
-            hidden=self.hidden * [*[bias_decay] * 3, *[slip_decay] * 3],
+            hidden=self.hidden * kept,
             covariance=by_state @ self.covariance @ by_state.T + noise,
         )
 
@@ -309,13 +332,13 @@ class PoseMode:
         gain = np.linalg.solve(spread, seen @ self.covariance).T
         change = gain @ offset
         x, y, theta = (self.pose.array + change[:3]).tolist()
-        rest = np.eye(9) - gain @ seen
+        rest = np.eye(_STATE) - gain @ seen
         # Joseph's form, which stays symmetric and positive
         covariance = rest @ self.covariance @ rest.T + gain @ measurement.white @ gain.T
         return replace(self, pose=Pose2(x, y, theta), hidden=self.hidden + change[3:], covariance=covariance)
 
     def _innovation(self, measurement: PoseMeasurement) -> tuple[FloatArray, FloatArray, FloatArray]:
-        seen = np.hstack([np.eye(3), measurement.bias, np.zeros((3, 3))])
+        seen = np.hstack([np.eye(3), measurement.bias, np.zeros((3, _STATE - 6))])
         offset = pose_offset(measurement.pose, self.pose) - measurement.bias @ self.hidden[:3]
         return offset, seen, seen @ self.covariance @ seen.T + measurement.white
 

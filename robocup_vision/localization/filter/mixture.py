@@ -149,6 +149,8 @@ class Mixture:
             # wheels may spin: all of the odometry may be slip
             slip_std = max(1 / odometry.slip_ratio, 1.0)
         mode = PoseMode.found(measurement, estimate, t_s, log_weight, slip_std)
+        if self.modes:
+            mode = mode.with_gains_of(self.modes[0])
         return replace(mode, half_log_odds=odds)
 
     def _follow(

@@ -273,7 +273,44 @@ def test_the_same_calls_give_the_same_belief_bit_for_bit():
     assert all(np.array_equal(a.covariance, b.covariance) for a, b in zip(first, second, strict=True))
 
 
-@pytest.mark.parametrize("name", ["slip_ratio", "slip_s", "push_m", "push_rad", "shove_per_s", "kidnap_per_s"])
+def blind_turn(scale, noise, seed, carried_away=False):
+    """Turn to and fro with frames, then on without any; return how far the heading is off, and its doubt."""
+    rng = np.random.default_rng(seed)
+    filter_, truth, t_s = PoseFilter(odometry=noise), Pose2(0.4, -0.2, 1.0), 0.0
+    for k in range(390):
+        turn = 0.08 if k % 60 < 30 or k >= 360 else -0.08
+        slip = 0.1 * turn * float(rng.standard_normal())
+        filter_.predict(Pose2(0.01, 0.0, turn), t_s)
+        truth = truth.compose(Pose2(scale * 0.01, 0.0, scale * turn + slip))
+        if carried_away and k == 300:
+            truth = Pose2(-1.0, 0.5, 2.0)
+        if k < 360:
+            filter_.update(told(noisy(truth, rng)), t_s)
+        t_s += DT
+    off_rad = math.remainder(filter_.belief.pose.theta_rad - truth.theta_rad, math.tau)
+    return off_rad, filter_.belief.std[2]
+
+
+@pytest.mark.parametrize("carried_away", [False, True])
+@pytest.mark.parametrize("scale", [0.85, 1.0, 1.15])
+def test_what_lasts_of_the_odometrys_errors_is_learnt_and_carries_a_robot_that_turns_blindly(scale, carried_away):
+    calibrated, legs = OdometryNoise(slip_ratio=0.1), OdometryNoise(slip_ratio=0.1, gain_std=0.05)
+    learnt = [blind_turn(scale, legs, seed, carried_away) for seed in range(4)]
+    assert max(abs(off) for off, _ in learnt) < 0.12
+    # and it knows how well it knows
+    assert max(abs(off) / std for off, std in learnt) < 4.0
+    if scale != 1.0:
+        assert min(abs(blind_turn(scale, calibrated, seed, carried_away)[0]) for seed in range(4)) > 0.2
+
+
+def test_an_odometry_that_is_calibrated_learns_no_gains():
+    filter_, _, _ = run(Pose2(0.0, 0.0, 0.0), 60, np.random.default_rng(3), scale=1.2)
+    assert not filter_._mixture.modes[0].hidden[6:].any()
+
+
+@pytest.mark.parametrize(
+    "name", ["slip_ratio", "slip_s", "gain_std", "gain_s", "push_m", "push_rad", "shove_per_s", "kidnap_per_s"]
+)
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
 def test_odometry_noise_of_no_sense_is_refused(name, value):
     with pytest.raises(ArgumentError, match=f"{name} of the odometry must"):
