@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, Int16Array, UInt8Array
+from robocup_vision.arrays import Float32Array, Int8Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.bearing_profile import BALL, FLOOR, PAINT
 from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y
@@ -237,8 +237,9 @@ def ball_shade(cos: float, sin: float, slope: float, eye: Viewpoint, ball: BallS
 
 
 @compiled
-def add_noise(frame: UInt8Array, noise: Int16Array) -> None:
-    """Add noise (N,) int16 to a frame (N,) uint8 in place, clipped."""
+def add_noise(frame: UInt8Array, noise: Int8Array) -> None:
+    """Add noise (N,) int8 to a frame (N,) uint8 in place, clipped."""
     for i in range(len(frame)):
-        value = np.int16(frame[i]) + noise[i]
+        # numba adds in 64 bits, of which a vector holds a quarter as many
+        value = np.int16(np.int16(frame[i]) + np.int16(noise[i]))
         frame[i] = np.uint8(min(max(value, np.int16(0)), np.int16(255)))

@@ -114,7 +114,8 @@ class MatchCamera:
         size = 3 * camera.size_px[0] * camera.size_px[1]
         self._noise_starts = size
         drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
-        self._noise = np.rint(drawn).astype(np.int16)
+        # a byte each, as every frame reads many: noise of more than half the sensor's range is clipped
+        self._noise = np.rint(np.clip(drawn, -127.0, 127.0)).astype(np.int8)
 
     def _frames_of(self, camera: OmniCamera | PinholeCamera) -> FastFrames | ForwardFrames:
         """Return what draws the frames of a camera."""

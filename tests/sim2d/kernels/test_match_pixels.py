@@ -132,7 +132,7 @@ def test_carpet_is_filled_as_numpy_fills_it():
 def test_noise_is_added_and_clipped():
     rng = np.random.default_rng(1)
     frame = rng.integers(0, 256, 1000).astype(np.uint8)
-    noise = rng.integers(-90, 90, 1000).astype(np.int16)
+    noise = rng.integers(-128, 128, 1000).astype(np.int8)
     expected = np.clip(frame.astype(int) + noise, 0, 255)
     kernels.add_noise(frame, noise)
     assert (frame == expected).all()
