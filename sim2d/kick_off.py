@@ -36,9 +36,18 @@ def kick_off_pose(field: Field, attacks: int, number: int, players: int, radius_
         return Pose2(-attacks * (field.length_m / 2 - _FREE_ROOM * radius), 0.0, heading)
     depth_m = center_circle_radius_m(field) + _FREE_ROOM * radius
     outfield = max(players - 1, 1)
-    place = max(number - 1, 0)
-    # alternately left and right of the middle: robot 1 stands behind the ball
     step_m = (field.width_m / 2 - 2 * radius) / max(outfield, 2) if outfield > 1 else 0.0
-    aside_m = ((place + 1) // 2) * (1 if place % 2 else -1) * 2 * step_m
+    aside_m = _off_middle(number) * 2 * step_m
     limit_m = field.width_m / 2 - 2 * radius
     return Pose2(-attacks * depth_m, attacks * max(-limit_m, min(limit_m, aside_m)), heading)
+
+
+def kick_off_row(number: int, players: int) -> int:
+    """Return a field player's place in its team's row at a kick-off: 0, 1, ... from the right, as it looks ahead."""
+    return _off_middle(number) + max(players - 2, 0) // 2
+
+
+def _off_middle(number: int) -> int:
+    """Return how many places left of the middle: alternately left and right, robot 1 stands behind the ball."""
+    place = max(number - 1, 0)
+    return (place + 1) // 2 * (1 if place % 2 else -1)

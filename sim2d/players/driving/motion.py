@@ -12,6 +12,7 @@ from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.free_space import FreeSpace
+from sim2d.players.driving.bumps import Bumps, BumpSettings
 from sim2d.players.driving.travel import Travel
 from sim2d.players.driving.wheel_velocity import WheelVelocity
 from sim2d.players.plan import Plan
@@ -52,6 +53,8 @@ class MotionSettings:
         what its plan wants, and goes there sideways.
     face_way_rps : float
         It turns to its way no faster: quick turns blur and lean the picture, and slip.
+    bumps : BumpSettings
+        How such a robot keeps off whom it has bumped into.
     """
 
     margin_m: float = 0.01
@@ -70,6 +73,7 @@ class MotionSettings:
     escape_s: float = 0.7
     face_way_m: float = 0.4
     face_way_rps: float = 2.0
+    bumps: BumpSettings = BumpSettings()
 
 
 class Motion:
@@ -84,7 +88,7 @@ class Motion:
     settings : MotionSettings
         See there.
     sees_ahead_only : bool
-        Its camera does not see all around: it faces its way.
+        Its camera does not see all around: it faces its way, and keeps off whom it bumps into.
     """
 
     def __init__(
@@ -102,6 +106,7 @@ class Motion:
             for margin_m in (settings.margin_m, 0.0)
         )
         self._wheels = WheelVelocity(limits, CONTROL_PERIOD_S)
+        self._bumps = Bumps(limits.radius_m, settings.bumps)
         self._direct_s = 0.0
         self._anchor_s = 0.0
         self._drift = (0.0, 0.0)
@@ -125,6 +130,8 @@ class Motion:
         if math.hypot(*self._drift) > self._settings.stuck_m:
             self._drift, self._anchor_s = (0.0, 0.0), t_s
         self._wheels.sense(odometry)
+        if self._sees_ahead_only:
+            self._bumps.move(odometry, self._wheels.jolt_mps, t_s)
 
     def drive(
         self,
@@ -161,6 +168,10 @@ class Motion:
         speed_mps = None if travel is None else travel.speed_mps
         if plan.speed_mps is not None:
             speed_mps = min(plan.speed_mps, self._limits.speed_mps if speed_mps is None else speed_mps)
+        # a ball in the mouth is worth a push
+        touched = () if plan.holding else self._bumps.discs
+        if touched:
+            free_space = self._bumps.block(free_space)
         if distance_m < settings.arrived_radii * self._limits.radius_m and (ends_there or not plan.close):
             self._anchor_s = t_s
         if t_s - self._anchor_s > settings.stuck_s:
@@ -185,7 +196,8 @@ class Motion:
         v_x, v_y = chosen.velocity_mps.tolist()
         pushes = not chosen.safe and (plan.close or plan.holding)
         near_m = settings.near_holding_m if plan.holding else settings.near_m
-        if pushes and (travel is None or not self._would_push(moving, bearing, near_m)):
+        known = touched if travel is None else (*moving, *touched)
+        if pushes and not self._would_push(known, bearing, near_m):
             push = min(settings.push_mps, 4.0 * distance_m)
             v_x, v_y = push * math.cos(bearing), push * math.sin(bearing)
         if plan.holding:

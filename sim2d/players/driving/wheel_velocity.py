@@ -26,6 +26,12 @@ class WheelVelocity:
         self._now: Velocity = (0.0, 0.0)
         self._pending: Velocity = (0.0, 0.0)
         self._before: Velocity = (0.0, 0.0)
+        self._jolt: Velocity = (0.0, 0.0)
+
+    @property
+    def jolt_mps(self) -> Velocity:
+        """By how much the last odometry is off all that the motors can do, robot frame when it began: a contact."""
+        return self._jolt
 
     @property
     def now_mps(self) -> Velocity:
@@ -40,6 +46,10 @@ class WheelVelocity:
     def sense(self, odometry: Pose2) -> None:
         """Update with the odometry of the last period, in the robot frame at its beginning."""
         x, y = odometry.x_m / self._period_s, odometry.y_m / self._period_s
+        jump_x, jump_y = x - self._now[0], y - self._now[1]
+        jump = math.hypot(jump_x, jump_y)
+        beyond = max(jump - self._limits.acceleration_mps2 * self._period_s, 0.0)
+        self._jolt = (beyond * jump_x / jump, beyond * jump_y / jump) if beyond > 0.0 else (0.0, 0.0)
         # which command was obeyed over the second half of the period
         obeyed = self._before if self._limits.dead_time_s > self._period_s / 2 else self._pending
         off_x, off_y = obeyed[0] - x, obeyed[1] - y

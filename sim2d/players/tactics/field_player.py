@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from sim2d.kick_off import kick_off_row
 from sim2d.players.plan import Plan, Point, Situation
 from sim2d.players.tactics.team_field import TeamField, direction_rad
 
@@ -30,7 +31,8 @@ class FieldPlayerSettings:
     search_corner_s : float
         Time for each corner.
     search_turn_rad : float
-        It turns on the way, so that a camera with a narrow view looks everywhere.
+        It turns on the way, so that a camera with a narrow view looks everywhere: by about 1 rad/s (by this within
+        `MotionSettings.turn_time_s`), as faster turns blur the picture, and slip.
     """
 
     behind_ball_reaches: float = 4.0
@@ -39,14 +41,15 @@ class FieldPlayerSettings:
     wait_part: float = 0.3
     search_part: float = 0.4
     search_corner_s: float = 3.0
-    search_turn_rad: float = 0.5
+    search_turn_rad: float = 0.2
 
 
 class FieldPlayer:
     """Decides for one player without the ball.
 
-    Field players divide the field into strips along its length, so that two of a team do not run for the same ball.
-    Those that heard of each other divide it among the ones that support now.
+    Field players divide the field into strips along its length, so that two of a team do not run for the same ball: in
+    the order in which they stand at a kick-off, so that none has to cross another's. Those that heard of each other
+    divide it among the ones that support now.
 
     Parameters
     ----------
@@ -60,12 +63,13 @@ class FieldPlayer:
 
     def __init__(self, team: TeamField, number: int, players: int, settings: FieldPlayerSettings) -> None:
         self._team, self._number, self._players, self._settings = team, number, players, settings
+        self._strip = kick_off_row(number, players)
 
     def is_in_own_strip(self, ball: Point) -> bool:
         """Whether the ball lies in this player's strip."""
-        strips = self._players - 1
+        strips = max(self._players - 1, 1)
         strip = min(int((ball[1] / self._team.half_width_m + 1) / 2 * strips), strips - 1)
-        return strip == self._number - 1
+        return strip == self._strip
 
     def support(self, now: Situation, ball: Point) -> Plan:
         """Follow the ball in the own strip."""
@@ -90,7 +94,7 @@ class FieldPlayer:
 
     def _own_strip(self, now: Situation) -> tuple[float, int]:
         """Return the middle of the player's own strip, and how many strips there are."""
-        place, places = max(self._number - 1, 0), max(self._players - 1, 1)
+        place, places = self._strip, max(self._players - 1, 1)
         if now.role is not None and now.role.is_agreed:
             place, places = now.role.place, now.role.places
         return self._team.half_width_m * ((2 * place + 1) / places - 1), places

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from field_models.field import Field
 from sim2d.players.ball.memory import BallMemorySettings
-from sim2d.players.plan import Plan, Situation
+from sim2d.players.plan import Plan, Point, Situation
 from sim2d.players.tactics.ball_holder import BallHolder, BallHolderSettings
 from sim2d.players.tactics.fetch import Fetch, FetchSettings
 from sim2d.players.tactics.field_player import FieldPlayer, FieldPlayerSettings
@@ -31,6 +32,9 @@ class TacticsSettings:
     fetches_in_strip : bool
         Players from number 2 on fetch a ball in their own strip, as those must that cannot agree who does. Else number
         1 alone fetches.
+    give_way_reaches, give_way_s : float
+        Number 1 leaves a ball in another's strip for so long after it saw a robot nearer to it, and within so many
+        reaches of it: that is its mate, or one whom its mate meets. A head looks at the ball again within that time.
     """
 
     keeper: KeeperSettings = KeeperSettings()
@@ -41,13 +45,16 @@ class TacticsSettings:
     wall_clearance_m: float = 0.015
     kick_off_reaches: float = 2.0
     fetches_in_strip: bool = True
+    give_way_reaches: float = 3.0
+    give_way_s: float = 1.5
 
 
 class Tactics:
     """Decides for one player, by its number and its situation; a halt or time-out is not asked of it.
 
     Number 0 keeps the goal where there are others. Who of the others fetches the ball is agreed by messages where there
-    are any; else number 1 does, and further ones take it only in their own strip of the field.
+    are any; else number 1 does, and further ones take it only in their own strip of the field. There number 1 gives way
+    to whoever is nearer to the ball.
 
     Parameters
     ----------
@@ -85,7 +92,9 @@ class Tactics:
         self._fetch = Fetch(team, settings.fetch)
         self._keeper = Keeper(team, self._fetch, settings.keeper, ball)
         self._field_player = FieldPlayer(team, number, players, settings.field_player)
-        self._fetches = number < 2 or settings.fetches_in_strip
+        self._settings, self._reach_m = settings, team.reach_m
+        # when number 1 last saw somebody nearer to a ball in another's strip
+        self._nearer_s = -math.inf
         self._restart = Restart(
             team,
             self._fetch,
@@ -116,6 +125,20 @@ class Tactics:
             if now.role.role == "fetch":
                 return self._fetch.decide(now, now.ball)
             return self._field_player.support(now, now.ball)
-        if not self._fetches or (self._number >= 2 and not self._field_player.is_in_own_strip(now.ball)):
-            return self._field_player.support(now, now.ball)
-        return self._fetch.decide(now, now.ball)
+        if self._takes(now, now.ball):
+            return self._fetch.decide(now, now.ball)
+        return self._field_player.support(now, now.ball)
+
+    def _takes(self, now: Situation, ball: Point) -> bool:
+        """Whether a player that agrees with nobody goes for the ball."""
+        settings = self._settings
+        if not settings.fetches_in_strip:
+            return self._number < 2
+        if self._field_player.is_in_own_strip(ball):
+            return True
+        if self._number >= 2:
+            return False
+        near_m = min(math.dist(now.place, ball), settings.give_way_reaches * self._reach_m)
+        if any(math.dist(other, ball) < near_m for other in (*now.obstacles, *now.others)):
+            self._nearer_s = now.t_s
+        return now.t_s - self._nearer_s > settings.give_way_s

@@ -14,7 +14,7 @@ from strategies import numbers
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
-from sim2d.kick_off import center_circle_radius_m, kick_off_pose
+from sim2d.kick_off import center_circle_radius_m, kick_off_pose, kick_off_row
 from sim2d.rendering.scene import Box
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.world.ball_physics import BallSettings
@@ -303,6 +303,10 @@ def test_line_ups_are_each_others_half_turn_without_overlap(players, field):
         ours, theirs = (kick_off_pose(field, side, number, players) for side in (1, -1))
         assert ours.half_turn().error_to(theirs) == pytest.approx((0.0, 0.0), abs=1e-9)
         assert ours.x_m < -center_circle_radius_m(field)
+    rows = [kick_off_row(number, players) for number in range(1, players)]
+    assert sorted(rows) == list(range(players - 1))
+    across = [kick_off_pose(field, 1, number, players).y_m for number in range(1, players)]
+    assert np.argsort(rows).tolist() == np.argsort(across).tolist()
     places = np.array([[robot.pose.x_m, robot.pose.y_m] for robot in robots])
     apart = np.linalg.norm(places[:, None] - places[None], axis=2) + 10 * np.eye(len(robots))
     assert apart.min() > 2 * LIMITS.radius_m

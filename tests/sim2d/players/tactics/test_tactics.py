@@ -15,6 +15,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.planning import ShotPlan
 from robocup_vision.team.roles import ChosenRole
 from sim2d.match.setups import setup_for
+from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.plan import Situation
 from sim2d.players.tactics.ball_holder import dash_s
 from sim2d.players.tactics.tactics import Tactics, TacticsSettings
@@ -132,8 +133,28 @@ def test_the_keeper_stands_between_ball_and_goal_and_fetches_what_lies_before_it
 
 def test_further_players_take_the_ball_in_their_own_strip_only():
     intents = [decide(number, 4, ball=(0.3, 0.6)).intent for number in (2, 3)]
-    assert sorted(intents) == ["fetch", "support"]
+    assert intents == ["fetch", "support"]
     assert decide(ball=None).intent == "search"
+
+
+def test_number_1_gives_way_to_whoever_is_nearer_to_a_ball_in_anothers_strip():
+    tactics, ball = Tactics(FIELD, LIMITS, 1, 4), (0.0, 0.6)
+
+    def intent(t_s, obstacles=(), ball=ball):
+        now = Situation(Pose2(-0.5, 0.6, 0.0), ball, (0.0, 0.0), False, 0.0, obstacles, "play", False, t_s)
+        return tactics.decide(now).intent
+
+    nearer, farther, far_off = (-0.2, 0.6), (-0.6, 0.6), (0.45, 0.6)
+    assert intent(0.0) == "fetch"
+    assert intent(0.1, (farther, far_off)) == "fetch"
+    assert intent(0.2, (nearer,)) == "support"
+    # a head that looks elsewhere has not seen it leave
+    assert intent(1.5) == "support"
+    assert intent(1.8) == "fetch"
+    # not in its own strip
+    assert intent(1.9, ((-0.2, 0.0),), ball=(0.0, 0.0)) == "fetch"
+    # the one whose strip it is gives way to nobody
+    assert decide(2, 4, ball=ball, pose=Pose2(-0.5, 0.6, 0.0), obstacles=(nearer,)).intent == "fetch"
 
 
 def test_at_a_kick_off_everybody_is_in_the_own_half_and_outside_the_circle_but_for_who_kicks_off():
@@ -156,7 +177,8 @@ def test_for_a_kick_off_everybody_goes_home_straight_and_then_to_its_place(numbe
 
 @given(st.floats(0.0, 100.0))
 def test_those_that_leave_the_ball_to_the_keeper_wait_beside_each_other(t_s):
-    waiting = [decide(number, 4, ball=(-1.2, 0.0), t_s=t_s) for number in (1, 2, 3)]
+    # from the right, as they stand at a kick-off
+    waiting = [decide(number, 4, ball=(-1.2, 0.0), t_s=t_s) for number in (3, 1, 2)]
     assert {plan.intent for plan in waiting} == {"leave it to the keeper"}
     across = [plan.target[1] for plan in waiting]
     assert min(b - a for a, b in pairwise(across)) > 2 * LIMITS.radius_m
@@ -253,6 +275,12 @@ def test_supporters_divide_the_field_among_themselves():
     # one alone stays on the side where the ball is not
     alone = decide(1, 3, ball=(0.2, 0.4), role=ChosenRole("support", 0, 1, is_agreed=True))
     assert alone.target[1] == pytest.approx(-0.2)
+
+
+def test_a_search_turns_no_faster_than_pictures_stay_sharp():
+    plan, motion = decide(ball=None, pose=Pose2(0.0, 0.0, 1.0)), MotionSettings()
+    turn_rps = (plan.heading_rad - 1.0) / motion.turn_time_s
+    assert 0.5 < turn_rps < motion.face_way_rps
 
 
 def test_those_that_search_together_begin_at_different_corners():

@@ -1,0 +1,92 @@
+"""Remembers whom a robot has bumped into, felt by its wheels: a camera that looks ahead does not see who is beside it.
+
+A contact changes the wheels' velocity by more than their motors can. What was touched lies where the change points away
+from.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.disc import Disc
+from robocup_vision.geometry import Pose2
+from robocup_vision.perception.free_space import FreeSpace
+
+
+@dataclass(frozen=True, slots=True)
+class BumpSettings:
+    """Values of `Bumps`.
+
+    Attributes
+    ----------
+    min_jolt_mps : float
+        Of the wheels, beyond what their motors do in a period: more than odometry errs by.
+    lasts_s : float
+        A robot that was touched is kept off for so long: the other one has moved on then, or is seen.
+    """
+
+    min_jolt_mps: float = 0.03
+    lasts_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Bump:
+    t_s: float
+    # of the other robot's centre, robot frame
+    x_m: float
+    y_m: float
+
+
+class Bumps:
+    """The bumps of one robot; call `move` once each control period.
+
+    Parameters
+    ----------
+    radius_m : float
+        Of this robot and of the others.
+    settings : BumpSettings
+        See there.
+    """
+
+    def __init__(self, radius_m: float, settings: BumpSettings = BumpSettings()) -> None:
+        self._radius_m, self._settings = radius_m, settings
+        self._bumps: tuple[_Bump, ...] = ()
+
+    @property
+    def discs(self) -> tuple[Disc, ...]:
+        """The robots that were touched lately, where they were then, robot frame."""
+        return tuple(Disc(bump.x_m, bump.y_m, self._radius_m) for bump in self._bumps)
+
+    def move(self, odometry: Pose2, jolt_mps: tuple[float, float], t_s: float) -> None:
+        """Update with the odometry since the last call, and its jolt (`WheelVelocity.jolt_mps`)."""
+        size = math.hypot(*jolt_mps)
+        kept = [bump for bump in self._bumps if 0.0 <= t_s - bump.t_s <= self._settings.lasts_s]
+        if size > self._settings.min_jolt_mps:
+            away_m = -2 * self._radius_m / size
+            kept.append(_Bump(t_s, away_m * jolt_mps[0], away_m * jolt_mps[1]))
+        back = odometry.inverse()
+        moved = [back.transform((bump.x_m, bump.y_m)).tolist() for bump in kept]
+        self._bumps = tuple(replace(bump, x_m=x, y_m=y) for bump, (x, y) in zip(kept, moved, strict=True))
+
+    def block(self, free_space: FreeSpace) -> FreeSpace:
+        """Return a free space (robot frame) that ends at the robots that were touched."""
+        if not self._bumps:
+            return free_space
+        range_m = free_space.range_m
+        for bump in self._bumps:
+            range_m = np.fmin(range_m, self._ranges_m(bump, free_space.bearing_rad))
+        range_m.flags.writeable = False
+        return FreeSpace(free_space.bearing_rad, range_m)
+
+    def _ranges_m(self, bump: _Bump, bearing_rad: FloatArray) -> FloatArray:
+        """(J,) float64: how far it is to a robot's rim in each direction, infinite beside it."""
+        off_rad = bearing_rad - math.atan2(bump.y_m, bump.x_m)
+        away_m = math.hypot(bump.x_m, bump.y_m)
+        half2 = self._radius_m**2 - (away_m * np.sin(off_rad)) ** 2
+        meets = (half2 > 0.0) & (np.cos(off_rad) > 0.0)
+        rim_m = away_m * np.cos(off_rad) - np.sqrt(np.maximum(half2, 0.0))
+        return np.where(meets, np.maximum(rim_m, 0.0), np.inf)
